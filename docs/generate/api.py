@@ -17,6 +17,7 @@ PACKAGES = {
     "synthesis": "Gains and certificates",
     "codegen": "C code of observers",
     "estimation": "Observers on recorded data: specifications, designs, reading, reports",
+    "bench": "Observers and filters on the same tasks, tuned by one rule",
     "replication": "Parameters, figures, claims and verdicts of the papers",
     "signals": "Time series and their files, sampling grids, input signals",
     "polynomials": "Multivariate polynomial maps, Taylor series, expressions",

@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from reobserve.bench.tuning import tune
     from reobserve.core.errors import DivergenceError, InputError
     from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
@@ -69,9 +70,11 @@ __all__ = [
     "replicate",
     "rts_smoother",
     "steady_kalman",
+    "tune",
 ]
 
 _HOMES = {
+    "bench.tuning": ("tune",),
     "estimation.families.loading": ("load_design",),
     "core.errors": ("DivergenceError", "InputError"),
     "systems.linear": ("LinearModel",),

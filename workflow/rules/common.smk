@@ -5,6 +5,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from reobserve.core.documents import read_yaml
 from reobserve.core.errors import ReobserveError
 from reobserve.replication.check import check_evidence
 from reobserve.replication.claims.registry import claims_text, decisive
@@ -60,10 +61,14 @@ LATEX = [str(Path(path).with_suffix(".tex")) for path in WORDS if config["latex"
 def one_of(section):
     return "|".join(sorted({name for paper in PARAMETERS for name in names(section, paper)})) or "none"
 
+# Tasks of the bench, by the names of their files.
+TASKS = sorted(path.stem for path in Path("config/bench").glob("*.yaml"))
+
 wildcard_constraints:
     paper="|".join(PARAMETERS), scenario=one_of("scenarios"), observer=one_of("observers"),
     design=one_of("designs"), study=one_of("studies"), search=one_of("searches"),
-    table=one_of("tables"), figure=one_of("figures"), chunk=r"\d+-\d+"
+    table=one_of("tables"), figure=one_of("figures"), chunk=r"\d+-\d+",
+    task="|".join(TASKS) or "none", method=r"\w+"
 
 def settings(step, about=None):
     """A params function: the parameter values that a step reads; a changed one reruns the job."""
@@ -150,6 +155,18 @@ def checks(wildcards):
     bodies = claims.get("claims", {}).items()
     main = [name for name, body in bodies if isinstance(body, dict) and body.get("promised")]
     return digest([decisive(claims), main])
+
+def tuned_in(pattern):
+    """An input function: a file for each method of a task."""
+    return lambda wildcards: expand(pattern, task=wildcards.task, method=methods_of(wildcards.task))
+
+def methods_of(task):
+    return list(read_yaml(f"config/bench/{task}.yaml")["methods"])
+
+def code_of_task(wildcards):
+    """A params function: a digest of the task's module, of what scores and of all that they import."""
+    task = f"reobserve.bench.tasks.{wildcards.task}"
+    return closure_digest(["reobserve.bench.scoring", "reobserve.bench.tuned_file", task])
 
 # No job makes these files. Snakemake would not see that the params of a job have changed while a
 # job before it, whose output it takes as `ancient`, has yet to run.

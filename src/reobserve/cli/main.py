@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
+from reobserve.cli.bench import add_bench
 from reobserve.cli.designs import add_designs
 from reobserve.cli.estimation import add_estimate
 from reobserve.cli.evidence import add_evidence
@@ -114,5 +115,6 @@ def command_parser() -> argparse.ArgumentParser:
     add_overview(commands)
     add_estimate(commands)
     add_evidence(commands)
+    add_bench(commands)
     add_stages(commands)
     return parser

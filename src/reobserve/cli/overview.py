@@ -79,7 +79,9 @@ def add_overview(commands: Any) -> None:
     add_project(check)
 
     schema = add_command(
-        commands, "schema", "replication.schemas:print_schema",
+        commands, "schema", "cli.schemas:print_schema",
         "print the JSON schema of a kind of file, for an editor",
     )  # fmt: skip
-    schema.add_argument("kind", choices=("config", "parameters", "claims", "errata", "equations"))
+    schema.add_argument(
+        "kind", choices=("config", "parameters", "claims", "errata", "equations", "bench")
+    )

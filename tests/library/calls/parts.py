@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.bench.tuning import tune
 from reobserve.core.documents import parse_yaml
 from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.estimation.families import family
@@ -42,6 +43,14 @@ def _basics() -> Iterator[Call]:
         return held_normal(random_stream(1), samples, hold, columns)
 
     yield Call("core.random_streams.held_normal", held, (20, 2, 3))
+
+    def tuned(make: Any, ranges: Any, records: Any, score: Any, budget: Any, seed: Any) -> object:
+        return tune(make, ranges, records, score, budget, seed)
+
+    yield Call(
+        "bench.tuning.tune", tuned,
+        (lambda found: found, {"gain": (0.1, 10.0)}, [1.0], lambda found, _: found["gain"], 5, 1),
+    )  # fmt: skip
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
         "core.random_streams.random_stream": (3, "noise"),

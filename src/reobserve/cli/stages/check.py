@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from reobserve.bench.task import Task
 from reobserve.core.documents import check_plain
 from reobserve.replication.check import check_evidence
 from reobserve.replication.parameters.check import check_parameters, check_units
@@ -16,14 +17,14 @@ from reobserve.replication.parameters.parameters import Parameters
 
 
 def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
-    """Check parameters, claims, errata and equations, and construct what the parameters state.
+    """Check all files, and construct what the parameters state.
 
     Parameters
     ----------
     project
         The folder with the folder ``config``.
     paper
-        The papers to check; all of them if there are none, and then the style sheets, too.
+        The papers to check; all if there are none, and then the tasks and the style sheets, too.
     overrides
         Overrides of each paper by its name.
 
@@ -40,6 +41,9 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
         check_evidence(project, parameters)
         print(f"{name}: parameters, claims, errata and equations are sound", file=sys.stderr)
     if not paper:
+        for path in sorted((project / "config" / "bench").glob("*.yaml")):
+            Task.read(path)
+            print(f"bench, {path.stem}: the task is sound", file=sys.stderr)
         from reobserve.plotting.look import read_sheet
 
         for style in known_styles(project):

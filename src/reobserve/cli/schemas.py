@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from reobserve.bench.task import TaskFile
 from reobserve.core.validation import schema
 from reobserve.replication.claims.registry import ClaimsFile
 from reobserve.replication.equations.table import EquationTable
@@ -18,6 +19,7 @@ KINDS: dict[str, tuple[str, Any]] = {
     "claims": ("config/claims/<paper>.yaml", ClaimsFile),
     "errata": ("config/errata/<paper>.yaml", ErrataFile),
     "equations": ("config/equations/<paper>.yaml", EquationTable),
+    "bench": ("config/bench/<task>.yaml", TaskFile),
 }
 
 

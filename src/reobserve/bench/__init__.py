@@ -1,0 +1,1 @@
+"""The bench: observers and filters on the same tasks, tuned by one rule."""

@@ -1,0 +1,91 @@
+"""Commands of the bench: `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from reobserve.bench.task import Task
+from reobserve.core.errors import InputError, nearest
+from reobserve.core.files import write_text
+
+
+def tune_command(task_file: Path, method: str, output: Path) -> None:
+    """Tune a method on all training sets of a task, and write its settings."""
+    from reobserve.bench.tuned_file import tune_method
+
+    task = Task.read(task_file)
+    if method not in task.methods:
+        raise InputError("method", f"there is no {method!r}{nearest(method, task.methods)}")
+    tune_method(task, method, _tell).write(output)
+
+
+def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None:
+    """Score tuned methods on held-out records; outputs are scores, table and evaluations."""
+    from reobserve.bench.scoring import score_task
+    from reobserve.bench.table import write_cells, write_checkpoints, write_scores
+    from reobserve.bench.tuned_file import read_tuned
+
+    task = Task.read(task_file)
+    cells, checkpoints = score_task(task, read_tuned(task, tuned))
+    scores, table, evaluations = outputs
+    write_scores(task, cells, scores)
+    write_cells(cells, table)
+    write_checkpoints(checkpoints, evaluations)
+
+
+def moved_command(task_file: Path, kept: Path, again: Path, output: Path) -> None:
+    """Compare kept settings with those tuned again; an error names the cells that moved."""
+    from dataclasses import astuple
+
+    from reobserve.bench.scoring import moved
+    from reobserve.bench.tuned_file import read_tuned
+    from reobserve.core.files import write_table
+
+    task = Task.read(task_file)
+    found = moved(task, read_tuned(task, kept), read_tuned(task, again))
+    header = ("method", "condition", "ratio", "low", "high")
+    write_table(output, [dict(zip(header, astuple(one), strict=True)) for one in found], header)
+    far = [f"{one.method} in {one.condition} by {one.ratio:.3f}" for one in found if one.moved]
+    if far:
+        raise InputError(str(again), f"{len(far)} cells moved: {', '.join(far)}")
+
+
+def plot_command(
+    task_file: Path, table: Path, evaluations: Path, outputs: Sequence[Path], style: Path | None
+) -> None:
+    """Draw the figures of a task; the name of an output, without its suffix, says which."""
+    from reobserve.bench.plot import FIGURES
+    from reobserve.bench.table import Results
+    from reobserve.plotting.fitting import fix_layout
+    from reobserve.plotting.formats import save
+    from reobserve.plotting.look import use_sheet
+
+    use_sheet(style)
+    results = Results.read(Task.read(task_file), table, evaluations)
+    for name in dict.fromkeys(output.stem for output in outputs):
+        if name not in FIGURES:
+            raise InputError("--outputs", f"there is no figure {name!r}{nearest(name, FIGURES)}")
+        figure = FIGURES[name](results)
+        fix_layout(figure)
+        for output in outputs:
+            if output.stem == name:
+                save(figure, output)
+
+
+def table_command(folders: Sequence[Path], tasks: Path, tuned: Path, output: Path) -> None:
+    """Write the table of all methods in Markdown, from folders of results named like tasks."""
+    from reobserve.bench.table import Results, summary
+    from reobserve.bench.tuned_file import read_tuned
+
+    parts = []
+    for folder in folders:
+        task = Task.read(tasks / f"{folder.name}.yaml")
+        results = Results.read(task, folder / "table.csv", folder / "evaluations.csv")
+        parts.append(summary(results, read_tuned(task, tuned / folder.name)))
+    write_text(output, "\n".join(parts))
+
+
+def _tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

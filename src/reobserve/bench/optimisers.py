@@ -1,0 +1,87 @@
+"""Optimisers that search the unit cube for the minimum of a function within a budget."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Batch = Callable[[Iterable[Array]], list[float]]
+
+FIRST = 16  # points of Sobol's sequence
+
+
+class SpentError(Exception):
+    """The budget is spent."""
+
+
+def _differential_evolution(batch: Batch, dimension: int, budget: int, seed: int) -> None:
+    from scipy.optimize import differential_evolution
+
+    left = budget
+    raised: Exception | None = None
+
+    def generation(_: Any, points: Iterable[Array]) -> list[float]:
+        nonlocal left, raised
+        points = list(points)
+        try:
+            values = batch(points[:left])
+        except Exception as error:
+            raised = error
+            raise
+        left -= len(values)
+        if not left:
+            raise SpentError
+        return values
+
+    try:
+        differential_evolution(
+            lambda _: math.nan,  # scipy hands the points to ``workers``
+            [(0.0, 1.0)] * dimension, init=_sobol(dimension, seed), maxiter=budget,
+            seed=np.random.Generator(np.random.PCG64(seed)), updating="deferred",
+            workers=generation, polish=False, tol=0.0,
+        )  # fmt: skip
+    except Exception as error:  # scipy replaces a ValueError or a TypeError by its own
+        raise raised or error from None
+
+
+def _nelder_mead(batch: Batch, dimension: int, budget: int, seed: int) -> None:
+    from scipy.optimize import minimize
+
+    points = _sobol(dimension, seed)
+    values = batch(points[:budget])
+    left = budget - len(values)
+
+    def one(point: Array) -> float:
+        nonlocal left
+        if left == 0:
+            raise SpentError
+        left -= 1
+        return batch([point])[0]
+
+    for start in np.argsort(values, kind="stable"):  # the next best where a simplex has closed
+        first = points[start]
+        corners = first + 0.15 * np.where(first < 0.5, 1.0, -1.0) * np.eye(dimension)
+        minimize(
+            one, first, method="Nelder-Mead", bounds=[(0.0, 1.0)] * dimension,
+            options={"initial_simplex": np.vstack([first, corners]), "xatol": 1e-3,
+                     "fatol": 1e-4, "maxfev": budget + 1},
+        )  # fmt: skip
+
+
+SEARCHES: dict[str, Callable[[Batch, int, int, int], None]] = {
+    "differential_evolution": _differential_evolution,
+    "nelder_mead": _nelder_mead,
+}
+
+
+def _sobol(dimension: int, seed: int) -> Array:
+    from scipy.stats.qmc import Sobol
+
+    sequence: Any = Sobol(dimension, rng=np.random.Generator(np.random.PCG64(seed)))
+    found: Array = sequence.random(FIRST)
+    return found

@@ -1,0 +1,168 @@
+"""Tables of the bench: files of scores, of comparisons, of errors over evaluations; the summary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from reobserve.bench.scoring import DECIDED, PAPER, Cell, Checkpoint
+from reobserve.bench.task import Task
+from reobserve.bench.tuned_file import TunedMethod
+from reobserve.core.files import read_table, write_table
+
+_ROW = ("condition", "method", "training", "given_noise")
+SCORES = (*_ROW, "seed", "error", "lag", "quantile", "failed")
+CELLS = (
+    *_ROW, "seeds", "error", "low", "high", "ratio", "ratio_low", "ratio_high", "within", "failed",
+    "lag", "quantile", "repeat_low", "repeat_high",
+)  # fmt: skip
+CHECKPOINTS = ("method", "repeat", "evaluations", "error")
+
+
+def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
+    """Write one row for each run on a held-out record."""
+    write_table(
+        path,
+        (
+            {**_row(cell), "seed": seed, "error": one.error, "lag": one.lag,
+             "quantile": one.quantile, "failed": _said(one.failed)}
+            for cell in cells
+            for seed, one in zip(
+                task.held_out_seeds(len(cell.scores)), cell.scores, strict=True
+            )
+        ),
+        SCORES,
+    )  # fmt: skip
+
+
+def write_cells(cells: Iterable[Cell], path: Path) -> None:
+    """Write one row for each method in a condition: geometric means, intervals, comparisons."""
+    write_table(path, map(_cell, cells), CELLS)
+
+
+def write_checkpoints(found: Iterable[Checkpoint], path: Path) -> None:
+    """Write the held-out errors over evaluations."""
+    write_table(path, map(vars, found), CHECKPOINTS)
+
+
+def _row(cell: Cell) -> dict[str, Any]:
+    row = cell.row
+    return {
+        "condition": cell.condition, "method": row.method, "training": row.training,
+        "given_noise": _said(row.given),
+    }  # fmt: skip
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    ended = [one for one in cell.scores if not one.failed]
+    return {
+        **_row(cell),
+        "seeds": len(cell.scores),
+        **dict(zip(("error", "low", "high"), cell.error, strict=True)),
+        **dict(zip(("ratio", "ratio_low", "ratio_high"), cell.ratio, strict=True)),
+        "within": cell.within,
+        "failed": 1.0 - len(ended) / len(cell.scores),
+        "lag": float(np.mean([one.lag for one in ended])) if ended else None,
+        "quantile": float(np.mean([one.quantile for one in ended])) if ended else None,
+        **dict(zip(("repeat_low", "repeat_high"), cell.repeats or (None, None), strict=True)),
+    }
+
+
+def _said(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+@dataclass(frozen=True)
+class Results:
+    """A task with its cells and checkpoints as the files have them, numbers as numbers."""
+
+    task: Task
+    cells: Sequence[Mapping[str, Any]]
+    checkpoints: Sequence[Mapping[str, Any]]
+
+    @classmethod
+    def read(cls, task: Task, table: Path, evaluations: Path) -> Results:
+        """Read the files; `InputError` if one is missing or damaged."""
+        words = {*_ROW, "within"}
+        cells = [
+            {key: text if key in words else float(text or "nan") for key, text in row.items()}
+            for row in read_table(table, CELLS, key=_ROW)
+        ]
+        points = [
+            {key: text if key == "method" else float(text) for key, text in row.items()}
+            for row in read_table(evaluations, CHECKPOINTS)
+        ]
+        return cls(task, cells, points)
+
+    def cell(
+        self, condition: str, method: str, training: str = "", given: bool = False
+    ) -> Mapping[str, Any] | None:
+        """A row of the table, if there is one; that of the main training set by default."""
+        wanted = (condition, method, training or self.task.main, _said(given))
+        found = (one for one in self.cells if tuple(one[key] for key in _ROW) == wanted)
+        return next(found, None)
+
+    def rows(self) -> list[tuple[str, str, str, bool]]:
+        """What the table shows: label, method, training set and whether the noise is given."""
+        found = []
+        for name, method in self.task.methods.items():
+            found.append((method.label, name, self.task.main, False))
+            if method.given_noise:
+                found.append((f"{method.label}, given R", name, self.task.main, True))
+            if method.paper is not None:
+                found.append((f"{method.label}, the paper's settings", name, PAPER, False))
+        return found
+
+    def evaluations_needed(self, method: str) -> list[int]:
+        """For each repeat the evaluations after which the error stays within 5 % of the final."""
+        found = []
+        points = [one for one in self.checkpoints if one["method"] == method]
+        for repeat in sorted({one["repeat"] for one in points}):
+            mine = sorted((o["evaluations"], o["error"]) for o in points if o["repeat"] == repeat)
+            late = [n for n, error in mine if error > (1 + DECIDED) * mine[-1][1]]
+            found.append(int(next(n for n, _ in mine if not late or n > late[-1])))
+        return found
+
+
+def summary(results: Results, tuned: Mapping[str, TunedMethod]) -> str:
+    """The table of a task in Markdown: what a method knows, costs and reaches."""
+    task = results.task
+    titles = [task.conditions[one].title for one in task.table]
+    head = ["method", "knows", "guarantees", "p", "n95", *titles, "lag", "95 %", "cost", "edges"]
+    lines = [f"### {task.title}", "", _line(head), _line(["---"] * len(head))]
+    for label, name, training, given in results.rows():
+        method, first = task.methods[name], results.cell(task.table[0], name, training)
+        cells = [results.cell(one, name, training, given) for one in task.table]
+        tuning, cost = tuned[name].training[task.main], tuned[name].cost
+        edges = sorted(
+            {f"{key} ({end})" for one in tuning.repeats for key, end in one.edges.items()}
+        )
+        about = [method.knows, method.guarantees, str(len(method.ranges)),
+                 str(median(results.evaluations_needed(name)))]  # fmt: skip
+        lines.append(_line([
+            label, *(about if training != PAPER and not given else [""] * 4), *map(_shown, cells),
+            f"{1000 * first['lag']:.0f} ms" if first and not given else "",
+            f"{first['quantile']:.2f}" if first and not given else "",
+            f"{cost.sample:g} µs, {cost.construction:g} ms" if not given else "",
+            ", ".join(sorted(edges)) if training == task.main and not given else "",
+        ]))  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _shown(cell: Mapping[str, Any] | None) -> str:
+    """Error and interval, bold where it is within 5 % of the best."""
+    if cell is None:
+        return ""
+    mean, low, high = (f"{cell[key]:#.3g}" for key in ("error", "low", "high"))
+    told = f"**{mean}**" if cell["within"] == "yes" else mean
+    failed = f", {100 * cell['failed']:.0f} % failed" if cell["failed"] else ""
+    return f"{told} [{low} {high}]{failed}"
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"

@@ -1,0 +1,89 @@
+"""The bench: `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from reobserve.cli.parts import FORMATS, add_command, add_output
+
+_EXAMPLES = """\
+a task, by hand:
+  reobserve bench tune config/bench/torque.yaml levant \\
+      --output config/bench/tuned/torque/levant.json
+  reobserve bench score config/bench/torque.yaml --tuned config/bench/tuned/torque \\
+      --outputs scores.csv table.csv evaluations.csv
+`snakemake bench` scores and samples all tasks, `snakemake bench_tune` tunes all methods again.
+"""
+
+
+def add_bench(commands: Any) -> None:
+    """The commands of the bench."""
+    bench = commands.add_parser(
+        "bench", help="compare observers and filters that are tuned by one rule",
+        description="Observers and filters on the same tasks, tuned by one rule.",
+        epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    commands = bench.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    tune = add_command(
+        commands, "tune", "bench.commands:tune_command", "tune a method of a task, some seconds"
+    )
+    _task_file(tune)
+    tune.add_argument("method", help="a method of the task")
+    add_output(tune, "the settings, JSON")
+
+    score = add_command(
+        commands, "score", "bench.commands:score_command", "score tuned methods on held-out records"
+    )
+    _task_file(score)
+    score.add_argument("--tuned", type=Path, required=True, help="a folder of tuned settings")
+    score.add_argument(
+        "--outputs", type=Path, nargs=3, required=True, metavar=("SCORES", "TABLE", "EVALUATIONS"),
+        help="of each run, of each method in each condition, and over evaluations, CSV",
+    )  # fmt: skip
+
+    moved = add_command(
+        commands, "moved", "bench.commands:moved_command",
+        "compare kept settings with those tuned again; fails if an error moved",
+    )  # fmt: skip
+    _task_file(moved)
+    moved.add_argument("--cached", type=Path, required=True, help="a folder of tuned settings")
+    moved.add_argument("--again", type=Path, required=True, help="another one")
+    add_output(moved, "the ratios of errors, CSV")
+
+    plot = add_command(
+        commands, "plot", "bench.commands:plot_command", "draw the figures of a task"
+    )
+    _task_file(plot)
+    plot.add_argument("--table", type=Path, required=True, help="from `reobserve bench score`")
+    plot.add_argument("--evaluations", type=Path, required=True, help="likewise")
+    plot.add_argument(
+        "--outputs", type=Path, nargs="+", required=True,
+        help=f"heatmap, levels or evaluations, in any of {', '.join(FORMATS)}",
+    )  # fmt: skip
+    plot.add_argument(
+        "--style", type=Path, nargs="?", metavar="FILE", help="a matplotlib style sheet"
+    )
+
+    table = add_command(
+        commands, "table", "bench.commands:table_command",
+        "write one table of all methods and what they know, guarantee and cost",
+    )  # fmt: skip
+    table.add_argument(
+        "folders", type=Path, nargs="+", help="of results, each named like its task file"
+    )
+    for name, default, text in (
+        ("tasks", "config/bench", "the folder of task files"),
+        ("tuned", "config/bench/tuned", "the folder of tuned settings"),
+    ):
+        table.add_argument(
+            f"--{name}", type=Path, default=Path(default), metavar="DIR",
+            help=f"{text} (default: {default})",
+        )  # fmt: skip
+    add_output(table, "the table, Markdown")
+
+
+def _task_file(command: argparse.ArgumentParser) -> None:
+    command.add_argument("task_file", type=Path, help="a task, such as config/bench/torque.yaml")

@@ -1,0 +1,56 @@
+"""Scores of records with known errors, delays and quantiles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reobserve.bench.record_score import WORST, score
+from reobserve.bench.scoring import interval
+from reobserve.bench.task import Array, Record
+
+TIME = 0.01 * np.arange(2001)
+
+
+def record(truth: Array) -> Record:
+    return Record(TIME, np.zeros((len(TIME), 0)), truth, truth)
+
+
+def wave(delay: float = 0.0) -> Array:
+    t = TIME - delay
+    return np.column_stack([np.sin(2.0 * t), np.cos(3.0 * t)])
+
+
+def test_zero_earns_one_and_the_truth_nothing() -> None:
+    assert score(0.0 * wave(), record(wave()), 0.0).error == pytest.approx(1.0, abs=1e-12)
+    exact = score(wave(), record(wave()), 0.0)
+    assert (exact.error, exact.lag, exact.quantile) == (0.0, 0.0, 0.0)
+    assert score(-99.0 * wave(), record(wave()), 0.0).error == WORST
+
+
+def test_a_share_of_the_truth_is_the_error() -> None:
+    found = score(0.8 * wave(), record(wave()), 3.0)
+    assert found.error == pytest.approx(0.2, rel=1e-12)
+    late = TIME >= 3.0
+    norm = np.linalg.norm(wave()[late], axis=1)
+    rms = np.sqrt(np.mean(norm**2))
+    assert found.quantile == pytest.approx(0.2 * np.quantile(norm, 0.95) / rms, rel=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.037, 0.12])
+def test_a_delay_is_the_lag(delay: float) -> None:
+    found = score(wave(delay), record(wave()), 1.0)
+    assert found.lag == pytest.approx(delay, abs=2e-4)
+    # |sin(2 (t - d)) - sin(2 t)| has the rms sqrt 2 |sin d|, |cos 3 ..| that of sqrt 2 |sin 1.5 d|
+    expected = np.sqrt(2.0 * (np.sin(delay) ** 2 + np.sin(1.5 * delay) ** 2))
+    assert found.error == pytest.approx(expected, rel=0.05)
+
+
+def test_intervals_of_normal_logs_are_those_of_the_mean() -> None:
+    logs = np.random.default_rng(3).normal(np.log(0.2), 0.3, 64)
+    mean, low, high = interval(logs)
+    assert mean == pytest.approx(np.exp(logs.mean()), rel=1e-12)
+    half = 1.96 * logs.std(ddof=1) / 8.0
+    assert np.log(high / mean) == pytest.approx(half, rel=0.15)
+    assert np.log(mean / low) == pytest.approx(half, rel=0.15)
+    assert interval(logs) == interval(logs.copy())

@@ -1,0 +1,91 @@
+"""Task files: what is wrong with one is reported by file, key and value."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reobserve.bench.task import Task
+from reobserve.core.errors import InputError
+
+from .toy import method, stated, toy, write
+
+KEPT = sorted(Path("config/bench").glob("*.yaml"))
+
+
+def changed(*path: str, to: Any) -> dict[str, Any]:
+    tree = stated()
+    place = tree
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = to
+    return tree
+
+
+@pytest.mark.parametrize(
+    ("tree", "said"),
+    [
+        (changed("period", to=0.0), r"toy\.yaml\.period: 0 must be greater than zero"),
+        (changed("plant", to={"nois": 0.1}), r"conditions\.nominal\.plant\.nois: unknown key; did"),
+        (changed("plant", "noise", to="much"), r"plant\.noise: 'much' is not a number"),
+        (changed("conditions", "noise", "nose", to=2), r"noise\.nose: unknown key; did"),
+        (changed("conditions", "high", "plant", to={"lvl": 1}), r"high\.plant\.lvl: unk"),
+        (changed("table", to=["nominl"]), r"table: there is no 'nominl'; did you mean 'nominal'\?"),
+        (changed("shown", to=["all"]), r"shown: there is no 'all'"),
+        (changed("training", "noise", "conditions", to=["nois"]),
+         r"training\.noise\.conditions: there is no 'nois'"),
+        (changed("methods", "share", "make", to="shar"),
+         r"methods\.share\.make: 'shar' is no function of the task; did you mean 'share'\?"),
+        (changed("methods", "share", "make", to="math:none"), r"make: 'math:none' is no function"),
+        (changed("methods", "share", "ranges", "share", "range", to=[0.0, 1.0]),
+         r"ranges\.share\.low: 0 must be greater than zero on a log scale"),
+        (changed("methods", "share", "ranges", "share", "range", to=[2.0, 1.0]),
+         r"ranges\.share\.high: 1 must be greater than the lower end, 2"),
+        (changed("methods", "share", "fails", to={"nose": "no"}), r"fails: there is no 'nose'"),
+        (changed("methods", "share", "paper", to={"settings": {"gain": 1.0}, "source": "p. 1"}),
+         r"methods\.share\.paper\.settings: must be those of the ranges: share"),
+        (changed("methods", to={"share": {k: v for k, v in method().items() if k != "knows"}}),
+         r"methods\.share\.knows: is missing"),
+        (changed("seeds", to={"training": 0}), r"seeds\.training: 0 must be 1 or more"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_reported(tree: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        Task.read(write(tmp_path, tree))
+    assert "toy.yaml" in str(caught.value)
+
+
+def test_a_task_without_a_module_is_reported(tmp_path: Path) -> None:
+    path = write(tmp_path, stated())
+    (tmp_path / "toy.py").unlink()
+    with pytest.raises(InputError, match=r"toy\.yaml: needs a module toy\.py beside it, or in"):
+        Task.read(path)
+
+
+def test_methods_are_made_of_what_they_are_reported(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    record = task.record("noise", 5)
+    for given, noise in ((False, 0.1), (True, 0.5)):
+        estimate = task.make("reported", {"trust": 2.0}, "noise", given=given)(record)
+        assert estimate == pytest.approx(2.0 / (1 + noise**2) * record.measurements)
+    assert task.record("high", 5).truth[0, 0] == 2.0
+
+
+@pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
+def test_records_of_a_task_are_paired_between_conditions(path: Path) -> None:
+    """The same faults and the same unit noise in all conditions of a seed."""
+    task = Task.read(path)
+    nominal = task.record("nominal", 3)
+    for name, condition in task.conditions.items():
+        record = task.record(name, 3)
+        every = slice(None, None, condition.period)
+        assert record.time == pytest.approx(nominal.time[every], abs=1e-12)
+        assert (
+            len(record.inputs) == len(record.measurements) == len(record.truth) == len(record.time)
+        )
+        if condition.model == 0 and not condition.plant:
+            assert (record.truth == nominal.truth[every]).all()
+    other = task.record("nominal", 4)
+    assert (other.measurements != nominal.measurements).any()

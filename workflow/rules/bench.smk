@@ -1,0 +1,80 @@
+# The bench: observers and filters on the same tasks, tuned by one rule, scored on held-out records.
+#
+#   results/bench/{task}/{method}.json      rule bench_method   tuned settings, on demand
+#   results/bench/{task}/scores.csv         rule bench_scores   of each run; table.csv compares methods
+#   results/bench/{task}/heatmap.{pdf,...}  rule bench_figures  and levels, evaluations
+#   results/bench/table.md                  rule bench_table    what methods know, guarantee and cost
+#
+# A record takes milliseconds to simulate: jobs that read records simulate them. Tuned settings are
+# kept in config/bench/tuned, where scores read them; `snakemake bench_tune` tunes again.
+
+rule bench_method:
+    input: "config/bench/{task}.yaml"
+    output: "results/bench/{task}/{method}.json"
+    log: "logs/bench/{task}/{method}.log"
+    benchmark: "logs/bench/{task}/{method}.tsv"
+    conda: "../envs/reobserve.yaml"
+    params: code=code_of_task, packages=PACKAGES
+    message: "bench, {wildcards.task}: tune {wildcards.method}"
+    shell: "(set -x; reobserve bench tune {input} {wildcards.method} --output {output}) 2>&1 | tee {log} >&2"
+
+# After all are tuned: this fails if the error of a method has moved by more than its interval.
+rule bench_moved:
+    input: task="config/bench/{task}.yaml", again=tuned_in("results/bench/{task}/{method}.json")
+    output: "results/bench/{task}/moved.csv"
+    log: "logs/bench/{task}/moved.log"
+    conda: "../envs/reobserve.yaml"
+    params: code=code_of_task, packages=PACKAGES
+    message: "bench, {wildcards.task}: compare the kept settings with those tuned again"
+    shell:
+        "(set -x; reobserve bench moved {input.task} --cached config/bench/tuned/{wildcards.task}"
+        " --again results/bench/{wildcards.task} --output {output}) &> {log}"
+
+rule bench_scores:
+    input: task="config/bench/{task}.yaml", tuned=tuned_in("config/bench/tuned/{task}/{method}.json")
+    output:
+        "results/bench/{task}/scores.csv",
+        report("results/bench/{task}/table.csv", caption="../report/bench/table.rst", category="bench",
+               subcategory="{task}", labels={"figure": "{task}", "what": "table"}),
+        "results/bench/{task}/evaluations.csv"
+    log: "logs/bench/{task}/scores.log"
+    benchmark: "logs/bench/{task}/scores.tsv"
+    conda: "../envs/reobserve.yaml"
+    params: code=code_of_task, packages=PACKAGES
+    message: "bench, {wildcards.task}: score all methods on held-out records"
+    shell:
+        "(set -x; reobserve bench score {input.task} --tuned config/bench/tuned/{wildcards.task}"
+        " --outputs {output}) &> {log}"
+
+rule bench_figures:
+    input:
+        task="config/bench/{task}.yaml",
+        table="results/bench/{task}/table.csv",
+        evaluations="results/bench/{task}/evaluations.csv"
+    output:
+        *[report(f"results/bench/{{task}}/{name}.{FORMATS[0]}", caption=f"../report/bench/{name}.rst",
+                 category="bench", subcategory="{task}", labels={"figure": "{task}", "what": name})
+          for name in ("heatmap", "levels", "evaluations")],
+        expand("results/bench/{{task}}/{name}.{kind}", name=["heatmap", "levels", "evaluations"], kind=FORMATS[1:])
+    log: "logs/bench/{task}/figures.log"
+    benchmark: "logs/bench/{task}/figures.tsv"
+    conda: "../envs/reobserve.yaml"
+    params:
+        code=code_of("reobserve.bench.plot"), packages=PACKAGES,
+        style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
+        options=" ".join(["--style", *STYLE])
+    message: "bench, {wildcards.task}: draw"
+    shell:
+        "(set -x; reobserve bench plot {input.task} --table {input.table} --evaluations {input.evaluations}"
+        " {params.options} --outputs {output}) &> {log}"
+
+rule bench_table:
+    input:
+        [f"config/bench/tuned/{task}/{method}.json" for task in TASKS for method in methods_of(task)],
+        expand("results/bench/{task}/{name}.csv", task=TASKS, name=["table", "evaluations"])
+    output: "results/bench/table.md"
+    log: "logs/bench/table.log"
+    conda: "../envs/reobserve.yaml"
+    params: folders=expand("results/bench/{task}", task=TASKS), code=code_of("reobserve.bench.table")
+    message: "bench: write the table of all methods"
+    shell: "(set -x; reobserve bench table {params.folders} --output {output}) &> {log}"
