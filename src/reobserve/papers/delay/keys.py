@@ -1,4 +1,4 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 
@@ -210,8 +210,6 @@ class Theory:
     noise_share: NotNegative
     small_threshold: Positive
     rhos: Levels
-    derivative_errors: Levels
-    noises: Levels
     faster: Positive
     gain_of_rate: NotNegative
     accuracy: Literal["absolute", "relative"]
