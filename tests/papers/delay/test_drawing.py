@@ -1,4 +1,4 @@
-"""What figures say of themselves: one look for each observer, and notes from the ledger alone."""
+"""One style for each observer in all figures, and notes from the parameters alone."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ ROOT = Path(__file__).parents[3]
 
 
 def job(figure: str, **overrides: Any) -> Job:
-    ledger = fixed_ledger("delay", overrides)
-    return read_job(keys.Ledger, ledger.settings("plot", figure))
+    parameters = fixed_ledger("delay", overrides)
+    return read_job(keys.Ledger, parameters.settings("plot", figure))
 
 
 def test_one_observer_has_one_style_and_two_have_two() -> None:

@@ -237,8 +237,8 @@ def test_each_derivative_is_harder_in_noise() -> None:
 
 def test_a_gain_that_is_constant_after_all_gives_the_observer_of_the_library() -> None:
     """From the true state, so that the delay stays off its bounds, which nothing else knows of."""
-    ledger = fixed_ledger("delay")
-    job = read_job(keys.Ledger, ledger.settings("theory"))
+    parameters = fixed_ledger("delay")
+    job = read_job(keys.Ledger, parameters.settings("theory"))
     start = [*job.theory.initial_state, 0.3]
     found = theory_state_gain.simulate(job, 0.0, start, 0.6, 10.0)
     built = observer(Case("ramp", 5.0, 1), 5e-3)

@@ -202,7 +202,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Theory:
-    """What the numbers of the theory are computed for."""
+    """Settings of the numbers of the theory."""
 
     ramp: Scalar
     sine: Scalar

@@ -1,4 +1,4 @@
-"""From the ledger's values to models, signals and the grid."""
+"""Models, signals and the grid, from the parameters."""
 
 from __future__ import annotations
 

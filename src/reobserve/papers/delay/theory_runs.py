@@ -147,7 +147,7 @@ def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
 
 @part
 def _mean_delay(job: Job, sine: Series) -> Iterator[Metric]:
-    """How wrong the average delay is as an estimate."""
+    """Error of the average delay as an estimate."""
     mean = named(job.observers, "standard_noise", keys.Standard).mean_delay
     varying = job.metrics.varying_from, job.metrics.varying_until
     for when, span in (("", (job.metrics.start, np.inf)), ("varying_", varying)):
