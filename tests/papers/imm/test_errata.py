@@ -279,22 +279,6 @@ def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one()
     assert found[1] < 0.02
 
 
-# --- (4) and (5) against (15) and (16): K is a correction, or a gain ----------------------------
-
-
-@pytest.mark.parametrize("e", [0.2, 3.0, -3.0])
-def test_4_in_16_multiplies_by_the_innovation_twice(e: float) -> None:
-    correction = abs(e) * np.clip(e / 0.1, -1, 1)  # (4) without memory
-    one = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.0, R=1.0)
-    smooth = SmoothVariableStructureFilter(one, 0.1, 0.0)
-    told = smooth.correct(smooth.init([0.0], 1.0).belief, [e])
-    assert told.belief.mean == pytest.approx([correction]), "(5): K alone is added"
-    assert told.belief.error == pytest.approx([0.0], abs=1e-15)
-    printed = correction * e  # (16) with the K of (4)
-    assert e - printed == pytest.approx(e - e**2)
-    assert abs(e - printed) > 0.15
-
-
 # --- (7): the sum's index is raised, and its name is another's ----------------------------------
 
 

@@ -35,4 +35,5 @@ def estimates(_: Job) -> dict[str, Shape]:
         "velocity": Shape(UNITS["velocity"]),
         "saturated": Shape("1", optional=True),
         "chattering": Shape("1", optional=True),
+        "chattering_correction": Shape(UNITS["velocity"], optional=True),
     }

@@ -184,6 +184,19 @@ def saturation(
     return saturated, saturated & (innovation * before < 0)
 
 
+def chattering_correction(
+    observer: keys.Observer, innovation: Array, chattering: NDArray[np.bool_], probability: Array
+) -> Array:
+    """The part of the combined estimate's correction that chatters, of the velocity, (k,).
+
+    Outside of the layer an innovation is corrected in full, but for the memory.
+    """
+    velocity = REALISATIONS[observer.realisation].index("velocity")
+    # sum_j mu_j e_j, over the filters that chatter
+    moved = probability * innovation[..., velocity] * chattering[..., velocity]
+    return np.sum(moved, axis=1)
+
+
 def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
     """Filter a record, from rest, as far as it goes.
 
