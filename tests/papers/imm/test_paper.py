@@ -182,7 +182,7 @@ def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> 
 def test_friction_as_the_fault() -> None:
     """With little process noise it is diagnosed without mixing, and with it never.
 
-    Each step the filter of a mode whose probability is next to nothing starts anew from what others
+    Each step the filter of a mode whose probability is next to nothing starts from what others
     estimate, here normal and leakage, which take turns.
     """
     friction = {"scenarios": {"plain": {"fault": "friction"}}}

@@ -1,4 +1,4 @@
-"""Stage metrics: how probable each mode is before and after the fault, and errors of estimates.
+"""Stage metrics: probabilities of the modes before and after the fault, and errors of estimates.
 
 Means over the last two seconds before the fault (`_before`) and over the last three of the run
 (`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
@@ -126,7 +126,7 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
 
 
 def _neighbourhood(data: FigureData) -> Iterator[Metric]:
-    """What the search says of itself, and how far each number may move."""
+    """Numbers of the search, and how far each tuned number may move."""
     study = data.study
     yield Metric("search", "earlier_trials", float(sum(data.job.study.earlier_trials)), "1")
     for (name, quantity), rows in study.where(sweep="kept").groups("observer", "quantity"):
@@ -189,7 +189,7 @@ def _closeness(data: FigureData) -> Iterator[Metric]:
 
 
 def _causes(data: FigureData) -> Iterator[Metric]:
-    """What an SVSF-IMM as stated gives with one cause changed."""
+    """Metrics of an SVSF-IMM as stated with one cause changed."""
     for (name, variant, quantity), row in data.study.where(run=STATED).groups(
         "observer", "sweep", "quantity"
     ):

@@ -1,4 +1,4 @@
-"""What is said of mode probabilities: before the fault, after it, and how soon."""
+"""Metrics of mode probabilities before and after the fault, and of the alarm."""
 
 from __future__ import annotations
 

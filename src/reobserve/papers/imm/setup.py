@@ -33,7 +33,7 @@ MOST_STEPS = 5_000_000  # of a plant's record
 # choice: with both in other units a bank gives the same probabilities.
 STATE_FREQUENCY = 200.0
 
-# The ledger's keys for what the library calls otherwise.
+# The parameter file's keys for what the library calls otherwise.
 _KEYS = {
     "Q": "process_noise",
     "R": "measurement_noise",
@@ -74,7 +74,7 @@ class Experiment:
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
-    """What a scenario states.
+    """The input, modes and noise of a scenario.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def bank(
         If a value of the observer cannot be used.
     """
     known = modes(plant) if models is None else models
-    with _ledger_keys():
+    with _parameter_keys():
         filters = [_filter(observer, mode, period) for mode in known]
     transition = _transition(observer.self_transition, len(known))
     return IMM(filters, transition, observer.mixing)
@@ -194,7 +194,8 @@ def chattering_correction(
     velocity = REALISATIONS[observer.realisation].index("velocity")
     # sum_j mu_j e_j, over the filters that chatter
     moved = probability * innovation[..., velocity] * chattering[..., velocity]
-    return np.sum(moved, axis=1)
+    total: Array = np.sum(moved, axis=1)
+    return total
 
 
 def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
@@ -216,7 +217,7 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
     InputError
         If the covariance is none.
     """
-    with _ledger_keys():
+    with _parameter_keys():
         rest = np.zeros(chosen.filters[0].model.states)
         certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
         return chosen.init(rest, observer.initial_covariance, certain, u=[held, 0.0])
@@ -228,7 +229,7 @@ def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> Filt
 
 
 @contextmanager
-def _ledger_keys() -> Iterator[None]:
+def _parameter_keys() -> Iterator[None]:
     """Name a parameter of the library as the parameter file does."""
     try:
         yield

@@ -1,4 +1,4 @@
-"""Stage theory: what the paper says of its filters and equations, and no figure shows.
+"""Stage theory: claims on filters and equations that no figure shows.
 
 Whether the SVSF's full correction is stable; what a wrong model does to a filter alone and to a
 bank; whether the SVSF comes to its layers, and what it makes of one that is as wide as the model is
@@ -187,7 +187,7 @@ def _prediction_error(body: keys.Observer, leak: _Leak, found: Run[State], filte
 
 @part
 def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """What the first SVSF makes of layers that are narrower than its model is wrong, and as wide.
+    """The first SVSF with layers that are narrower than its model is wrong, and as wide.
 
     The filter of the normal model runs alone on the leaking actuator, whose outputs are up to b
     apart from those of the model. Layers of a share of b are left by the model where nothing
