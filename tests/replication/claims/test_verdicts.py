@@ -277,10 +277,21 @@ def fed(claim: Claim, broken: Check | None = None) -> Numbers:
     for check in [broken, *checks] if broken else checks:
         if check is not broken and broken and set(check.references) & set(broken.references):
             continue
+        chain: dict[Reference, float] = {}  # of differences: a - b, then b - c or c - a
         for k, (reference, value) in enumerate(zip(check.value, goal(check), strict=True)):
+            number = wrong(check, k, value) if check is broken else value
+            if check.how == "minus":
+                other = check.other[k]
+                if reference in chain:
+                    chain.setdefault(other, chain[reference] - number)
+                else:
+                    chain[reference] = chain.setdefault(other, 0.0) + number
+                continue
             if check.how:
-                put(check.other[k], 1.0 if check.how == "over" else 0.0)
-            put(reference, wrong(check, k, value) if check is broken else value)
+                put(check.other[k], 1.0)
+            put(reference, number)
+        for reference, number in chain.items():
+            put(reference, number)
     for reference in (ref for check in claim.checks for ref in check.references):
         numbers.setdefault(reference.figure, {}).setdefault(reference[1:], 1.0)
     return numbers
