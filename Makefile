@@ -82,7 +82,7 @@ accept: $(STAMP)  ## build, accept new figures and golden numbers: make accept R
 	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
 samples: $(STAMP)  ## draw on where claims are undecided, and keep it in config/samples: make samples [MOST=400] [PAPER=ilo]
-	reobserve sample $(PAPER) --most $(or $(MOST),40)
+	reobserve samples $(PAPER) --most $(or $(MOST),40)
 
 mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
 	python -m pip install --quiet --require-hashes -r requirements-mutation.lock

@@ -16,18 +16,21 @@ from reobserve.replication.parameters.parameter_file import Model, parse_file
 class ErratumEntry(Model):
     """An error of a paper: what it prints, the correction, and the test that shows it."""
 
-    place: Text
-    printed: Text
-    corrected: Text
-    why: Text
+    place: Text = Field(description="Where in the paper it is.")
+    printed: Text = Field(description="What the paper prints.")
+    corrected: Text = Field(description="What it should be.")
+    why: Text = Field(description="Why that is the correction.")
     certainty: Literal["certain", "likely", "copy"] = Field(
-        description="It contradicts the paper or a computation; nothing else fits; or it may come "
-        "from the copy at hand, in which signs, primes and indices can be lost."
+        description="`certain`: it contradicts the paper or a computation; `likely`: nothing else"
+        " fits; `copy`: it may come from the copy at hand, in which signs, primes and indices can"
+        " be lost."
     )
     settles: Text | None = Field(
-        None, description="The parameter whose reading it corrects; no claim may depend on that."
+        None, description="The parameter whose value it corrects; no claim may depend on that."
     )
-    test: Annotated[str, StringConstraints(pattern=r"^tests/[a-z_/]+\.py::test_\w+$")]
+    test: Annotated[str, StringConstraints(pattern=r"^tests/[a-z_/]+\.py::test_\w+$")] = Field(
+        description="FILE::FUNCTION, which shows that the printed form fails."
+    )
 
 
 class Erratum(ErratumEntry):

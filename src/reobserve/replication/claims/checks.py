@@ -223,7 +223,8 @@ def _quotient(a: float, b: float) -> float:
 
 def _asked(relation: str, bound: Any) -> str:
     if relation == "within":
-        return f"within {bound[0]:g} and {bound[1]:g}"
+        low, high = bound
+        return f"{low:g}" if low == high else f"between {low:g} and {high:g}"
     if relation == "exists":
         return "finite" if bound else "nan"
     return f"{relation} {bound:g}"

@@ -29,47 +29,71 @@ References = Annotated[
 
 
 class CheckEntry(Model):
-    """What must be true of some numbers behind figures."""
+    """A condition on metrics: exactly one relation, from `below` to `exists`."""
 
-    value: References = Field(description="FIGURE OBSERVER METRIC, or a list of such.")
-    over: References | None = Field(None, description="What each is divided by.")
-    minus: References | None = Field(None, description="What is taken from each.")
-    below: float | None = None
-    above: float | None = None
-    within: Interval | None = None
-    falling: Literal[True] | None = None
-    rising: Literal[True] | None = None
-    exists: bool | None = None
+    value: References = Field(
+        description="FIGURE OBSERVER METRIC or theory OBSERVER METRIC, or a list of these. The"
+        " words are those of a row of FIGURE.metrics.csv or theory.metrics.csv in results/PAPER, and are"
+        " explained under Metrics."
+    )
+    over: References | None = Field(None, description="Metrics by which the values are divided.")
+    minus: References | None = Field(
+        None, description="Metrics that are subtracted from the values."
+    )
+    below: float | None = Field(None, description="Relation: each value is less than this.")
+    above: float | None = Field(None, description="Relation: each value is greater than this.")
+    within: Interval | None = Field(
+        None, description="Relation: each value is between these two, or equal to one of them."
+    )
+    falling: Literal[True] | None = Field(
+        None, description="Relation: each value of the list is less than the one before."
+    )
+    rising: Literal[True] | None = Field(
+        None, description="Relation: each value of the list is greater than the one before."
+    )
+    exists: bool | None = Field(
+        None, description="Relation: true if each value must be finite, false if it must be nan."
+    )
     share: Annotated[float, Field(gt=0, le=1)] | None = Field(
-        None, description="The least part of the list for which it must be true."
+        None, description="The minimum share of the list that must satisfy the relation."
     )
 
 
 class ClaimEntry(Model):
     """One claim of a paper: either checks with a reason, or why nothing can test it."""
 
-    place: Text
-    statement: Annotated[Text, formerly("says")]
+    place: Text = Field(description="Where the paper makes the claim.")
+    statement: Annotated[Text, formerly("says")] = Field(
+        description="The claim in our words. A check is true if the paper is right."
+    )
     promised: Annotated[list[Promise], distinct] = Field(
-        [], description="Where the paper promises it of its own method: abstract, conclusions."
+        [],
+        description="Where the paper promises it of its own method: abstract, conclusions. Such a"
+        " claim is a main claim.",
     )
     quantifier: Quantifier = Field(
         "is",
-        description="What must make it true: `can` one setting, `is` nine of ten, `always` each.",
+        description="In how many settings it must hold: `can` in one, `is` in nine of ten, `always`"
+        " in all.",
     )
-    checks: Annotated[list[CheckEntry], items()] | None = None
+    checks: Annotated[list[CheckEntry], items()] | None = Field(
+        None, description="All of them must hold."
+    )
     why: Text | None = Field(None, description="The reason for the bounds.")
     threshold: Literal["stated", "before", "after"] | None = Field(
         None,
-        description="Who set the bounds: the paper, or we, before or after the numbers were known.",
+        description="Who set the bounds: the paper (`stated`), or we, `before` or `after` their"
+        " numbers were known.",
     )
     depends_on: Annotated[list[str], distinct] = Field(
-        [], description="Keys of parameters, patterns of keys, or groups of `choices`."
+        [],
+        description="What samples vary: keys of parameters, patterns of keys, or groups of `choices`.",
     )
     expensive: bool = Field(
-        False, description="Whether only the ends of ranges are tried for what reverses it."
+        False,
+        description="Whether the search for a reversal tries only the ends of ranges, for speed.",
     )
-    not_testable: Text | None = None
+    not_testable: Text | None = Field(None, description="Why nothing can test it.")
 
     @model_validator(mode="after")
     def _either(self) -> ClaimEntry:
@@ -85,10 +109,10 @@ class ClaimsFile(Model):
     """The claims of a paper, ``config/claims/<paper>.yaml``."""
 
     limitations: Annotated[Text, formerly("obstacles")] = Field(
-        description="What the paper leaves out."
+        description="What the paper leaves open, for the report."
     )
     choices: dict[str, Annotated[list[str], items()]] = Field(
-        {}, description="Parameters that are often named together, by a name of the group."
+        {}, description="Groups of parameters that `depends_on` can name."
     )
     claims: Annotated[
         dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry],

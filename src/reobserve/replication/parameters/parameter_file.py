@@ -74,7 +74,7 @@ Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class Choices(Model):
-    """All values that are allowed."""
+    """A range as a list of all allowed values."""
 
     choices: Annotated[list[Any], Field(min_length=1)]
 
@@ -112,28 +112,36 @@ class Entry(Model):
 
     value: Annotated[Any, checked(_value)]
     unit: Text
-    source: Text = Field(description="Where the paper states it, or `assumed`.")
-    why: Text | None = Field(None, description="Why it is assumed to be this.")
-    range: Range | None = Field(None, description="What else it could be.")
+    source: Text = Field(description="The place where the paper states it, or `assumed`.")
+    why: Text | None = Field(None, description="Why this value is assumed.")
+    range: Range | None = Field(
+        None, description="The values that another reader of the paper could have chosen."
+    )
     named: Annotated[list[Any], Field(min_length=1)] | None = Field(
         None, description="Values in the range that the paper names; half of the samples take one."
     )
     multiple_of: Multiples | None = Field(
         None, description="The grid on which sampled values lie; by pattern as in `range`."
     )
-    same_as: Text | None = Field(None, description="The entry whose value it takes.")
+    same_as: Text | None = Field(None, description="The key of an entry whose value it takes.")
     chosen_for: Text | None = Field(
-        None, description="The claim that it was chosen for, and the search that found it."
+        None, description="The claim for which it was chosen, and the search that found it."
     )
-    numerical: bool = Field(False, description="Whether it is a resolution of the computation.")
-    levels: bool = Field(False, description="Whether a study goes through its values.")
+    numerical: bool = Field(
+        False, description="Whether it is a resolution of the computation, which is not sampled."
+    )
+    levels: bool = Field(
+        False, description="Whether it is a list of levels that a study goes through."
+    )
     no_effect: Annotated[Places, formerly("loose")] = Field(
-        False, description="Numbers in it on which no result depends."
+        False, description="Its numbers on which no result depends; true for all."
     )
     plot_only: Annotated[bool, formerly("drawn")] = Field(
         False, description="Whether only a plot depends on it."
     )
-    expensive: bool = Field(False, description="Whether a change of it makes a study of a minute.")
+    expensive: bool = Field(
+        False, description="Whether computing a study again with another value takes a minute."
+    )
 
     @model_validator(mode="after")
     def _assumed(self) -> Entry:
@@ -145,7 +153,7 @@ class Entry(Model):
 
 
 class _Branch(BaseModel):
-    """A branch of entries, beside the keys that are declared."""
+    """A branch of entries, in addition to the declared keys."""
 
     model_config = {**STRICT, "extra": "allow"}
     __pydantic_extra__: dict[str, Entry]
@@ -238,7 +246,7 @@ class StoredFile(Model):
 
 
 class Configuration(BaseModel):
-    """What a build makes, ``config/config.yaml``. Other keys are papers, with overrides."""
+    """What a build produces, ``config/config.yaml``. Other keys are papers, with overrides."""
 
     model_config = {**STRICT, "extra": "allow"}
     __pydantic_extra__: dict[str, dict[str, Any]]
