@@ -27,7 +27,7 @@ Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum pushed by an unknown torque; the sensor of its rate has a bias.
-time: continuous            # or discrete: A, B and fault_matrix are then those of a sample
+time: continuous            # or discrete, with A, B and fault_matrix of discrete time
 sampling_period: 0.01       # [s]
 states: {angle: rad, rate: rad/s}
 inputs: {torque: N m}       # held from sample to sample
@@ -38,8 +38,8 @@ B: [[0], [1]]
 C: [[1, 0], [0, 1]]
 fault_matrix: [[0, 0], [1, 0]]          # how unknown inputs enter the states, as B
 output_fault_matrix: [[0, 0], [0, 1]]   # and how the measurements, as D; zero if left out
-random_walk: [1.0e-5, 1.0e-7]           # variance of what they gain a sample
-Q: [1.0e-8, 1.0e-6]         # variances of the noise that a sample adds to the states
+random_walk: [1.0e-5, 1.0e-7]           # variances of their random walks per sample
+Q: [1.0e-8, 1.0e-6]         # variances of the process noise per sample
 R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
 initial_state: [0.3, 0]
 initial_covariance: [0.01, 0.01]
@@ -85,21 +85,21 @@ class AugmentedKalmanDesign(FilterDesign):
     records: ClassVar = {
         "augmented-kalman": Example(
             "weak_motor",
-            "# Kalman filter of the state and of an unknown input: the voltage that never arrived."
+            "# Kalman filter for the state and an unknown input: the lost voltage."
             "\nobserver:\n  kind: augmented-kalman\n" + MOTOR + NOISE
             + "  unknown_inputs: {voltage_lost: V}\n"
             "  fault_matrix: [[0.0], [20.0]]   # how it enters the states, as B\n"
-            "  random_walk: 1.0e-3        # variance of what it gains a sample [V^2]\n",
+            "  random_walk: 1.0e-3        # variance of its random walk per sample [V^2]\n",
             "  - {name: weak, of: voltage_lost, above: 1.0}\n",
         ),
         "augmented-kalman-bias": Example(
             "biased_motor",
-            "# Kalman filter of the state and of the bias of a sensor.\n"
+            "# Kalman filter for the state and the bias of a sensor.\n"
             "observer:\n  kind: augmented-kalman\n" + MOTOR + NOISE
             + "  unknown_inputs: {speed_offset: rad/s}\n"
-            "  fault_matrix: [[0.0], [0.0]]    # it does nothing to the states,\n"
-            "  output_fault_matrix: [[1.0], [0.0]] # and adds to the first measurement\n"
-            "  random_walk: 1.0e-4        # variance of what it gains a sample [(rad/s)^2]\n",
+            "  fault_matrix: [[0.0], [0.0]]    # it does not enter the states,\n"
+            "  output_fault_matrix: [[1.0], [0.0]] # but adds to the first measurement\n"
+            "  random_walk: 1.0e-4        # variance of its random walk per sample [(rad/s)^2]\n",
             "  - {name: biased, of: speed_offset, above: 0.5}\n",
         ),
     }  # fmt: skip

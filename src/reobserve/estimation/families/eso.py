@@ -31,7 +31,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 Array = FloatArray
 
 EXAMPLE = """\
-# A motor: its voltage may be off by actuator, its measured speed by sensor.
+# A motor whose voltage (actuator) and measured speed (sensor) may be wrong.
 sampling_period: 0.01       # [s]
 states: {speed: rad/s, current: A}
 inputs: {voltage: V}
@@ -67,7 +67,7 @@ observer:
   Fa: [[0.0], [20.0]]        # a voltage that is lost
   Fs: [[1.0], [0.0]]         # an offset of the speed's sensor
   filter_rate: 20.0          # [1/s]
-  gains:                     # left out, they are found when the observer is made
+  gains:                     # if left out, they are computed
     L: [[23.3, 494], [6.4, 206], [132, -103], [-30.3, 420], [1.96, 166], [133, -457]]
     Ld: [[0.337, 6.95], [0.168, 2.7], [2.03, -0.814], [-0.276, 4.65], [0.176, 2.32], [2.06, -6.75]]
 """

@@ -36,9 +36,9 @@ _MOTOR_COLUMNS = f"""\
 _MOTOR = f"""\
 {_MOTOR_COLUMNS}sampling:
   period: 0.01               # [s]
-  missing: skip              # a lost sample is predicted over, a lost sensor leaves the other
+  missing: skip              # lost samples are predicted; of two sensors one may be lost
   gap: 0.1                   # [s]
-  at_gap: coast              # predict on, with growing sigmas; or restart, or refuse
+  at_gap: coast              # keep predicting, with growing sigmas; or restart, or refuse
 """
 # The columns of the records of plants, and the sampling.
 _RECORDS = {

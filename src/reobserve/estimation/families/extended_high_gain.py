@@ -20,7 +20,7 @@ sampling_period: 0.01       # [s]
 states: {level: "1"}
 inputs: {valve: "1"}        # u alone, or u and all derivatives that the order asks for
 measurements: {level: "1"}    # the first state
-drift:                      # f, text in the states up to the own one
+drift:                      # f1, ..., fn: text, fi in x1 to xi
   level: -level
 input_gain: 1               # G, text in the first state
 delay_bounds: [0, 1.5]      # [s]
@@ -29,7 +29,7 @@ initial_delay: 0.3          # [s]
 gains:
   rho: 5                    # [1/s]; all poles of the linear part are -rho
   order: 2                  # derivatives of the input in the expansion of its delay
-  threshold: 0.035          # of |xi|, below which the delay cannot be seen
+  threshold: 0.035          # of |xi|, below which the delay is unobservable
   switched: delay           # there: only the gain of the delay is zero, or all
 """
 
@@ -46,7 +46,7 @@ observer:
   gains:
     rho: 5.0                 # [1/s]
     order: 2                 # derivatives of the input, found from its samples
-    threshold: 0.035         # of |xi|, below which the delay cannot be seen
+    threshold: 0.035         # of |xi|, below which the delay is unobservable
 """
 
 

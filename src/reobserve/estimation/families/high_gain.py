@@ -22,7 +22,7 @@ sampling_period: 0.01       # [s]
 states: {angle: rad, rate: rad/s}
 inputs: {torque: N m}       # as it reaches the plant
 measurements: {angle: rad}  # the first state
-drift:                      # f, text in the states up to the own one
+drift:                      # f1, ..., fn: text, fi in x1 to xi
   angle: 0
   rate: -9.81*sin(angle) - 0.5*rate
 input_gain: 4               # G, text in the first state

@@ -38,7 +38,7 @@ gains:
 """
 
 _RECORD = """\
-# Iterative learning observer of a rigid body: rates in, torques of faults out.
+# Iterative learning observer of a rigid body: fault torques from angular rates.
 observer:
   kind: ilo
   reading: {0}               # {1}

@@ -29,19 +29,19 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 Array = FloatArray
 
 EXAMPLE = """\
-# A pendulum that may be worn: its friction tells which.
-time: continuous            # or discrete: A and B are then those of a sample
+# A pendulum that may be worn; the modes differ in friction.
+time: continuous            # or discrete, with A and B of discrete time
 sampling_period: 0.01       # [s]
 states: {angle: rad, rate: rad/s}
 inputs: {torque: N m}       # held from sample to sample
 measurements: {angle: rad}
-modes:                      # each says where it is not like the rest of this file
+modes:                      # each states the matrices in which it differs
   sound: {}
   worn: {A: [[0, 1], [-0.983, -0.5]]}
 A: [[0, 1], [-0.983, -0.1]]
 B: [[0], [1]]
 C: [[1, 0]]
-Q: [1.0e-10, 1.0e-8]        # variances of the noise that a sample adds to the states
+Q: [1.0e-10, 1.0e-8]        # variances of the process noise per sample
 R: 1.0e-6                   # of the noise of a measurement
 initial_state: [0.3, 0]
 initial_covariance: [0.01, 0.01]
@@ -51,7 +51,7 @@ gains:
 """
 
 _MODES = """\
-  modes:                     # each says where it is not like the rest
+  modes:                     # each states the matrices in which it differs
     healthy: {}
     worn: {A: [[-20.0, 40.0], [-0.4, -20.0]]}
   gains:

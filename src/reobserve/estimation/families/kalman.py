@@ -25,7 +25,7 @@ Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum whose angle is measured.
-time: continuous            # or discrete: A and B are then those of a sample
+time: continuous            # or discrete, with A and B of discrete time
 sampling_period: 0.01       # [s]
 states: {angle: rad, rate: rad/s}
 inputs: {torque: N m}       # held from sample to sample
@@ -33,15 +33,15 @@ measurements: {angle: rad}
 A: [[0, 1], [-0.983, -0.1]]
 B: [[0], [1]]
 C: [[1, 0]]                 # y = C x + D u
-Q: [1.0e-10, 1.0e-8]        # variances of the noise that a sample adds to the states
+Q: [1.0e-10, 1.0e-8]        # variances of the process noise per sample
 R: 1.0e-6                   # of the noise of a measurement
-gain: steady                # that of the Riccati equation; or varying, with the covariance
+gain: steady                # from the Riccati equation; or varying, with the covariance
 initial_state: [0.3, 0]
 initial_covariance: [0.01, 0.01]
 """
 
 MOTOR = """\
-  time: continuous           # sampled here; or discrete: A and B of a sample
+  time: continuous           # discretised here; or discrete
   states: {speed: rad/s, current: A}
   inputs: {voltage: V}       # held from sample to sample
   measurements: {speed: rad/s, current: A}
@@ -50,7 +50,7 @@ MOTOR = """\
   C: [[1.0, 0.0], [0.0, 1.0]]
 """
 NOISE = """\
-  Q: [1.0e-4, 1.0e-4]        # variances of the noise that a sample adds
+  Q: [1.0e-4, 1.0e-4]        # variances of the process noise per sample
   R: [1.0e-3, 1.0e-4]        # of the measurements
   initial_state: [0.0, 0.0]
   initial_covariance: 1.0
@@ -84,10 +84,10 @@ class KalmanDesign(FilterDesign):
         "kalman": Example(
             "motor", "# Kalman filter.\nobserver:\n  kind: kalman\n" + MOTOR + NOISE,
             "  - {name: odd, of: residual speed, sigma: 6, since: 1, until: 4}"
-            "  # learned on a stretch [s]\n",
+            "  # learned from 1 s to 4 s\n",
         ),
         "kalman-steady": Example(
-            "motor", "# The Kalman filter with the gain that it comes to.\n"
+            "motor", "# Kalman filter with its steady-state gain.\n"
             "observer:\n  kind: kalman\n  gain: steady\n" + MOTOR + NOISE,
         ),
     }  # fmt: skip

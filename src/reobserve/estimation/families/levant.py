@@ -21,12 +21,12 @@ from reobserve.observers.levant import LevantDifferentiator, State
 Array = FloatArray
 
 EXAMPLE = """\
-# The angle of an encoder, of which rate and acceleration are wanted.
+# The angle from an encoder; its rate and acceleration are estimated.
 sampling_period: 0.001      # [s]
 measurements: {angle: rad}
 gains:
   order: 2                  # the highest derivative
-  L: 50                     # [rad/s^3] at most of the derivative after it
+  L: 50                     # [rad/s^3], bound on the next derivative
 """
 
 _RECORD = """\

@@ -25,7 +25,7 @@ Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum whose angle is measured.
-time: continuous            # or discrete: A and B are then those of a sample
+time: continuous            # or discrete, with A and B of discrete time
 sampling_period: 0.01       # [s]
 states: {angle: rad, rate: rad/s}
 inputs: {torque: N m}       # held from sample to sample
@@ -33,7 +33,7 @@ measurements: {angle: rad}
 A: [[0, 1], [-0.983, -0.1]]
 B: [[0], [1]]
 C: [[1, 0]]
-poles: [-3, -4]             # [1/s], of discrete time those of a sample; complex: "-3+1j"
+poles: [-3, -4]             # [1/s], or of discrete time; complex: "-3+1j"
 initial_state: [0.3, 0]
 """
 
@@ -64,10 +64,10 @@ class LuenbergerDesign(FilterDesign):
     records: ClassVar = {
         "luenberger": Example(
             "motor", "# A Luenberger observer.\nobserver:\n  kind: luenberger\n" + MOTOR
-            + "  poles: [-70.0, -50.0]      # [1/s]; of discrete time those of a sample\n",
+            + "  poles: [-70.0, -50.0]      # [1/s], or of discrete time\n",
         ),
         "luenberger-gain": Example(
-            "motor", "# A Luenberger observer of a gain that is given.\n"
+            "motor", "# Luenberger observer with a given gain.\n"
             "observer:\n  kind: luenberger\n" + MOTOR
             + "  gains: {gain: [[0.3, 0.2], [0.0, 0.4]]}\n",
         ),

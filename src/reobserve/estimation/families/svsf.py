@@ -16,7 +16,7 @@ Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum whose angle and rate are measured.
-time: continuous            # or discrete: A and B are then those of a sample
+time: continuous            # or discrete, with A and B of discrete time
 sampling_period: 0.01       # [s]
 states: {angle: rad, rate: rad/s}
 inputs: {torque: N m}       # held from sample to sample
@@ -24,7 +24,7 @@ measurements: {angle: rad, rate: rad/s}
 A: [[0, 1], [-0.983, -0.1]]
 B: [[0], [1]]
 C: [[1, 0], [0, 1]]
-Q: [1.0e-8, 1.0e-6]         # variances of the noise that a sample adds to the states
+Q: [1.0e-8, 1.0e-6]         # variances of the process noise per sample
 R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
 initial_state: [0.3, 0]
 initial_covariance: [0.01, 0.01]

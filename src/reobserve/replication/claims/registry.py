@@ -33,8 +33,8 @@ class CheckEntry(Model):
 
     value: References = Field(
         description="FIGURE OBSERVER METRIC or theory OBSERVER METRIC, or a list of these. The"
-        " words are those of a row of FIGURE.metrics.csv or theory.metrics.csv in results/PAPER, and are"
-        " explained under Metrics."
+        " words are those of a row of FIGURE.metrics.csv or theory.metrics.csv in results/PAPER;"
+        " the page Metrics explains them."
     )
     over: References | None = Field(None, description="Metrics by which the values are divided.")
     minus: References | None = Field(
@@ -87,7 +87,7 @@ class ClaimEntry(Model):
     )
     depends_on: Annotated[list[str], distinct] = Field(
         [],
-        description="What samples vary: keys of parameters, patterns of keys, or groups of `choices`.",
+        description="What samples vary: keys of parameters, patterns of keys, groups of `choices`.",
     )
     expensive: bool = Field(
         False,
