@@ -1,4 +1,4 @@
-# Everything a newcomer types. `make` builds all figures; `make help` lists the rest.
+# All targets that a user needs. `make` builds all figures; `make help` lists the rest.
 
 VENV    := .venv
 BIN     := $(VENV)/bin
@@ -28,7 +28,7 @@ figures: $(STAMP)  ## every figure, claim and results/report.html (the default);
 	@snakemake --cores $(CORES) || { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
 		echo "make: if no other build runs in this folder, one was killed: make unlock" >&2; exit 1; }
 
-unlock: $(STAMP)  ## after a build was killed: let the next one go on where it ended
+unlock: $(STAMP)  ## after a build was killed: unlock the folder, so that the next one resumes
 	snakemake --unlock
 
 archive: $(STAMP)  ## the build with its provenance as an RO-Crate, results/archive.zip, to deposit and cite
@@ -37,7 +37,7 @@ archive: $(STAMP)  ## the build with its provenance as an RO-Crate, results/arch
 report: figures  ## Snakemake's own report of the same build, results/report.snakemake.html
 	snakemake --report results/report.snakemake.html
 
-quick: $(STAMP)  ## style, types and the tests beside the changed modules; SINCE=main for a whole branch
+quick: $(STAMP)  ## style, types and the tests of the changed modules; SINCE=main for a whole branch
 	ruff check .
 	ruff format --check .
 	mypy
@@ -48,7 +48,7 @@ quick: $(STAMP)  ## style, types and the tests beside the changed modules; SINCE
 # One process more than cores: one waits for the build.
 TESTS := pytest --numprocesses $$(($(CORES) + 1))
 
-test: check  ## what a change is likely to break: `check`, unit tests, one build, all golden numbers; 6 minutes
+test: check  ## `check`, unit tests, one build, all golden numbers; 6 minutes
 	$(TESTS)
 
 nightly: $(STAMP)  ## all other tests: second builds, kills, other processors, a browser, Slurm; half an hour
@@ -68,7 +68,7 @@ NEWER := OPENBLAS_CORETYPE=Haswell NPY_ENABLE_CPU_FEATURES=
 OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 	GLIBC_TUNABLES=glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2
 
-elsewhere: $(STAMP)  ## compare the golden numbers with builds as on a newer and an older processor
+elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of a newer and an older processor
 	$(NEWER) pytest tests/golden/test_golden.py
 	$(OLDER) pytest tests/golden/test_golden.py
 
@@ -81,7 +81,7 @@ figdiff: $(STAMP)  ## build, compare with the accepted figures and numbers, writ
 accept: $(STAMP)  ## build, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
-samples: $(STAMP)  ## draw on where claims are undecided, and keep it in config/samples: make samples [MOST=400] [PAPER=ilo]
+samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MOST=400] [PAPER=ilo]
 	reobserve samples $(PAPER) --most $(or $(MOST),40)
 
 mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
@@ -95,7 +95,7 @@ mutations: $(STAMP)  ## change a module one operator at a time, list what its te
 		cosmic-ray exec config.toml session.sqlite && \
 		cr-report session.sqlite --surviving-only --show-diff
 
-pages: $(STAMP)  ## run the code of the pages, renew what it prints and plots in them; PAGE=docs/pages/index.md for one
+pages: $(STAMP)  ## run the code of the pages and update its output in them; PAGE=docs/pages/index.md for one page
 	python -m docs.outputs $(PAGE)
 
 docs: $(DOCS)  ## the documentation as a site that any static host serves, build/site
@@ -112,7 +112,7 @@ package: $(TOOLS)  ## wheel and source archive in dist, checked as package index
 
 env: $(STAMP)  ## set up .venv and nothing else
 
-cluster: $(STAMP)  ## add to .venv what profiles/slurm takes: jobs as jobs of Slurm
+cluster: $(STAMP)  ## add the Snakemake executor for Slurm to .venv, see profiles/slurm
 	python -m pip install --quiet --no-deps --require-hashes -r requirements-cluster.lock
 
 $(DOCS): $(STAMP) requirements-docs.lock
@@ -134,7 +134,7 @@ $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
 LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --upgrade --custom-compile-command "make lock"
 
-lock:  ## renew the locks from pyproject.toml
+lock:  ## update the lock files from pyproject.toml
 	$(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet uv
 	.venv-lock/bin/$(LOCK) --all-extras --group pyproject.toml:dev pyproject.toml -o requirements.lock

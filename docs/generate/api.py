@@ -56,7 +56,7 @@ def public_names(source: Path) -> str:
         assert isinstance(documented, ast.Module | ast.ClassDef | ast.FunctionDef)
         summary = ticks(first_sentence(ast.get_docstring(documented)))
         rows.append((f"[`{name}`][reobserve.{home}.{name}]", summary))
-    return table(("name", "what it is"), rows)
+    return table(("name", "description"), rows)
 
 
 def is_shown(name: str) -> bool:
@@ -97,7 +97,7 @@ def _pages_of(source: Path, package: str, text: str) -> Iterator[Page]:
         target = path.removeprefix(f"reference/library/{package}/")
         listed.append((f"[{code(short)}]({target})", summary))
         yield Page(path, short.rpartition(".")[2], f"::: {name}\n")
-    body = f"# {code(package)}\n\n{text}.\n\n{table(('module', 'what it is'), listed)}"
+    body = f"# {code(package)}\n\n{text}.\n\n{table(('module', 'description'), listed)}"
     yield Page(f"reference/library/{package}/index.md", package, body)
 
 

@@ -27,7 +27,7 @@ def targets(root: Path) -> str:
     makefile = (root / "Makefile").read_text(encoding="utf-8")
     rows = sorted(re.findall(r"^([a-z]+):.*?## (.+)$", makefile, re.MULTILINE))
     return table(
-        ("target", "what it does"), [(code(f"make {name}"), plain(text)) for name, text in rows]
+        ("target", "effect"), [(code(f"make {name}"), plain(text)) for name, text in rows]
     )
 
 

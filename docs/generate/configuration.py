@@ -30,7 +30,7 @@ def keys_of_a_build(root: Path) -> str:
         )
         for key, part in schema(Configuration)["properties"].items()
     ]
-    listed = table(("key", "as it stands", "allowed", "what it is"), rows)
+    listed = table(("key", "default", "allowed", "meaning"), rows)
     return f"{listed}\n{block(text, 'yaml', 'config/config.yaml')}"
 
 
@@ -100,7 +100,7 @@ def _keys(found: Mapping[str, Any]) -> str:
     if isinstance(found.get("additionalProperties"), dict):
         rows.append(("others", "", plain(_allowed(found["additionalProperties"])), ""))
     about = plain(found.get("description", "").partition("\n\n")[0].replace("`", ""))
-    return f"{about}\n\n{table(('key', 'needed', 'allowed', 'what it is'), rows)}"
+    return f"{about}\n\n{table(('key', 'required', 'allowed', 'meaning'), rows)}"
 
 
 def specifications() -> str:

@@ -24,8 +24,9 @@ _THRESHOLDS = {
     "after": "The bound was set after its numbers were known.",
 }
 _QUANTIFIERS = {
-    "can": "It says what can be: one setting with which the checks hold decides it.",
-    "always": "It says what is always so: one setting with which a check fails decides against it.",
+    "can": "It states that something can be so: one setting with which the checks hold decides it.",
+    "always": "It states that something is always so: one setting with which a check fails decides against"
+    " it.",
 }
 _CERTAINTIES = {
     "certain": "certain",
@@ -66,7 +67,7 @@ def anchor(claim: Claim) -> str:
 
 
 def chip(verdict: str) -> str:
-    """A verdict with a mark that tells it from others without colour."""
+    """A verdict with a mark that distinguishes it without colour."""
     return f'<span class="verdict {verdict.replace(" ", "-")}">**{plain(verdict)}**</span>'
 
 
@@ -117,9 +118,9 @@ def _claims(paper: Paper) -> str:
     claims = "\n".join(_claim(paper, claim) for claim in paper.claims)
     return (
         "## Claims\n\n"
-        "What the paper says, in our words. A check is true if the paper is right. The share is "
-        "that of samples of the unstated choices in which the claim holds, with the range in which "
-        "it may be: each end holds with 95 % confidence at any number of samples.\n\n"
+        "The claims of the paper, in our words. A check holds if the paper is right. The last "
+        "column is the share of samples of the unstated choices in which the claim holds, with its "
+        "confidence interval: each end holds with 95 % confidence at any number of samples.\n\n"
         f"{glance}\n{claims}"
     )
 
@@ -198,10 +199,10 @@ def _errata(paper: Paper) -> str:
     errata = "\n".join(map(_erratum, paper.errata))
     return (
         "## Errata\n\n"
-        "Misprints, and places that contradict each other. The test named shows that the printed "
-        f"form fails. {certain} of {len(paper.errata)} are certain: they contradict the paper "
-        "itself or a computation. The others are likely, or may be faults of the copy at hand, a "
-        "text extracted from pages, in which signs, primes, indices and fraction bars get lost.\n\n"
+        "Misprints, and passages that contradict each other. For each a test is named, which shows "
+        f"that the printed form fails. {certain} of {len(paper.errata)} are certain: they contradict the paper "
+        "itself or a computation. The others are likely, or may be errors of the copy at hand, a "
+        "text extracted from a PDF, in which signs, primes, indices and fraction bars can be lost.\n\n"
         f"{errata}"
     )
 
@@ -218,7 +219,7 @@ def _erratum(erratum: Erratum) -> str:
 
 def _figures(paper: Paper) -> str:
     return (
-        "## Figures\n\nEach with its caption, its command and the claims that it decides is in "
+        "## Figures\n\nEach figure with its caption, its command and the claims that it decides is in "
         f"[the gallery](../gallery/{paper.name}.md).\n\n{grid(paper.figures, '../gallery/')}"
     )
 
@@ -228,8 +229,8 @@ def _cite(paper: Paper) -> str:
     return (
         "## How to cite it\n\n"
         f"Cite the paper whose observer or claims you use: {reference}\n\n"
-        f"And this replication, as {code('CITATION.cff')} says; the assumptions that its numbers "
-        f"rest on are in [its parameter file](../reference/parameters/{paper.name}.md)."
+        f"Cite also this replication, see {code('CITATION.cff')}. The assumptions behind its numbers "
+        f"are in [its parameter file](../reference/parameters/{paper.name}.md)."
     )
 
 

@@ -19,7 +19,7 @@ def packages_and_modules(source: Path) -> str:
             for name, tree in modules(source, package)
         ]
         over = heading(2, code(package), package)
-        parts.append(f"{over}\n\n{table(('module', 'what it is'), listed)}")
+        parts.append(f"{over}\n\n{table(('module', 'description'), listed)}")
     return "\n".join(parts)
 
 

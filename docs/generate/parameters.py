@@ -27,9 +27,9 @@ def parameters(paper: Paper) -> str:
     """All parameters of a paper, by section."""
     parts = [
         f"*{plain(paper.about['title'])}*. [What was found](../../findings/{paper.name}.md)\n",
-        "What the paper gives is listed with its place there. What it does not give is assumed, "
-        "with the reason and the range in which another reader could have chosen. Keys with the "
-        f"same entry stand together. {code(f'reobserve params {paper.name} --why')} prints this "
+        "Values that the paper states are listed with their place in it. The others are assumed, "
+        "with the reason and the range from which another reader could have chosen. Keys with the "
+        f"same entry share one row. {code(f'reobserve params {paper.name} --why')} prints this "
         "in a terminal.\n",
     ]
     for section, found in groupby(paper.entries, lambda entry: entry.section):
@@ -45,7 +45,7 @@ def _row(paper: Paper, entry: Entry) -> tuple[str, ...]:
     value = "<br>".join(map(plain, entry.value)) + unit
     text = ticks(entry.why or entry.source)
     if entry.numerical:
-        text += " *Numerical: a resolution, no physics.*"
+        text += " *Numerical: a resolution of the computation.*"
     if entry.chosen_for:
         text += f" **Chosen so that a claim holds.** {ticks(entry.chosen_for)}"
     if entry.claims:

@@ -14,7 +14,7 @@ a task, by hand:
       --output config/bench/tuned/torque/levant.json
   reobserve bench score config/bench/torque.yaml --tuned config/bench/tuned/torque \\
       --outputs scores.csv table.csv evaluations.csv
-`snakemake bench` scores and samples all tasks, `snakemake bench_tune` tunes all methods again.
+`snakemake bench` scores and plots all tasks, `snakemake bench_tune` tunes all methods again.
 """
 
 
@@ -28,7 +28,10 @@ def add_bench(commands: Any) -> None:
     commands = bench.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     tune = add_command(
-        commands, "tune", "bench.commands:tune_command", "tune a method of a task, some seconds"
+        commands,
+        "tune",
+        "bench.commands:tune_command",
+        "tune a method of a task; takes some seconds",
     )
     _task_file(tune)
     tune.add_argument("method", help="a method of the task")
@@ -41,24 +44,28 @@ def add_bench(commands: Any) -> None:
     score.add_argument("--tuned", type=Path, required=True, help="a folder of tuned settings")
     score.add_argument(
         "--outputs", type=Path, nargs=3, required=True, metavar=("SCORES", "TABLE", "EVALUATIONS"),
-        help="of each run, of each method in each condition, and over evaluations, CSV",
+        help="scores of each run, of each method in each condition, and over evaluations, CSV",
     )  # fmt: skip
 
     moved = add_command(
         commands, "moved", "bench.commands:moved_command",
-        "compare kept settings with those tuned again; fails if an error moved",
+        "compare stored settings with those tuned again; fails if an error changed",
     )  # fmt: skip
     _task_file(moved)
     moved.add_argument("--cached", type=Path, required=True, help="a folder of tuned settings")
-    moved.add_argument("--again", type=Path, required=True, help="another one")
+    moved.add_argument(
+        "--again", type=Path, required=True, help="the folder of settings tuned again"
+    )
     add_output(moved, "the ratios of errors, CSV")
 
     plot = add_command(
-        commands, "plot", "bench.commands:plot_command", "draw the figures of a task"
+        commands, "plot", "bench.commands:plot_command", "plot the figures of a task"
     )
     _task_file(plot)
     plot.add_argument("--table", type=Path, required=True, help="from `reobserve bench score`")
-    plot.add_argument("--evaluations", type=Path, required=True, help="likewise")
+    plot.add_argument(
+        "--evaluations", type=Path, required=True, help="from `reobserve bench score`"
+    )
     plot.add_argument(
         "--outputs", type=Path, nargs="+", required=True,
         help=f"heatmap, levels or evaluations, in any of {', '.join(FORMATS)}",
@@ -69,10 +76,13 @@ def add_bench(commands: Any) -> None:
 
     table = add_command(
         commands, "table", "bench.commands:table_command",
-        "write one table of all methods and what they know, guarantee and cost",
+        "write a table of all methods: what they need, guarantee and cost",
     )  # fmt: skip
     table.add_argument(
-        "folders", type=Path, nargs="+", help="of results, each named like its task file"
+        "folders",
+        type=Path,
+        nargs="+",
+        help="folders of results, each with the name of its task file",
     )
     for name, default, text in (
         ("tasks", "config/bench", "the folder of task files"),

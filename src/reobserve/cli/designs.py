@@ -16,8 +16,8 @@ a model to start from, its design, and its code:
   reobserve design kalman pendulum.yaml --set gain=varying --out varying.json
   reobserve export pendulum.json --out pendulum
 
-Gains that the model does not state are found, where the kind can find them; the example of a kind
-says which keys there are.
+Gains that the model does not state are computed, if the kind can do that; the example of a kind
+shows its keys.
 """
 
 
@@ -25,7 +25,7 @@ def add_designs(commands: Any) -> None:
     """`design` and `export`."""
     design = add_command(
         commands, "design", "estimation.families.design_command:run",
-        "find gains of an observer for a model, or check given ones, and certify them",
+        "compute gains of an observer for a model, or check given ones, and certify them",
     )  # fmt: skip
     design.epilog = _MORE
     design.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -33,7 +33,10 @@ def add_designs(commands: Any) -> None:
     design.add_argument("model", nargs="?", type=Path, metavar="MODEL.yaml", help="the model")
     design.add_argument("--out", type=Path, metavar="FILE", help="the design, JSON")
     design.add_argument(
-        "--example", type=Path, metavar="FILE", help="only write a model, which runs as it is"
+        "--example",
+        type=Path,
+        metavar="FILE",
+        help="only write an example model, which runs unchanged",
     )
     design.add_argument(
         "--set", dest="changed", action="extend", nargs="+", default=[], metavar="KEY=VALUE",
@@ -45,9 +48,9 @@ def add_designs(commands: Any) -> None:
     export.add_argument("design", type=Path, help="a file made by `reobserve design`")
     export.add_argument(
         "--to", choices=("c",), default="c",
-        help="c: a step function without allocation, and its test (default: c)",
+        help="c: a step function without memory allocation, and its test (default: c)",
     )  # fmt: skip
     export.add_argument(
         "--out", type=Path, default=Path(), metavar="FOLDER",
-        help="where to write it (default: this folder)",
+        help="the folder to write to (default: the current one)",
     )  # fmt: skip

@@ -19,8 +19,8 @@ examples, each a specification and a record to run it on:
   reobserve estimate kalman.yaml --stream < kalman.csv
 
 Timestamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01:59:58.250Z
-(unit: iso8601, or a format); the times of results are then seconds after an origin that is
-printed and written into the report.
+(unit: iso8601, or a format); the times of the results are then seconds after an origin, which
+is printed and written into the report.
 """
 
 
@@ -28,7 +28,7 @@ def add_estimate(commands: Any) -> None:
     """`estimate`."""
     estimate = add_command(
         commands, "estimate", "estimation.commands:run",
-        "run an observer on a record, or on lines as they arrive",
+        "run an observer on a record, or on rows as they arrive",
     )  # fmt: skip
     estimate.formatter_class = argparse.RawDescriptionHelpFormatter
     estimate.epilog = _MORE
@@ -56,7 +56,9 @@ def add_estimate(commands: Any) -> None:
         help="read standard input, write one line per sample to standard output",
     )  # fmt: skip
     estimate.add_argument(
-        "--follow", action="store_true", help="the same with DATA, as it grows, until interrupted"
+        "--follow",
+        action="store_true",
+        help="the same with the file DATA while it grows, until interrupted",
     )
     estimate.add_argument(
         "--idle", type=_seconds, default=math.inf, metavar="S",
@@ -64,20 +66,22 @@ def add_estimate(commands: Any) -> None:
     )  # fmt: skip
     estimate.add_argument(
         "--state", type=Path, metavar="FILE",
-        help="for a stream: resume from this file if it is there, and write it at the end",
+        help="for a stream: resume from this file if it exists, and write it at the end",
     )  # fmt: skip
     estimate.add_argument(
-        "--warm", action="store_true", help="compile first, and say when a stream can begin"
+        "--warm", action="store_true", help="compile first, and report when a stream can begin"
     )
     estimate.add_argument(
-        "--example", metavar="NAME", help="write a specification, see below; no file is replaced"
+        "--example",
+        metavar="NAME",
+        help="write an example of a specification, see below; no file is replaced",
     )
     estimate.add_argument(
         "--data",
         dest="record",
         type=Path,
         metavar="FILE",
-        help="with --example: also write a record",
+        help="with --example: also write a record to run it on",
     )
 
 

@@ -15,7 +15,7 @@ def add_overview(commands: Any) -> None:
         commands,
         "list",
         "replication.parameters.overview:show_list",
-        "show what there is, and what is built",
+        "list papers, figures, scenarios and observers, and which are built",
     )
     listing.add_argument("paper", nargs="*", help="only these papers (default: all)")
     add_project(listing)
@@ -27,16 +27,20 @@ def add_overview(commands: Any) -> None:
         "show a paper's parameter file: values, sources, ranges",
     )
     params.add_argument("paper", help="a paper, as named by `reobserve list`")
-    params.add_argument("match", nargs="?", default="", help="only keys that contain this")
-    params.add_argument("--why", action="store_true", help="say why each assumption was made")
     params.add_argument(
-        "--built", action="store_true", help="show those of the last build, overrides included"
+        "match", nargs="?", default="", help="show only keys that contain this text"
+    )
+    params.add_argument("--why", action="store_true", help="show the reason for each assumption")
+    params.add_argument(
+        "--built",
+        action="store_true",
+        help="show the parameters of the last build, including overrides",
     )
     add_project(params)
 
     equations = add_command(
         commands, "equations", "replication.equations.command:show_equations",
-        "show where an equation of a paper is implemented, and which test shows it",
+        "show where an equation of a paper is implemented, and which test verifies it",
     )  # fmt: skip
     equations.add_argument(
         "paper", nargs="?", default="", help="a paper, as named by `reobserve list`"
@@ -50,7 +54,7 @@ def add_overview(commands: Any) -> None:
 
     readme = add_command(
         commands, "readme", "replication.meanings:write_lists",
-        "write what metrics mean into results/README.md",
+        "write the meaning of all metrics into results/README.md",
     )  # fmt: skip
     add_project(readme)
 
@@ -60,12 +64,12 @@ def add_overview(commands: Any) -> None:
         "cli.stages.latex:run",
         "write a caption or a table of the results as LaTeX",
     )
-    latex.add_argument("source", type=Path, help="a caption, .rst, or a table, .csv")
+    latex.add_argument("source", type=Path, help="a caption (.rst) or a table (.csv)")
     latex.add_argument(
         "--digits", type=whole(1, 17), metavar="N",
         help="significant digits of numbers (default: 3 for metrics; other tables as they are)",
     )  # fmt: skip
-    add_output(latex, "a file that LaTeX can input, .tex")
+    add_output(latex, "a .tex file to be included by \\input")
 
     check = add_command(
         commands, "check", "cli.stages.check:run",
@@ -74,13 +78,13 @@ def add_overview(commands: Any) -> None:
     check.add_argument("paper", nargs="*", help="only these papers (default: all)")
     check.add_argument(
         "--overrides", type=tree, default={}, metavar="JSON",
-        help='values to replace, by paper; - reads them from standard input',
+        help='values to override, by paper; - reads them from standard input',
     )  # fmt: skip
     add_project(check)
 
     schema = add_command(
         commands, "schema", "cli.schemas:print_schema",
-        "print the JSON schema of a kind of file, for an editor",
+        "print the JSON schema of a configuration file, for an editor",
     )  # fmt: skip
     schema.add_argument(
         "kind", choices=("config", "parameters", "claims", "errata", "equations", "bench")

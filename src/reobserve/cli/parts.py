@@ -22,7 +22,7 @@ def add_project(command: argparse.ArgumentParser) -> None:
     """Let it be called from another folder than the project's."""
     command.add_argument(
         "--project", type=Path, default=Path(), metavar="DIR",
-        help="the folder with config and workflow (default: this one)",
+        help="the project folder, with config and workflow (default: the current one)",
     )  # fmt: skip
 
 

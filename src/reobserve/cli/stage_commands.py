@@ -24,7 +24,7 @@ def add_stages(commands: Any) -> None:
     """The stages of the pipeline, below ``reobserve stage``."""
     stages = commands.add_parser(
         "stage", help="run one stage of the pipeline by hand",
-        description="One stage of the pipeline, as its jobs call it.", epilog=_EXAMPLES,
+        description="Run one stage of the pipeline, as its jobs do.", epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     commands = stages.add_subparsers(title="stages", metavar="STAGE", required=True)
@@ -43,7 +43,7 @@ def _add_simulation(commands: Any) -> None:
     parameters.add_argument("paper", help="the name of a file in config/papers")
     parameters.add_argument(
         "--overrides", type=tree, default={}, metavar="JSON",
-        help='values to replace, such as \'{"observers": {"sampled": {"K2": 1500}}}\'',
+        help='values to override, such as \'{"observers": {"sampled": {"K2": 1500}}}\'',
     )  # fmt: skip
     parameters.add_argument(
         "--seed", type=whole(0), help="root of the random streams (default: that of the config)"
@@ -84,51 +84,56 @@ def _add_simulation(commands: Any) -> None:
     add_output(study, "the table, CSV")
 
     search = add_command(
-        commands, "search", "cli.stages.search:run", "search for values that a paper leaves open"
+        commands,
+        "search",
+        "cli.stages.search:run",
+        "search for values that the paper does not state",
     )
     _parameter_file(search)
     search.add_argument("plant_file", type=Path, help="a record made by `reobserve stage plant`")
     search.add_argument("search", help="a search of the parameter file")
-    add_output(search, "what was found, JSON")
+    add_output(search, "the result, JSON")
 
 
 def _add_figures(commands: Any) -> None:
-    table = add_command(commands, "table", "cli.stages.table:run", "fill a table from a design")
+    table = add_command(
+        commands, "table", "cli.stages.table:run", "compute a table of the paper from a design"
+    )
     _parameter_file(table)
     table.add_argument("table", help="a table of the parameter file")
     _design_file(table, required=True)
     add_output(table, "the table, CSV")
 
     metrics = add_command(
-        commands, "metrics", "cli.stages.metrics:run", "compute the numbers of a figure"
+        commands, "metrics", "cli.stages.metrics:run", "compute the metrics of a figure"
     )
     _figure_inputs(metrics)
     add_output(metrics, "the table, CSV")
 
     plot = add_command(
-        commands, "plot", "cli.stages.plot:run", "draw a figure and write its caption"
+        commands, "plot", "cli.stages.plot:run", "plot a figure and write its caption"
     )
     _figure_inputs(plot)
     plot.add_argument(
         "--metrics-file", type=Path, required=True, help="from `reobserve stage metrics`"
     )
-    plot.add_argument("--template", type=Path, required=True, help="the caption's template")
-    plot.add_argument("--caption", type=Path, required=True, help="where the caption goes")
+    plot.add_argument("--template", type=Path, required=True, help="the template of the caption")
+    plot.add_argument("--caption", type=Path, required=True, help="the caption to write")
     plot.add_argument(
         "--outputs", type=Path, nargs="+", required=True,
-        help=f"files, in any of {', '.join(FORMATS)}",
+        help=f"the figure, in any of {', '.join(FORMATS)}",
     )  # fmt: skip
     plot.add_argument(
         "--style", type=Path, nargs="?", metavar="FILE", help="a matplotlib style sheet"
     )
     plot.add_argument(
-        "--no-notes", dest="notes", action="store_false", help="put the note into the caption"
+        "--no-notes", dest="notes", action="store_false", help="put the notes into the caption"
     )
 
 
 def _add_evidence(commands: Any) -> None:
     theory = add_command(
-        commands, "theory", "cli.stages.theory:run", "compute the numbers of a paper's theory"
+        commands, "theory", "cli.stages.theory:run", "compute the metrics of a paper's theory"
     )
     _parameter_file(theory)
     theory.add_argument(
@@ -139,18 +144,18 @@ def _add_evidence(commands: Any) -> None:
 
     robustness = add_command(
         commands, "robustness", "cli.stages.robustness:run",
-        "decide a paper's claims over samples of what it leaves open",
+        "decide a paper's claims with samples of what it leaves open",
     )  # fmt: skip
     _parameter_file(robustness)
-    most = "at most, per claim"
+    most = "maximum number of samples per claim"
     robustness.add_argument("--samples", type=whole(1, 1_000_000), required=True, help=most)
     robustness.add_argument(
         "--no-reversals", dest="reversals", action="store_false",
-        help="skip the search for the smallest change that reverses a claim, which takes longest",
+        help="skip the search for the smallest change that reverses a claim, the slowest part",
     )  # fmt: skip
     robustness.add_argument(
         "--chunk-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve stage sample`; samples that they lack are made here",
+        help="from `reobserve stage sample`; missing samples are computed here",
     )  # fmt: skip
     _what_is_known(robustness)
     add_output(robustness, "shares and smallest changes, JSON")
@@ -160,28 +165,31 @@ def _add_evidence(commands: Any) -> None:
         commands,
         "sample",
         "cli.stages.sample:run",
-        "make a chunk of these samples, for robustness to gather",
+        "compute a chunk of samples for `robustness`",
     )
     _parameter_file(sample)
-    sample.add_argument("chunk", help="the numbers of its first and last sample, such as 50-99")
+    sample.add_argument("chunk", help="numbers of its first and last sample, such as 50-99")
     _what_is_known(sample)
     add_output(sample, "the samples, JSON")
     add_project(sample)
 
     sensitivity = add_command(
         commands, "sensitivity", "cli.stages.sensitivity:run",
-        "draw specification curves, and what decides the claims that depend on choices",
+        "plot specification curves, and the choices that decide claims which depend on them",
     )  # fmt: skip
     _parameter_file(sensitivity)
     sensitivity.add_argument("robustness_file", type=Path, help="from `reobserve stage robustness`")
-    text = "specification and sensitivity, in any of the formats"
+    text = "the figures specification and sensitivity, in any of the formats"
     sensitivity.add_argument("--outputs", type=Path, nargs="+", required=True, help=text)
     add_project(sensitivity)
 
     claims = add_command(commands, "claims", "cli.stages.claims:run", "decide all claims")
     claims.add_argument("paper", nargs="*", help="papers whose figures are built")
     claims.add_argument(
-        "--results", type=Path, default=Path("results"), help="where they are (default: results)"
+        "--results",
+        type=Path,
+        default=Path("results"),
+        help="the folder of results (default: results)",
     )
     add_output(claims, "the table, CSV")
     add_project(claims)
@@ -196,9 +204,9 @@ def _add_evidence(commands: Any) -> None:
         commands,
         "archive",
         "cli.stages.archive:run",
-        "pack a build as an RO-Crate, to be deposited",
+        "pack a build as an RO-Crate, for deposit",
     )
-    archive.add_argument("products", nargs="+", help="files below results, as a build made them")
+    archive.add_argument("products", nargs="+", help="files in results, made by a build")
     add_output(archive, "the crate, .zip")
     add_project(archive)
 
@@ -220,11 +228,11 @@ def _design_file(command: argparse.ArgumentParser, *, required: bool = False) ->
 def _what_is_known(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--cached", type=Path, nargs="?", metavar="FILE",
-        help="cached samples, not all of which need to be repeated",
+        help="cached samples, of which only some are repeated",
     )  # fmt: skip
     command.add_argument(
         "--study-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve stage study`, in the order of the parameters; else they are run here",
+        help="from `reobserve stage study`, in the order of the parameters; else computed here",
     )  # fmt: skip
 
 

@@ -56,9 +56,9 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
     page = page_of(project)
     text = unescape(re.sub(r"[ \n]+", " ", page))
     for reported in (
-        "One paper on observers, run again", "[¬Re]", "No gaps:", "A lag and its disturbance",
+        "One paper on observers, replicated", "[¬Re]", "No gaps:", "A lag and its disturbance",
         "(a) The estimate errs by 0.1 %.", "Both poles are in one place.", "Depends on",
-        "Held in 30 of 40 samples: 75\xa0%, may be 60 to 86\xa0%.",
+        "Held in 30 of 40 samples: 75\xa0%, confidence interval 60 to 86\xa0%.",
         "The bound was set after its numbers were known.",
         "With the same verdict, below 1 could be any.",
         "1 of 1 are certain:", "Which choices decide the claims that turn over", "undecided",
