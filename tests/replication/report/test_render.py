@@ -63,7 +63,7 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
         "With the same verdict, below 1 could be any.",
         "1 of 1 are certain:", "Which choices decide the claims that turn over", "undecided",
         "1 of 2 main claims are reproduced and 0 contradicted; it would be [Re] with 1 more",
-        "2 diverged. 1 refused. 38 were made earlier and are cached in",
+        "2 diverged. 1 refused. 38 were computed earlier and are cached in",
         "Smallest single change that reverses it",
         "from 1 to 0.6 1/s^2 (0.1 of its range)",
         "There is no laboratory here.", "The gains of one observer are not given.",
