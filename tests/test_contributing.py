@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.cli.main import main
+from reobserve.core.documents import read_yaml
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -50,3 +51,18 @@ def test_places_are_there() -> None:
     named -= {".venv/bin/activate"}
     assert "src/reobserve/cli/stage_commands.py" in named
     assert {name for name in named if not (ROOT / name).exists()} == set()
+
+
+def test_sub_commands_and_rules_that_other_files_name_are_there() -> None:
+    """Those of the Makefile and the workflows of CI, and the rules of the profile for Slurm."""
+    files = (ROOT / "Makefile", *(ROOT / ".github/workflows").glob("*.yml"))
+    text = "\n".join(path.read_text(encoding="utf-8") for path in files)
+    named = set(re.findall(r"(?:^\t|bin/)reobserve ([a-z]+)\b", text, re.MULTILINE))
+    assert {"samples", "accept"} <= named
+    for name in named:
+        with pytest.raises(SystemExit, match="^0$"):
+            main([name, "--help"])
+    texts = [one.read_text(encoding="utf-8") for one in ROOT.glob("workflow/rules/*.smk")]
+    rules = set(re.findall(r"^rule (\w+):", "\n".join(texts), re.MULTILINE))
+    profile = read_yaml(ROOT / "profiles/slurm/config.yaml")
+    assert {*profile["set-resources"], *profile["groups"]} <= rules

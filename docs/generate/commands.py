@@ -26,9 +26,7 @@ def targets(root: Path) -> str:
     """The targets of the Makefile, with what each does."""
     makefile = (root / "Makefile").read_text(encoding="utf-8")
     rows = sorted(re.findall(r"^([a-z]+):.*?## (.+)$", makefile, re.MULTILINE))
-    return table(
-        ("target", "effect"), [(code(f"make {name}"), plain(text)) for name, text in rows]
-    )
+    return table(("target", "effect"), [(code(f"make {name}"), plain(text)) for name, text in rows])
 
 
 def _below(parser: argparse.ArgumentParser, level: int) -> Iterator[str]:

@@ -199,7 +199,7 @@ REFUSED = [
     ({"t": np.where(EVEN["t"] == 50, np.nan, EVEN["t"])}, {}, "row 6 has no timestamp"),
     ({"t": np.zeros(1001)}, {}, "row 2: the timestamp stands still"),
     ({"speed": np.where(EVEN["t"] == 50, np.nan, EVEN["speed"])}, {},
-     "speed missing at 0.05 s; sampling.missing says refuse, it may say interpolate or skip"),
+     "speed missing at 0.05 s; sampling.missing is refuse, set it to interpolate or skip"),
     ({"voltage": np.where(EVEN["t"] == 50, np.inf, EVEN["voltage"])}, {},
      "voltage: row 6 is inf, must be a number"),
     ({"speed": np.where(EVEN["t"] > 50, np.nan, EVEN["speed"]),

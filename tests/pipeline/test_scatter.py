@@ -62,11 +62,11 @@ def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) ->
     assert chunks(toy) == ["0-9", "10-19", "20-29", "30-39"]
     assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
     more = ["samples=70", "chunks=7", "reversals=false"]
-    assert toy.stale(ROBUSTNESS, config=more) == {"draw": 3, "robustness": 1}
+    assert toy.stale(ROBUSTNESS, config=more) == {"sample": 3, "robustness": 1}
     (toy.folder / ROBUSTNESS).unlink()
     (toy.folder / "results/toy/samples/30-39.json").unlink()
     lost = toy.stale(ROBUSTNESS, config=[*WHOLE, "chunks=4"])
-    assert lost == {"draw": 1, "robustness": 1}
+    assert lost == {"sample": 1, "robustness": 1}
 
 
 @pytest.mark.nightly
@@ -75,10 +75,10 @@ def test_chunks_follow_what_they_are_drawn_from(toy: Project, in_one: bytes) -> 
     config = [*WHOLE, "chunks=2"]
     toy.snakemake(ROBUSTNESS, "--config", *config)
     gain = "toy={observers: {slow: {gains: [0.9, 1.1]}}}"
-    assert toy.stale(ROBUSTNESS, config=[*config, gain])["draw"] == 2
+    assert toy.stale(ROBUSTNESS, config=[*config, gain])["sample"] == 2
     with edited(toy.folder / "src/reobserve/papers/toy/study.py"):
         stale = toy.stale(ROBUSTNESS, config=config)
-    assert stale == {"study": 1, "draw": 2, "robustness": 1}
+    assert stale == {"study": 1, "sample": 2, "robustness": 1}
     assert toy.stale(ROBUSTNESS, config=config) == {}
 
 
@@ -136,7 +136,7 @@ def kill_first_chunk(slurm: dict[str, str], build: subprocess.Popen[bytes]) -> s
         rows = ask(slurm, "squeue", "--noheader", "--states=RUNNING", "--format=%i %k")
         for row in rows.splitlines():
             number, _, comment = row.partition(" ")
-            if "draw" in comment:
+            if "sample" in comment:
                 ask(slurm, "scancel", number)
                 return number
         time.sleep(0.2)

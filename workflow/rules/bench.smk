@@ -63,7 +63,7 @@ rule bench_figures:
         code=code_of("reobserve.bench.plot"), packages=PACKAGES,
         style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
         options=" ".join(["--style", *STYLE])
-    message: "bench, {wildcards.task}: draw"
+    message: "bench, {wildcards.task}: plot"
     shell:
         "(set -x; reobserve bench plot {input.task} --table {input.table} --evaluations {input.evaluations}"
         " {params.options} --outputs {output}) &> {log}"

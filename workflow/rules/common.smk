@@ -134,7 +134,7 @@ def table_caption(wildcards):
     return caption_template(Path(), wildcards.paper, wildcards.table, "table")
 
 def chunks(wildcards):
-    """An input function: the samples of a paper in chunks of one size; none if one job samples all."""
+    """An input function: the samples of a paper in chunks of one size; none if one job computes all."""
     size = -(-config["samples"] // config["chunks"])
     starts = range(0, config["samples"], size) if config["chunks"] > 1 else []
     return [f"results/{wildcards.paper}/samples/{start}-{start + size - 1}.json" for start in starts]

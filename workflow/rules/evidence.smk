@@ -14,7 +14,7 @@ rule theory:
         "(set -x; reobserve stage theory results/{wildcards.paper}/parameters.json"
         " --design-files {input} --output {output}) &> {log}"
 
-# With `chunks` above one; else the robustness samples all samples.
+# With `chunks` above one; else the rule robustness computes all samples.
 rule sample:
     input: cached=cached, studies=each_of_paper("results/{paper}/{name}.study.csv", "studies")
     output: "results/{paper}/samples/{chunk}.json"
@@ -23,7 +23,7 @@ rule sample:
     priority: 2
     conda: "../envs/reobserve.yaml"
     params: settings=sampled, code=code("sample"), packages=PACKAGES
-    message: "{wildcards.paper}: sample the Monte Carlo samples {wildcards.chunk}"
+    message: "{wildcards.paper}: compute the Monte Carlo samples {wildcards.chunk}"
     shell:
         "(set -x; reobserve stage sample results/{wildcards.paper}/parameters.json {wildcards.chunk}"
         " --cached {input.cached} --study-files {input.studies} --output {output}) &> {log}"
@@ -59,7 +59,7 @@ rule sensitivity:
     params:
         checks=checks,
         code=code_of("reobserve.cli.stages.sensitivity"), packages=PACKAGES
-    message: "{wildcards.paper}: draw which choices decide the claims"
+    message: "{wildcards.paper}: plot which choices decide the claims"
     shell:
         "(set -x; reobserve stage sensitivity results/{wildcards.paper}/parameters.json {input}"
         " --outputs {output}) &> {log}"

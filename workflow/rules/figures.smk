@@ -35,7 +35,7 @@ rule plot:
         style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
         options=" ".join(["--style", *STYLE, *([] if config["notes"] else ["--no-notes"])]),
         drawings=lambda wildcards, output: output[:-1]
-    message: "{wildcards.paper}: draw {wildcards.figure}"
+    message: "{wildcards.paper}: plot {wildcards.figure}"
     shell:
         "(set -x; reobserve stage plot results/{wildcards.paper}/parameters.json {wildcards.figure}"
         " --plant-file {input.plant} --estimate-files {input.estimates} --study-file {input.study}"

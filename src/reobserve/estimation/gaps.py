@@ -145,12 +145,12 @@ class Gaps:
         listed = ", ".join(self.columns[c] for c in lost[:4])
         if sampling.missing == "refuse":
             others = "interpolate or skip" if self.reads_missing else "interpolate"
-            problem = f"at {now:.9g} s; sampling.missing says refuse, it may say {others}"
+            problem = f"at {now:.9g} s; sampling.missing is refuse, set it to {others}"
         else:
             others = "restart or coast" if self.reads_missing else "restart"
             problem = (
                 f"from {self.last:.14g} s on for longer than sampling.gap, {sampling.longest:g} s; "
-                f"sampling.at_gap says refuse, it may say {others}"
+                f"sampling.at_gap is refuse, set it to {others}"
             )
         raise InputError(self.place, f"{listed} missing {problem}")
 

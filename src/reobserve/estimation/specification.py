@@ -146,7 +146,7 @@ class Sampling:
 
     def __post_init__(self) -> None:
         if self.missing == "refuse" and self.at_gap != "refuse":
-            problem = f"{self.at_gap} has no gap to act on where missing says refuse"
+            problem = f"{self.at_gap} has no gap to act on where missing is refuse"
             raise InputError("at_gap", problem)
         if self.jitter >= 0.5:
             raise InputError("jitter", f"{self.jitter:g} periods must be below half of one")

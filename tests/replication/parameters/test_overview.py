@@ -40,7 +40,7 @@ def test_parameters_come_with_unit_source_and_range(project: Path, capsys: Captu
         "observers.slow.gains [1.0, 1.0] 1/s, 1/s^2 assumed *: 0.5 to 5",
         "",
         "1 entries, 1 of them assumed: the paper does not give them.",
-        "--why says why each assumption was made.",
+        "--why shows the reason for each assumption.",
     ]
     reported = printed(capsys, "params", "toy", "observers.slow", "--why")
     assert reported[3:] == ["Not given.", "", reported[-1]]

@@ -43,7 +43,7 @@ def run(
         found = chosen.designed(tree)
     saved = save_design(out, found)
     print(*saved.summary(), sep="\n")
-    print(f"{out}: certified, and so again whenever it is loaded")
+    print(f"{out}: certified; loading it certifies it again")
 
 
 def _change(text: str) -> tuple[str, Any]:

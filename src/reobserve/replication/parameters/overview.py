@@ -88,7 +88,7 @@ def show_params(project: Path, paper: str, match: str, why: bool, built: bool) -
     assumed = sum(row[3] == "assumed" for row in rows)
     print(f"\n{len(rows)} entries, {assumed} of them assumed: the paper does not give them.")
     if not why and assumed:
-        print("--why says why each assumption was made.")
+        print("--why shows the reason for each assumption.")
 
 
 def _state(path: Path) -> str:

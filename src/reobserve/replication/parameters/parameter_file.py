@@ -259,7 +259,9 @@ class Configuration(BaseModel):
     chunks: Annotated[int, Field(ge=1, le=2000)]
     reversals: Annotated[bool, formerly("flips")]
     cached: Annotated[bool, formerly("kept")]
-    papers: Annotated[Names | None, Field(description="The papers to build; all if left out.")] = None
+    papers: Annotated[Names | None, Field(description="The papers to build; all if left out.")] = (
+        None
+    )
     style: str = "default"
     notes: bool = True
     latex: bool = False
