@@ -46,7 +46,8 @@ def of_ilo() -> Iterator[str]:
         for gain in (law["K2"] / law["update_interval"], max(gains))
     )
     yield f"{matched} with the integral gain K2 / tau of `continuous` and {greatest} with"
-    yield f"which is another observer, the error is {percent(fig4['matched', 'relative_rms_error'])}."
+    error = percent(fig4["matched", "relative_rms_error"])
+    yield f"which is another observer, the error is {error}."
     theory = golden_metrics("ilo", "theory")
     learning, integral = (
         percent(theory[name, "relative_error_under_random_fault"]) for name in ("best", "integral")

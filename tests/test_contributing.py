@@ -60,7 +60,7 @@ def test_sub_commands_and_rules_that_other_files_name_are_there() -> None:
     named = set(re.findall(r"(?:^\t|bin/)reobserve ([a-z]+)\b", text, re.MULTILINE))
     assert {"samples", "accept"} <= named
     for name in named:
-        with pytest.raises(SystemExit, match="^0$"):
+        with pytest.raises(SystemExit, match=r"^0$"):
             main([name, "--help"])
     texts = [one.read_text(encoding="utf-8") for one in ROOT.glob("workflow/rules/*.smk")]
     rules = set(re.findall(r"^rule (\w+):", "\n".join(texts), re.MULTILINE))

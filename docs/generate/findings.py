@@ -25,8 +25,8 @@ _THRESHOLDS = {
 }
 _QUANTIFIERS = {
     "can": "It states that something can be so: one setting with which the checks hold decides it.",
-    "always": "It states that something is always so: one setting with which a check fails decides against"
-    " it.",
+    "always": "It states that something is always so: one setting with which a check fails decides"
+    " against it.",
 }
 _CERTAINTIES = {
     "certain": "certain",
@@ -200,9 +200,10 @@ def _errata(paper: Paper) -> str:
     return (
         "## Errata\n\n"
         "Misprints, and passages that contradict each other. For each a test is named, which shows "
-        f"that the printed form fails. {certain} of {len(paper.errata)} are certain: they contradict the paper "
-        "itself or a computation. The others are likely, or may be errors of the copy at hand, a "
-        "text extracted from a PDF, in which signs, primes, indices and fraction bars can be lost.\n\n"
+        f"that the printed form fails. {certain} of {len(paper.errata)} are certain: they contradict "
+        "the paper itself or a computation. The others are likely, or may be errors of the copy at hand, a "
+        "text extracted from a PDF, in which signs, primes, indices and fraction bars can be "
+        "lost.\n\n"
         f"{errata}"
     )
 
@@ -219,8 +220,8 @@ def _erratum(erratum: Erratum) -> str:
 
 def _figures(paper: Paper) -> str:
     return (
-        "## Figures\n\nEach figure with its caption, its command and the claims that it decides is in "
-        f"[the gallery](../gallery/{paper.name}.md).\n\n{grid(paper.figures, '../gallery/')}"
+        "## Figures\n\nEach figure with its caption, its command and the claims that it decides is "
+        f"in [the gallery](../gallery/{paper.name}.md).\n\n{grid(paper.figures, '../gallery/')}"
     )
 
 
@@ -229,8 +230,8 @@ def _cite(paper: Paper) -> str:
     return (
         "## How to cite it\n\n"
         f"Cite the paper whose observer or claims you use: {reference}\n\n"
-        f"Cite also this replication, see {code('CITATION.cff')}. The assumptions behind its numbers "
-        f"are in [its parameter file](../reference/parameters/{paper.name}.md)."
+        f"Cite also this replication, see {code('CITATION.cff')}. The assumptions behind its "
+        f"numbers are in [its parameter file](../reference/parameters/{paper.name}.md)."
     )
 
 
