@@ -200,10 +200,10 @@ def _errata(paper: Paper) -> str:
     return (
         "## Errata\n\n"
         "Misprints, and passages that contradict each other. For each a test is named, which shows "
-        f"that the printed form fails. {certain} of {len(paper.errata)} are certain: they contradict "
-        "the paper itself or a computation. The others are likely, or may be errors of the copy at hand, a "
-        "text extracted from a PDF, in which signs, primes, indices and fraction bars can be "
-        "lost.\n\n"
+        f"that the printed form fails. {certain} of {len(paper.errata)} are certain: they "
+        "contradict the paper itself or a computation. The others are likely, or may be errors of "
+        "the copy at hand, a text extracted from a PDF, in which signs, primes, indices and "
+        "fraction bars can be lost.\n\n"
         f"{errata}"
     )
 

@@ -31,8 +31,8 @@ from reobserve.replication.parameters.figure_data import FigureData
 
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
-    "turned_over_at": "when the pendulum first leaves half a turn",
-    "largest_angle": "of the pendulum, turns counted",
+    "turned_over_at": "time at which the pendulum first exceeds half a turn",
+    "largest_angle": "largest angle of the pendulum, including full turns",
     "rms_error_<component>": "root mean square error of a state",
     "rms_error_<component>_from_start": "the same from t = 0 on",
     "rms_delay_error": "root mean square error of the delay",
@@ -40,34 +40,35 @@ MEANINGS = {
     "late_delay_error_<jump>": "largest error in the last seconds before a jump",
     "varying_rms_delay_error": "root mean square error of the delay where it varies",
     "varying_rms_error_<component>": "root mean square error of a state where the delay varies",
-    "delay_radius": "largest error of the delay once the last jump is forgotten",
+    "delay_radius": "largest error of the delay after the transient of the last jump",
     "predicted_delay_radius rho=<level>": "the same by the lag of the linear error system",
-    "settled_rms_delay_error": "root mean square error of the delay there",
+    "settled_rms_delay_error": "root mean square error of the delay after that transient",
     "least_radius rho=<level>": (
         "bound of the error of the linear error system with |xi| at the threshold, for the worst "
         "remainder and rate of the delay"
     ),
     "ripple_<jump>": (
-        "of the estimate in the last seconds with the gain on before a jump, its slope taken out"
+        "ripple of the estimate in the last seconds with the gain on before a jump, without its slope"
     ),
-    "least_delay": "least estimate of the run",
-    "greatest_delay": "greatest estimate of the run",
+    "least_delay": "minimum estimate of the run",
+    "greatest_delay": "maximum estimate of the run",
     "off_share": "share of the run in which the gain is switched off",
     "<quantity> <sweep>=<level>": (
         "mean over the runs of a study at one level; of the theory's runs one, without noise"
     ),
     "determinant_error": (
-        "of the observability Jacobian from -G u'(t - tau), over its greatest value"
+        "difference between the observability Jacobian and -G u'(t - tau), over its maximum"
     ),
-    "breaks": "instants at which the input or a derivative up to the third is discontinuous",
-    "least_rate": "least |u'|, zero where it changes its sign",
+    "breaks": "number of instants at which the input or a derivative up to the third is "
+    "discontinuous",
+    "least_rate": "minimum of |u'|, zero if it changes its sign",
     "singular_instants": "how often u' changes its sign",
     "singular_share": "share of the time with u' = 0",
     "remainder order=<order>": "largest remainder of the expansion (6)",
-    "slow_pole": "of the linear error system, hanging pendulum",
+    "slow_pole": "slowest pole of the linear error system, hanging pendulum",
     "slow_pole_upright": "the same, upright",
     "relative_rms_error_<order>": (
-        "root mean square error of a derivative by the differentiator, over its own"
+        "root mean square error of a derivative by the differentiator, over that of the derivative"
     ),
     "bound_share": "third derivative of the input over L",
     "rms_delay_error_faster rho=<level>": (

@@ -24,28 +24,28 @@ MEANINGS = {
     "rms_<fault>_fault_varying": "root mean square of a fault where it varies",
     "rms_noise_constant": "root mean square of the noise where the sensor fault is constant",
     "rms_corrected_speed_error_constant": (
-        "of the measured speed less the estimated sensor fault where that is constant"
+        "root mean square error of the measured speed minus the estimated sensor fault, where that is constant"
     ),
     "rms_<fault>_difference": (
         "root mean square difference from the estimate of the observer it is compared with"
     ),
-    "<fault>_lag": "shift of the estimate that leaves the least error",
-    "<quantity> <choice>=<level> rate=<rate>": "the same of a design of the study",
+    "<fault>_lag": "shift of the estimate that minimises the error",
+    "<quantity> <choice>=<level> rate=<rate>": "the same for a design of the study",
     "<source>_in_<fault>_fault <choice>=<level> rate=<rate>": (
         "standard deviation that disturbances or noise cause"
     ),
     "slowest_pole": "distance of the slowest pole from the axis",
-    "unobservable_states": "states less the rank of the observability matrix of (A, C)",
+    "unobservable_states": "number of states minus the rank of the observability matrix of (A, C)",
     "rosenbrock_rank_deficiency": (
-        "combinations of constant states and faults that no output shows"
+        "number of combinations of constant states and faults that are unobservable"
     ),
-    "overshoot": "of the speed after a step of the reference by one",
-    "settling_time": "of the speed, until it stays within two per cent",
+    "overshoot": "overshoot of the speed after a unit step of the reference",
+    "settling_time": "time until the speed stays within two per cent",
     "deviation": "of the noise",
     "norm": "proved bound of the H-infinity norm",
-    "gamma": "bound that was asked for; `nan` for designs without one",
-    "missed_fast_<fault>_fault": "part of a fast sinusoidal fault that its estimate misses",
-    "left_of_<fault>_jump": "largest error, some time after a jump by one and later",
+    "gamma": "specified bound; `nan` for designs without one",
+    "missed_fast_<fault>_fault": "share of a fast sinusoidal fault that its estimate misses",
+    "left_of_<fault>_jump": "largest error from some time after a unit jump on",
     "<source>_in_<fault>_fault": (
         "standard deviation that noise or disturbances cause in the estimate"
     ),

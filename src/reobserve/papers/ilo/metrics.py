@@ -36,15 +36,15 @@ MEANINGS = {
     "residual_before_fault": "largest estimate on any axis before the first onset",
     "detection_delay": "from the first onset until the estimate exceeds the threshold",
     "settling_time": "from the last onset until |e| stays below the threshold",
-    "predicted_rms_error": "what linear theory says of `rms_error` in steady state",
+    "predicted_rms_error": "prediction of `rms_error` in steady state by linear theory",
     "relative_rms_error <sweep>=<level>": "mean over the runs of a study at one level",
     "violations": "random cases in which (5) of Lemma 1 fails",
     "violations_without_mismatch": "the same of (12)",
-    "required_damping_at_identity": "least Lambda with which Theorem 1 certifies K1 = I",
+    "required_damping_at_identity": "minimum Lambda with which Theorem 1 certifies K1 = I",
     "least_constant_error": (
-        "least share of a constant fault that certified designs leave unestimated"
+        "minimum share of a constant fault that certified designs do not estimate"
     ),
-    "unstable_share": "of random certified designs",
+    "unstable_share": "share of random certified designs that are unstable",
     "bound_18_ratio": (
         "right side of (18) over the left, of a certified design under the stuck fault"
     ),
@@ -63,8 +63,8 @@ MEANINGS = {
         "of the transfer to e under sin 10 t from that with the integrator K2 / tau, by itself or "
         "with a proportional part K2 / 2, over its size"
     ),
-    "disturbance_gain": "largest part of a high-frequency torque that shows in the estimate",
-    "operations": "multiplications and additions of the estimation law a sampling period",
+    "disturbance_gain": "maximum gain from a high-frequency torque to the estimate",
+    "operations": "multiplications and additions of the estimation law per sampling period",
     "residual_after_other_start": (
         "largest estimate in the second before the fault, if the observer starts from another rate"
     ),

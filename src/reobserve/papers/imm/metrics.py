@@ -35,37 +35,44 @@ MEANINGS = {
     "normal_before": "mean probability of the normal mode before the fault",
     "<mode>_after": "mean probability of a mode after it",
     "<mode>_spread": "its standard deviation over time, after the fault",
-    "overshoot": "how far the normal mode is from its later mean at most, in the window of it",
+    "overshoot": "maximum deviation of the normal mode from its later mean, in the window of "
+    "the overshoot",
     "alarm_samples": (
         "samples from the fault until the normal mode falls below the level of an alarm; nan if "
         "it was there in the seconds before"
     ),
-    "diagnosed_share": "share of the last three seconds in which the right mode is the likeliest",
-    "rms_velocity_error": "of the combined estimate after the fault",
+    "diagnosed_share": "share of the last three seconds in which the true mode is the most "
+    "probable",
+    "rms_velocity_error": "root mean square error of the combined estimate after the fault",
     "velocity_error_share": "the same as a share of the velocity's own root mean square",
-    "saturation_fraction": "of the innovations after the fault that lie outside the boundary layer",
-    "chattering_fraction": "of those after it that lie there and have changed their sign",
+    "saturation_fraction": "share of the innovations after the fault that are outside the "
+    "boundary layer",
+    "chattering_fraction": "share of the innovations after the fault that are outside and "
+    "have changed their sign",
     "chattering_size": "RMS of the velocity's corrections by these, as a share of its own",
-    "trials": "of the search, each of three banks",
-    "earlier_trials": "of searches before it, whose numbers are not used",
-    "tuned": "how many numbers the search moved",
-    "targets": "how many quoted values it sought",
-    "distance": "root mean square over time and values that it left",
-    "least_factor": "to a tuned number that keeps all quoted values within the band",
-    "greatest_factor": "the greatest such factor",
+    "trials": "number of trials of the search, each with three banks",
+    "earlier_trials": "number of trials of earlier searches, whose results are not used",
+    "tuned": "number of tuned parameters",
+    "targets": "number of quoted values that are targets",
+    "distance": "remaining root mean square deviation over time and targets",
+    "least_factor": "minimum factor to a tuned parameter with which all quoted values are "
+    "within the band",
+    "greatest_factor": "the maximum such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
     "nu_gap share=<share>": "between the normal model and its blend with the leakage model",
     "detected_share noise=<noise> plant=<plant> share=<share>": (
-        "of the runs without a false alarm those with an alarm after the fault"
+        "share of the runs without a false alarm that have an alarm after the fault"
     ),
-    "alarmed_share noise=<noise> plant=<plant> share=<share>": "of the runs, with a false alarm",
+    "alarmed_share noise=<noise> plant=<plant> share=<share>": "share of the runs with a "
+    "false alarm",
     "alarmed_share noise=<noise> plant=<plant>": "the same over all shares",
     "alarmed_share_low noise=<noise> plant=<plant>": "lower limit of its interval of 95 % (Wilson)",
     "alarmed_share_high noise=<noise> plant=<plant>": "its upper limit",
     "median_delay noise=<noise> plant=<plant> share=<share>": (
         "from the fault to the alarm, over the runs without a false one; nan if most have none"
     ),
-    "least_gap noise=<noise> plant=<plant>": "gap from which on 95 % of the faults are detected",
+    "least_gap noise=<noise> plant=<plant>": "minimum gap from which on 95 % of the faults "
+    "are detected",
     "least_gap_low noise=<noise> plant=<plant>": "lower end of its interval of 95 % (bootstrap)",
     "least_gap_high noise=<noise> plant=<plant>": "its upper end",
     "least_gap_of_diagnosis noise=<noise> plant=<plant>": (
@@ -85,8 +92,9 @@ MEANINGS = {
     ),
     "bank_prediction_error": "the same of the bank",
     "layer_ratio": "largest a priori output error over a layer that the model alone leaves",
-    "open_velocity_error": "of the normal model that nothing corrects",
-    "informed_velocity_error": "of that filter with layers as wide as the model is wrong",
+    "open_velocity_error": "velocity error of the normal model without correction",
+    "informed_velocity_error": "the same with a filter whose layers are as wide as the error "
+    "of the model",
 }
 
 
