@@ -43,36 +43,34 @@ def recorded(seed: int, plant: Any, **condition: Any) -> Record:
     return motor.simulate(plant, Condition("c", **condition), seed, PERIOD)
 
 
-@pytest.mark.parametrize("wrong", [0.0, 0.1])
-def test_a_record_is_the_solution_of_the_differential_equation(wrong: float) -> None:
+def test_a_record_is_the_solution_of_the_differential_equation() -> None:
     """By an adaptive method, without what is random; sines bend least between samples."""
-    plant = quiet(faults=["sine"])
-    record = recorded(5, plant, model=wrong)
-    if wrong:
-        nominal = recorded(5, plant)
-        assert (record.truth == nominal.truth).all()
-        assert (record.inputs == nominal.inputs).all()
-        assert np.abs(record.measurements - nominal.measurements).max() > 0.01
-        return
+    record = recorded(5, quiet(faults=["sine"]))
     J, b, K, R, L = 0.01, 0.1, 0.01, 1.0, 0.5
 
     def rate(t: float, x: Any) -> list[float]:
-        k = min(int((t + 1e-9) / PERIOD), len(record.time) - 2)
-        u = record.inputs[k, 0]
+        u = 0.5 if t % 4.0 < 2.0 else -0.5
         fault = 0.75 * np.interp(t, record.time, record.truth[:, 0])
         return [(-b * x[0] + K * x[1]) / J, (-K * x[0] - R * x[1] + u + fault) / L]
 
     found = solve_ivp(rate, (0, 10), [0, 0], "LSODA", record.time, rtol=1e-9, atol=1e-10,
-                      max_step=PERIOD)  # fmt: skip
+                      max_step=0.01)  # fmt: skip
     expected = found.y.T + np.outer(0.2 * record.truth[:, 1], [1.0, 0.0])
     assert record.measurements == pytest.approx(expected, abs=1e-4)  # lines in place of sines
+
+
+def test_a_wrong_model_changes_what_is_measured_and_nothing_else() -> None:
+    right, wrong = recorded(5, quiet()), recorded(5, quiet(), model=0.1)
+    assert (right.truth == wrong.truth).all()
+    assert (right.inputs == wrong.inputs).all()
+    assert np.abs(right.measurements - wrong.measurements).max() > 0.01
 
 
 def test_disturbances_and_noise_have_the_stated_sizes() -> None:
     plant = task().plant_in("nominal")
     record, less = recorded(3, plant), recorded(3, replace(plant, noise=1e-12))
     assert (record.measurements - less.measurements).std() == pytest.approx(0.01, rel=0.05)
-    alone = [less.measurements - recorded(3, quiet()).measurements for _ in range(1)][0]
+    alone = less.measurements - recorded(3, quiet()).measurements
     # x' = A x + Dd d: uniform d held for 0.1 s has the deviation a / sqrt(3).
     decay = np.exp(-1.0)
     speed = 0.2 / np.sqrt(3) * 0.1 * (1 - decay) / np.sqrt(1 - decay**2)
@@ -90,12 +88,13 @@ def test_methods_find_constant_faults_exactly(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", FAST)
-def test_methods_follow_faults_under_the_voltage(method: str) -> None:
-    """What is known is left out of the estimates: jumps of the voltage do not show."""
+def test_jumps_of_the_voltage_do_not_show_in_estimates(method: str) -> None:
+    """Not at all in discrete time; little where measurements go in straight lines in between."""
     plant = quiet(faults=["ramp"], onset=(9.0, 9.5))
     record = recorded(2, plant)
     estimate = motor.METHODS[method](plant, FAST[method], PERIOD, 0.01)(record)
-    assert np.abs(estimate[record.time < 9.0]).max() < 1e-8
+    bound = 1e-8 if method in {"random_walk", "luenberger"} else 2e-3
+    assert np.abs(estimate[record.time < 9.0]).max() < bound
 
 
 def test_gains_by_riccati_are_those_of_another_solver() -> None:
@@ -114,10 +113,9 @@ def test_gains_by_riccati_are_those_of_another_solver() -> None:
 
 
 def test_settings_in_between_share_a_design() -> None:
-    assert [motor.preferred(one) for one in (1.0, 0.05, 0.0012, 9.45, 1000.0)] == [
-        1.0, 0.05, 0.0013, 10.0, 1000.0,
-    ]  # fmt: skip
-    assert [motor.preferred(10 ** (k / 10)) for k in range(1, 4)] == [1.3, 1.6, 2.0]
+    found = [motor.preferred(one, 10) for one in (1.0, 0.05, 0.0012, 9.45, 400.0)]
+    assert found == [1.0, 0.05, 0.0013, 10.0, 400.0]
+    assert [motor.preferred(1.1 * 10 ** (k / 5), 5) for k in range(6)] == [1, 1.6, 2.5, 4, 6.3, 10]
     plant = task().plant_in("nominal")
     one, other = (motor.METHODS["pi"](plant, {"excess": excess, "filter_rate": 100.0}, PERIOD, 1.0)
                   for excess in (0.0101, 0.0099))  # fmt: skip

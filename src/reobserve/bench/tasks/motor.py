@@ -88,9 +88,9 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Re
     return Record(time[every], voltage(time[every]), measured[every], truth[every])
 
 
-def preferred(value: float) -> float:
-    """The nearest of ten numbers a decade, 1, 1.3, 1.6, 2: settings in between share a design."""
-    return float(f"{10.0 ** (round(10.0 * np.log10(value)) / 10.0):.2g}")
+def preferred(value: float, decade: int) -> float:
+    """The nearest of so many numbers a decade, to two digits: those in between share a design."""
+    return float(f"{10.0 ** (round(decade * np.log10(value)) / decade):.2g}")
 
 
 def _augmented(motor: DCMotor, rate: float) -> AugmentedSystem:
@@ -107,9 +107,10 @@ def designed(kind: str, motor: DCMotor, setting: float, rate: float) -> Gains:
 
 
 def by_lmi(kind: str, plant: Plant, s: Settings, period: float, _: float) -> Runner:
-    """Settings are rounded as by `preferred`."""
-    rate, setting = preferred(s["filter_rate"]), s["decay" if kind == "pi_feasible" else "excess"]
-    gains = designed(kind, plant.motor, preferred(setting), rate)
+    """Filter rates are rounded to five numbers a decade, the other setting to ten."""
+    name = "decay" if kind == "pi_feasible" else "excess"
+    setting, rate = preferred(s[name], 10), preferred(s["filter_rate"], 5)
+    gains = designed(kind, plant.motor, setting, rate)
     return _extended_state(plant, _augmented(plant.motor, rate), gains, period)
 
 
