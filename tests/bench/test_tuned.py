@@ -83,7 +83,10 @@ def test_augmented_filter_and_learning_observers_tie_on_torque(scored: Any) -> N
     assert max(errors) < 1.05 * min(errors)
 
 
-@pytest.mark.parametrize(("name", "method"), [("torque", "random_walk"), ("vdp", "ekf")])
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [("torque", "random_walk"), ("vdp", "ekf"), ("motor", "random_walk_stated")],
+)
 def test_a_filter_that_is_given_the_noise_is_as_good_as_re_tuned(
     name: str, method: str, scored: Any
 ) -> None:
@@ -99,6 +102,32 @@ def test_filters_beat_normal_forms_on_van_der_pol(scored: Any) -> None:
              for one in ("ekf", "ukf", "normal_0", "normal_2", "normal_4")}  # fmt: skip
     assert found["ekf"] < min(found["normal_0"], found["normal_2"], found["normal_4"])
     assert found["ukf"] == pytest.approx(found["ekf"], rel=1e-3)
+
+
+def test_a_filter_that_is_told_the_noise_needs_the_disturbances_too(scored: Any) -> None:
+    """On the motor: tuning three variances for one noise finds the gain, not their ratios."""
+    found = scored("motor")
+    reported = error(found, "noise", "random_walk", "", True)
+    assert 1.02 < reported / error(found, "noise", "random_walk", "noise", True) < 1.1
+    assert error(found, "nominal", "random_walk", "", False) == pytest.approx(
+        error(found, "nominal", "random_walk_stated", "", False), rel=0.05
+    )
+
+
+def test_derivative_action_is_worth_a_few_percent_on_the_motor(scored: Any) -> None:
+    """By the same criterion; and with the paper's factor and filter rate, nothing."""
+    tuned, own = (
+        error(scored("motor"), "nominal", "pi", one, False)
+        / error(scored("motor"), "nominal", "pd_pi", one, False)
+        for one in ("nominal", "paper")
+    )
+    assert 1.01 < tuned < 1.08
+    assert own == pytest.approx(1.0, abs=0.01)
+
+
+def test_methods_tie_on_the_motor_with_a_wrong_model(scored: Any) -> None:
+    errors = [error(scored("motor"), "model", one, "", False) for one in task("motor").methods]
+    assert max(errors) < 1.1 * min(errors)
 
 
 @pytest.mark.nightly
