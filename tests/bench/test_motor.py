@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from reobserve.bench.task import Condition, Record, Task
 from reobserve.bench.tasks import motor
+from reobserve.bench.tuned_file import _cost
 from reobserve.core.errors import InputError
 
 FILE = Path(__file__).parents[2] / "config/bench/motor.yaml"
@@ -121,6 +122,14 @@ def test_settings_in_between_share_a_design() -> None:
                   for excess in (0.0101, 0.0099))  # fmt: skip
     record = task().record("nominal", 1)
     assert (one(record) == other(record)).all()
+
+
+def test_construction_is_timed_with_the_design(monkeypatch: pytest.MonkeyPatch) -> None:
+    forgotten = []
+    monkeypatch.setattr(motor, "forget", lambda: forgotten.append(motor.designed.cache_clear()))
+    _cost(task(), "inverted", FAST["inverted"])
+    assert len(forgotten) == 7
+    assert motor.designed.cache_info().currsize == 0
 
 
 def test_constants_that_are_no_motor_are_reported() -> None:

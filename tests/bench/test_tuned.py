@@ -104,7 +104,7 @@ def test_filters_beat_normal_forms_on_van_der_pol(scored: Any) -> None:
     assert found["ukf"] == pytest.approx(found["ekf"], rel=1e-3)
 
 
-def test_a_filter_that_is_told_the_noise_needs_the_disturbances_too(scored: Any) -> None:
+def test_a_filter_that_is_given_the_noise_needs_the_disturbances_too(scored: Any) -> None:
     """On the motor: tuning three variances for one noise finds the gain, not their ratios."""
     found = scored("motor")
     reported = error(found, "noise", "random_walk", "", True)

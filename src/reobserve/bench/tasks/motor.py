@@ -196,6 +196,8 @@ def inverted(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     return run
 
 
+forget = designed.cache_clear
+
 METHODS: dict[str, Callable[..., Runner]] = {
     "pd_pi": partial(by_lmi, "pd_pi"),
     "pi": partial(by_lmi, "pi"),
