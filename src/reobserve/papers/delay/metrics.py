@@ -48,7 +48,8 @@ MEANINGS = {
         "remainder and rate of the delay"
     ),
     "ripple_<jump>": (
-        "ripple of the estimate in the last seconds with the gain on before a jump, without its slope"
+        "ripple of the estimate in the last seconds with the gain on before a jump, without its "
+        "slope"
     ),
     "least_delay": "minimum estimate of the run",
     "greatest_delay": "maximum estimate of the run",

@@ -24,7 +24,8 @@ MEANINGS = {
     "rms_<fault>_fault_varying": "root mean square of a fault where it varies",
     "rms_noise_constant": "root mean square of the noise where the sensor fault is constant",
     "rms_corrected_speed_error_constant": (
-        "root mean square error of the measured speed minus the estimated sensor fault, where that is constant"
+        "root mean square error of the measured speed minus the estimated sensor fault, where that "
+        "is constant"
     ),
     "rms_<fault>_difference": (
         "root mean square difference from the estimate of the observer it is compared with"
