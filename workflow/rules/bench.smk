@@ -2,7 +2,7 @@
 #
 #   results/bench/{task}/{method}.json      rule bench_method   tuned settings, on demand
 #   results/bench/{task}/scores.csv         rule bench_scores   of each run; table.csv compares methods
-#   results/bench/{task}/heatmap.{pdf,...}  rule bench_figures  and levels, evaluations
+#   results/bench/{task}/heatmap.{pdf,...}  rule bench_figures  and levels, evaluations; detection of leak
 #   results/bench/table.md                  rule bench_table    what methods know, guarantee and cost
 #
 # A record takes milliseconds to simulate: jobs that read records simulate them. Tuned settings are
@@ -67,6 +67,15 @@ rule bench_figures:
     shell:
         "(set -x; reobserve bench plot {input.task} --table {input.table} --evaluations {input.evaluations}"
         " {params.options} --outputs {output}) &> {log}"
+
+use rule bench_figures as bench_detection with:
+    output:
+        report(f"results/bench/{{task}}/detection.{FORMATS[0]}", caption="../report/bench/detection.rst",
+               category="bench", subcategory="{task}", labels={"figure": "{task}", "what": "detection"}),
+        expand("results/bench/{{task}}/detection.{kind}", kind=FORMATS[1:])
+    log: "logs/bench/{task}/detection.log"
+    benchmark: "logs/bench/{task}/detection.tsv"
+    message: "bench, {wildcards.task}: draw the delays of detectors"
 
 rule bench_table:
     input:
