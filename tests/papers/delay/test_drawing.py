@@ -1,4 +1,4 @@
-"""Figures: one style for each observer, and notes from the parameters alone."""
+"""One style for each observer in all figures, and notes from the parameters alone."""
 
 from __future__ import annotations
 

@@ -183,18 +183,24 @@ def test_the_proof_asks_for_a_rho_far_above_those_of_the_figures() -> None:
     assert brentq(c3, 1, 1e4) == pytest.approx(186.4, rel=1e-3)
 
 
-def test_the_radius_of_the_proof_does_not_fall_with_rho() -> None:
+def test_the_radius_of_the_proof_falls_with_rho_if_the_disturbance_is_scaled_too() -> None:
     """r of (31), back from the scaled error by rho^n / alpha: in proportion to rho for n = 2.
 
-    With the constants of the ramp: xi = 0.18 = alpha, nu = 0, c0 = 0 for m = 1, Gamma = 0.09.
+    With the constants of the ramp: xi = 0.18 = alpha, nu = 0, c0 = 0 for m = 1, Gamma = 0.09. If
+    lambda Delta_rho Gamma of (23) is not bounded by Gamma, r is in proportion to 1 / rho instead.
     """
-    spread = np.linalg.eigvalsh(lyapunov_matrix(3, 1.0))
-    radii = []
-    for rho in (1e4, 2e4, 4e4):
+    spread, xi = np.linalg.eigvalsh(lyapunov_matrix(3, 1.0)), GAIN * 0.009
+
+    def radius(rho: float, disturbance: float) -> float:
         c3 = (rho * spread[0] - 2 * np.hypot(G_OVER_L, A) * spread[-1]) / spread[-1]
-        c4 = 2 * spread[-1] * 0.09 / np.sqrt(spread[0])
-        radii.append(rho**2 / (GAIN * 0.009) * c4 / c3 / np.sqrt(spread[0]))
-    assert np.divide(radii[1:], radii[:-1]) == pytest.approx(2, rel=0.3)
+        c4 = 2 * spread[-1] * disturbance / np.sqrt(spread[0])
+        return float(rho**2 / xi * c4 / c3 / np.sqrt(spread[0]))
+
+    rhos = (1e4, 2e4, 4e4)
+    printed = [radius(rho, 0.09) for rho in rhos]
+    assert np.divide(printed[1:], printed[:-1]) == pytest.approx(2, rel=0.3)
+    scaled = [radius(rho, xi * 0.09 / rho**2) for rho in rhos]
+    assert np.divide(scaled[1:], scaled[:-1]) == pytest.approx(0.5, rel=0.3)
 
 
 def test_a_delay_that_jumps_breaks_the_bound_of_theorem_2() -> None:

@@ -94,7 +94,7 @@ def test_the_gap_that_is_enough() -> None:
     gaps = [0.01, 0.02, 0.08, 0.32]
     assert enough_gap(gaps, [0.5, 0.9, 1.0, 1.0], 0.95) == pytest.approx(0.04)
     assert enough_gap(gaps, [0.5, 0.75, 0.75, 1.0], 0.95) == pytest.approx(0.08 * 4**0.8)
-    # What is reported well once and worse again further away is not reported from there on.
+    # What is detected well once and worse again further away is not detected from there on.
     assert enough_gap(gaps, [0.5, 1.0, 0.5, 1.0], 0.75) == pytest.approx(0.16)
     assert enough_gap(gaps, [1.0, 1.0, 0.95, 1.0], 0.95) == 0.01
     assert np.isnan(enough_gap(gaps, [1.0, 1.0, 1.0, 0.9], 0.95))
@@ -139,12 +139,12 @@ def test_a_bank_that_diverges_does_not_alarm() -> None:
 
 def test_without_mixing_filters_that_run_alone_give_what_their_bank_gives() -> None:
     one = pair("kalman", mixing=False)
-    reported = np.stack([likelihoods(one, mode, *noisy()) for mode in (0, 1)], axis=1)
-    found = unmixed_log_odds(np.asarray(one[0].transition), reported)
+    both = np.stack([likelihoods(one, mode, *noisy()) for mode in (0, 1)], axis=1)
+    found = unmixed_log_odds(np.asarray(one[0].transition), both)
     wanted = run_bank(*one, *noisy())["probability"]
     np.testing.assert_allclose(1 / (1 + np.exp(-found)), wanted[:, 1], rtol=1e-9, atol=1e-12)
     ends = np.abs(found[[300, -1]])
-    assert found[300] < -1 < 1 < found[-1], ends  # a guard: both modes have been reported
+    assert found[300] < -1 < 1 < found[-1], ends  # a guard: both modes have been detected
 
 
 def test_distances_are_those_of_the_innovations() -> None:
@@ -156,12 +156,10 @@ def test_distances_are_those_of_the_innovations() -> None:
     state = normal.init(np.zeros(5), one[1].initial_covariance, u=[held[0], 0.0])
     posterior = normal.predict(state.posterior, [held[0], 0.0])
     for k in range(40):
-        reported = normal.correct(posterior, measured[k], [held[k + 1], held[k]])
-        wanted = reported.innovation @ np.linalg.solve(
-            reported.innovation_covariance, reported.innovation
-        )
+        after = normal.correct(posterior, measured[k], [held[k + 1], held[k]])
+        wanted = after.innovation @ np.linalg.solve(after.innovation_covariance, after.innovation)
         assert found[k] == pytest.approx(wanted, rel=1e-6, abs=1e-8), k
-        posterior = normal.predict(reported.posterior, [held[k + 1], held[k]])
+        posterior = normal.predict(after.posterior, [held[k + 1], held[k]])
 
 
 def test_noise_of_the_states_has_the_covariance_of_the_model_at_rest() -> None:
@@ -270,7 +268,7 @@ def test_records_without_a_fault_are_others_than_those_judged() -> None:
     np.testing.assert_array_equal(longer[1][:rows], first[1])
 
 
-def test_far_models_are_told_at_once_and_close_ones_under_noise_are_not() -> None:
+def test_far_models_are_reported_at_once_and_close_ones_under_noise_are_not() -> None:
     found = table(few())
     for name in ("kalman", "unmixed", "cusum"):
         far = curve(found, name, "exact_0.03")[-1]

@@ -102,7 +102,7 @@ def test_the_ratio_is_the_one_of_normal_densities() -> None:
     """For each row, length and factor the densities themselves, and the best factor by search."""
     found, covariance = innovations()
 
-    def reported(rows: Array, factor: float) -> float:
+    def likelihood(rows: Array, factor: float) -> float:
         return float(stats.multivariate_normal(np.zeros(M), factor * covariance).logpdf(rows).sum())
 
     lengths = [1, 2, 5, 9]
@@ -112,10 +112,10 @@ def test_the_ratio_is_the_one_of_normal_densities() -> None:
         for n in (n for n in lengths if n <= k + 1):
             rows = found[k + 1 - n : k + 1]
             search = optimize.minimize_scalar(
-                lambda log_factor, rows=rows: -reported(rows, np.exp(log_factor)),
+                lambda log_factor, rows=rows: -likelihood(rows, np.exp(log_factor)),
                 bounds=(0.0, 5.0), method="bounded", options={"xatol": 1e-9},
             )  # fmt: skip
-            best = max(best, -search.fun - reported(rows, 1.0))
+            best = max(best, -search.fun - likelihood(rows, 1.0))
         assert statistic[k] == pytest.approx(best, abs=1e-6), k
     assert statistic[-1] > 5 > statistic[24]  # guards: the change shows, and not before it
 

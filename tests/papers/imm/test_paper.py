@@ -182,8 +182,8 @@ def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> 
 def test_friction_as_the_fault() -> None:
     """With little process noise it is diagnosed without mixing, and with it never.
 
-    Each step the filter of a mode whose probability is next to nothing starts again from what
-    others estimate, here normal and leakage, which take turns.
+    Each step the filter of a mode whose probability is next to nothing starts from what others
+    estimate, here normal and leakage, which take turns.
     """
     friction = {"scenarios": {"plain": {"fault": "friction"}}}
     found = {}
@@ -278,6 +278,12 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
             turned[k] = (np.sign(row) == -np.sign(before)) & (np.abs(row) > layer)
         np.testing.assert_allclose(estimate["chattering"][1:], turned.mean(axis=(1, 2)), rtol=1e-14)
         assert 0 < estimate["chattering"].mean() < estimate["saturated"].mean()
+        place = REALISATIONS[realisation].index("velocity")
+        jumps = [
+            sum(mu * e[place] for mu, e, now in zip(*row, strict=True) if now[place])
+            for row in zip(run["probability"], run["innovation"], turned, strict=True)
+        ]
+        np.testing.assert_allclose(estimate["chattering_correction"][1:], jumps, atol=1e-15)
 
 
 def test_nothing_is_outside_wide_layers() -> None:
@@ -352,9 +358,18 @@ def test_the_overshoot_counts_below_the_plateau_as_well() -> None:
 
 def test_a_change_at_the_onset_itself_is_no_detection() -> None:
     found = scores(constant_pieces((0.0, (1, 0, 0)), (5.0, (0, 0, 1))))
-    assert found["alarm_samples"] == 1.0
+    assert np.isnan(found["alarm_samples"])
     # The sample at 5 s belongs to what was before.
     assert found["normal_before"] == pytest.approx(1 - 1 / 200)
+
+
+def test_an_alarm_that_rang_before_the_fault_is_a_false_one() -> None:
+    """Within the window before the fault or from its end up to the fault; not in the start."""
+    leak = (5.03, (0.1, 0.1, 0.8))
+    for begin, heard in ((2.5, 3.0), (3.5, np.nan), (4.9, np.nan)):
+        rings = (begin, (0.8, 0.1, 0.1)), (begin + 0.2, (1, 0, 0))
+        found = scores(constant_pieces((0.0, (1, 0, 0)), *rings, leak))
+        assert found["alarm_samples"] == pytest.approx(heard, nan_ok=True), begin
 
 
 def test_what_never_comes_is_not_a_number() -> None:
@@ -573,7 +588,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_CONFIG)
-def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
+def test_a_bad_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]
     with pytest.raises(InputError) as caught:
         check_parameters(parameters(changes))

@@ -60,8 +60,8 @@ def write_record(path: Path, of: Parameters) -> None:
 def found(lines: list[str] | None = None, **stated: Any) -> dict[str, Any]:
     settings = deepcopy(small_parameters().settings("search", "calibrated"))
     settings["search"].update(stated)
-    reported: list[str] = [] if lines is None else lines
-    return search.run(settings, small_record(), reported.append)
+    said: list[str] = [] if lines is None else lines
+    return search.run(settings, small_record(), said.append)
 
 
 @cache
@@ -114,7 +114,7 @@ def test_what_was_found_lies_within_the_bounds_with_three_digits() -> None:
         assert names[name] == pytest.approx(body[key], rel=1e-12)
 
 
-def test_progress_is_told_after_each_generation() -> None:
+def test_progress_is_reported_after_each_generation() -> None:
     one, lines = first()
     assert lines == [f"{count} trials, best distance {best:.4f}" for count, best in one["history"]]
     assert len(lines) == 2
@@ -350,7 +350,7 @@ def test_a_search_over_what_its_banks_do_not_share_is_refused() -> None:
     settings = deepcopy(small_parameters().settings("search", "calibrated"))
     noise = settings["observers"]["svsf_thin_tuned"]["process_noise"]
     settings["observers"]["svsf_thin_tuned"]["process_noise"] = [2.0 * x for x in noise]
-    reported: list[str] = []
+    said: list[str] = []
     with pytest.raises(InputError, match="must have the noise of the others tuned"):
-        search.run(settings, small_record(), reported.append)
-    assert reported == []
+        search.run(settings, small_record(), said.append)
+    assert said == []

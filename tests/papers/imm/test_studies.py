@@ -142,10 +142,7 @@ def kept_text(**changes: Any) -> str:
         ('{"search": {"found": {}}}', "search.distance: is missing; the kept search needs it"),
         (kept_text(trials=-0.5), "search.trials: -0.5 must be a whole number"),
         (kept_text(distance=None), "search.distance: None is not a number"),
-        (
-            kept_text(found={"leave": 0.1}),
-            "holds other numbers than the search tunes; run it again",
-        ),
+        (kept_text(found={"leave": 0.1}), "holds other numbers than the search tunes; rerun it"),
     ],
 )
 def test_a_kept_file_that_is_none(tmp_path: Path, text: str | None, said: str) -> None:
@@ -195,9 +192,9 @@ def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> 
             [factor if i == index else 1.0 for i in range(9)] for factor in (0.5, 2.0, 0.2, 5.0)
         ]
     np.testing.assert_allclose(tried, wanted, rtol=1e-12)
-    reported = [(r["sweep"], r["level"]) for r in rows if r["observer"] == "all"]
+    listed = [(r["sweep"], r["level"]) for r in rows if r["observer"] == "all"]
     steps = (0.5, 2.0, 0.2, 5.0)
-    assert reported == [("stated", 1.0), *((name, level) for name in TUNED for level in steps)]
+    assert listed == [("stated", 1.0), *((name, level) for name in TUNED for level in steps)]
 
 
 def test_banks_that_are_tuned_together_share_their_numbers() -> None:

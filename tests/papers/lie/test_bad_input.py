@@ -1,4 +1,4 @@
-"""What a user can get wrong with these observers: one sentence that says what to change."""
+"""Invalid use of these observers: each error is one sentence that says what to change."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, Any], str, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_CONFIG)
-def test_the_parameters(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_parameters(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes, where, what = BAD_CONFIG[case]
     target = tmp_path / "parameters.json"
     arguments = [

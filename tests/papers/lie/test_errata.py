@@ -69,7 +69,7 @@ def scalar(pole: Any) -> Case:
 
 
 def test_nonresonance_of_a_alone_is_not_enough() -> None:
-    """Definition 3.5 knows A only; what decides is A against F, as in Proposition 3.10."""
+    """Definition 3.5 is about A only; what decides is A against F, as in Proposition 3.10."""
     case, degree = scalar(-2), 6
     assert all(m * -2 - -2 != 0 for m in range(2, degree + 1))
     problem = case.problem(degree)

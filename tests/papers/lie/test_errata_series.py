@@ -1,4 +1,4 @@
-"""What the paper prints about its series, taken literally, and where it has to be corrected.
+"""Printed formulas of the series, taken literally, and the corrections that they need.
 
 `recursion` is its Section 4 as it stands, with three switches for what is printed and what is
 right. It knows no elimination: the step for U_(k-1) runs the printed formulas with unit vectors in
@@ -95,7 +95,7 @@ def recursion(
     f: list[Polynomials] = [Ax]
 
     def step(k: int, U: list[Polynomials]) -> tuple[Polynomials, Polynomials, Polynomials]:
-        """What (20) leaves over for this U_(k-1), with the f_k and the T that belong to it."""
+        """The remainder of (20) for this U_(k-1), with the f_k and the T that belong to it."""
         T = plus(
             x,
             *(
@@ -153,7 +153,7 @@ GENERIC = random_case(1, 2, 1)
 
 @cache
 def right(case: str, degree: int) -> Polynomials:
-    """T by the second road, which knows nothing of Lie transforms."""
+    """T by its own equation, without Lie transforms."""
     problem = CASES[case].problem(degree)
     return to_polynomials(PolynomialMap(problem.basis, solve_t(problem, solver_for(problem))))
 
@@ -187,7 +187,7 @@ def test_the_corrected_recursion_gives_t_and_the_generator(case: str, degree: in
 
 
 @pytest.mark.parametrize(("variant", "case"), MISMATCH)
-def test_the_recursion_as_printed_goes_wrong(variant: str, case: str) -> None:
+def test_misread_recursions_give_a_wrong_t_from_a_known_degree_on(variant: str, case: str) -> None:
     degree, size = MISMATCH[variant, case]
     found = recursion(CASES[case], degree, **VARIANTS[variant]).T
     wrong = difference(found, right(case, degree))

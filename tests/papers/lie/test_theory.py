@@ -35,7 +35,6 @@ from reobserve.papers.lie.theory_series import (
     Solutions,
     ad_matrix,
     random_problem,
-    solvable,
     sums_of_eigenvalues,
 )
 from reobserve.polynomials.maps import PolynomialMap
@@ -75,7 +74,6 @@ def test_numbers_that_are_known() -> None:
     assert value["linear", "eigenvalue_error"] == pytest.approx(error, abs=1e-14)
     assert value["linear", "coefficients_printed"] == 10
     assert value["linear", "coefficients_agreeing"] == 10
-    assert value["scalar", "solvable"] == 0
     assert value["nonlinear", "inverse_radius"] == 0
 
 
@@ -247,24 +245,15 @@ def test_a_wrong_series_is_found_out() -> None:
     assert other.residual() >= 1
 
 
-def test_solvable_is_what_the_roots_say() -> None:
-    """x' = -x + x^2 with A = -2 or -3 has no series from degree 2 or 3 on; with -5/2 it has."""
-    (x,) = variables(1)
-    known = ((-2, 2, False), (-3, 2, True), (-3, 3, False), (QQ(-5, 2), 6, True))
-    for pole, degree, wanted in known:
-        case = systems.Case([-x + x**2], [x], [(pole + 1) * x])
-        assert solvable(case.problem(degree)) is wanted
-
-
 def test_runs_tell_a_linear_error_from_another() -> None:
     case = Case([2.0, 0.5], [0.0, 0.0], 5.0, 2e-3)
-    exact, cut_off = form(5, with_cubic=True), form(5)
+    exact, truncated = form(5, with_cubic=True), form(5)
     assert deviation_from_linear(exact, 2, case) < 1e-11
     assert difference_of_forms(exact, 2, case) < 1e-9
-    assert deviation_from_linear(cut_off, 4, case) > 0.1
-    assert difference_of_forms(cut_off, 4, case) > 1.0
+    assert deviation_from_linear(truncated, 4, case) > 0.1
+    assert difference_of_forms(truncated, 4, case) > 1.0
     near = [
-        deviation_from_linear(cut_off, 4, Case([radius, 0.0], [0.0, 0.0], 1.0, 1e-3))
+        deviation_from_linear(truncated, 4, Case([radius, 0.0], [0.0, 0.0], 1.0, 1e-3))
         for radius in (0.1, 0.05)
     ]
     # What S leaves out begins with degree 7, beside an error of degree 1.
@@ -321,7 +310,7 @@ def test_the_least_ratio_is_over_initial_states() -> None:
 def test_one_degree_with_a_wrong_spectrum_shows(
     monkeypatch: pytest.MonkeyPatch, degree: int
 ) -> None:
-    """The number of the parameter file's degrees is the worst of them, whichever that is."""
+    """The number is the worst over the degrees of the parameter file, whichever that is."""
     assert theory()["ad", "spectrum_difference"] < 1e-6
     right = theory_stage.spectrum_difference
     monkeypatch.setattr(

@@ -277,10 +277,21 @@ def fed(claim: Claim, broken: Check | None = None) -> Numbers:
     for check in [broken, *checks] if broken else checks:
         if check is not broken and broken and set(check.references) & set(broken.references):
             continue
+        chain: dict[Reference, float] = {}  # of differences: a - b, then b - c or c - a
         for k, (reference, value) in enumerate(zip(check.value, goal(check), strict=True)):
+            number = wrong(check, k, value) if check is broken else value
+            if check.how == "minus":
+                other = check.other[k]
+                if reference in chain:
+                    chain.setdefault(other, chain[reference] - number)
+                else:
+                    chain[reference] = chain.setdefault(other, 0.0) + number
+                continue
             if check.how:
-                put(check.other[k], 1.0 if check.how == "over" else 0.0)
-            put(reference, wrong(check, k, value) if check is broken else value)
+                put(check.other[k], 1.0)
+            put(reference, number)
+        for reference, number in chain.items():
+            put(reference, number)
     for reference in (ref for check in claim.checks for ref in check.references):
         numbers.setdefault(reference.figure, {}).setdefault(reference[1:], 1.0)
     return numbers
@@ -344,19 +355,19 @@ def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> N
     assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
 
 
-TOLD = """| paper | claims |
+REPORTED = """| paper | claims |
 |---|---|
 | `a` | 3 |
 | `b` | 4 |
 """
 
 
-def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path: Path) -> None:
+def test_of_papers_that_were_not_decided_the_readme_keeps_its_rows(tmp_path: Path) -> None:
     readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
-    readme.write_text(f"<!-- verdicts -->\n\n{TOLD}\n<!-- end -->\n")
+    readme.write_text(f"<!-- verdicts -->\n\n{REPORTED}\n<!-- end -->\n")
     verdicts.write_text("| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n")
     put_into(readme, verdicts, ["a", "b", "c"])
-    reported = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
+    reported = REPORTED.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
     assert readme.read_text() == f"<!-- verdicts -->\n\n{reported}\n<!-- end -->\n"
     put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
     assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"

@@ -149,13 +149,13 @@ def detector(
 ) -> Runner:
     """Alarms where the statistic exceeds the threshold."""
     settings, statistic = tuple(s.items()), make(plant, s, period, noise)
-    told = replace(plant, rate=0.5, threshold="kept")  # on these the statistic does not depend
+    bare = replace(plant, rate=0.5, threshold="kept")  # on these the statistic does not depend
 
     def run(record: Any) -> Array:
         known = period, noise, record.level
         if plant.threshold == "kept":
             known = period / record.level[2], plant.noise, NOMINAL
-        limit = false_alarm_threshold(_greatest(make, told, settings, *known), plant.rate)
+        limit = false_alarm_threshold(_greatest(make, bare, settings, *known), plant.rate)
         each = [statistic(one) > limit for one in (record, *record.healthy)]
         return np.column_stack(each).astype(np.float64)
 
@@ -253,8 +253,8 @@ def sum_of_ratios(
         y, u = record.measurements, record.inputs
         if restarts:
             return restarted_cusum(one, other, y, u, start)
-        told = [estimates_of(each, "log_likelihood", y, u, state=start) for each in (one, other)]
-        return cusum(told[1] - told[0])
+        logs = [estimates_of(each, "log_likelihood", y, u, state=start) for each in (one, other)]
+        return cusum(logs[1] - logs[0])
 
     return run
 

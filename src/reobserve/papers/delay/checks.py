@@ -1,4 +1,4 @@
-"""What of the parameter file takes building to see: errors show before a long build."""
+"""Checks of parameters that need models and observers to be built, before a long build."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _study(job: Job) -> None:
 
 
 def _figure(job: Job) -> None:
-    """Observers must be told the model of the figure's scenario, or none; some draw states."""
+    """Observers must have the model of the figure's scenario, or none; some draw states."""
     model, layout = job.scenario.model, job.figure.layout
     for name, observer in job.observers.items():
         # Estimators of the delay alone are for the scalar plant.

@@ -31,7 +31,7 @@ BISECTIONS = 60
 
 
 class Task(NamedTuple):
-    """What the loop reads: ``first`` is the row of the inputs at which the record starts."""
+    """Inputs of the loop: ``first`` is the row of the inputs at which the record starts."""
 
     parameters: Array
     bounds: tuple[float, float]
@@ -170,8 +170,8 @@ def _to_mode_end(
         # A delay that turns round inside the step may have been outside on the way: beyond the
         # bound that it starts towards, if at its first rate it would come so far.
         rate = work.slopes[0, 0]
-        room = task.bounds[1] - values[0] if rate > 0.0 else values[0] - task.bounds[0]
-        if room < abs(rate) * task.step:
+        margin = task.bounds[1] - values[0] if rate > 0.0 else values[0] - task.bounds[0]
+        if margin < abs(rate) * task.step:
             later = _rate(law, task, k, high, work.after, work)
             if rate * later < 0.0:
                 high = start + (1.0 - start) * rate / (rate - later)

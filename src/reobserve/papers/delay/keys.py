@@ -202,7 +202,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Theory:
-    """What the numbers of the theory are computed for."""
+    """Settings of the numbers of the theory."""
 
     ramp: Scalar
     sine: Scalar
@@ -210,8 +210,6 @@ class Theory:
     noise_share: NotNegative
     small_threshold: Positive
     rhos: Levels
-    derivative_errors: Levels
-    noises: Levels
     faster: Positive
     gain_of_rate: NotNegative
     accuracy: Literal["absolute", "relative"]

@@ -1,9 +1,9 @@
 """Stage metrics: how well state and delay are estimated, at rest and while the delay moves.
 
-Errors are estimates minus the truth. They count from the parameter file's `metrics.start` on, or
-`_from_start`; the other windows are the parameter file's, too (`late`, `varying_from` and
-`varying_until`, `radius`, `ripple`). A number at the end of a state's error is its component, at
-the end of a delay's the segment before which jump of the delay. `nan` means that it never happens.
+Errors are estimates minus the truth. They count from the parameter `metrics.start` on, or
+`_from_start`; the other windows are parameters, too (`late`, `varying_from` and `varying_until`,
+`radius`, `ripple`). A number at the end of a state's error is its component, at the end of a
+delay's the segment before which jump of the delay. `nan` means that it never happens.
 
 In the theory the observer column holds what is computed: the pendulum, the delay, an input, the
 order of the expansion, the differentiator with L in its last line (`levant`), random starts
@@ -26,7 +26,7 @@ from reobserve.papers.delay.scoring import (
     turned_over_at,
 )
 from reobserve.replication.metrics.metrics import Metric, Score, scores_of
-from reobserve.replication.metrics.responses import window
+from reobserve.replication.metrics.responses import root_mean_square, window
 from reobserve.replication.parameters.figure_data import FigureData
 
 # What each number is, those of the theory included; `<word>` stands for what differs.
@@ -42,6 +42,11 @@ MEANINGS = {
     "varying_rms_error_<component>": "root mean square error of a state where the delay varies",
     "delay_radius": "largest error of the delay once the last jump is forgotten",
     "predicted_delay_radius rho=<level>": "the same by the lag of the linear error system",
+    "settled_rms_delay_error": "root mean square error of the delay there",
+    "least_radius rho=<level>": (
+        "bound of the error of the linear error system with |xi| at the threshold, for the worst "
+        "remainder and rate of the delay"
+    ),
     "ripple_<jump>": (
         "of the estimate in the last seconds with the gain on before a jump, its slope taken out"
     ),
@@ -65,9 +70,8 @@ MEANINGS = {
         "root mean square error of a derivative by the differentiator, over its own"
     ),
     "bound_share": "third derivative of the input over L",
-    "noise_exponent_<order>": "power of the noise with which the error of a derivative grows",
     "rms_delay_error_faster rho=<level>": (
-        "error with a faster input and a shorter delay over that without, by the stated measure"
+        "error with a faster input and a shorter delay over that without, by `theory.accuracy`"
     ),
     "relative_rms_error_<order>_in_noise": (
         "the same on the noisy input of Fig. 2, by a differentiator of order three"
@@ -116,6 +120,9 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
         if np.isfinite(size):
             yield "peak_delay_error", size, "s"
             yield "peak_distance", distance, "1"
+    else:
+        settled = off[window(time, *rules.radius)]
+        yield "settled_rms_delay_error", float(root_mean_square(settled)), "s"
     on = estimate["off"] == 0 if "off" in estimate.channels else np.ones(len(time), dtype=bool)
     for number, _, jump in constant_segments(plant, rules.ripple):
         chosen = np.flatnonzero(on & (time < jump - 1e-9))[-round(rules.ripple / estimate.step) :]

@@ -18,7 +18,7 @@ def deviations(plant: keys.Plant, share: float, angle: Array, u: Array) -> tuple
     """Standard deviations on y and u: a share of the amplitudes of the two without noise.
 
     What counts as amplitude of the angle [rad], and whether the share is a standard deviation or
-    a peak, are readings of the paper: ``noise_amplitude`` and ``noise_size`` of the parameter file.
+    a peak, is chosen by the parameters ``noise_amplitude`` and ``noise_size``.
     """
     if plant.noise_amplitude == "swing":
         amplitude = plant.swing

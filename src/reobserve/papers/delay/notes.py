@@ -1,4 +1,4 @@
-"""What stands under a figure: settings that decide it, from the parameter file."""
+"""The note under a figure: the parameters that decide it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def note(job: Job) -> str:
 
 
 def gains(job: Job) -> str:
-    """How the gain begins, and what of it is switched off where."""
+    """The start of the gain, and the threshold below which it is switched off."""
     bodies = [body for body in job.observers.values() if isinstance(body, keys.Extended)]
     begun = _each(_beginning(body) for body in bodies)
     switched = [body for body in bodies if body.threshold > 0]
@@ -53,10 +53,10 @@ def _beginning(body: keys.Extended) -> str:
     if body.initial_matrix == "algebraic":
         return "S from the algebraic equation"
     begun = body.initial_matrix
-    start = f"{begun:g} I" if isinstance(begun, int | float) else "the matrix of the parameter file"
+    start = f"{begun:g} I" if isinstance(begun, int | float) else "the given matrix"
     return f"S from the dynamic equation, S(0) = {start}"
 
 
 def _each(said: Iterable[str]) -> str:
-    """What is said of each observer, once where it is the same."""
+    """The texts of all observers, each once."""
     return ", ".join(dict.fromkeys(said))

@@ -108,7 +108,7 @@ def build(settings: Settings) -> Any:
 
 
 def _check_start(job: Job, states: int = 0) -> None:
-    """What an observer of so many states starts from, by the keys of its branch."""
+    """The start of an observer of so many states, by the keys of its branch."""
     observer, (least, most) = job.observer, delay_bounds(job.plant)
     if states:
         as_vector("initial_estimate", observer.initial_estimate, states)

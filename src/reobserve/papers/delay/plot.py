@@ -1,4 +1,4 @@
-"""Stage plot: states and delay over time, and what the studies say of gain, noise and tuning."""
+"""Stage plot: states and delay over time, and the studies of gain, noise and tuning."""
 
 from __future__ import annotations
 

@@ -102,8 +102,8 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
             states = plant["state"][:, i]
             before = states[plant.time <= turned]
             text += f", then up to {np.max(np.abs(states)):.0f} {unit}, off this scale"
-            room = 0.15 * float(np.ptp(before))
-            axes.set_ylim(float(before.min()) - room, float(before.max()) + room)
+            margin = 0.15 * float(np.ptp(before))
+            axes.set_ylim(float(before.min()) - margin, float(before.max()) + margin)
         axes.axvline(turned, color="0.4", linewidth=thick(0.8), linestyle="-.")
         axes.annotate(
             text, (turned, 0.06), (-3 if late else 3, 0), ha="right" if late else "left",
@@ -112,15 +112,15 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
         )  # fmt: skip
 
 
-def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> None:
+def _mark_singular(first: Axes, others: tuple[Axes, ...], data: FigureData) -> None:
     """Dotted: where the input does not change. Bars: where an observer's gain is off."""
     instants = singular_instants(data.plant)
-    for axes in (told, *others):
+    for axes in (first, *others):
         top = 1.0 if axes.get_legend() is None else BELOW
         for at in instants:
             axes.axvline(at, ymax=top, color="0.4", linewidth=thick(0.8), linestyle=":")
     if len(instants):
-        told.annotate(
+        first.annotate(
             "u′ = 0", (instants[0], 0.86), (3, 0), fontsize=points(7), color="0.3",
             xycoords=("data", "axes fraction"), textcoords="offset points",
         )  # fmt: skip
@@ -129,10 +129,10 @@ def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> No
         if "off" not in estimate.channels or not estimate["off"].any():
             continue
         bottom = 0.02 + bars * (STRIP + 0.02)
-        told.fill_between(
+        first.fill_between(
             estimate.time, bottom, bottom + STRIP, where=estimate["off"] > 0, linewidth=0,
-            color=style_of(data.job.observers[name]).color, transform=told.get_xaxis_transform(),
+            color=style_of(data.job.observers[name]).color, transform=first.get_xaxis_transform(),
         )  # fmt: skip
         bars += 1
     if bars:  # in words above the panel, since in a narrow one they would lie under a bar
-        told.set_title(f"{told.get_title(loc='left')}; bars: its gain is off")
+        first.set_title(f"{first.get_title(loc='left')}; bars: its gain is off")

@@ -97,6 +97,6 @@ def _compare(axes: Axes, data: FigureData) -> None:
 
 
 def _m(data: FigureData, name: str) -> str:
-    """What tells an observer from the others: m = 1, m = 2 or standard."""
+    """The short name of an observer: m = 1, m = 2 or standard."""
     label = str(data.job.observers[name].label)
     return label.rpartition(", ")[2] if ", " in label else label.split(maxsplit=1)[0]

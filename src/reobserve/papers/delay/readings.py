@@ -1,4 +1,4 @@
-"""What observers read, cut from the plant's record to their own step."""
+"""Inputs of observers: the plant's record at their own step."""
 
 from __future__ import annotations
 

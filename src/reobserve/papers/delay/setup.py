@@ -1,4 +1,4 @@
-"""From the parameter file's values to models, signals and the grid."""
+"""Models, signals and the grid, from the parameters."""
 
 from __future__ import annotations
 

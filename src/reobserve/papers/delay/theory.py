@@ -1,4 +1,4 @@
-"""Stage theory: what the paper proves and says beside its figures, in numbers."""
+"""Stage theory: numbers on what the paper proves and says beside its figures."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def _determinant(model: TriangularModel, u: Signal, x: Array, t: float, tau: flo
 
 
 def _input(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
-    """How smooth and how bounded an input is (Assumption 4), and where it does not change (4)."""
+    """Smoothness and bounds of an input (Assumption 4), and instants without a change (4)."""
     most = delay_bounds(job.plant)[1]
     inside = {b for s in signals for b in s.breaks if -most + 1e-9 < b <= plant.time[-1]}
     yield Metric(name, "breaks", float(len(inside)), "1")

@@ -37,18 +37,13 @@ def measure(job: Job, sine: Series) -> Iterator[Metric]:
     truth = np.column_stack([s(time)[:, 0] for s in signals[:-1]])
     late = time >= 0.5 * sine.time[-1]  # when any finite time after the start is over
     sizes = root_mean_square(truth[late])
-    shares = root_mean_square(_errors(body, truth, np.zeros(len(time)))[late]) / sizes
+    law = LevantDifferentiator(body.L, keys.MOST_DERIVATIVES, body.lambdas, sampling_period=period)
+    run = law.run(truth[:, 0], state=law.init(np.zeros(keys.MOST_DERIVATIVES + 1)))
+    shares = root_mean_square((run["derivatives"] - truth)[late]) / sizes
     for i in range(1, keys.MOST_DERIVATIVES + 1):
         yield Metric("levant", f"relative_rms_error_{i}", float(shares[i]), "1")
     largest = float(np.max(np.abs(signals[-1](time))))
     yield Metric("levant", "bound_share", largest / body.L, "1")
-    bounds = np.array(job.theory.noises, dtype=np.float64)
-    # A sine whose last derivative is L: no differentiator can tell such a noise from the input.
-    noises = [b * np.sin(time * (body.L / b) ** (1 / (keys.MOST_DERIVATIVES + 1))) for b in bounds]
-    found = [np.max(np.abs(_errors(body, truth, n)[late]), axis=0) for n in noises]
-    for i in range(1, keys.MOST_DERIVATIVES + 1):
-        power = np.polyfit(np.log(bounds), np.log(np.array(found)[:, i]), 1)[0]
-        yield Metric("levant", f"noise_exponent_{i}", float(power), "1")
     yield from _in_noise(job, body, late, signals, time)
 
 
@@ -68,12 +63,3 @@ def _in_noise(
     shares = errors / root_mean_square(truth[late])
     for i in range(1, order + 1):
         yield Metric("levant", f"relative_rms_error_{i}_in_noise", float(shares[i]), "1")
-
-
-def _errors(body: keys.Levant, truth: Array, noise: Array) -> Array:
-    law = LevantDifferentiator(
-        body.L, keys.MOST_DERIVATIVES, body.lambdas, sampling_period=body.sampling
-    )
-    start = law.init(np.zeros(keys.MOST_DERIVATIVES + 1))
-    found: Array = law.run(truth[:, 0] + noise, state=start)["derivatives"] - truth
-    return found

@@ -1,4 +1,4 @@
-"""What the paper says of its observer in words, by runs without the noise of its figures."""
+"""Runs behind what the paper says of its observer in words, without the noise of its figures."""
 
 from __future__ import annotations
 
@@ -15,29 +15,24 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.plant import simulate
-from reobserve.papers.delay.scoring import constant_segments, errors, peaks
+from reobserve.papers.delay.scoring import errors, peaks
 from reobserve.papers.delay.setup import build_model, delay_bounds
-from reobserve.papers.delay.theory_gains import FIGURES
+from reobserve.papers.delay.theory_gains import FIGURES, ORDERS
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
 from reobserve.replication.metrics.responses import root_mean_square, window
 from reobserve.replication.parameters.job import Job, named
 from reobserve.signals.grid import stride
-from reobserve.signals.series import Channel, Series
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 
 SEED = 0
-ORDERS = {1: "order1_noise", 2: "order2_noise"}  # the observers of Fig. 2, by m
 
 
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
-    """Numbers from runs on the record of the ramp and on that of the sine, both without noise.
-
-    Lechappe et al. 2018, (32).
-    """
+    """Numbers from runs on the record of the ramp and on that of the sine, both without noise."""
     yield from _radius_on_the_ramp(job, ramp)
-    yield from _wrong_derivatives(job, ramp)
     yield from _random_starts(job, ramp)
     yield from _singular_peaks(job, sine)
     yield from _faster(job, sine)
@@ -58,7 +53,7 @@ def record(job: Job, terms: Any) -> Series:
 
 
 def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Array, Array]:
-    """Times and the delay error of an observer of the parameter file, some of its values changed.
+    """Times and the error of the delay of an observer, some of its parameters changed.
 
     What is made of the error comes long after the dynamic gain has come to rest at the algebraic
     one, which is taken from the start.
@@ -107,21 +102,6 @@ def _scaled(term: dict[str, Any], factor: float, keys_: tuple[str, ...]) -> dict
 
 
 @part
-def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
-    """u' too large by a share: what is left of the error before the jumps (Remark 3.5)."""
-    for share in job.theory.derivative_errors:
-        rates = (1 + share) * ramp["input_derivatives"]
-        channels = {**ramp.channels, "input_derivatives": Channel(rates, "N m/s, N m/s^2")}
-        wrong = Series(ramp.time, channels, ramp.events)
-        time, error = _delay_error(job, "order2", wrong)
-        late = np.zeros(len(time), dtype=bool)
-        for _, start, end in constant_segments(ramp, job.metrics.late):
-            late |= window(time, start, end)
-        peak = float(np.max(np.abs(error[late])))
-        yield Metric.at("order2", ("late_delay_error", peak, "s"), share=share)
-
-
-@part
 def _random_starts(job: Job, ramp: Series) -> Iterator[Metric]:
     """Errors before the first jump from random starts with the gain of Fig. 1 (Theorem 2).
 
@@ -167,7 +147,7 @@ def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
 
 @part
 def _mean_delay(job: Job, sine: Series) -> Iterator[Metric]:
-    """How wrong the average delay is as an estimate."""
+    """Error of the average delay as an estimate."""
     mean = named(job.observers, "standard_noise", keys.Standard).mean_delay
     varying = job.metrics.varying_from, job.metrics.varying_until
     for when, span in (("", (job.metrics.start, np.inf)), ("varying_", varying)):

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @part
 def measure(job: Job, ramp: Series) -> Iterator[Metric]:
-    """What is left of the errors in the last seconds before the first jump of the delay."""
+    """Errors in the last seconds before the first jump of the delay."""
     end = min(ramp.events["jumps"], default=float(ramp.time[-1]))
     body = named(job.observers, "order2", keys.Extended)
     start = [*body.initial_estimate, body.initial_delay]

@@ -48,7 +48,7 @@ THREADS = 2
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of one choice: mean probabilities after the fault, and before it.
+    """Results of one choice: mean probabilities after the fault, and before it.
 
     ``means`` holds for each observer the normal and the leakage mode's after the fault and the
     normal mode's before; ``distance`` is from all quoted values, nan if a filter diverged.
@@ -174,7 +174,7 @@ def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
 
 
 def trial_rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
-    """What came of a trial: the distance, and the mean probabilities of each bank."""
+    """Rows of a trial: the distance, and the mean probabilities of each bank."""
     yield "all", sweep, level, 0, "distance", trial.distance, "1"
     for name, means in trial.means.items():
         for quantity, mean in zip(QUANTITIES, means, strict=True):
@@ -183,7 +183,7 @@ def trial_rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
 
 @dataclass(frozen=True)
 class KeptSearch:
-    """What `reobserve.papers.imm.search.run` returns."""
+    """The result of `reobserve.papers.imm.search.run`."""
 
     found: dict[str, float]
     distance: float
@@ -212,7 +212,7 @@ def read_kept(path: Path) -> KeptSearch:
     """
     kept = parse(_Stored, read_json(path), str(path)).search
     if set(kept.found) != set(TUNED):
-        raise InputError(str(path), "holds other numbers than the search tunes; run it again")
+        raise InputError(str(path), "holds other numbers than the search tunes; rerun it")
     return kept
 
 
@@ -274,7 +274,7 @@ def check_changes(job: Job) -> None:
 
 
 def _changed(job: Job, scenario: dict[str, Any]) -> Job:
-    """What the plant's stage sees, with something else in the scenario."""
+    """The settings of the plant's stage, with something else in the scenario."""
     return replace(job, scenario=replace(job.scenario, **scenario))
 
 

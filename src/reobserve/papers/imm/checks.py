@@ -1,4 +1,4 @@
-"""What of the parameter file takes building to see: errors show before a long build."""
+"""Checks of parameters that need the plant and observers to be constructed."""
 
 from __future__ import annotations
 

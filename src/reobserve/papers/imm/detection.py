@@ -1,4 +1,4 @@
-"""Detected faults, delays and false alarms over runs, and the least gap that is told apart."""
+"""Detected faults, delays and false alarms over runs, and the smallest distinguishable gap."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def curve(study: StudyTable, name: str, sweep: str) -> list[Judged]:
 
 
 def measure(study: StudyTable, enough: float) -> Iterator[Metric]:
-    """By detector, plant, noise and share; and the gaps from which on faults are told."""
+    """By detector, plant, noise and share; and the gaps from which on faults are detected."""
     for (share,), rows in study.where(observer="models").groups("level"):
         yield Metric.at("models", ("nu_gap", float(rows["value"][0]), "1"), share=share)
     alarms = study.where(quantity="alarm_time")

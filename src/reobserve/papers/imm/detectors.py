@@ -1,4 +1,4 @@
-"""What must tell that a plant has changed from one model to another: banks, and standard tests.
+"""Detectors of a change of the plant from one model to another: banks, and standard tests.
 
 Each makes of a record one number a sample, its statistic, and alarms where that exceeds a
 threshold, which records without a fault decide. Of a bank it is the logarithm of the odds of the
@@ -32,7 +32,7 @@ Bank = tuple[IMM, keys.Observer]
 
 LENGTHS = 2 ** np.arange(10)  # samples: how long ago the likelihood ratio takes a change to be
 
-FAR = 700.0  # of the logarithm of odds: exp(-FAR) is about the least probability that can be told
+FAR = 700.0  # of the logarithm of odds: exp(-FAR) is about the least probability
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class Detectors:
         found = {name: log_odds(bank, measured, held) for name, bank in self.banks.items()}
         first = next(iter(self.banks.values()))
         normal, faulty = (likelihoods(first, mode, measured, held) for mode in (0, 1))
-        told = np.stack([normal, faulty], axis=1)
-        found[UNMIXED] = unmixed_log_odds(np.asarray(first[0].transition), told)
+        both = np.stack([normal, faulty], axis=1)
+        found[UNMIXED] = unmixed_log_odds(np.asarray(first[0].transition), both)
         ratios, far = faulty - normal, distances(self.rest, normal)
         ratios[: self.settling] = far[: self.settling] = np.nan
         found[CUSUM] = cusum(ratios)
@@ -89,23 +89,23 @@ def rest_likelihoods(bank: Bank, rows: int) -> Array:
     return likelihoods(bank, 0, np.zeros((rows, bank[0].measurements)), np.zeros(rows))
 
 
-def distances(rest: Array, told: Array) -> Array:
+def distances(rest: Array, found: Array) -> Array:
     """e' S^-1 e, shape (k,): twice what a record's log-likelihoods fall short of those at rest."""
-    return np.maximum(2.0 * (rest[: len(told)] - told), 0.0)
+    return np.maximum(2.0 * (rest[: len(found)] - found), 0.0)
 
 
 @kernel
-def unmixed_log_odds(transition: Array, told: Array) -> Array:
+def unmixed_log_odds(transition: Array, log_likelihoods: Array) -> Array:
     """Of the second of two modes, shape (k,), from equal odds a sample before the first.
 
-    ``told`` are log-likelihoods, shape (k, 2): only the probabilities follow the chain.
+    ``log_likelihoods`` have shape (k, 2): only the probabilities follow the chain.
     """
-    odds = np.empty(len(told))
+    odds = np.empty(len(log_likelihoods))
     weights, predicted = np.empty((2, 2)), np.empty(2)
     log_probabilities = np.full(2, -math.log(2.0))
-    for k in range(len(told)):
+    for k in range(len(log_likelihoods)):
         mixing_probabilities(transition, log_probabilities, weights, predicted)
         log_probabilities[:] = predicted
-        update_probabilities(log_probabilities, told[k])
+        update_probabilities(log_probabilities, log_likelihoods[k])
         odds[k] = log_probabilities[1] - log_probabilities[0]
     return odds

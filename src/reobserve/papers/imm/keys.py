@@ -201,7 +201,7 @@ Study = Neighbourhood | Changes | Closeness | Causes
 
 @dataclass(frozen=True)
 class Metrics:
-    """How probabilities are judged."""
+    """Windows and levels of the metrics."""
 
     before: Window
     after: Window
@@ -212,7 +212,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Theory:
-    """What the numbers of the theory are computed for."""
+    """The setting of the theory's numbers."""
 
     observers: Names
     period: Positive

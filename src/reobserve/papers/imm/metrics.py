@@ -1,4 +1,4 @@
-"""Stage metrics: how probable each mode is before and after the fault, and errors of estimates.
+"""Stage metrics: probabilities of the modes before and after the fault, and errors of estimates.
 
 Means over the last two seconds before the fault (`_before`) and over the last three of the run
 (`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
@@ -37,13 +37,15 @@ MEANINGS = {
     "<mode>_spread": "its standard deviation over time, after the fault",
     "overshoot": "how far the normal mode is from its later mean at most, in the window of it",
     "alarm_samples": (
-        "samples from the fault until the normal mode falls below the level of an alarm"
+        "samples from the fault until the normal mode falls below the level of an alarm; nan if "
+        "it was there in the seconds before"
     ),
     "diagnosed_share": "share of the last three seconds in which the right mode is the likeliest",
     "rms_velocity_error": "of the combined estimate after the fault",
     "velocity_error_share": "the same as a share of the velocity's own root mean square",
     "saturation_fraction": "of the innovations after the fault that lie outside the boundary layer",
     "chattering_fraction": "of those after it that lie there and have changed their sign",
+    "chattering_size": "RMS of the velocity's corrections by these, as a share of its own",
     "trials": "of the search, each of three banks",
     "earlier_trials": "of searches before it, whose numbers are not used",
     "tuned": "how many numbers the search moved",
@@ -78,8 +80,10 @@ MEANINGS = {
     "corrected_radius": (
         "largest radius of (I - W C) A: what full correction of all outputs leaves"
     ),
-    "single_velocity_error": "RMS after a leak, of the normal model's filter alone",
-    "bank_velocity_error": "the same of the bank",
+    "single_prediction_error": (
+        "RMS a priori error of the velocity after a leak, of the normal model's filter alone"
+    ),
+    "bank_prediction_error": "the same of the bank",
     "layer_ratio": "largest a priori output error over a layer that the model alone leaves",
     "open_velocity_error": "of the normal model that nothing corrects",
     "informed_velocity_error": "of that filter with layers as wide as the model is wrong",
@@ -117,10 +121,12 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     if "saturated" in estimate.channels:
         yield "saturation_fraction", float(np.mean(estimate["saturated"][later])), "1"
         yield "chattering_fraction", float(np.mean(estimate["chattering"][later])), "1"
+        jumps = float(root_mean_square(estimate["chattering_correction"][later]))
+        yield "chattering_size", jumps / float(root_mean_square(moved[later])), "1"
 
 
 def _neighbourhood(data: FigureData) -> Iterator[Metric]:
-    """What the search says of itself, and how far each number may move."""
+    """Numbers of the search, and how far each tuned number may move."""
     study = data.study
     yield Metric("search", "earlier_trials", float(sum(data.job.study.earlier_trials)), "1")
     for (name, quantity), rows in study.where(sweep="kept").groups("observer", "quantity"):
@@ -183,7 +189,7 @@ def _closeness(data: FigureData) -> Iterator[Metric]:
 
 
 def _causes(data: FigureData) -> Iterator[Metric]:
-    """What an SVSF-IMM as stated gives with one cause changed."""
+    """Metrics of an SVSF-IMM as stated with one cause changed."""
     for (name, variant, quantity), row in data.study.where(run=STATED).groups(
         "observer", "sweep", "quantity"
     ):

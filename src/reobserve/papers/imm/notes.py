@@ -1,4 +1,4 @@
-"""What stands under a figure over time, settings that decide it, and the style of each bank."""
+"""Notes under a figure over time, with the settings that decide it, and the style of each bank."""
 
 from __future__ import annotations
 

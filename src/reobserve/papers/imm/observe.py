@@ -11,6 +11,7 @@ from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.setup import (
     bank,
+    chattering_correction,
     measured_columns,
     run,
     saturation,
@@ -31,7 +32,8 @@ def estimate(settings: Settings, plant: Series) -> Series:
 
     ``probability`` has one component a mode, in the order of `MODES`. For an SVSF ``saturated`` is
     the share of all innovations that lie outside the boundary layer, and ``chattering`` that of
-    those there that have changed their sign since the sample before.
+    those there that have changed their sign since the sample before; ``chattering_correction`` is
+    how far these move the estimate of the velocity.
 
     Raises
     ------
@@ -54,8 +56,13 @@ def estimate(settings: Settings, plant: Series) -> Series:
     velocity = np.concatenate([[0.0], found["state"] @ row])
     channels["velocity"] = Channel(velocity, UNITS["velocity"])
     if observer.algorithm == "smooth_variable_structure":
-        both = saturation(observer, found["innovation"])
-        for name, rows_of in zip(("saturated", "chattering"), both, strict=True):
+        innovation = found["innovation"]
+        saturated, chattering = saturation(observer, innovation)
+        for name, rows_of in (("saturated", saturated), ("chattering", chattering)):
             share = np.mean(rows_of, axis=(1, 2))
             channels[name] = Channel(np.concatenate([[0.0], share]), "1")
+        jumps = chattering_correction(observer, innovation, chattering, found["probability"])
+        channels["chattering_correction"] = Channel(
+            np.concatenate([[0.0], jumps]), UNITS["velocity"]
+        )
     return Series(plant.time, channels, plant.events)

@@ -36,7 +36,7 @@ def draw(data: FigureData) -> Figure:
         for order, (name, style) in enumerate(styles.items()):
             found = curve(study, name, sweep)
             gap = np.array([one.gap for one in found])
-            # Side by side, so that bars and markers of the same height can be told apart.
+            # Side by side, so that bars and markers of the same height can be distinguished.
             apart = gap * 1.035 ** (order - (len(styles) - 1) / 2)
             value = [one.detected.value for one in found]
             shares.plot(apart, value, **style.points(), label=labels[name])

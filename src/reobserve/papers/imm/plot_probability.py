@@ -93,7 +93,7 @@ def _finished(figure: PaperFigure, data: FigureData) -> Figure:
     add_note(figure, note(data.job))
     engine = figure.get_layout_engine()
     if isinstance(engine, ConstrainedLayoutEngine):
-        engine.set(w_pad=0.1)  # [in] room beside the values in the margin
+        engine.set(w_pad=0.1)  # [in] space beside the values in the margin
     return figure
 
 

@@ -69,7 +69,7 @@ def draw_neighbourhood(data: FigureData) -> Figure:
     headroom(curves, to=1.5)
     curves.set_yticks((0, 0.5, 1))
     curves.set_ylabel("mean probability")
-    curves.set_title(f"(b) the number with the least room: {_NUMBERS[narrow]}")
+    curves.set_title(f"(b) the number with the smallest margin: {_NUMBERS[narrow]}")
     curves.legend(loc="upper left", ncols=2)
     curves.set_xlabel("factor to the tuned number")
     few_ticks(curves, (0.1, 0.2, 0.5, 1, 2, 5, 10))
@@ -113,9 +113,9 @@ def draw_changes(data: FigureData) -> Figure:
         for order, (name, body) in enumerate(observers.items()):
             style = style_of(body)
             mine = study.where(observer=name, quantity=f"{mode}_after")
-            told = [change for change, _ in mine.groups("sweep", "level")]
+            shown = [change for change, _ in mine.groups("sweep", "level")]
             axes.plot(
-                mine["value"], [changes.index(change) + 0.2 * (order - 1) for change in told],
+                mine["value"], [changes.index(change) + 0.2 * (order - 1) for change in shown],
                 linestyle="", marker=style.marker, color=style.color, markersize=mark(4.5),
                 label=body.label,
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+"""The time axis of records, and the units of the channels of plant and estimates."""
 
 from __future__ import annotations
 
@@ -35,4 +35,5 @@ def estimates(_: Job) -> dict[str, Shape]:
         "velocity": Shape(UNITS["velocity"]),
         "saturated": Shape("1", optional=True),
         "chattering": Shape("1", optional=True),
+        "chattering_correction": Shape(UNITS["velocity"], optional=True),
     }

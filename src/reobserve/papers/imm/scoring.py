@@ -1,4 +1,4 @@
-"""What is said of mode probabilities: before the fault, after it, and how soon."""
+"""Metrics of mode probabilities before and after the fault, and of the alarm."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def probabilities(
 ) -> Iterator[Score]:
     """Means over the windows, their spread, the alarm, the diagnosis and the overshoot.
 
-    That is how far the normal mode is at most from its later mean, above or below.
+    That is how far the normal mode is at most from its later mean, above or below. There is no
+    alarm for the fault (nan) where one rang before, from the begin of the window before it on.
     ``fault`` is the index of the mode that begins at ``onset`` [s].
     """
     first = probability[window(time, *rules.before, closed="right")]
@@ -46,8 +47,10 @@ def probabilities(
         yield f"{MODES[index]}_spread", float(np.std(late, axis=0)[index]), "1"
     away = np.abs(early[:, 0] - np.mean(late[:, 0]))
     yield "overshoot", float(np.max(away)), "1"
-    alarms = (time > onset + 1e-9) & (probability[:, 0] < rules.alarm)
-    delay = time[np.argmax(alarms)] - onset if alarms.any() else np.nan
+    alarms, later = probability[:, 0] < rules.alarm, time > onset + 1e-9
+    quiet = not np.any(alarms & ~later & (time > rules.before[0] + 1e-9))
+    alarms &= later
+    delay = time[np.argmax(alarms)] - onset if quiet and alarms.any() else np.nan
     yield "alarm_samples", round(float(delay) / (time[1] - time[0]), 6), "1"
     right = np.argmax(late, axis=1) == fault
     yield "diagnosed_share", float(np.mean(right)), "1"

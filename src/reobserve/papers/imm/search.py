@@ -64,7 +64,7 @@ def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> d
             worst = max(worst, found)
         return worst
 
-    def told(intermediate_result: Any) -> None:
+    def report(intermediate_result: Any) -> None:
         count, best = int(intermediate_result.nfev), float(intermediate_result.fun)
         history.append([count, round(best, 6)])
         progress(f"{count} trials, best distance {best:.4f}")
@@ -85,7 +85,7 @@ def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> d
             workers=pool.map,
             polish=False,
             tol=0.0,
-            callback=told,
+            callback=report,
         )
     rounded = [float(f"{10.0**value:.{DIGITS}g}") for value in result.x]
     trial = calibration.try_out(np.array(rounded))

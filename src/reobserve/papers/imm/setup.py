@@ -74,7 +74,7 @@ class Experiment:
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
-    """What a scenario states.
+    """The input, modes and noise of a scenario.
 
     Raises
     ------
@@ -182,6 +182,20 @@ def saturation(
     saturated = np.abs(innovation) > boundary_layer(observer, innovation.shape[-1])
     before = np.concatenate([np.zeros_like(innovation[:1]), innovation[:-1]])
     return saturated, saturated & (innovation * before < 0)
+
+
+def chattering_correction(
+    observer: keys.Observer, innovation: Array, chattering: NDArray[np.bool_], probability: Array
+) -> Array:
+    """The part of the combined estimate's correction that chatters, of the velocity, (k,).
+
+    Outside of the layer an innovation is corrected in full, but for the memory.
+    """
+    velocity = REALISATIONS[observer.realisation].index("velocity")
+    # sum_j mu_j e_j, over the filters that chatter
+    moved = probability * innovation[..., velocity] * chattering[..., velocity]
+    total: Array = np.sum(moved, axis=1)
+    return total
 
 
 def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:

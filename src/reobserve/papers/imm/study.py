@@ -47,7 +47,7 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
 
 
 def check_study(job: Job) -> None:
-    """What the study's method cannot use; `InputError` names the key of the study."""
+    """Refuse what the study's method cannot use; `InputError` names the key of the study."""
     check = _CHECKS.get(job.study.method)
     if check is not None:
         check(job)

@@ -1,7 +1,7 @@
-"""How close may two models come: faults that are detected against the nu-gap between the models.
+"""Distinguishable models: detected faults against the nu-gap between two models.
 
 The plant changes from the normal mode to one whose coefficients lie a share of the way to the
-leakage mode, and detectors that know the two models must tell. All get thresholds for the same
+leakage mode, and detectors that know the two models must notice. All get thresholds for the same
 share of false alarms, on records of their own without a fault. The plant is one of the models
 exactly, or has the process noise that the filters' Q states. The runs are compiled loops that let
 go of the interpreter, so two threads make use of two cores; rows come in a fixed order.
@@ -99,7 +99,7 @@ class Pair:
 
 @kernel
 def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Array:
-    """What noise of the states adds to the outputs, at the ends of steps: shape (k, m).
+    """The outputs due to noise of the states, at the ends of steps: shape (k, m).
 
     ``kicks``, (k, n), enter over each step. From step ``begin`` on the other model moves the
     states, which go on as they are.
@@ -150,9 +150,9 @@ def _pairs(job: Job) -> Iterator[Pair]:
             models = [normal, normal.blended(leakage, share)]
             banks: dict[str, Bank] = {}
             for name, body in observers.items():
-                told = replace(body, measurement_noise=(noise**2).tolist())
+                matched = replace(body, measurement_noise=(noise**2).tolist())
                 with located(f"observers.{name}"):
-                    banks[name] = bank(job.plant, told, period, models), told
+                    banks[name] = bank(job.plant, matched, period, models), matched
             first = next(iter(banks.values()))[0].filters[0]
             spread = np.sqrt(np.diag(first.model.arrays.Q))
             yield Pair(
@@ -170,8 +170,8 @@ def _judged(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> Iter
     faultless = list(pool.map(lambda number: pair.record("faultless", number, grid.begin), numbers))
 
     def far(record: tuple[Array, Array]) -> float:
-        told = likelihoods(first, 0, *record)
-        return float(np.mean(distances(rest, told)[grid.settling :]))
+        found = likelihoods(first, 0, *record)
+        return float(np.mean(distances(rest, found)[grid.settling :]))
 
     expected = float(np.mean(list(pool.map(far, faultless))))
     detectors = Detectors(pair.banks, grid.settling, rest, expected)

@@ -34,12 +34,12 @@ EXACT, DRIVEN = "exact", "driven"
 
 
 def sweep_name(kind: str, level: float) -> str:
-    """What a plant's noise is called in the study's table."""
+    """The name of a plant's noise in the study's table."""
     return f"{kind}_{level:g}"
 
 
 def sweep_kind(sweep: str) -> tuple[str, float]:
-    """What `sweep_name` was made of."""
+    """The kind and level that `sweep_name` was given."""
     kind, _, level = sweep.partition("_")
     return kind, float(level)
 

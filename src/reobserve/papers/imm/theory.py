@@ -1,4 +1,4 @@
-"""Stage theory: what the paper says of its filters and equations, and no figure shows.
+"""Stage theory: claims on filters and equations that no figure shows.
 
 Whether the SVSF's full correction is stable; what a wrong model does to a filter alone and to a
 bank; whether the SVSF comes to its layers, and what it makes of one that is as wide as the model is
@@ -160,30 +160,34 @@ def _filtered(
     return found, filters
 
 
-def _velocity_error(body: keys.Observer, leak: _Leak, states: Array, filters: IMM) -> float:
-    """Root mean square over the time from the leak on."""
-    row = filters.filters[0].model.C[REALISATIONS[body.realisation].index("velocity")]
-    error = states @ row - leak.motion[:, MOTION.index("velocity")]
-    return float(np.sqrt(np.mean(error[leak.begin :] ** 2)))
-
-
 @part
 def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """Errors of the velocity after a leak: of the normal model's filter alone, and of the bank."""
+    """A priori errors of the velocity after a leak: of the normal model's filter, and of the bank.
+
+    A posteriori the error of a measured velocity without noise may be nothing but rounding.
+    """
     leak = _leak(job)
     for name, body in chosen.items():
         alone = replace(body, self_transition=1.0)  # a bank of one
-        for what, told, models in (
+        for what, observer, models in (
             ("single", alone, leak.models[:1]), ("bank", body, leak.models),
         ):  # fmt: skip
-            found, filters = _filtered(job, name, told, leak, models)
-            size = _velocity_error(told, leak, found["state"], filters)
-            yield Metric(name, f"{what}_velocity_error", size, UNITS["velocity"])
+            found, filters = _filtered(job, name, observer, leak, models)
+            size = _prediction_error(observer, leak, found, filters)
+            yield Metric(name, f"{what}_prediction_error", size, UNITS["velocity"])
+
+
+def _prediction_error(body: keys.Observer, leak: _Leak, found: Run[State], filters: IMM) -> float:
+    """Root mean square from the leak on of the velocity's prediction, combined as in (22)."""
+    # e(k|k-1) = sum_j c_j e_j(k|k-1), c_j = sum_i p_ij mu_i(k-1)
+    weights = found["probability"][leak.begin - 1 : -1] @ filters.transition
+    errors = found["innovation"][leak.begin :, :, REALISATIONS[body.realisation].index("velocity")]
+    return float(root_mean_square(np.sum(weights * errors, axis=1)))
 
 
 @part
 def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """What the first SVSF makes of layers that are narrower than its model is wrong, and as wide.
+    """The first SVSF with layers that are narrower than its model is wrong, and as wide.
 
     The filter of the normal model runs alone on the leaking actuator, whose outputs are up to b
     apart from those of the model. Layers of a share of b are left by the model where nothing
@@ -208,7 +212,9 @@ def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
         )  # fmt: skip
         found, filters = _filtered(job, name, alone, leak, leak.models[:1])
         if share == 1.0:
-            size = _velocity_error(body, leak, found["state"], filters)
+            row = filters.filters[0].model.C[REALISATIONS[body.realisation].index("velocity")]
+            error = (found["state"] @ row - leak.motion[:, velocity])[leak.begin :]
+            size = float(root_mean_square(error))
             yield Metric(name, "informed_velocity_error", size, UNITS["velocity"])
         else:
             ratio = np.abs(found["innovation"][late:, 0]) / layer

@@ -30,7 +30,6 @@ def _theory(job: Job, forms: Mapping[str, NormalForm]) -> None:
         if name not in forms:
             raise InputError("designs", f"must have {name!r}")
     as_vector("initial_state", job.theory.initial_state, forms["linear"].S.variables)
-    theory.scalar(job.theory)
     theory.siegel(job.theory)
     with located("compared_order"):
         IdentityObserver(forms["linear"], job.theory.compared_order, sampling_period=1.0)

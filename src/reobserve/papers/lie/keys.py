@@ -80,12 +80,12 @@ class Plant:
 
     @property
     def states(self) -> int:
-        """How many states the system has."""
+        """The number of states."""
         return len(self.dynamics[0]["powers"])
 
     @property
     def outputs(self) -> int:
-        """How many components the output has."""
+        """The number of components of the output."""
         outputs: int = max(term["component"] for term in self.output)
         return outputs
 
@@ -166,7 +166,7 @@ class EnsembleStudy:
 
 @dataclass(frozen=True)
 class DomainStudy:
-    """Where the series converge, and what they are worth on the limit cycle."""
+    """Domains where the series converge, and their errors on the limit cycle."""
 
     method: Literal["domain"]
     scenario: str
@@ -210,7 +210,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Metrics:
-    """How estimates are scored."""
+    """Parameters of the metrics."""
 
     settling_band: Positive
     decay_window: Window
@@ -218,7 +218,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Theory:
-    """What the numbers of the theory are computed for."""
+    """Parameters of the theory."""
 
     printed: Printed
     printed_degree: Annotated[int, within(2, MOST_DEGREE)]
@@ -235,8 +235,6 @@ class Theory:
     decay_start: Positive
     decay_duration: Positive
     spectrum_degree: Annotated[int, within(2, MOST_DEGREE)]
-    scalar_dynamics: Polynomial
-    scalar_injection: Polynomial
     siegel_dynamics: Polynomial
     siegel_injection: Polynomial
     poles: Annotated[list[float], vector(2)]

@@ -44,7 +44,7 @@ from reobserve.synthesis.normal_form.solver import Solver, identity
 
 
 class LieTransform(NamedTuple):
-    """What the recursion finds: U, T and S of shape (n, N), the gain L of shape (n n, N).
+    """Results of the recursion: U, T and S of shape (n, N), the gain L of shape (n n, N).
 
     The part of degree i + 2 of ``U`` is U_i; row n c + i of ``L`` is its entry (c, i).
     """

@@ -208,7 +208,7 @@ def _map(
 
 
 def _mark(axes: Axes, data: FigureData) -> None:
-    """Where on the square the observers of the figure are."""
+    """Mark the observers of the figure on the square."""
     for name, observer in data.job.observers.items():
         cubic = _cubic(data.job.designs[observer.design].injection)
         if cubic:

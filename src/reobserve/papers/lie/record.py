@@ -1,4 +1,4 @@
-"""What a record of the plant and estimates hold: the channels and their units."""
+"""Channels and units of the record of the plant and of estimates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How large an estimation error is, how it goes, and how it compares with another."""
+"""Size, settling and decay of an estimation error, and its ratio to another."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any
 
 
 def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
-    """The normal forms of a study by design: its own as stored, those of its observers again."""
+    """The normal forms of a study by design: its own as stored, those of its observers solved."""
     own = job.study.design
     found = {own: stored_form(job.plant, job.designs[own], design)}
     for name, body in job.designs.items():

@@ -1,4 +1,4 @@
-"""Where the series of S and T converge, and what they are worth on the limit cycle.
+"""Domains where the series of S and T converge, and their errors on the limit cycle.
 
 On the limit cycle the true z = S(x) is known without any series: it is the periodic solution of
 z' = A z - l(h(x(t))), to which every solution comes, because A is stable.
@@ -89,7 +89,7 @@ def _points(form: str, order: int, quantity: str, points: Array) -> list[Row]:
 
 
 def _boundary(domain: Convergence, count: int) -> Array:
-    """Where the series stops converging in each direction of the plane; shape (count, 2)."""
+    """The edge of the domain of convergence in each direction of the plane; shape (count, 2)."""
     angle = np.arange(count) * (2 * np.pi / count)
     directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     edge: Array = directions / domain.growth(directions)[:, None]

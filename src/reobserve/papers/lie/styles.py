@@ -56,7 +56,7 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def starts(job: Job) -> str:
-    """Where the plant starts, and the estimate of the first observer."""
+    """The initial state of the plant, and the initial estimate of the first observer."""
     first = next(iter(job.observers.values()))
     return f"x(0) = {pair(job.scenario.initial_state)}, x̂(0) = {pair(first.initial_estimate)}"
 

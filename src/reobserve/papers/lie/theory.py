@@ -34,7 +34,6 @@ from reobserve.papers.lie.theory_series import (
     ad_matrix,
     largest,
     random_problem,
-    solvable,
     spectrum_difference,
 )
 from reobserve.plants.polynomial import PolynomialPlant
@@ -74,7 +73,7 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
             theory.seed, theory.cases, theory.case_degree, theory.case_terms,
             theory.decay_start, theory.decay_duration,
         ),
-        *_conditions(theory),
+        *_siegel_domain(theory),
         *_nonresonant(theory),
         *_settled(job, designs["linear"]),
         *_constant(job, designs["linear"]),
@@ -182,30 +181,12 @@ def _random_systems(
 
 
 @part
-def _conditions(theory: keys.Theory) -> Iterator[Metric]:
-    """Remark 3.7 and Proposition 3.9: which conditions let the series exist, and converge."""
-    yield Metric("scalar", "solvable", float(solvable(scalar(theory))), "1")
+def _siegel_domain(theory: keys.Theory) -> Iterator[Metric]:
+    """Proposition 3.9: whether the radius of convergence settles as the degree doubles."""
     problem = siegel(theory)
     S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
     radii = [convergence(S.upto(d)).radius for d in (problem.degree, problem.degree // 2 + 1)]
-    yield Metric("siegel", "radius", radii[0], "1")
     yield Metric("siegel", "radius_ratio", radii[0] / radii[1], "1")
-
-
-def scalar(theory: keys.Theory) -> NormalFormProblem:
-    """The system of one state, y = x, that has no series; `InputError` for terms that are none.
-
-    Thomas, Kwatny & Chang, Remark 3.7.
-    """
-    dynamics, injection = (
-        PolynomialMap.from_terms(name, terms, 1, 1, exact=True)
-        for name, terms in (
-            ("scalar_dynamics", theory.scalar_dynamics),
-            ("scalar_injection", theory.scalar_injection),
-        )
-    )
-    system = PolynomialSystem(dynamics, PolynomialMap.linear(np.array([[1]], dtype=object)))
-    return NormalFormProblem(system, injection, theory.case_degree)
 
 
 def siegel(theory: keys.Theory) -> NormalFormProblem:

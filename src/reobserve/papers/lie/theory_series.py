@@ -71,15 +71,6 @@ class Solutions:
         return max(largest(left), largest(back.coefficients - identity(problem)))
 
 
-def solvable(problem: NormalFormProblem) -> bool:
-    """Whether the equation for S has one solution, and no more."""
-    try:
-        solve_s(problem, solver_for(problem))
-    except InputError:
-        return False
-    return True
-
-
 def ad_matrix(A: Array, degree: int) -> Array:
     """ad_Ax U = U' A x - A U on the homogeneous maps of a degree, component after component.
 
