@@ -83,7 +83,9 @@ def test_augmented_filter_and_learning_observers_tie_on_torque(scored: Any) -> N
     assert max(errors) < 1.05 * min(errors)
 
 
-@pytest.mark.parametrize(("name", "method"), [("torque", "random_walk"), ("vdp", "ekf")])
+@pytest.mark.parametrize(
+    ("name", "method"), [("torque", "random_walk"), ("vdp", "ekf"), ("delay", "ekf")]
+)
 def test_a_filter_that_is_given_the_noise_is_as_good_as_re_tuned(
     name: str, method: str, scored: Any
 ) -> None:
@@ -118,6 +120,31 @@ def test_thresholds_do_not_survive_a_change_unless_the_statistic_is_normalised(s
     for normalised in ("glr", "power", "cusum", "cusum_alone"):
         assert false_alarms(found, "kept_noise", normalised, True) < 0.1
     assert false_alarms(found, "kept_noise", "augmented", True) > 0.7
+
+
+def test_slow_inputs_suit_taylor_series_of_the_delay(scored: Any) -> None:
+    """The more the higher its order; the extended filter, which has none, is better throughout."""
+    delay = scored("delay")
+    first, second = (
+        [error(delay, one, method, training, False) for one, training in
+         (("nominal", ""), ("slow", "slow"), ("slowest", "slowest"))]
+        for method in ("extended_1", "extended_2")
+    )  # fmt: skip
+    assert first[0] > first[1] > first[2]
+    assert second[0] > second[1] > second[2]
+    assert all(high < low for low, high in zip(first, second, strict=True))
+    for condition in task("delay").table:
+        filtered = error(delay, condition, "ekf", "", False)
+        assert filtered < error(delay, condition, "extended_2", "", False)
+        assert filtered < error(delay, condition, "extended_2", "paper", False)
+
+
+def test_many_delays_are_better_after_jumps_and_one_between_them(scored: Any) -> None:
+    """Beyond half a period of the input an extended filter goes the wrong way."""
+    found = {(condition, method): error(scored("delay"), condition, method, "", False)
+             for condition in ("steps", "swings") for method in ("ekf", "imm")}  # fmt: skip
+    assert found["steps", "imm"] < 0.8 * found["steps", "ekf"]
+    assert found["swings", "ekf"] < 0.8 * found["swings", "imm"]
 
 
 @pytest.mark.nightly
