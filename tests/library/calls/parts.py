@@ -54,6 +54,7 @@ def _basics() -> Iterator[Call]:
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
         "core.random_streams.random_stream": (3, "noise"),
+        "estimation.false_alarms.false_alarm_threshold": (np.arange(19.0), 0.05),
         "core.discretisation.zero_order_hold": hold,
         "core.discretisation.interpolating_hold": (*hold, [0.0, 1.0]),
         "core.discretisation.polynomial_hold": (*hold, 1),
