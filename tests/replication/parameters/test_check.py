@@ -178,8 +178,8 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
         "eso.designs.pd_pi.solver: [] must be one of CLARABEL, SCS",
     ),
     "a bare value in a new branch": (
-        "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "damping": 3}}},
-        "ilo.observers.new.damping: 3 must be a mapping of keys to values",
+        "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "observer_gain": 3}}},
+        "ilo.observers.new.observer_gain: 3 must be a mapping of keys to values",
     ),
     "a paper that is a number": ("ilo", 3, "ilo: 3 must be a mapping"),  # type: ignore[dict-item]
     "a word of 20 000 letters": (
