@@ -523,7 +523,6 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "no convergence": (
         svsf(convergence_rate=1.0), "observers.svsf.convergence_rate", "from 0 to below 1",
     ),
-    "an old name": (svsf(memory=0.1), "observers.svsf.memory", "is now convergence_rate"),
     **{
         f"{name} {words}": (rules(**{name: value}), f"metrics.{name}", said)
         for name in ("before", "after", "overshoot")
