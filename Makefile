@@ -63,7 +63,7 @@ check: $(STAMP)  ## style, types, workflow lint
 	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	snakemake --lint
 
-# A newer and an older processor: what numpy, its BLAS, numba and the C library are told to use.
+# A newer and an older processor: what numpy, its BLAS, numba and the C library are made to use.
 NEWER := OPENBLAS_CORETYPE=Haswell NPY_ENABLE_CPU_FEATURES=
 OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 	GLIBC_TUNABLES=glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2
@@ -95,7 +95,7 @@ mutations: $(STAMP)  ## change a module one operator at a time, list what its te
 		cosmic-ray exec config.toml session.sqlite && \
 		cr-report session.sqlite --surviving-only --show-diff
 
-pages: $(STAMP)  ## run the code of the pages, renew what it prints and samples in them; PAGE=docs/pages/index.md for one
+pages: $(STAMP)  ## run the code of the pages, renew what it prints and plots in them; PAGE=docs/pages/index.md for one
 	python -m docs.outputs $(PAGE)
 
 docs: $(DOCS)  ## the documentation as a site that any static host serves, build/site

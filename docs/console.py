@@ -67,10 +67,10 @@ class Console:
 
     def _by_shell(self, command: str) -> tuple[int, str]:
         script = f'reobserve() {{ "{sys.executable}" -m reobserve "$@"; }}\n{command}\n'
-        told = subprocess.run(
+        done = subprocess.run(
             ["bash", "-c", script], cwd=self.folder, capture_output=True, text=True, check=False
         )
-        return told.returncode, _ESCAPE.sub("", told.stdout + told.stderr)
+        return done.returncode, _ESCAPE.sub("", done.stdout + done.stderr)
 
     @contextlib.contextmanager
     def inside(self) -> Iterator[None]:

@@ -48,5 +48,5 @@ def test_a_command_is_there(words: list[str], capsys: pytest.CaptureFixture[str]
 def test_places_are_there() -> None:
     named = {word for code in (*INLINE, *BLOCKS) for word in re.findall(r"[\w.]+/[\w./]+", code)}
     named -= {".venv/bin/activate"}
-    assert "src/reobserve/replication/parameters/settings.py" in named
+    assert "src/reobserve/cli/stage_commands.py" in named
     assert {name for name in named if not (ROOT / name).exists()} == set()

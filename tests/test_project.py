@@ -1,4 +1,4 @@
-"""The house rules: who may import whom, what the locks hold, that the README is true."""
+"""Rules of the project: package imports, locks, the README, the words that are used."""
 
 from __future__ import annotations
 
@@ -229,3 +229,28 @@ def test_the_lists_of_metrics_are_those_of_the_papers(tmp_path: Path) -> None:
         (tmp_path / LISTS).write_text(text.replace(line, ""))
         with pytest.raises(InputError, match=r"README\.md: must have the lines <!-- .* and <!-- "):
             write_lists(tmp_path)
+
+
+# Words that the field does not use for these things, with those that it does.
+WORDS = {
+    "ledgers?": "parameter file, parameters", "told": "given, reported", "anew": "again",
+    "beliefs?": "posterior", "headlines?": "main claim", "fore(tell|tells|told)": "predict",
+    "mended": "fixed", "downhill": "in order of dependency", "the house": "the default style",
+    "kept[ _]draws?": "cached samples", "own[ _]data": "recorded data",
+}  # fmt: skip
+HISTORY = ("CHANGELOG.md", "tests/golden/REASONS.md", "tests/test_project.py")
+
+
+def test_words_that_the_field_does_not_use_stay_out() -> None:
+    listed = subprocess.run(
+        ["git", "ls-files", "*.py", "*.md", "*.yaml", "*.yml", "*.smk", "*.rst", "*.jinja"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout.split("\n")  # fmt: skip
+    found = {}
+    for name in (name for name in listed if name and name not in HISTORY):
+        if (ROOT / name).is_file():
+            text = (ROOT / name).read_text(encoding="utf-8").lower()
+            for word, instead in WORDS.items():
+                if re.search(rf"(?<![a-z]){word}(?![a-z])", text):
+                    found[f"{name}: {word}"] = instead
+    assert found == {}

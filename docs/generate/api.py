@@ -52,9 +52,9 @@ def public_names(source: Path) -> str:
         (found,) = (node for node in tree.body if getattr(node, "name", "") == name)
         # An algorithm is a file: it says better what it is than the class.
         is_algorithm = home.startswith("observers.") and home.rpartition(".")[2] != "run"
-        told = tree if is_algorithm and isinstance(found, ast.ClassDef) else found
-        assert isinstance(told, ast.Module | ast.ClassDef | ast.FunctionDef)
-        summary = ticks(first_sentence(ast.get_docstring(told)))
+        documented = tree if is_algorithm and isinstance(found, ast.ClassDef) else found
+        assert isinstance(documented, ast.Module | ast.ClassDef | ast.FunctionDef)
+        summary = ticks(first_sentence(ast.get_docstring(documented)))
         rows.append((f"[`{name}`][reobserve.{home}.{name}]", summary))
     return table(("name", "what it is"), rows)
 

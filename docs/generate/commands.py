@@ -27,7 +27,7 @@ def targets(root: Path) -> str:
     makefile = (root / "Makefile").read_text(encoding="utf-8")
     rows = sorted(re.findall(r"^([a-z]+):.*?## (.+)$", makefile, re.MULTILINE))
     return table(
-        ("target", "what it does"), [(code(f"make {name}"), plain(told)) for name, told in rows]
+        ("target", "what it does"), [(code(f"make {name}"), plain(text)) for name, text in rows]
     )
 
 
@@ -39,6 +39,6 @@ def _below(parser: argparse.ArgumentParser, level: int) -> Iterator[str]:
         for command in action.choices.values():
             name = " ".join(command.prog.split())
             anchor = re.sub(r"\W+", "-", name)
-            told = block(command.format_help(), "text")
-            yield f"{heading(level, code(name), anchor)}\n\n{told}"
+            text = block(command.format_help(), "text")
+            yield f"{heading(level, code(name), anchor)}\n\n{text}"
             yield from _below(command, level + 1)

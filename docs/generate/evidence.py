@@ -108,15 +108,15 @@ class Paper:
         accepted = self.accepted[claim.name]["verdict"]
         numbers = {name: lookup(found) for name, found in self.numbers.items()}
         drawn = _robustness(claim, cached, numbers)
-        told = {
+        cells = {
             key: str(value) for key, value in row(claim, self.parameters, numbers, drawn).items()
         }
-        if told["verdict"] != accepted:
+        if cells["verdict"] != accepted:
             problem = (
-                f"{told['verdict']} by golden numbers and cached samples, accepted as {accepted}"
+                f"{cells['verdict']} by golden numbers and cached samples, accepted as {accepted}"
             )
             raise InputError(place, f"{problem}: make accept keeps what is so")
-        return claim_of_row({**dict.fromkeys(HEADER, ""), **told}, drawn or Robustness())
+        return claim_of_row({**dict.fromkeys(HEADER, ""), **cells}, drawn or Robustness())
 
     @cached_property
     def errata(self) -> tuple[Erratum, ...]:
@@ -139,13 +139,13 @@ class Paper:
         template = caption_template(self.root, self.name, name, "figure")
         settings = self.parameters.settings("plot", name)
         text = render(self.root / template, settings, self.numbers[name])
-        told, source = without_title(to_html(template, text), body["title"])
+        html, source = without_title(to_html(template, text), body["title"])
         return Figure(
             paper=self.name,
             name=name,
             title=body["title"],
             source=source or body["source"],
-            caption=told,
+            caption=html,
             picture=self.root / REFERENCES / self.name / f"{name}.png",
             claims=tuple(claim for claim in self.claims if name in claim.figures),
         )

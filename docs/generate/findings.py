@@ -93,12 +93,12 @@ def summary(paper: Paper) -> str:
     lines += [f"[doi:{plain(doi)}](https://doi.org/{doi})"] if doi else []
     rows = _rows([paper])
     counts = [(word, sum(row["verdict"] == word for row in rows)) for word in VERDICTS]
-    told = ", ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
+    chips = ", ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
     title = "[Re]" if replicated(rows) else "[¬Re]"
     return (
         f"{', '.join(lines)}.\n\n"
         f"**{plain(title)}**: {plain(title_margin(rows))}. Of its {len(rows)} claims:\n\n"
-        f"{told}\n\n"
+        f"{chips}\n\n"
         f"**Limitations.** {ticks(paper.registry.limitations)}"
     )
 
@@ -114,13 +114,13 @@ def _claims(paper: Paper) -> str:
         for claim in paper.claims
     ]
     glance = table(("claim", "verdict", "held in samples"), rows)
-    told = "\n".join(_claim(paper, claim) for claim in paper.claims)
+    claims = "\n".join(_claim(paper, claim) for claim in paper.claims)
     return (
         "## Claims\n\n"
         "What the paper says, in our words. A check is true if the paper is right. The share is "
         "that of samples of the unstated choices in which the claim holds, with the range in which "
         "it may be: each end holds with 95 % confidence at any number of samples.\n\n"
-        f"{glance}\n{told}"
+        f"{glance}\n{claims}"
     )
 
 
@@ -172,9 +172,9 @@ def _share(claim: Claim) -> str:
     return f"{share} % ({low} to {high} %)"
 
 
-def _measured(paper: Paper, told: str) -> str:
+def _measured(paper: Paper, measured: str) -> str:
     """A check, its figure with a link to the gallery."""
-    figure, _, rest = told.partition(" ")
+    figure, _, rest = measured.partition(" ")
     if figure in paper.parameters.tree["figures"]:
         return f"[{code(figure)}](../gallery/{paper.name}.md#{figure}) {plain(rest)}"
     return f"{code(figure)} {plain(rest)}"
@@ -195,14 +195,14 @@ def _errata(paper: Paper) -> str:
     if not paper.errata:
         return "## Errata\n\nNone were found."
     certain = sum(one.certainty == "certain" for one in paper.errata)
-    told = "\n".join(map(_erratum, paper.errata))
+    errata = "\n".join(map(_erratum, paper.errata))
     return (
         "## Errata\n\n"
         "Misprints, and places that contradict each other. The test named shows that the printed "
         f"form fails. {certain} of {len(paper.errata)} are certain: they contradict the paper "
         "itself or a computation. The others are likely, or may be faults of the copy at hand, a "
         "text extracted from pages, in which signs, primes, indices and fraction bars get lost.\n\n"
-        f"{told}"
+        f"{errata}"
     )
 
 
@@ -211,7 +211,7 @@ def _erratum(erratum: Erratum) -> str:
     return (
         f"{heading(3, plain(_words(erratum.name)), f'erratum-{erratum.name}')}\n\n"
         f"{plain(erratum.place)}; **{_CERTAINTIES.get(erratum.certainty, erratum.certainty)}**\n\n"
-        + "".join(f"- {told}: {text}\n" for told, text in rows)
+        + "".join(f"- {name}: {text}\n" for name, text in rows)
         + f"\n{ticks(erratum.why)}\n\nTest: {code(erratum.test)}\n"
     )
 

@@ -26,8 +26,8 @@ def grid(figures: Sequence[Figure], folder: str = "") -> str:
     cells = []
     for figure in figures:
         target = f"{folder}{figure.paper}.md#{figure.name}"
-        told = f"[{plain(figure.title)}]({target})"
-        cells.append(f"<div markdown>\n\n[{_picture(figure)}]({target})\n\n{told}\n\n</div>\n")
+        text = f"[{plain(figure.title)}]({target})"
+        cells.append(f"<div markdown>\n\n[{_picture(figure)}]({target})\n\n{text}\n\n</div>\n")
     return f'<div class="gallery" markdown>\n\n{"".join(cells)}\n</div>\n'
 
 
@@ -38,8 +38,8 @@ def figures(paper: Paper) -> str:
 
 
 def _picture(figure: Figure) -> str:
-    told = f"{figure.title.rstrip('.')}. {first_sentence(figure.caption)}"
-    return f"![{plain(told)}]({_REFERENCES}/{figure.paper}/{figure.name}.png)"
+    text = f"{figure.title.rstrip('.')}. {first_sentence(figure.caption)}"
+    return f"![{plain(text)}]({_REFERENCES}/{figure.paper}/{figure.name}.png)"
 
 
 def _figure(figure: Figure) -> str:

@@ -43,15 +43,15 @@ def _row(paper: Paper, entry: Entry) -> tuple[str, ...]:
     keys = "<br>".join(f'<a id="{key}"></a>{code(key)}' for key in entry.keys)
     unit = "" if entry.unit in _NO_UNIT else f" {plain(entry.unit)}"
     value = "<br>".join(map(plain, entry.value)) + unit
-    told = ticks(entry.why or entry.source)
+    text = ticks(entry.why or entry.source)
     if entry.numerical:
-        told += " *Numerical: a resolution, no physics.*"
+        text += " *Numerical: a resolution, no physics.*"
     if entry.chosen_for:
-        told += f" **Chosen so that a claim holds.** {ticks(entry.chosen_for)}"
+        text += f" **Chosen so that a claim holds.** {ticks(entry.chosen_for)}"
     if entry.claims:
         links = ", ".join(
             f"[{plain(name.replace('_', ' '))}](../../findings/{paper.name}.md#claim-{name})"
             for name in entry.claims
         )
-        told += f" *Claims that depend on it:* {links}."
-    return keys, value, "<br>".join(map(plain, entry.range)), told
+        text += f" *Claims that depend on it:* {links}."
+    return keys, value, "<br>".join(map(plain, entry.range)), text

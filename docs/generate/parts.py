@@ -73,7 +73,7 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
 
 def _lessons(folder: Path) -> str:
     """The tutorials, and the other pages that teach, as lists for the start page."""
-    told = []
+    parts = []
     for name in _TEACHING:
         found = [
             hand_written(f"{name}/{file.name}", file.read_text(encoding="utf-8"))
@@ -81,8 +81,8 @@ def _lessons(folder: Path) -> str:
         ]
         pages = [page for page, _ in sorted(found, key=lambda pair: pair[1])]
         listed = "".join(f"- [{_heading(page)}]({page.path})\n" for page in pages)
-        told += [f"**{FOLDERS[name]}**\n\n{listed}"] if pages else []
-    return "\n".join(told)
+        parts += [f"**{FOLDERS[name]}**\n\n{listed}"] if pages else []
+    return "\n".join(parts)
 
 
 def _heading(page: Page) -> str:

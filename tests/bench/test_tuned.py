@@ -84,7 +84,7 @@ def test_augmented_filter_and_learning_observers_tie_on_torque(scored: Any) -> N
 
 
 @pytest.mark.parametrize(("name", "method"), [("torque", "random_walk"), ("vdp", "ekf")])
-def test_a_filter_that_is_told_the_noise_is_as_good_as_re_tuned(
+def test_a_filter_that_is_given_the_noise_is_as_good_as_re_tuned(
     name: str, method: str, scored: Any
 ) -> None:
     """The gain depends on the ratio of both covariances, which tuning found."""

@@ -155,7 +155,7 @@ BAD: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_what_is_wrong_is_told_with_its_key(case: str) -> None:
+def test_what_is_wrong_is_reported_with_its_key(case: str) -> None:
     tree, said = BAD[case]
     with pytest.raises(InputError) as caught:
         parse(Whole, tree, "x")
@@ -237,7 +237,7 @@ Form = Annotated[
 ]
 
 
-def test_forms_are_told_apart_by_a_key() -> None:
+def test_forms_are_distinguished_by_a_key() -> None:
     assert parse(Form, {"first": 1, "second": 2}, "it") == Long(1, 2)
     assert parse(Form, {"first": 1, "note": "a"}, "it") == Short(1, "a")
     with pytest.raises(

@@ -35,7 +35,7 @@ def test_what_is_no_formula_is_refused() -> None:
         mathml(r"\fooo")
 
 
-def test_formulas_are_told_from_dollars_and_code() -> None:
+def test_formulas_are_distinguished_from_dollars_and_code() -> None:
     text = "$x$ costs 5$ or `$y$`, not \\$z\\$.\n\n$$\nx = 1\n$$\n\nThe end."
     found = markdown(text, extensions=["docs.mathematics"])
     assert found.count("<math") == 2

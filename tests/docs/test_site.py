@@ -143,7 +143,7 @@ def test_what_git_holds_of_a_paper_is_reported(site: Site, paper: str) -> None:
     assert keys <= anchors(site.folder / f"reference/parameters/{paper}/index.html")
 
 
-def test_a_claim_is_told_with_its_numbers(site: Site) -> None:
+def test_a_claim_is_reported_with_its_numbers(site: Site) -> None:
     """By hand, from the golden number, the registry and the cached samples."""
     text = site.page("findings/lie")
     part = text.partition('id="claim-eigenvalues"')[2].partition("<h3")[0]

@@ -60,7 +60,7 @@ def test_what_an_alarm_found() -> None:
     ]
 
 
-def test_stamps_since_1970_are_told_to_the_millisecond() -> None:
+def test_stamps_since_1970_are_reported_to_the_millisecond() -> None:
     report = DataReport(rows=2, first=1774749598.25, last=1774749599.75)
     report.open_gap(1774749598.5)
     reported = as_table(report, 0.1)

@@ -155,7 +155,7 @@ def test_all_is_compiled_before_there_is_a_record(
     assert run(["estimate", spec, "--warm"], capsys, monkeypatch) == (0, "", "reobserve: ready\n")
 
 
-def test_lines_that_waited_are_told_when_a_stream_ends(
+def test_lines_that_waited_are_reported_when_a_stream_ends(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a sensor that is silent at the end, what is between its rows is never known."""

@@ -106,7 +106,7 @@ def test_the_refusal_names_the_jitter_that_accepts_the_whole_record(tmp_path: Pa
         estimate_file(lower, record, out)
 
 
-def test_a_record_without_a_grid_is_told_to_be_resampled(tmp_path: Path) -> None:
+def test_a_record_without_a_grid_is_refused_with_the_advice_to_resample(tmp_path: Path) -> None:
     steps = np.random.default_rng(1).uniform(0.2, 1.8, 500)
     said = refused(PERIOD * np.cumsum(steps), tmp_path)
     assert "no jitter below 0.5 accepts the record" in said

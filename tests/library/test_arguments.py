@@ -193,12 +193,12 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         assert len(str(reported.value)) < 300
 
 
-def test_what_cannot_be_compiled_is_told_with_the_first_words_of_the_compiler() -> None:
+def test_what_cannot_be_compiled_is_reported_with_the_first_words_of_the_compiler() -> None:
     with pytest.raises(InputError, match=r"<lambda> cannot be compiled: Failed in nopython mode"):
         vector_field(lambda x, p, f: open("y", encoding="utf-8"))  # noqa: SIM115
 
 
-def test_an_array_beyond_memory_is_told_with_its_shape() -> None:
+def test_an_array_beyond_memory_is_reported_with_its_shape() -> None:
     large = np.broadcast_to(0.0, (10**6, 10**6))
     with pytest.raises(InputError, match=r"^x: of shape \(1000000, 1000000\) does not fit "):
         as_numbers("x", large)

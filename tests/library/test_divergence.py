@@ -365,7 +365,7 @@ def test_a_step_says_what_a_run_says() -> None:
             call()
 
 
-def test_a_divergence_is_told_in_the_time_of_the_record() -> None:
+def test_a_divergence_is_reported_in_the_time_of_the_record() -> None:
     observer = AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)
     start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
     time = 20.0 + 0.01 * np.arange(4001)

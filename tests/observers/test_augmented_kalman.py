@@ -56,7 +56,7 @@ def test_without_noise_the_unknown_input_of_the_row_before_is_found_exactly() ->
     assert np.abs(other["innovation"][5:]).max() > 0.01, "it knows of no force"
 
 
-def test_a_bias_of_a_sensor_is_told_from_the_state_by_the_other_one() -> None:
+def test_a_bias_of_a_sensor_is_distinguished_from_the_state_by_the_other_one() -> None:
     u, none = inputs(400)[0], np.zeros((400, 1))
     states = moved(u, none)
     y = states[:, [0, 0]] + np.array([0.0, 0.7])

@@ -475,7 +475,7 @@ def test_bad_inputs_samples_limits_and_midpoints_are_refused_by_name_and_row(cas
 # --- Divergence ---------------------------------------------------------------------------------
 
 
-def test_divergence_is_told_in_the_time_of_the_record(case: Case) -> None:
+def test_divergence_is_reported_in_the_time_of_the_record(case: Case) -> None:
     y, u = case.y[:SHORT].copy(), None if case.u is None else case.u[:SHORT].copy()
     signs = np.resize([1.0, -1.0], SHORT - 20)
     for values in (y, u):

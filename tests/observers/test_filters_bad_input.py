@@ -205,7 +205,7 @@ def test_an_svsf_of_dependent_outputs_is_refused() -> None:
         ([0.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], "covariance: must be positive .* are -1, 3"),
     ],
 )
-def test_wrong_beliefs_are_refused(mean: Any, covariance: Any, said: str) -> None:
+def test_wrong_posteriors_are_refused(mean: Any, covariance: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}$"):
         KalmanFilter(PLAIN).init(mean, covariance)
 

@@ -271,7 +271,7 @@ def test_the_printed_last_line_fails_and_the_one_with_L_works(period: float) -> 
     time = np.arange(0, 120, period)
     truth = paper_input(time)
     late = time >= 5
-    signal, printed, mended = (
+    signal, printed, corrected = (
         np.sqrt(np.mean(values[late] ** 2, axis=0))
         for values in (
             truth,
@@ -285,7 +285,7 @@ def test_the_printed_last_line_fails_and_the_one_with_L_works(period: float) -> 
     assert printed[2] > 25 * signal[2]
     if period < 1e-2:
         assert printed[1] == pytest.approx(1.14, abs=0.05)
-    assert mended[1:] == pytest.approx([0.1166 * period**2, 0.0842 * period], rel=0.03)
+    assert corrected[1:] == pytest.approx([0.1166 * period**2, 0.0842 * period], rel=0.03)
 
 
 def test_the_printed_form_is_right_for_a_bound_of_one() -> None:

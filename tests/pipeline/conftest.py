@@ -125,7 +125,7 @@ def copy_toy(target: Path) -> Project:
     shutil.copy(toy / "claims.yaml", target / "config/claims/toy.yaml")
     shutil.copy(toy / "errata.yaml", target / "config/errata/toy.yaml")
     config = "papers: [toy]\nformats: [svg]\nseed: 1\n"
-    config += "samples: 40\nchunks: 1\nkept: true\nflips: true\n"
+    config += "samples: 40\nchunks: 1\ncached: true\nreversals: true\n"
     (target / "config/config.yaml").write_text(config)
     return project
 

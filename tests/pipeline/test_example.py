@@ -59,7 +59,7 @@ def test_its_one_module_is_what_its_results_depend_on(project: Project) -> None:
     assert stale["plot"] == 2
 
 
-def test_a_misspelt_layout_is_told_before_anything_runs(project: Project) -> None:
+def test_a_misspelt_layout_is_reported_before_anything_runs(project: Project) -> None:
     change = "two_mass={figures: {fig1: {layout: error}}}"
     done = project.snakemake("--config", "papers=[two_mass]", change, check=False)
     assert done.returncode != 0

@@ -145,12 +145,12 @@ def test_a_title_makes_stale_the_drawing_only(built: Project, section: str, name
 @pytest.mark.nightly
 def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
-        assert built.stale(config=FEW_DRAWS) == {"plot": 1, **TOLD}
+        assert built.stale(config=FEW_DRAWS) == {"plot": 1, **REPORTED}
 
 
 # What a claim's wording makes stale, and what its checks do.
-TOLD = {"report": 1, "verdicts": 1}
-DECIDED = {"robustness": 1, "sensitivity": 1, "claims": 1, **TOLD}
+REPORTED = {"report": 1, "verdicts": 1}
+DECIDED = {"robustness": 1, "sensitivity": 1, "claims": 1, **REPORTED}
 ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
 
 
@@ -158,11 +158,21 @@ ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
 @pytest.mark.parametrize(
     ("file", "old", "new", "stale"),
     [
-        ("config/claims/ilo.yaml", "    says: ", "    says: In short, ", {"claims": 1, **TOLD}),
+        (
+            "config/claims/ilo.yaml",
+            "    statement: ",
+            "    statement: In short, ",
+            {"claims": 1, **REPORTED},
+        ),
         ("config/claims/ilo.yaml", "below: ", "below: 1", DECIDED),
-        ("config/errata/ilo.yaml", "    why: ", "    why: In short, ", TOLD),
-        ("src/reobserve/replication/report/render.py", "", "# edited\n", TOLD),
-        ("src/reobserve/replication/claims/verdicts.py", "", "# edited\n", {"claims": 1, **TOLD}),
+        ("config/errata/ilo.yaml", "    why: ", "    why: In short, ", REPORTED),
+        ("src/reobserve/replication/report/render.py", "", "# edited\n", REPORTED),
+        (
+            "src/reobserve/replication/claims/verdicts.py",
+            "",
+            "# edited\n",
+            {"claims": 1, **REPORTED},
+        ),
         (
             "src/reobserve/cli/stages/robustness.py",
             "",

@@ -21,7 +21,7 @@ from reobserve.replication.steps import read_design
 from reobserve.signals.series import Series
 
 from .conftest import Project, copy_toy
-from .test_staleness import TOLD, edited
+from .test_staleness import REPORTED, edited
 
 EVIDENCE = {"robustness": 1, "sensitivity": 1, "claims": 1, "report": 1, "verdicts": 1}
 ALL = {
@@ -74,7 +74,7 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
 
 @pytest.mark.nightly
 def test_a_figure_of_one_s_own_takes_a_style_of_one_s_own(toy: Project) -> None:
-    """Three inches wide, its caption and numbers in LaTeX; figures of the house are left alone."""
+    """Three inches wide, caption and numbers in LaTeX; other figures stay as they are."""
     sheet = toy.folder / "config/styles/mine.mplstyle"
     own = "toy={figures: {fig2: {like: fig1, title: Ours & 5 %, source: none}}}"
     wanted = [f"results/toy/fig2.{kind}" for kind in ("eps", "pgf", "metrics.tex", "caption.tex")]
@@ -297,8 +297,8 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
         ("papers/toy/design.py", FROM_DESIGN),
         # The robustness evaluates in its own process, but starts from the study.
         ("cli/stages/design.py", FROM_DESIGN),
-        ("papers/toy/table.py", {"table": 1, **TOLD}),
-        ("cli/stages/table.py", {"table": 1, **TOLD}),
+        ("papers/toy/table.py", {"table": 1, **REPORTED}),
+        ("cli/stages/table.py", {"table": 1, **REPORTED}),
         ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
         ("replication/steps.py", ALL),
     ],
@@ -315,7 +315,7 @@ def test_an_edit_makes_stale_what_reads_the_design(
     ("config", "stale"),
     [
         ("{designs: {gains: {pole: 5}}}", FROM_DESIGN),
-        ("{designs: {gains: {title: other words}}}", {"plot": 1, **TOLD}),
+        ("{designs: {gains: {title: other words}}}", {"plot": 1, **REPORTED}),
         ("{tables: {table1: {printed: [7.5, 16]}}}", {"table": 1, **EVIDENCE}),
         ("{tables: {table1: {title: other words}}}", {}),
         # Another design of one observer leaves the first to the study and the table.

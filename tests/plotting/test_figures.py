@@ -42,7 +42,7 @@ def test_lines_differ_without_colour() -> None:
         assert Style(one.color, one.linestyle) != Style(other.color, other.linestyle)
 
 
-# What every figure of the house has, and why.
+# What every figure of the default style has, and why.
 LOOK = {
     "axes.grid": (True, "numbers can be read off print"),
     "axes.spines.top": (False, "a frame says nothing"),

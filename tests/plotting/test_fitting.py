@@ -32,7 +32,7 @@ NOTE = (
     "A note that is much longer than a line of a narrow column can be, and says what was chosen "
     "where the paper is silent [1], [2 and 3]."
 )
-TITLE = "(a) a title that is as long as a line of the house, which is of 6.6 inches, and not of 3.5"
+TITLE = "(a) a title that is as long as a default line of text, that is 6.6 inches, and not of 3.5"
 
 
 def drawing() -> PaperFigure:
@@ -120,7 +120,7 @@ def test_labels_of_ticks_do_not_touch_and_names_are_all_there(fitted: PaperFigur
     assert min(np.abs(np.diff(heights))) >= 0.75 * extents(names)[0].height
 
 
-def test_the_note_is_broken_anew_or_left_out() -> None:
+def test_the_note_is_broken_again_or_left_out() -> None:
     use_sheet(COLUMN)
     inside, outside = drawing(), drawing()
     fix_layout(inside)

@@ -70,7 +70,7 @@ def test_a_sheet_is_laid_over_the_house_and_not_over_another(tmp_path: Path) -> 
 
 
 def test_small_print_stays_legible(tmp_path: Path) -> None:
-    """6.3 points of the house would be 3.7; what the house writes smaller than 6 is scaled only."""
+    """6.3 points by default would be 3.7; what is smaller than 6 by default is scaled only."""
     sheet = tmp_path / "small.mplstyle"
     sheet.write_text("font.size: 5\n")
     look.use_sheet(sheet)
@@ -107,7 +107,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("lines", REFUSED)
-def test_a_sheet_that_is_wrong_is_told_with_its_line(tmp_path: Path, lines: str) -> None:
+def test_a_sheet_that_is_wrong_is_reported_with_its_line(tmp_path: Path, lines: str) -> None:
     sheet = tmp_path / "mine.mplstyle"
     sheet.write_text(f"# mine\n{lines}\n")
     with pytest.raises(InputError, match=rf"mine\.mplstyle: {REFUSED[lines]}") as refused:

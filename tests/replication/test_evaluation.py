@@ -59,7 +59,7 @@ def test_the_files_of_studies_must_be_in_the_order_of_the_parameters(tmp_path: P
     assert str(caught.value) == said
 
 
-def test_rows_that_a_figure_misses_are_told_with_the_file(
+def test_rows_that_a_figure_misses_are_reported_with_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

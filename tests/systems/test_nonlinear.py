@@ -277,7 +277,7 @@ DIVERGES = [
 
 @pytest.mark.parametrize(("f", "h", "why"), DIVERGES)
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
-def test_a_value_that_is_not_finite_is_told_with_the_time(
+def test_a_value_that_is_not_finite_is_reported_with_the_time(
     kind: Any, f: Any, h: Any, why: str
 ) -> None:
     one = kind(NonlinearModel(f, h, **SIZES, sampling_period=0.5))

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator
 from reobserve.bench.table import Results
 from reobserve.bench.task import Task
 from reobserve.plotting import look
-from reobserve.plotting.figures import STYLES, PaperFigure, Style, blank, few_ticks
+from reobserve.plotting.figures import STYLES, PaperFigure, Style, add_note, blank, few_ticks
 
 _WORST = 2.0  # the ratio to the best at which the colour is darkest
 
@@ -47,6 +47,11 @@ def heat_map(results: Results) -> PaperFigure:
     axes.grid(visible=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
+    add_note(
+        figure,
+        "Normalised error on held-out records. Bold: within 5 % of the best in the column;",
+        "the darker, the greater the ratio to the best, up to 2; hatched: some runs failed.",
+    )
     return figure
 
 
@@ -71,6 +76,11 @@ def levels(results: Results) -> PaperFigure:
     axes[0].yaxis.set_major_formatter("{x:g}")
     axes[0].yaxis.set_minor_formatter("")
     axes[0].set_ylabel("normalised error")
+    # Lines for methods, and what markers without a line stand for.
+    for label, marker in (("the same, given the noise", "x"), ("tuned again", "o")):
+        axes[0].plot(
+            [], [], marker, color="0.3", mfc="none", markersize=look.mark(4.5), label=label
+        )
     axes[0].legend(fontsize=look.points(6.5))
     return figure
 

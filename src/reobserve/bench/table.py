@@ -159,9 +159,9 @@ def _shown(cell: Mapping[str, Any] | None) -> str:
     if cell is None:
         return ""
     mean, low, high = (f"{cell[key]:#.3g}" for key in ("error", "low", "high"))
-    told = f"**{mean}**" if cell["within"] == "yes" else mean
+    text = f"**{mean}**" if cell["within"] == "yes" else mean
     failed = f", {100 * cell['failed']:.0f} % failed" if cell["failed"] else ""
-    return f"{told} [{low} {high}]{failed}"
+    return f"{text} [{low} {high}]{failed}"
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -8,7 +8,7 @@ same name, beside the file or in `reobserve.bench.tasks`, has
     METHODS                                    by name, make(plant, settings, period, noise)
 
 A method is made from what it knows: the plant as stated, its settings, the sampling period [s] and
-the standard deviation of the noise, which is that of the plant unless the method is told another.
+the standard deviation of the noise, which is that of the plant unless the method is given another.
 It is a function that takes a record and returns an estimate in the shape of ``truth``.
 
 ``Plant`` has a field ``noise``. A task whose estimates have no such error has a function ``score``
@@ -73,7 +73,7 @@ def estimates_of(
 
 @dataclass(frozen=True)
 class Condition:
-    """How records differ from what methods were told: from none of it, the nominal condition.
+    """How records differ from what methods know of them; nothing for the nominal condition.
 
     ``noise`` and ``period`` are factors; ``model`` is by which share parameters of the plant are
     wrong, with random signs; ``plant`` replaces keys of the plant, for the methods as well.
@@ -126,7 +126,7 @@ class Method:
     """A method: what it knows and guarantees, its function, and ranges of its settings.
 
     ``make`` is a name in METHODS, that of the method itself if left out, or ``module:function``.
-    With ``given_noise`` it is also scored when it is told the noise of each condition. A condition
+    With ``given_noise`` it is also scored when it is given the noise of each condition. A condition
     in ``fails`` is one in which it may diverge or be refused, and why; elsewhere that is an error.
     """
 
@@ -164,7 +164,7 @@ class TaskFile:
     """The keys of a task file.
 
     ``table`` names the conditions in which all comparisons are decided, ``shown`` the methods of
-    the figures that have no room for all.
+    the figures that are too small for all.
     """
 
     title: Text
@@ -289,7 +289,7 @@ class Task(TaskFile):
     def digest(self, method: str, training: str) -> str:
         """A short hash of everything in the file that decides what a tuning finds."""
         stated, conditions = self.methods[method], self.training[training].conditions
-        told: Mapping[str, Any] = {
+        content: Mapping[str, Any] = {
             "plant": self.plant, "period": self.period, "scored_from": self.scored_from,
             "budget": self.budget, "seed": self.seed, "records": self.seeds.training,
             "conditions": [
@@ -298,4 +298,4 @@ class Task(TaskFile):
             "make": stated.make or method, "fixed": stated.fixed,
             "ranges": {name: [*one.range, one.scale] for name, one in stated.ranges.items()},
         }  # fmt: skip
-        return digest(told)
+        return digest(content)

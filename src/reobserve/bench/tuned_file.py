@@ -127,7 +127,7 @@ def objective(task: Task, method: str, training: str, repeat: int, settings: Set
 def _search(task: Task, method: str, training: str, repeat: int) -> tuple[Any, Any, Any, Any]:
     """What `tune` takes: make, ranges, records and score.
 
-    Methods are told the noise of the records that they are tuned on.
+    Methods are given the noise of the records that they are tuned on.
     """
     conditions = task.training[training].conditions
     ranges = task.methods[method].ranges.items()

@@ -289,8 +289,8 @@ def _progress(budget: int) -> Iterator[Callable[[int, float], None]]:
 
     def tell(count: int, best: float) -> None:
         if seen:
-            told = f"\r{count} of {budget} evaluations, best score {math.exp(best):.4g} "
-            print(told, end="", file=sys.stderr, flush=True)
+            line = f"\r{count} of {budget} evaluations, best score {math.exp(best):.4g} "
+            print(line, end="", file=sys.stderr, flush=True)
 
     yield tell
     if seen:

@@ -191,7 +191,7 @@ class LearnedThreshold:
             raise InputError("until", f"{self.until:g} s must be after since, {self.since:g} s")
 
 
-# Told apart by the key that states a threshold.
+# Distinguished by the key that states a threshold.
 Alarm = Annotated[
     Annotated[StatedThreshold, Tag("stated threshold")]
     | Annotated[LearnedThreshold, Tag("learned threshold")],

@@ -1,4 +1,4 @@
-"""Told apart: an observer that diverges, and a step that is too long for it.
+"""Distinguish an observer that diverges from a step that is too long for it.
 
 A method of fixed step may leave the range of numbers where the observer itself does not: a gain
 that passes -3e5 on the way to the origin asks for steps of microseconds there. So the piece of the

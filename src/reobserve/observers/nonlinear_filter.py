@@ -38,9 +38,9 @@ from reobserve.observers.nonlinear_filter_loop import (
     run_filter,
 )
 from reobserve.observers.nonlinear_filter_work import (
-    NO_BELIEF,
     NO_INNOVATION,
     NO_OUTPUT,
+    NO_POSTERIOR,
     NO_ROOT,
     NO_STATE,
     new_filter_work,
@@ -57,7 +57,7 @@ CAUSES = {
     NO_INNOVATION: "the covariance of the next innovation is not finite and positive definite",
     NO_ROOT: "the covariance of the state is no longer positive semidefinite, so that it has no "
     "Cholesky factor",
-    NO_BELIEF: "the next correction is not finite",
+    NO_POSTERIOR: "the next correction is not finite",
 }
 
 

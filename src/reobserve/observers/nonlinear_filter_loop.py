@@ -23,8 +23,8 @@ from reobserve.observers.linear_filter_loop import (
     write_innovation_covariance,
 )
 from reobserve.observers.nonlinear_filter_work import (
-    NO_BELIEF,
     NO_INNOVATION,
+    NO_POSTERIOR,
     NO_STATE,
     FilterWork,
 )
@@ -85,7 +85,7 @@ def correct(
     if math.isfinite(total):
         return log_likelihood
     if work.cause[0] == 0:
-        work.cause[0] = NO_BELIEF if math.isfinite(log_likelihood) else NO_INNOVATION
+        work.cause[0] = NO_POSTERIOR if math.isfinite(log_likelihood) else NO_INNOVATION
     return math.nan
 
 

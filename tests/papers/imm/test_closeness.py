@@ -297,7 +297,7 @@ def test_records_without_a_fault_are_others_than_those_judged() -> None:
     np.testing.assert_array_equal(longer[1][:rows], first[1])
 
 
-def test_far_models_are_told_at_once_and_close_ones_under_noise_are_not() -> None:
+def test_far_models_are_reported_at_once_and_close_ones_under_noise_are_not() -> None:
     found = table(few())
     for name in ("kalman", "unmixed", "cusum"):
         far = curve(found, name, "exact_0.03")[-1]

@@ -590,7 +590,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_CONFIG)
-def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
+def test_a_bad_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]
     with pytest.raises(InputError) as caught:
         check_parameters(parameters(changes))

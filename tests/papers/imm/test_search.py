@@ -114,7 +114,7 @@ def test_what_was_found_lies_within_the_bounds_with_three_digits() -> None:
         assert names[name] == pytest.approx(body[key], rel=1e-12)
 
 
-def test_progress_is_told_after_each_generation() -> None:
+def test_progress_is_reported_after_each_generation() -> None:
     one, lines = first()
     assert lines == [f"{count} trials, best distance {best:.4f}" for count, best in one["history"]]
     assert len(lines) == 2

@@ -262,7 +262,7 @@ def test_the_same_numbers_whatever_the_seed_of_the_run() -> None:
         ({"input": 3}, "input", "list of terms"),
     ],
 )
-def test_bad_rules_are_told_in_one_sentence(rules: dict[str, Any], key: str, said: str) -> None:
+def test_bad_rules_are_reported_in_one_sentence(rules: dict[str, Any], key: str, said: str) -> None:
     with pytest.raises(InputError) as caught:
         found({"theory": rules})
     assert caught.value.parameter == f"imm.theory.{key}"

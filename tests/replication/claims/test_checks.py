@@ -71,7 +71,7 @@ def test_one_reference_serves_a_whole_list() -> None:
     )
 
 
-def test_a_reader_is_told_the_number_and_what_is_asked() -> None:
+def test_a_reader_is_reported_the_number_and_what_is_asked() -> None:
     one = check(value="fig1 a error", below=0.03)
     assert one.measured(NUMBERS) == "fig1 a error = 0.02, must be below 0.03"
     ratio = check(value="fig1 a error", over="fig1 b error", above=1)

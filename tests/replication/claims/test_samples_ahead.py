@@ -135,7 +135,7 @@ def test_a_chunk_does_not_draw_on_where_it_decides_a_claim(code: Code, tmp_path:
         assert second[name]["numbers"] == list(range(45, DRAWS))
 
 
-def test_a_chunk_draws_nothing_of_a_claim_that_kept_draws_decide(
+def test_a_chunk_draws_nothing_of_a_claim_that_cached_samples_decide(
     code: Code, tmp_path: Path
 ) -> None:
     cached = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}

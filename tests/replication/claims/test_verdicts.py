@@ -355,19 +355,19 @@ def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> N
     assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
 
 
-TOLD = """| paper | claims |
+REPORTED = """| paper | claims |
 |---|---|
 | `a` | 3 |
 | `b` | 4 |
 """
 
 
-def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path: Path) -> None:
+def test_of_papers_that_were_not_decided_the_readme_keeps_its_rows(tmp_path: Path) -> None:
     readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
-    readme.write_text(f"<!-- verdicts -->\n\n{TOLD}\n<!-- end -->\n")
+    readme.write_text(f"<!-- verdicts -->\n\n{REPORTED}\n<!-- end -->\n")
     verdicts.write_text("| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n")
     put_into(readme, verdicts, ["a", "b", "c"])
-    reported = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
+    reported = REPORTED.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
     assert readme.read_text() == f"<!-- verdicts -->\n\n{reported}\n<!-- end -->\n"
     put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
     assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"

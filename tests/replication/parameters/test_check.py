@@ -202,7 +202,7 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
 
 
 @pytest.mark.parametrize("case", OVERRIDES)
-def test_an_override_is_told_what_is_wrong(case: str) -> None:
+def test_an_override_is_refused_with_what_is_wrong(case: str) -> None:
     paper, overrides, said = OVERRIDES[case]
     message = refused(paper, overrides)
     assert message.startswith(said)

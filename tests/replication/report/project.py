@@ -76,7 +76,7 @@ MEANINGS = {
 
 def configure(folder: Path, papers: str, formats: str) -> None:
     """Write a configuration of these papers and formats."""
-    rest = "seed: 1\ndraws: 40\nchunks: 1\nkept: true\nflips: true\n"
+    rest = "seed: 1\nsamples: 40\nchunks: 1\ncached: true\nreversals: true\n"
     (folder / "config/config.yaml").write_text(f"papers: {papers}\nformats: {formats}\n{rest}")
 
 

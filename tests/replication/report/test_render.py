@@ -143,7 +143,7 @@ def test_links_are_relative_to_where_the_page_is(project: Path) -> None:
     assert 'href="../../results/toy/fig1.svg"' in elsewhere.read_text()
 
 
-def test_keys_that_differ_in_one_part_are_told_once() -> None:
+def test_keys_that_differ_in_one_part_are_reported_once() -> None:
     assert alike(("a.x.k", "b", "a.y.k", "a.x.m", "c.d")) == [
         ("a.", [("x", "a.x.k"), ("y", "a.y.k")], ".k"), ("", [("b", "b")], ""),
         ("a.", [("x", "a.x.m")], ".m"), ("", [("c.d", "c.d")], ""),

@@ -10,7 +10,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
 from reobserve.replication.claims.verdicts import (
     CONTRADICTED,
-    HEADLINES,
+    MAIN_CLAIMS,
     REPRODUCED,
     VERDICTS,
     count,
@@ -43,10 +43,10 @@ def table(rows: Sequence[Mapping[str, str]]) -> str:
 
 def titles(rows: Sequence[Mapping[str, str]]) -> str:
     """The titles under the rule for main_claims and under others, in Markdown."""
-    lines = [f"| paper | {' | '.join(HEADLINES)} |", f"|---|{'---|' * len(HEADLINES)}"]
+    lines = [f"| paper | {' | '.join(MAIN_CLAIMS)} |", f"|---|{'---|' * len(MAIN_CLAIMS)}"]
     for paper in count(rows):
         cells = []
-        for rule in HEADLINES:
+        for rule in MAIN_CLAIMS:
             found = main_claims(_of(rows, paper), rule)
             good, bad = (found.count(word) for word in (REPRODUCED, CONTRADICTED))
             title = _title(replicated(_of(rows, paper), rule))

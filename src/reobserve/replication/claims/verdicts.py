@@ -65,7 +65,7 @@ def count(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
 
 
 # Which claims are main_claims: the rule, and what else one might have chosen.
-HEADLINES: Mapping[str, Callable[[Row], bool]] = {
+MAIN_CLAIMS: Mapping[str, Callable[[Row], bool]] = {
     "abstract and conclusions": lambda row: bool(row["promised"]),
     "abstract": lambda row: "abstract" in row["promised"],
     "conclusions": lambda row: "conclusions" in row["promised"],
@@ -77,7 +77,7 @@ RULE = "abstract and conclusions"
 
 def main_claims(rows: Iterable[Row], rule: str = RULE) -> list[str]:
     """The verdicts on the main claims of a paper; claims that nothing can test are none."""
-    found = [row["verdict"] for row in rows if HEADLINES[rule](row)]
+    found = [row["verdict"] for row in rows if MAIN_CLAIMS[rule](row)]
     return [word for word in found if word != NOT_TESTABLE]
 
 

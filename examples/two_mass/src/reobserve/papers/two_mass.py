@@ -155,7 +155,7 @@ KINDS = {"observer": NAME, "noise": NUMBER, "rms_error": NUMBER}
 HEADER = tuple(KINDS)
 MEANINGS = {
     "rms_error": "root mean square error of x2 once it has settled",
-    "rms_error noise=<noise>": "the same with another noise, which the Kalman filter is told",
+    "rms_error noise=<noise>": "the same with another noise, which the Kalman filter is given",
 }
 
 

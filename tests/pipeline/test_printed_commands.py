@@ -106,7 +106,7 @@ def as_run(command: Command, built: str = "") -> str:
     return ""
 
 
-def told_on(page: Path) -> list[Command | File]:
+def printed_on(page: Path) -> list[Command | File]:
     """Of pages only what stands alone, and what no code of theirs has typed; in sentences they
     name what others show.
     """
@@ -117,22 +117,22 @@ def told_on(page: Path) -> list[Command | File]:
 # Its commands need the observer that it adds: tests/docs/test_add_an_observer.py runs them.
 ADDS = "docs/pages/how-to/add-an-observer.md"
 
-TOLD = {
+REPORTED = {
     page.relative_to(ROOT).as_posix(): reported
     for page in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
     if page.parent.name != "reference"  # that is generated
     and page.relative_to(ROOT).as_posix() != ADDS
-    and (reported := told_on(page))
+    and (reported := printed_on(page))
 }
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("page", TOLD)
+@pytest.mark.parametrize("page", REPORTED)
 def test_every_command_runs(fresh: Project, page: str) -> None:
     for name, content in FILES.items():
         (fresh.folder / name).write_text(content)
     ran = []
-    for part in TOLD[page]:
+    for part in REPORTED[page]:
         for name, other in SAME.items():
             if (fresh.folder / other).is_file():
                 shutil.copy(fresh.folder / other, fresh.folder / name)
@@ -157,12 +157,12 @@ def test_every_command_runs(fresh: Project, page: str) -> None:
 
 def test_there_are_commands_of_all_kinds() -> None:
     commands = [
-        part for reported in TOLD.values() for part in reported if isinstance(part, Command)
+        part for reported in REPORTED.values() for part in reported if isinstance(part, Command)
     ]
     lines = [as_run(command) for command in commands]
     assert {line.split()[0] for line in lines if line} == {"cp", "make", "snakemake", "reobserve"}
     assert any(command.refused for command in commands)
-    assert {page for page in TOLD if "how-to" in page} > {"docs/pages/how-to/recorded-data.md"}
+    assert {page for page in REPORTED if "how-to" in page} > {"docs/pages/how-to/recorded-data.md"}
 
 
 @pytest.mark.nightly
