@@ -165,9 +165,13 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.definiteness.prove_negative_definite": negative,
     })  # fmt: skip
 
-    def proved(damping: Any, faults: Any, K1: Any, K2: Any, eta: Any, *weights: Any) -> object:
+    def proved(
+        observer_gain: Any, faults: Any, K1: Any, K2: Any, eta: Any, *weights: Any
+    ) -> object:
         names = ("gamma1", "gamma2", "gamma3", "gamma4", "rho1")
-        return theorem1(damping, faults, K1, K2, eta, **dict(zip(names, weights, strict=True)))
+        return theorem1(
+            observer_gain, faults, K1, K2, eta, **dict(zip(names, weights, strict=True))
+        )
 
     weights = (1.0, 1.0, 1.0, 1.0, 0.5)
     arguments = (500.0, np.eye(3), 0.5, 50.0, 0.01, *weights)
