@@ -16,7 +16,7 @@ from reobserve.systems.linear import LinearModel
 Array = NDArray[np.float64]
 
 TRANSITION = 0.97 * np.eye(3) + 0.01
-LAYER, MEMORY = 5.0, 0.1  # psi [m/s^2] and gamma of the SVSF
+LAYER, CONVERGENCE_RATE = 5.0, 0.1  # psi [m/s^2] and gamma of the SVSF
 
 _PERIOD = 0.05
 _MODES = ((40.0, 0.8), (20.0, 0.8), (40.0, 6.0))  # spring [N/m] and damper [N s/m] to the wall
@@ -52,7 +52,7 @@ def banks() -> dict[str, IMM]:
     """A bank of Kalman filters and one of SVSFs, by the names of their C functions."""
     kalman: list[LinearFilter] = [KalmanFilter(model) for model in models()]
     switching: list[LinearFilter] = [
-        SmoothVariableStructureFilter(model, LAYER, MEMORY) for model in models()
+        SmoothVariableStructureFilter(model, LAYER, CONVERGENCE_RATE) for model in models()
     ]
     return {
         "kalman": IMM(kalman, TRANSITION),

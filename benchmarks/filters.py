@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.compiled import TUNED, compile_c, pointer
 from benchmarks.filter_peers import CalledFilter, Found, OwnFilter, by_filterpy, by_numpy
-from benchmarks.filter_problem import LAYER, MEMORY, TRANSITION, banks, models, record
+from benchmarks.filter_problem import CONVERGENCE_RATE, LAYER, TRANSITION, banks, models, record
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
 from reobserve.observers.imm import IMM
@@ -99,7 +99,11 @@ def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Pe
     rows: list[Any] = []
     for model in models():
         inverse = np.linalg.pinv(model.arrays.C)
-        rows += [*(part.ravel() for part in model.arrays), inverse.ravel(), [LAYER, MEMORY]]
+        rows += [
+            *(part.ravel() for part in model.arrays),
+            inverse.ravel(),
+            [LAYER, CONVERGENCE_RATE],
+        ]
     constants = np.concatenate([*rows, np.ravel(bank.transition)])
     first = np.concatenate(
         [np.zeros(12), np.tile(np.eye(4).ravel(), 3), np.zeros(3), np.full(3, 1.0 / 3.0)]

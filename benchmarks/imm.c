@@ -21,7 +21,7 @@ typedef struct {
     square Q;
     double R[OUTPUTS][OUTPUTS];
     tall inverse; /* pseudo-inverse of C */
-    double layer[OUTPUTS], memory;
+    double layer[OUTPUTS], rate;
 } mode;
 
 typedef struct {
@@ -122,7 +122,7 @@ static inline double filter(law gain_law, const mode *m, const double *z, const 
         EACH(o, OUTPUTS) {
             const double size = fabs(innovation[o]);
             const double share =
-                (size + m->memory * fabs(error[o])) / (size > m->layer[o] ? size : m->layer[o]);
+                (size + m->rate * fabs(error[o])) / (size > m->layer[o] ? size : m->layer[o]);
             EACH(a, STATES) K[a][o] = m->inverse[a][o] * share;
         }
     }

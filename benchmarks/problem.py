@@ -53,21 +53,21 @@ def sampled_record(steps: int, step: float = STEP) -> tuple[Array, Array]:
 
 def continuous(step: float = STEP) -> ILO:
     """The continuous ILO with full 3 x 3 gains and an interval of 20 steps of 0.5 ms."""
-    return ILO(_BODY, _K1, _K2, _damping(100.0), INTERVAL, sampling_period=step)
+    return ILO(_BODY, _K1, _K2, _gain(100.0), INTERVAL, sampling_period=step)
 
 
 def observers() -> dict[str, Observer]:
     """One observer of each law, by the name of its C function."""
     return {
         "continuous": continuous(),
-        "sampled": SampledILO(_BODY, _K1, _K2, _damping(1000.0), INTERVAL, sampling_period=STEP),
+        "sampled": SampledILO(_BODY, _K1, _K2, _gain(1000.0), INTERVAL, sampling_period=STEP),
         "adaptive": AdaptiveObserver(
-            _BODY, _damping(100.0), _damping(1000.0), _K1 * 10.0, sampling_period=STEP
+            _BODY, _gain(100.0), _gain(1000.0), _K1 * 10.0, sampling_period=STEP
         ),
     }
 
 
-def _damping(size: float) -> Array:
+def _gain(size: float) -> Array:
     return size * (np.eye(3) + 0.02)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from reobserve.bench.tuning import tune
     from reobserve.core.errors import DivergenceError, InputError
+    from reobserve.estimation.false_alarms import false_alarm_threshold
     from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
@@ -64,6 +65,7 @@ __all__ = [
     "TransformedObserver",
     "TriangularModel",
     "UnscentedKalmanFilter",
+    "false_alarm_threshold",
     "load_design",
     "luenberger",
     "normal_form_observer",
@@ -75,6 +77,7 @@ __all__ = [
 
 _HOMES = {
     "bench.tuning": ("tune",),
+    "estimation.false_alarms": ("false_alarm_threshold",),
     "estimation.families.loading": ("load_design",),
     "core.errors": ("DivergenceError", "InputError"),
     "systems.linear": ("LinearModel",),

@@ -173,8 +173,10 @@ REFUSED: dict[str, Callable[[], object]] = {
     "model: of eigenvalues far apart": lambda: steady_kalman_gain(STIFF),
     "rho: so small that S is singular": lambda: high_gain_over_time(2, 1e-300, 1.0, [0.0]),
     "size: whose factorial is no number": lambda: high_gain_over_time(200, 1.0, 1.0, [0.0]),
-    "damping: huge": lambda: certify(1e308, np.eye(3), 0.5, 50.0, 0.01),
-    "damping: huge, full": lambda: certify(np.full((3, 3), 1e308), np.eye(3), 0.5, 50.0, 0.01),
+    "observer_gain: huge": lambda: certify(1e308, np.eye(3), 0.5, 50.0, 0.01),
+    "observer_gain: huge, full": lambda: certify(
+        np.full((3, 3), 1e308), np.eye(3), 0.5, 50.0, 0.01
+    ),
 }
 
 

@@ -105,3 +105,7 @@ def test_the_table_says_what_a_method_knows_and_costs(results: Results) -> None:
     )
     assert "| Share, the paper's settings |  |  |  |  | 2.50 [0.100 0.300], 25 % f" in lines[5]
     assert "**0.450** [0.100 0.300]" in lines[7]
+    assert "| lag | 95 % | cost |" in lines[2]
+    results.task.module.COLUMNS = ("delay", "false alarms")  # type: ignore[attr-defined]
+    head = summary(results, {"share": kept, "reported": kept}).splitlines()[2]
+    assert "| delay | false alarms | cost |" in head

@@ -130,6 +130,25 @@ def test_methods_tie_on_the_motor_with_a_wrong_model(scored: Any) -> None:
     assert max(errors) < 1.1 * min(errors)
 
 
+def false_alarms(results: Results, condition: str, method: str, given: bool) -> float:
+    cell = results.cell(condition, method, "", given)
+    assert cell is not None
+    return float(cell["quantile"])
+
+
+def test_thresholds_do_not_survive_a_change_unless_the_statistic_is_normalised(scored: Any) -> None:
+    """59 records leave 1.1 to 11.7 % of false alarms; 72 more of each condition count them."""
+    found = scored("leak")
+    for method in task("leak").methods:
+        for renewed in ("nominal", "noise", "model", "period"):
+            assert false_alarms(found, renewed, method, False) < 0.2
+        assert false_alarms(found, "kept_noise", method, False) == 1.0
+        assert false_alarms(found, "kept_model", method, False) > 0.75
+    for normalised in ("glr", "power", "cusum", "cusum_alone"):
+        assert false_alarms(found, "kept_noise", normalised, True) < 0.1
+    assert false_alarms(found, "kept_noise", "augmented", True) > 0.7
+
+
 def test_slow_inputs_suit_taylor_series_of_the_delay(scored: Any) -> None:
     """The more the higher its order; the extended filter, which has none, is better throughout."""
     delay = scored("delay")

@@ -339,7 +339,7 @@ def test_an_inverse_weighted_by_the_covariance_is_the_same_in_all_coordinates() 
     other = two.run(z[:, 1:], u, state=two.init(np.zeros(5), turn @ turn.T))
     np.testing.assert_allclose(other["state"] @ back.T, found["state"], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(other["log_likelihood"], found["log_likelihood"], rtol=1e-6)
-    # Of a thin layer without memory, the output error that is left is none.
+    # Of a thin layer with gamma = 0, the output error that is left is none.
     thin = SmoothVariableStructureFilter(plain, 1e-9, 0.0, "weighted")
     posterior = thin.predict(thin.init(np.zeros(5), 1.0).posterior, [1.0])
     reported = thin.correct(posterior, [3.0, 4.0], [1.0])

@@ -170,14 +170,17 @@ def test_what_cannot_be_sampled_is_refused(A: Any, B: Any, period: float, said: 
         ({"boundary_layer": [1, -2, 3]}, r"boundary_layer: \[1.0, -2.0, 3.0\] must all be .* zero"),
         ({"boundary_layer": [1, 2]}, r"boundary_layer: has shape \(2,\), must be a list of 3 .*"),
         ({"boundary_layer": NAN}, "boundary_layer: nan has an entry that is not finite"),
-        ({"memory": 1.0}, "memory: 1 must be from 0 to below 1"),
-        ({"memory": -0.1}, "memory: -0.1 must be from 0 to below 1"),
-        ({"memory": NAN}, "memory: nan has an entry that is not finite"),
-        ({"memory": [0.1]}, r"memory: \[0.1\] must be one number, not an array of shape \(1,\)"),
+        ({"convergence_rate": 1.0}, "convergence_rate: 1 must be from 0 to below 1"),
+        ({"convergence_rate": -0.1}, "convergence_rate: -0.1 must be from 0 to below 1"),
+        ({"convergence_rate": NAN}, "convergence_rate: nan has an entry that is not finite"),
+        (
+            {"convergence_rate": [0.1]},
+            r"convergence_rate: \[0.1\] must be one number, not an array of shape \(1,\)",
+        ),
     ],
 )
-def test_a_wrong_layer_or_memory_is_refused(changed: dict[str, Any], said: str) -> None:
-    given: dict[str, Any] = {"boundary_layer": 1.0, "memory": 0.1, **changed}
+def test_a_wrong_layer_or_convergence_rate_is_refused(changed: dict[str, Any], said: str) -> None:
+    given: dict[str, Any] = {"boundary_layer": 1.0, "convergence_rate": 0.1, **changed}
     with pytest.raises(InputError, match=f"^{said}$"):
         SmoothVariableStructureFilter(MOTION, **given)
 

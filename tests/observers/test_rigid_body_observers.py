@@ -41,18 +41,20 @@ SKEWED = RigidBody(
 FULL_K1 = np.array([[0.9, 0.05, 0.0], [-0.04, 0.85, 0.06], [0.02, 0.0, 0.8]])
 TURNING_K1 = np.array([[0.6, -0.5, 0.0], [0.5, 0.6, 0.0], [0.0, 0.0, 0.7]])
 FULL_K2 = np.array([[200.0, 20.0, -10.0], [15.0, 160.0, 12.0], [0.0, -25.0, 220.0]])
-FULL_DAMPING = np.array([[50.0, 8.0, -3.0], [8.0, 40.0, 5.0], [-3.0, 5.0, 60.0]])
+FULL_OBSERVER_GAIN = np.array([[50.0, 8.0, -3.0], [8.0, 40.0, 5.0], [-3.0, 5.0, 60.0]])
 FULL_INTEGRAL = np.array([[900.0, 60.0, 0.0], [60.0, 700.0, -40.0], [0.0, -40.0, 800.0]])
 NOTHING = Signal(3, ())
 
 DELAY = 7  # steps in an interval
 OBSERVERS: dict[str, RigidBodyObserver] = {
-    "continuous": ILO(SKEWED, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01, sampling_period=0.01),
+    "continuous": ILO(
+        SKEWED, FULL_K1, FULL_K2, FULL_OBSERVER_GAIN, DELAY * 0.01, sampling_period=0.01
+    ),
     "sampled": SampledILO(
-        SKEWED, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01, sampling_period=0.01
+        SKEWED, FULL_K1, FULL_K2, FULL_OBSERVER_GAIN, DELAY * 0.01, sampling_period=0.01
     ),
     "adaptive": AdaptiveObserver(
-        SKEWED, FULL_DAMPING, FULL_INTEGRAL, 0.1 * FULL_K2, sampling_period=0.01
+        SKEWED, FULL_OBSERVER_GAIN, FULL_INTEGRAL, 0.1 * FULL_K2, sampling_period=0.01
     ),
 }
 each_observer = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS)
@@ -70,21 +72,23 @@ DESIGNS = [
     (0.001, 1.0, 1.0, EYE),
     (0.01, 100.0, 0.9, EYE),
     (0.1, 1000.0, 0.9, EYE),
-    (0.05, FULL_DAMPING, FULL_K1, FULL_K2),
-    (0.1, 20 * FULL_DAMPING, FULL_K1, FULL_K2),
-    (0.02, FULL_DAMPING, 1.0, FULL_K2),
-    (0.05, FULL_DAMPING, TURNING_K1, FULL_K2),
-    (0.2, 10 * FULL_DAMPING, -0.5, np.diag([1.0, 2.0, 3.0])),
-    (0.03, 5 * FULL_DAMPING, 0.0, EYE),
+    (0.05, FULL_OBSERVER_GAIN, FULL_K1, FULL_K2),
+    (0.1, 20 * FULL_OBSERVER_GAIN, FULL_K1, FULL_K2),
+    (0.02, FULL_OBSERVER_GAIN, 1.0, FULL_K2),
+    (0.05, FULL_OBSERVER_GAIN, TURNING_K1, FULL_K2),
+    (0.2, 10 * FULL_OBSERVER_GAIN, -0.5, np.diag([1.0, 2.0, 3.0])),
+    (0.03, 5 * FULL_OBSERVER_GAIN, 0.0, EYE),
     (0.1, [10.0, 200.0, 30.0], FULL_K1.T, FULL_K2.T),
 ]
 
 
-@pytest.mark.parametrize(("interval", "damping", "K1", "K2"), DESIGNS)
+@pytest.mark.parametrize(("interval", "observer_gain", "K1", "K2"), DESIGNS)
 def test_simulation_grows_beyond_the_sampled_limit_and_not_below(
-    interval: float, damping: Any, K1: Any, K2: Array
+    interval: float, observer_gain: Any, K1: Any, K2: Array
 ) -> None:
-    limit = sampled_limit_gain(LearningLaw(INERTIA, damping, SKEWED.fault_matrix, K1, K2, interval))
+    limit = sampled_limit_gain(
+        LearningLaw(INERTIA, observer_gain, SKEWED.fault_matrix, K1, K2, interval)
+    )
     resting = np.zeros((2 * 10 * 400 + 1, 3))
     growth = []
     for factor in (0.97, 1.03):
@@ -92,7 +96,7 @@ def test_simulation_grows_beyond_the_sampled_limit_and_not_below(
             SKEWED,
             K1,
             factor * limit * K2,
-            damping,
+            observer_gain,
             interval,
             allow_unstable=True,
             sampling_period=interval / 10,
@@ -141,16 +145,16 @@ def errors_under_a_sine(
     return rms, sine + 1j * cosine
 
 
-@pytest.mark.parametrize(("K1", "damping"), [(1.0, 100.0), (0.9, 100.0), (0.9, 10.0)])
+@pytest.mark.parametrize(("K1", "observer_gain"), [(1.0, 100.0), (0.9, 100.0), (0.9, 10.0)])
 @pytest.mark.parametrize("interval", INTERVALS)
 def test_error_of_the_continuous_observer_is_as_predicted(
-    interval: float, K1: float, damping: float
+    interval: float, K1: float, observer_gain: float
 ) -> None:
-    design = (K1, 2000.0, damping, interval)
+    design = (K1, 2000.0, observer_gain, interval)
     step = interval / max(10, round(interval / 5e-4))
     observer = ILO(BODY, *design, sampling_period=step)
     rms, component = errors_under_a_sine(observer, 10.0, 10)
-    theory = (INERTIA, damping, 1.0, K1, 2000.0, interval)
+    theory = (INERTIA, observer_gain, 1.0, K1, 2000.0, interval)
     transfer = error_transfer(OMEGA, LearningLaw(*theory))[0, :, 0]
     assert np.abs(component - transfer).max() < 1e-3 * abs(transfer[0])
     predicted = predicted_rms_error([[1.0, 0.0, 0.0]], [OMEGA], LearningLaw(*theory))
@@ -174,15 +178,16 @@ def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: floa
 
 
 @pytest.mark.parametrize(
-    ("integral", "proportional", "damping"),
+    ("integral", "proportional", "observer_gain"),
     [(100.0, 0.0, 100.0), (1e4, 0.0, 1000.0), (1e5, 300.0, 500.0), (2e5, 1000.0, 100.0)],
 )
 def test_error_of_the_adaptive_observer_is_as_predicted(
-    integral: float, proportional: float, damping: float
+    integral: float, proportional: float, observer_gain: float
 ) -> None:
-    observer = AdaptiveObserver(BODY, damping, integral, proportional, sampling_period=5e-4)
+    observer = AdaptiveObserver(BODY, observer_gain, integral, proportional, sampling_period=5e-4)
     rms, component = errors_under_a_sine(observer, 15.0, 10)
-    transfer = pi_error_transfer(OMEGA, INERTIA, damping, 1.0, integral, proportional)[0, :, 0]
+    gains = (observer_gain, 1.0, integral, proportional)
+    transfer = pi_error_transfer(OMEGA, INERTIA, *gains)[0, :, 0]
     assert np.abs(component - transfer).max() < 1e-3 * abs(transfer[0])
     assert rms[0] == pytest.approx(abs(transfer[0]) / np.sqrt(2), rel=2e-3)
 
@@ -191,7 +196,7 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
     # By 1 / (1 - exp(-x)) = 1/x + 1/2 + x/12 + ..., the two laws differ by K2 s tau / 12, applied
     # to w~, which is s tau / K2 u_f; the loops divide by K2 / (s tau (J s + Lambda)). So the
     # estimates differ by tau^3 / (12 K2) (J u_f'''' + Lambda u_f''') for a small tau.
-    gain, damping, step, horizon = 2000.0, 100.0, 1e-4, 4.0
+    gain, observer_gain, step, horizon = 2000.0, 100.0, 1e-4, 4.0
     # 16 sin^5 t starts with four vanishing derivatives: no ripple is stirred up at the onset.
     waves = ((10.0, 1.0), (-5.0, 3.0), (1.0, 5.0))
     terms = [{"kind": "sine", "axis": 1, "amplitude": a, "frequency": f} for a, f in waves]
@@ -203,14 +208,14 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
     third = sum(-a * f**3 * np.cos(f * time) for a, f in waves)
     fourth = sum(a * f**4 * np.sin(f * time) for a, f in waves)
     leading = np.outer(fourth, INERTIA[:, 0]) / (12 * gain)
-    leading[:, 0] += damping * third / (12 * gain)
+    leading[:, 0] += observer_gain * third / (12 * gain)
 
     intervals, sizes = [0.02, 0.01, 0.005], []
     for interval in intervals:
-        learning = ILO(BODY, 1.0, gain, damping, interval, sampling_period=step)
+        learning = ILO(BODY, 1.0, gain, observer_gain, interval, sampling_period=step)
         gains = matched_integrator(gain, interval)
         matched = AdaptiveObserver(
-            BODY, damping, gains.integral_gain, gains.proportional_gain, sampling_period=step
+            BODY, observer_gain, gains.integral_gain, gains.proportional_gain, sampling_period=step
         )
         late = time > 1.0
         difference = (
@@ -281,12 +286,12 @@ def test_a_divergent_run_returns_the_finite_rows_and_their_time(
 
 def test_divergence_comes_when_the_linear_law_overflows() -> None:
     # The law on one axis by hand, scaled after every interval so that it cannot overflow itself.
-    inertia, damping, fault, K1, K2, interval = 1.0, 10.0, 1e-3, 3.0, 1000.0, 0.01
-    decay = np.exp(-damping * interval / inertia)
+    inertia, observer_gain, fault, K1, K2, interval = 1.0, 10.0, 1e-3, 3.0, 1000.0, 0.01
+    decay = np.exp(-observer_gain * interval / inertia)
     error, v, logarithm, updates = -0.1, 0.0, 0.0, 0
     while logarithm + np.log(max(abs(v), abs(error))) < np.log(np.finfo(float).max):
         v = K1 * v + K2 * error
-        error = decay * error - (1 - decay) / damping * fault * v
+        error = decay * error - (1 - decay) / observer_gain * fault * v
         scale = max(abs(v), abs(error))
         error, v, logarithm, updates = (
             error / scale,
@@ -319,19 +324,19 @@ Build = Callable[[], object]
 
 
 def continuous(**changed: Any) -> RigidBodyObserver:
-    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "update_interval": 0.01, **changed}
+    settings = {"K1": 0.9, "K2": 2000.0, "observer_gain": 100.0, "update_interval": 0.01, **changed}
     step = settings.pop("sampling_period", 0.0025)
     return ILO(BODY, **settings, sampling_period=step)
 
 
 def sampled(**changed: Any) -> RigidBodyObserver:
-    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "update_interval": 0.01, **changed}
+    settings = {"K1": 0.9, "K2": 2000.0, "observer_gain": 100.0, "update_interval": 0.01, **changed}
     step = settings.pop("sampling_period", 0.0025)
     return SampledILO(BODY, **settings, sampling_period=step)
 
 
 def adaptive(**changed: Any) -> RigidBodyObserver:
-    settings = {"damping": 100.0, "integral_gain": 100.0, "proportional_gain": 0.0, **changed}
+    settings = {"observer_gain": 100.0, "integral_gain": 100.0, "proportional_gain": 0.0, **changed}
     step = settings.pop("sampling_period", 0.0025)
     return AdaptiveObserver(BODY, **settings, sampling_period=step)
 
@@ -382,15 +387,21 @@ BAD_INPUT: list[tuple[Build, str]] = [
             (lambda b=build: b(K1=np.eye(2)), "^K1: " + SHAPE.format("2, 2")),
             (lambda b=build: b(K2=[1.0, 2.0]), "^K2: " + SHAPE.format("2,")),
             (lambda b=build: b(K2=np.nan), r"^K2: nan has an entry that is not finite$"),
-            (lambda b=build: b(damping=-1.0), r"^damping: .* positive definite, .* -1, -1, -1$"),
             (
-                lambda b=build: b(damping=[[9, 1, 0], [0, 9, 0], [0, 0, 9]]),
-                r"^damping: .* must be symmetric$",
+                lambda b=build: b(observer_gain=-1.0),
+                r"^observer_gain: .* positive definite, .* -1, -1, -1$",
+            ),
+            (
+                lambda b=build: b(observer_gain=[[9, 1, 0], [0, 9, 0], [0, 0, 9]]),
+                r"^observer_gain: .* must be symmetric$",
             ),
         )
     ],
     (lambda: adaptive(sampling_period=-1.0), r"^sampling_period: -1 must be greater than zero$"),
-    (lambda: adaptive(damping=0.0), r"^damping: must be positive definite, .* 0, 0, 0$"),
+    (
+        lambda: adaptive(observer_gain=0.0),
+        r"^observer_gain: must be positive definite, .* 0, 0, 0$",
+    ),
     (lambda: adaptive(integral_gain=[1, 1, -2]), r"^integral_gain: .* eigenvalues are -2, 1, 1$"),
     (lambda: adaptive(proportional_gain=[1, 2]), "^proportional_gain: " + SHAPE.format("2,")),
     # ln(1.05) / 0.01 s = 4.879 1/s

@@ -42,7 +42,7 @@ ROOT = Path(__file__).parents[2]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 INPUT = np.array([[1.0, 0.1, 0.0], [0.0, 0.9, -0.2], [0.05, 0.0, 1.1]])
 FAULT = np.array([[0.9, 0.2, 0.0], [-0.1, 1.1, 0.1], [0.0, 0.15, 0.8]])
-DAMPING = np.array([[50.0, 8.0, -3.0], [8.0, 40.0, 5.0], [-3.0, 5.0, 60.0]])
+OBSERVER_GAIN = np.array([[50.0, 8.0, -3.0], [8.0, 40.0, 5.0], [-3.0, 5.0, 60.0]])
 K2 = np.array([[200.0, 20.0, -10.0], [15.0, 160.0, 12.0], [0.0, -25.0, 220.0]])
 FORGETTING = np.array([[0.9, 0.05, 0.0], [-0.04, 0.85, 0.06], [0.02, 0.0, 0.8]])
 INTEGRAL = np.array([[900.0, 60.0, 0.0], [60.0, 700.0, -40.0], [0.0, -40.0, 800.0]])
@@ -125,7 +125,7 @@ def empty_reference() -> Reference:
 
 def observer_slope(rate: Array, measured: Array, known: Array, estimate: Array) -> Array:
     """w^' under B u and B_f f^, which are in ``known``."""
-    return euler(rate, DAMPING @ (measured - rate) + known + FAULT @ estimate)
+    return euler(rate, OBSERVER_GAIN @ (measured - rate) + known + FAULT @ estimate)
 
 
 @cache
@@ -278,7 +278,7 @@ BODY = RigidBody(INERTIA, INPUT, FAULT)
 
 
 def continuous(K1: Array) -> Callable[[float], RigidBodyObserver]:
-    return lambda step: ILO(BODY, K1, K2, DAMPING, INTERVAL, sampling_period=step)
+    return lambda step: ILO(BODY, K1, K2, OBSERVER_GAIN, INTERVAL, sampling_period=step)
 
 
 @pytest.mark.parametrize("identity", [False, True], ids=["forgetting", "identity"])
@@ -309,7 +309,7 @@ def test_a_jump_of_the_estimate_recurs_every_interval(where: str, identity: bool
 @pytest.mark.parametrize("where", SCENARIOS)
 def test_sampled_observer_is_of_order_4(where: str) -> None:
     def build(step: float) -> SampledILO:
-        return SampledILO(BODY, FORGETTING, K2, DAMPING, INTERVAL, sampling_period=step)
+        return SampledILO(BODY, FORGETTING, K2, OBSERVER_GAIN, INTERVAL, sampling_period=step)
 
     check_order(where, build, plain_reference(where, "sampled"))
 
@@ -317,7 +317,7 @@ def test_sampled_observer_is_of_order_4(where: str) -> None:
 @pytest.mark.parametrize("where", SCENARIOS)
 def test_adaptive_observer_is_of_order_4(where: str) -> None:
     def build(step: float) -> AdaptiveObserver:
-        return AdaptiveObserver(BODY, DAMPING, INTEGRAL, 0.1 * K2, sampling_period=step)
+        return AdaptiveObserver(BODY, OBSERVER_GAIN, INTEGRAL, 0.1 * K2, sampling_period=step)
 
     check_order(where, build, plain_reference(where, "adaptive"))
 
@@ -408,7 +408,7 @@ def test_half_a_period_of_an_observer_is_a_whole_number_of_samples(
         RigidBody(inertia=np.eye(3)),
         K1=1.0,
         K2=0.1,
-        damping=1.0,
+        observer_gain=1.0,
         update_interval=period,
         sampling_period=period,
     )

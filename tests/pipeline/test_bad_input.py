@@ -299,7 +299,7 @@ def test_a_divergent_observer_names_the_time(
 ) -> None:
     """A step beyond the reach of the integrator, which no stability condition forbids."""
     parameters = json.loads(parameter_file.read_text(encoding="utf-8"))
-    parameters["parameters"]["observers"]["adaptive"]["damping"]["value"] = 1e6
+    parameters["parameters"]["observers"]["adaptive"]["observer_gain"]["value"] = 1e6
     parameter_file.write_text(json.dumps(parameters), encoding="utf-8")
     output = record.with_name("adaptive.parquet")
     said = refused(

@@ -183,7 +183,7 @@ def test_what_a_person_can_look_up(built: Project) -> None:
         assert len(keys) > (40 if paper == "ilo" else 0)
         for key in keys:
             assert key[:30] in squeezed
-    why = built.run("reobserve", "params", "ilo", "adaptive.damping", "--why").stdout
+    why = built.run("reobserve", "params", "ilo", "adaptive.observer_gain", "--why").stdout
     assert "Law and gains of the comparison are only cited" in re.sub(r"\s+", " ", why)
     usage = built.run("reobserve", "--help").stdout
     for command in ("list", "params", "estimate", "design", "export", "report", "stage"):

@@ -140,41 +140,41 @@ def test_a_build_is_packed_with_its_provenance(toy: Project) -> None:
 CLAIM = """
   {name}:
     place: Nowhere
-    statement: {says}
+    statement: {statement}
     checks: [{{value: {value}, below: 1}}]
     threshold: after
     why: To see.
     depends_on: [{key}]
 """
-SAYS, VALUE, KEY = "A number that nobody has.", "fig1 slow late_rms_error", "gains"
+STATEMENT, VALUE, KEY = "A number that nobody has.", "fig1 slow late_rms_error", "gains"
 
 
 @pytest.mark.parametrize(
     ("statement", "value", "key", "said"),
     [
         (
-            SAYS, "fig1 slow late_error", KEY,
+            STATEMENT, "fig1 slow late_error", KEY,
             "checks.0.metric: there is no 'late_error'; did you mean 'late_rms_error'?",
         ),
         (
-            SAYS, "fig3 slow late_rms_error", KEY,
+            STATEMENT, "fig3 slow late_rms_error", KEY,
             "checks.0.figure: there is no 'fig3'; did you mean 'fig1'?",
         ),
         (
-            SAYS, VALUE, "observers.slow.gain",
+            STATEMENT, VALUE, "observers.slow.gain",
             "depends_on: there is no 'observers.slow.gain'; did you mean 'observers.slow.gains'?",
         ),
         (
             "Both poles are in one place.", VALUE, KEY,
-            "says: what double_pole says, must be another claim",
+            "statement: is that of double_pole, must be another claim",
         ),
     ],
 )  # fmt: skip
 def test_a_wrong_claim_is_refused_before_the_first_job(
-    toy: Project, says: str, value: str, key: str, said: str
+    toy: Project, statement: str, value: str, key: str, said: str
 ) -> None:
     path = toy.folder / "config/claims/toy.yaml"
-    more = CLAIM.format(name="wrong", says=says, value=value, key=key)
+    more = CLAIM.format(name="wrong", statement=statement, value=value, key=key)
     with edited(path, path.read_text(), path.read_text() + more):
         done = toy.snakemake("--dry-run", check=False)
     assert done.returncode == 1
@@ -185,7 +185,9 @@ def test_a_wrong_claim_is_refused_before_the_first_job(
 def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> None:
     """Whose observers are in a table is known once it is there."""
     path = toy.folder / "config/claims/toy.yaml"
-    more = CLAIM.format(name="nobody", says=SAYS, value="fig1 slower late_rms_error", key=KEY)
+    more = CLAIM.format(
+        name="nobody", statement=STATEMENT, value="fig1 slower late_rms_error", key=KEY
+    )
     with edited(path, path.read_text(), path.read_text() + more):
         done = toy.snakemake(check=False)
         assert done.returncode != 0

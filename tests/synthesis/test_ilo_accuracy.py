@@ -24,7 +24,7 @@ OMEGA = np.array([0.1, 1.0, 10.0, 40.0, 200.0])
 def simulate(
     amplitudes: Array,
     frequencies: Array,
-    damping: Array,
+    observer_gain: Array,
     K1: Array,
     K2: Array,
     interval: float,
@@ -37,8 +37,10 @@ def simulate(
     """RMS of e over ``span`` after ``settle`` for v learning on the fine grid, or held."""
     h = interval / per_interval
     inverse, n = np.linalg.inv(INERTIA), len(K1)
-    implicit = np.linalg.inv(np.eye(n) + h / 2 * inverse @ (damping + (0 if held else 1) * K2))
-    explicit = np.eye(n) - h / 2 * inverse @ damping
+    implicit = np.linalg.inv(
+        np.eye(n) + h / 2 * inverse @ (observer_gain + (0 if held else 1) * K2)
+    )
+    explicit = np.eye(n) - h / 2 * inverse @ observer_gain
     steps = round((settle + span) / h)
     time = h * np.arange(steps + 1)
     sine = np.where(frequencies == 0, 1.0, np.sin(np.outer(time, frequencies)))
@@ -114,13 +116,15 @@ AMPLITUDES = np.array([[0.5, 0.0, -0.2], [1.0, 0.3, 0.0], [0.0, 0.2, 0.4]])
 FREQUENCIES = np.array([0.0, 10.0, 2 * np.pi])
 
 
-@pytest.mark.parametrize(("K1", "K2", "damping"), MATRICES)
+@pytest.mark.parametrize(("K1", "K2", "observer_gain"), MATRICES)
 @pytest.mark.parametrize("held", [False, True])
-def test_rms_error_against_simulation(K1: Array, K2: Array, damping: Array, held: bool) -> None:
+def test_rms_error_against_simulation(
+    K1: Array, K2: Array, observer_gain: Array, held: bool
+) -> None:
     simulated = simulate(
         AMPLITUDES,
         FREQUENCIES,
-        damping,
+        observer_gain,
         K1,
         K2,
         0.05,
@@ -132,7 +136,7 @@ def test_rms_error_against_simulation(K1: Array, K2: Array, damping: Array, held
     predicted = predicted_rms_error(
         AMPLITUDES,
         FREQUENCIES,
-        Law(INERTIA, damping, 1.0, K1, K2, 0.05),
+        Law(INERTIA, observer_gain, 1.0, K1, K2, 0.05),
         reading="sampled" if held else "continuous",
     )
     assert predicted == pytest.approx(simulated, rel=0.02)

@@ -22,7 +22,7 @@ INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 SMALLEST = 26.5 - np.sqrt(9.5**2 + 1.5**2)  # eigenvalue of INERTIA, by hand
 
 
-def delay_roots(damping: Array, K1: Array, K2: Array, interval: float, nodes: int) -> Array:
+def delay_roots(observer_gain: Array, K1: Array, K2: Array, interval: float, nodes: int) -> Array:
     """Characteristic roots of the delay system with B_f = I, by collocation in the delay.
 
     The unknowns are w~ and the history of v on Chebyshev points of [-tau, 0]. The history is
@@ -38,7 +38,7 @@ def delay_roots(damping: Array, K1: Array, K2: Array, interval: float, nodes: in
     D -= np.diag(D.sum(axis=1))
     size = n * (nodes + 2)
     left, right = np.zeros((size, size)), np.eye(size)
-    left[:n, :n] = -np.linalg.solve(INERTIA[:n, :n], damping)
+    left[:n, :n] = -np.linalg.solve(INERTIA[:n, :n], observer_gain)
     left[:n, n : 2 * n] = -np.linalg.inv(INERTIA[:n, :n])
     left[n:, n:] = np.kron(D * 2 / interval, np.eye(n))
     # Row of theta = 1 (now): 0 = -v(0) + K1 v(-tau) + K2 w~.
@@ -51,10 +51,10 @@ def delay_roots(damping: Array, K1: Array, K2: Array, interval: float, nodes: in
     return np.asarray(values[np.isfinite(values)])
 
 
-def rightmost(damping: Array, K1: Array, K2: Array, interval: float) -> float:
+def rightmost(observer_gain: Array, K1: Array, K2: Array, interval: float) -> float:
     """The largest real part of a root that two collocations agree on."""
-    coarse = delay_roots(damping, K1, K2, interval, 40)
-    fine = delay_roots(damping, K1, K2, interval, 56)
+    coarse = delay_roots(observer_gain, K1, K2, interval, 40)
+    fine = delay_roots(observer_gain, K1, K2, interval, 56)
     near = np.min(np.abs(coarse[:, None] - fine), axis=1) < 1e-6 * (1 + np.abs(coarse))
     return float(np.max(coarse[near].real))
 
@@ -79,9 +79,9 @@ def test_learning_gain_above_one_grows_at_its_logarithm() -> None:
 def test_any_positive_scalar_learning_gain_is_stable() -> None:
     rng = np.random.default_rng(1)
     for _ in range(150):
-        k1, (k2, damping, interval) = rng.uniform(-0.99, 0.99), 10 ** rng.uniform(-3, 5, 3)
-        verdict = continuous_stability(Law(INERTIA, damping, 1.0, k1, k2, interval * 1e-3))
-        assert verdict.verdict == "stable", (k1, k2, damping, interval, verdict)
+        k1, (k2, observer_gain, interval) = rng.uniform(-0.99, 0.99), 10 ** rng.uniform(-3, 5, 3)
+        verdict = continuous_stability(Law(INERTIA, observer_gain, 1.0, k1, k2, interval * 1e-3))
+        assert verdict.verdict == "stable", (k1, k2, observer_gain, interval, verdict)
 
 
 @pytest.mark.parametrize("K2", [1.0, 2000.0, 1e6])
@@ -92,7 +92,7 @@ def test_identity_learning_gain_is_marginal(K2: float) -> None:
     assert verdict.worst_round_gain == pytest.approx(1.0, abs=1e-9)
 
 
-def test_negative_learning_gain_beyond_the_damping_is_unstable() -> None:
+def test_negative_learning_gain_beyond_the_observer_gain_is_unstable() -> None:
     # At s = 0 the scalar function is lambda (1 - k1) + k2: a real root crosses at k2 = -10.
     for k2, expected in [(-9.9, "stable"), (-10.1, "unstable"), (-500.0, "unstable")]:
         verdict = continuous_stability(Law(36.0, 100.0, 1.0, 0.9, k2, 0.01))
@@ -106,14 +106,14 @@ def test_matrix_gains_agree_with_collocation() -> None:
     seen = {"stable": 0, "unstable": 0, "counted stable": 0}
     for _ in range(110):
         interval = 10 ** rng.uniform(-1.5, -0.5)
-        damping = np.diag(rng.uniform(20, 200, 3))
+        observer_gain = np.diag(rng.uniform(20, 200, 3))
         K1 = rng.normal(size=(3, 3))
         K1 *= rng.uniform(0.2, 0.9) / np.max(np.abs(np.linalg.eigvals(K1)))
         K2 = rng.normal(size=(3, 3)) * rng.uniform(50, 600) + np.eye(3) * rng.uniform(0, 600)
-        reference = rightmost(damping, K1, K2, interval)
+        reference = rightmost(observer_gain, K1, K2, interval)
         if abs(reference) * interval < 2e-3:
             continue
-        verdict = continuous_stability(Law(INERTIA, damping, 1.0, K1, K2, interval))
+        verdict = continuous_stability(Law(INERTIA, observer_gain, 1.0, K1, K2, interval))
         assert verdict.verdict == ("unstable" if reference > 0 else "stable"), verdict.reason
         if verdict.verdict == "unstable" and verdict.growth_rate is not None:
             assert verdict.growth_rate <= reference + 1e-6
@@ -180,19 +180,21 @@ def test_sampled_limit_for_the_satellite(interval: float, K1: float, expected: f
 def test_sampled_limit_against_the_closed_form() -> None:
     rng = np.random.default_rng(5)
     for _ in range(60):
-        damping, interval, unit = 10 ** rng.uniform((-1, -3, -2), (3, 0, 4))
+        observer_gain, interval, unit = 10 ** rng.uniform((-1, -3, -2), (3, 0, 4))
         K1 = rng.uniform(-0.9, 1.0)
-        limit = sampled_limit_gain(Law(INERTIA, damping, 1.0, K1, unit, interval)) * unit
-        a = np.exp(-damping * interval / SMALLEST)
-        expected = (1 + a) * (1 + K1) * damping / (1 - a)
-        assert limit == pytest.approx(expected, rel=1e-9), (damping, interval, K1)
+        limit = sampled_limit_gain(Law(INERTIA, observer_gain, 1.0, K1, unit, interval)) * unit
+        a = np.exp(-observer_gain * interval / SMALLEST)
+        expected = (1 + a) * (1 + K1) * observer_gain / (1 - a)
+        assert limit == pytest.approx(expected, rel=1e-9), (observer_gain, interval, K1)
 
 
-def iterate(inertia: Array, damping: Array, K1: Array, K2: Array, interval: float, n: int) -> float:
+def iterate(
+    inertia: Array, observer_gain: Array, K1: Array, K2: Array, interval: float, n: int
+) -> float:
     """Growth of the sampled observer's error over ``n`` intervals, by fine Runge-Kutta steps."""
     rng = np.random.default_rng(11)
     w, v = rng.normal(size=len(K1)), np.zeros(len(K1))
-    A, fine = -np.linalg.solve(inertia, damping), 8
+    A, fine = -np.linalg.solve(inertia, observer_gain), 8
     h = interval / fine
     step = np.eye(len(A)) + sum(
         np.linalg.matrix_power(A * h, k) / np.prod(np.arange(1.0, k + 1)) for k in range(1, 5)
@@ -201,7 +203,9 @@ def iterate(inertia: Array, damping: Array, K1: Array, K2: Array, interval: floa
     for _ in range(n):
         v = K1 @ v + K2 @ w
         for _ in range(fine):
-            rest = np.linalg.solve(damping, v)  # equilibrium of the held estimate: -Lambda^-1 v
+            rest = np.linalg.solve(
+                observer_gain, v
+            )  # equilibrium of the held estimate: -Lambda^-1 v
             w = step @ (w + rest) - rest
         peaks.append(np.linalg.norm(w))
     return float(np.max(peaks[-n // 20 :]) / np.max(peaks[: n // 20]))
@@ -211,21 +215,26 @@ def test_sampled_limit_against_iteration_with_matrix_gains() -> None:
     rng = np.random.default_rng(13)
     checked = 0
     for _ in range(14):
-        damping = np.diag(rng.uniform(20, 300, 3))
+        observer_gain = np.diag(rng.uniform(20, 300, 3))
         K1 = 0.3 * rng.normal(size=(3, 3))
         K2 = 100 * np.eye(3) + 30 * rng.normal(size=(3, 3))
-        limit = sampled_limit_gain(Law(INERTIA, damping, 1.0, K1, K2, 0.1))
+        limit = sampled_limit_gain(Law(INERTIA, observer_gain, 1.0, K1, K2, 0.1))
         if limit in (0.0, np.inf):
             continue
         for factor, grows in [(0.97, False), (1.03, True)]:
-            growth = iterate(INERTIA, damping, K1, factor * limit * K2, 0.1, 600)
+            growth = iterate(INERTIA, observer_gain, K1, factor * limit * K2, 0.1, 600)
             assert (growth > 1) == grows, (factor, growth)
-            verdict = sampled_stability(Law(INERTIA, damping, 1.0, K1, factor * limit * K2, 0.1))
+            verdict = sampled_stability(
+                Law(INERTIA, observer_gain, 1.0, K1, factor * limit * K2, 0.1)
+            )
             assert verdict.verdict == ("unstable" if grows else "stable")
         for fraction in np.linspace(0.01, 0.99, 50):
             gain = fraction * limit * K2
-            assert sampled_stability(Law(INERTIA, damping, 1.0, K1, gain, 0.1)).verdict == "stable"
-        edge = sampled_stability(Law(INERTIA, damping, 1.0, K1, limit * K2, 0.1))
+            assert (
+                sampled_stability(Law(INERTIA, observer_gain, 1.0, K1, gain, 0.1)).verdict
+                == "stable"
+            )
+        edge = sampled_stability(Law(INERTIA, observer_gain, 1.0, K1, limit * K2, 0.1))
         assert edge.spectral_radius == pytest.approx(1, abs=1e-9)
         checked += 1
     assert checked >= 8
@@ -244,9 +253,9 @@ def test_sampled_limit_has_no_crossing_or_no_start() -> None:
 
 def test_sampled_limit_is_the_first_of_several() -> None:
     """At z = 1, det[(I - K1) D + s K2] = (1.8 - s)(2.6 - s): a pole leaves there and comes back."""
-    damping, K1 = np.diag([3.0, 5.2]), np.array([[1.0, 0.5], [-0.6, -0.9]])
+    observer_gain, K1 = np.diag([3.0, 5.2]), np.array([[1.0, 0.5], [-0.6, -0.9]])
     K2 = np.array([[0.0, 1.0], [-1.0, -1.0]])
-    law = (np.eye(2), damping, 1.0, K1)
+    law = (np.eye(2), observer_gain, 1.0, K1)
     assert sampled_limit_gain(Law(*law, K2, 0.1)) == pytest.approx(1.8, rel=1e-9)
     found = [
         sampled_stability(Law(*law, s * K2, 0.1)).verdict for s in (1.7, 1.9, 2.5, 2.7, 3.8, 3.9)
@@ -254,14 +263,14 @@ def test_sampled_limit_is_the_first_of_several() -> None:
     assert found == ["stable", "unstable", "unstable", "stable", "stable", "unstable"]
 
 
-def test_sampled_map_determinant_leaves_damping_to_the_rate_dynamics() -> None:
+def test_sampled_map_determinant_leaves_observer_gain_to_the_rate_dynamics() -> None:
     a = np.exp(-0.5 * 0.1 / 36)
     step = sampled_map(Law(36.0, 0.5, 1.0, 1.0, 40.0, 0.1))
     assert np.linalg.det(step) == pytest.approx(a, rel=1e-12)
 
 
 def test_bad_parameters_are_named() -> None:
-    with pytest.raises(InputError, match="damping"):
+    with pytest.raises(InputError, match="observer_gain"):
         continuous_stability(Law(INERTIA, 0.0, 1.0, 1.0, 1.0, 0.1))
     with pytest.raises(InputError, match="interval"):
         sampled_stability(Law(INERTIA, 1.0, 1.0, 1.0, 1.0, 0.0))

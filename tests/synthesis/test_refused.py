@@ -35,7 +35,7 @@ from tests.papers.lie.test_floquet import system
 MOTOR = dc_motor()  # of six errors and two outputs
 GAINS = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
 ONE_AXIS: dict[str, Any] = {
-    "inertia": 1.0, "damping": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 1.0,
+    "inertia": 1.0, "observer_gain": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 1.0,
 }  # fmt: skip
 
 
@@ -45,7 +45,7 @@ def law(**changed: float) -> LearningLaw:
 
 def learned(**changed: float) -> Callable[[], Any]:
     """The certificate of Theorem 1 for a law of three equal axes."""
-    usual: dict[str, Any] = {"damping": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 0.1}
+    usual: dict[str, Any] = {"observer_gain": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 0.1}
     return lambda: certify(**{**usual, **changed})
 
 
@@ -89,7 +89,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "a map beyond numbers": (lambda: sampled_map(law(fault_matrix=1e200, K2=1e200)), DYNAMICS),
     "an interval of very fast errors": (
         lambda: sampled_limit_gain(law(inertia=1e-300)),
-        "inertia, damping: make error dynamics too fast for floating-point numbers",
+        "inertia, observer_gain: make error dynamics too fast for floating-point numbers",
     ),
     "a pencil beyond numbers": (lambda: sampled_limit_gain(law(K1=1e300)), DYNAMICS),
     "a loop beyond numbers": (

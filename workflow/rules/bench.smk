@@ -2,11 +2,10 @@
 #
 #   results/bench/{task}/{method}.json      rule bench_method   tuned settings, on demand
 #   results/bench/{task}/scores.csv         rule bench_scores   of each run; table.csv compares methods
-#   results/bench/{task}/heatmap.{pdf,...}  rule bench_figures  and levels, evaluations
+#   results/bench/{task}/heatmap.{pdf,...}  rule bench_figures  and levels, evaluations; for leak detection
 #   results/bench/table.md                  rule bench_table    what methods know, guarantee and cost
 #
-# A record takes milliseconds to simulate: jobs that read records simulate them. Tuned settings are
-# kept in config/bench/tuned, where scores read them; `snakemake bench_tune` tunes again.
+# Jobs that read records simulate them. Tuned settings are kept in config/bench/tuned; `snakemake bench_tune` tunes again.
 
 rule bench_method:
     input: "config/bench/{task}.yaml"
@@ -47,26 +46,29 @@ rule bench_scores:
         " --outputs {output}) &> {log}"
 
 rule bench_figures:
-    input:
-        task="config/bench/{task}.yaml",
-        table="results/bench/{task}/table.csv",
-        evaluations="results/bench/{task}/evaluations.csv"
+    input: task="config/bench/{task}.yaml", **{name: f"results/bench/{{task}}/{name}.csv" for name in ("table", "evaluations")}
     output:
-        *[report(f"results/bench/{{task}}/{name}.{FORMATS[0]}", caption=f"../report/bench/{name}.rst",
-                 category="bench", subcategory="{task}", labels={"figure": "{task}", "what": name})
-          for name in ("heatmap", "levels", "evaluations")],
+        *[report(f"results/bench/{{task}}/{name}.{FORMATS[0]}", caption=f"../report/bench/{name}.rst", category="bench",
+                 subcategory="{task}", labels={"figure": "{task}", "what": name}) for name in ("heatmap", "levels", "evaluations")],
         expand("results/bench/{{task}}/{name}.{kind}", name=["heatmap", "levels", "evaluations"], kind=FORMATS[1:])
     log: "logs/bench/{task}/figures.log"
     benchmark: "logs/bench/{task}/figures.tsv"
     conda: "../envs/reobserve.yaml"
     params:
         code=code_of("reobserve.bench.plot"), packages=PACKAGES,
-        style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
-        options=" ".join(["--style", *STYLE])
+        style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE], options=" ".join(["--style", *STYLE])
     message: "bench, {wildcards.task}: plot"
     shell:
         "(set -x; reobserve bench plot {input.task} --table {input.table} --evaluations {input.evaluations}"
         " {params.options} --outputs {output}) &> {log}"
+
+use rule bench_figures as bench_detection with:
+    output:
+        report(f"results/bench/{{task}}/detection.{FORMATS[0]}", caption="../report/bench/detection.rst", category="bench",
+               subcategory="{task}", labels={"figure": "{task}", "what": "detection"}),
+        expand("results/bench/{{task}}/detection.{kind}", kind=FORMATS[1:])
+    log: "logs/bench/{task}/detection.log"
+    benchmark: "logs/bench/{task}/detection.tsv"
 
 rule bench_table:
     input:

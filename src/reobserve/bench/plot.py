@@ -1,4 +1,4 @@
-"""Figures of the bench: a heat map, errors over noise and model error, errors over evaluations."""
+"""Figures of the bench: a heat map, errors over levels and evaluations, delays of detectors."""
 
 from __future__ import annotations
 
@@ -145,4 +145,25 @@ def evaluations(results: Results) -> PaperFigure:
     return figure
 
 
-FIGURES = {"heatmap": heat_map, "levels": levels, "evaluations": evaluations}
+def detection(results: Results) -> PaperFigure:
+    """Mean delay of detectors over the share of healthy records that alarm.
+
+    Points: conditions in which the threshold is for another ``rate`` of false alarms.
+    """
+    task = results.task
+    names = [name for name, one in task.conditions.items() if "rate" in one.plant]
+    figure = blank(2.6)
+    axes = figure.subplots()
+    for name, style in zip(task.shown, STYLES, strict=False):
+        cells = (results.cell(condition, name) for condition in names)
+        points = [(one["quantile"], one["lag"]) for one in cells if one is not None]
+        axes.plot(*zip(*points, strict=True), label=task.methods[name].label, **style.points())
+    axes.set_xlabel("share of healthy records that alarm")
+    axes.set_ylabel("mean delay [s]")
+    axes.legend(ncols=2)
+    return figure
+
+
+FIGURES = {
+    "heatmap": heat_map, "levels": levels, "evaluations": evaluations, "detection": detection,
+}  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,6 +61,7 @@ def _row(cell: Cell) -> dict[str, Any]:
 
 def _cell(cell: Cell) -> dict[str, Any]:
     ended = [one for one in cell.scores if not one.failed]
+    lags = [one.lag for one in ended if not math.isnan(one.lag)]  # of some there is none
     return {
         **_row(cell),
         "seeds": len(cell.scores),
@@ -67,7 +69,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         **dict(zip(("ratio", "ratio_low", "ratio_high"), cell.ratio, strict=True)),
         "within": cell.within,
         "failed": 1.0 - len(ended) / len(cell.scores),
-        "lag": float(np.mean([one.lag for one in ended])) if ended else None,
+        "lag": float(np.mean(lags)) if lags else None,
         "quantile": float(np.mean([one.quantile for one in ended])) if ended else None,
         **dict(zip(("repeat_low", "repeat_high"), cell.repeats or (None, None), strict=True)),
     }
@@ -133,7 +135,8 @@ def summary(results: Results, tuned: Mapping[str, TunedMethod]) -> str:
     """The table of a task in Markdown: what a method knows, costs and reaches."""
     task = results.task
     titles = [task.conditions[one].title for one in task.table]
-    head = ["method", "knows", "guarantees", "p", "n95", *titles, "lag", "95 %", "cost", "edges"]
+    columns = getattr(task.module, "COLUMNS", ("lag", "95 %"))
+    head = ["method", "knows", "guarantees", "p", "n95", *titles, *columns, "cost", "edges"]
     lines = [f"### {task.title}", "", _line(head), _line(["---"] * len(head))]
     for label, name, training, given in results.rows():
         method, first = task.methods[name], results.cell(task.table[0], name, training)

@@ -158,5 +158,5 @@ def _cost(task: Task, method: str, settings: Settings) -> Cost:
         began = time.perf_counter()
         run(record)
         ran.append(time.perf_counter() - began)
-    sample = 1e6 * min(ran) / len(record.time)
+    sample = 1e6 * min(ran) / getattr(record, "rows", len(record.time))
     return Cost(float(f"{1e3 * min(made):.2g}"), float(f"{sample:.2g}"))

@@ -54,7 +54,7 @@ class AdaptiveObserver(RigidBodyObserver):
 
     Parameters
     ----------
-    damping
+    observer_gain
         Lambda [N m s/rad]: a number (times the identity), a diagonal or 3 x 3; symmetric
         positive definite.
     integral_gain
@@ -68,7 +68,7 @@ class AdaptiveObserver(RigidBodyObserver):
         If a shape is wrong, Lambda or Gamma is not positive definite or the step not positive.
     """
 
-    damping: Matrix = field(metadata=converter(as_positive_definite, 3))
+    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
     integral_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
     proportional_gain: Matrix = field(metadata=converter(as_matrix, 3))
 
@@ -77,7 +77,7 @@ class AdaptiveObserver(RigidBodyObserver):
         def __init__(
             self,
             model: RigidBody,
-            damping: ArrayLike,
+            observer_gain: ArrayLike,
             integral_gain: ArrayLike,
             proportional_gain: ArrayLike,
             *,
@@ -90,7 +90,7 @@ class AdaptiveObserver(RigidBodyObserver):
         return Constants(
             for_loop(model.inertia),
             model.inverse,
-            self.damping + model.fault_matrix @ self.proportional_gain,
+            self.observer_gain + model.fault_matrix @ self.proportional_gain,
             for_loop(model.input_matrix),
             for_loop(model.fault_matrix),
             for_loop(self.integral_gain),

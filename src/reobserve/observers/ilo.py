@@ -74,7 +74,7 @@ class ILO(RigidBodyObserver):
         The rigid body as the observer knows it.
     K1, K2
         Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
-    damping
+    observer_gain
         Lambda [N m s/rad], likewise; symmetric positive definite.
     update_interval
         tau [s], the updating interval, a multiple of ``sampling_period``.
@@ -93,7 +93,7 @@ class ILO(RigidBodyObserver):
 
     K1: Matrix = field(metadata=converter(as_matrix, 3))
     K2: Matrix = field(metadata=converter(as_matrix, 3))
-    damping: Matrix = field(metadata=converter(as_positive_definite, 3))
+    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
     update_interval: float = field(metadata=converter(as_positive))
     allow_unstable: bool = field(default=False, metadata=converter(as_flag))
 
@@ -104,7 +104,7 @@ class ILO(RigidBodyObserver):
             model: RigidBody,
             K1: ArrayLike,
             K2: ArrayLike,
-            damping: ArrayLike,
+            observer_gain: ArrayLike,
             update_interval: float,
             allow_unstable: bool = ...,
             *,
@@ -132,7 +132,7 @@ class ILO(RigidBodyObserver):
 
     @cached_property
     def _constants(self) -> Constants:
-        return constants(self, self.damping + self.model.fault_matrix @ self.K2)
+        return constants(self, self.observer_gain + self.model.fault_matrix @ self.K2)
 
     @property
     def _memory_shape(self) -> tuple[int, ...]:
@@ -159,7 +159,7 @@ def learning_law(observer: ILO | SampledILO) -> LearningLaw:
     """The body and the law of an observer, all that its error equation has."""
     body, gains = observer.model, (observer.K1, observer.K2)
     return LearningLaw(
-        body.inertia, observer.damping, body.fault_matrix, *gains, observer.update_interval
+        body.inertia, observer.observer_gain, body.fault_matrix, *gains, observer.update_interval
     )
 
 

@@ -53,7 +53,7 @@ class SampledILO(RigidBodyObserver):
         The rigid body as the observer knows it.
     K1, K2
         Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
-    damping
+    observer_gain
         Lambda [N m s/rad], likewise; symmetric positive definite.
     update_interval
         tau [s], the updating interval, a multiple of ``sampling_period``.
@@ -72,7 +72,7 @@ class SampledILO(RigidBodyObserver):
 
     K1: Matrix = field(metadata=converter(as_matrix, 3))
     K2: Matrix = field(metadata=converter(as_matrix, 3))
-    damping: Matrix = field(metadata=converter(as_positive_definite, 3))
+    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
     update_interval: float = field(metadata=converter(as_positive))
     allow_unstable: bool = field(default=False, metadata=converter(as_flag))
 
@@ -83,7 +83,7 @@ class SampledILO(RigidBodyObserver):
             model: RigidBody,
             K1: ArrayLike,
             K2: ArrayLike,
-            damping: ArrayLike,
+            observer_gain: ArrayLike,
             update_interval: float,
             allow_unstable: bool = ...,
             *,
@@ -115,7 +115,7 @@ class SampledILO(RigidBodyObserver):
 
     @cached_property
     def _constants(self) -> Constants:
-        return constants(self, self.damping)
+        return constants(self, self.observer_gain)
 
     def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
         return _run(self._constants, self.delay, rate, memory, count, record, rows)

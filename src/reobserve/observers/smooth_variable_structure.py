@@ -51,8 +51,8 @@ class SmoothVariableStructureFilter(LinearFilter):
         not the gain.
     boundary_layer
         psi: one width for all outputs, or m widths [units of the outputs].
-    memory
-        gamma, the convergence rate, from 0 to below 1.
+    convergence_rate
+        gamma, from 0 to below 1.
     inverse
         One of `INVERSES`, for C^+: ``pseudo``, or ``weighted`` by the predicted covariance.
 
@@ -64,7 +64,7 @@ class SmoothVariableStructureFilter(LinearFilter):
     """
 
     boundary_layer: Array
-    memory: float
+    convergence_rate: float
     inverse: str = "pseudo"
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
@@ -73,7 +73,7 @@ class SmoothVariableStructureFilter(LinearFilter):
             self,
             model: LinearModel,
             boundary_layer: ArrayLike,
-            memory: float,
+            convergence_rate: float,
             inverse: str = ...,
         ) -> None: ...
 
@@ -86,9 +86,9 @@ class SmoothVariableStructureFilter(LinearFilter):
             raise InputError(
                 "boundary_layer", f"{shown(psi.tolist())} must all be greater than zero"
             )
-        gamma = as_scalar("memory", self.memory)
+        gamma = as_scalar("convergence_rate", self.convergence_rate)
         if not 0 <= gamma < 1:
-            raise InputError("memory", f"{gamma:g} must be from 0 to below 1")
+            raise InputError("convergence_rate", f"{gamma:g} must be from 0 to below 1")
         if self.inverse not in INVERSES:
             raise InputError(
                 "inverse", f"{shown(self.inverse)} must be one of {', '.join(INVERSES)}"
@@ -99,7 +99,7 @@ class SmoothVariableStructureFilter(LinearFilter):
                 "model", f"C has {m} rows but rank {rank}: no gain corrects all outputs at once"
             )
         self._set("boundary_layer", psi)
-        object.__setattr__(self, "memory", gamma)
+        object.__setattr__(self, "convergence_rate", gamma)
 
     @property
     def gain_function(self) -> FunctionPointer:
@@ -110,7 +110,7 @@ class SmoothVariableStructureFilter(LinearFilter):
     def _parameters(self) -> Array:
         C = self.model.arrays.C
         matrix = np.linalg.pinv(C) if self.inverse == "pseudo" else C
-        return np.concatenate([[self.memory], self.boundary_layer, matrix.ravel()])
+        return np.concatenate([[self.convergence_rate], self.boundary_layer, matrix.ravel()])
 
     @property
     def gain_parameters(self) -> Array:

@@ -226,7 +226,7 @@ def matched_integrator(K2: ArrayLike, interval: float, size: int = 3) -> Integra
 def pi_error_transfer(
     omega: ArrayLike,
     inertia: ArrayLike,
-    damping: ArrayLike,
+    observer_gain: ArrayLike,
     fault_matrix: ArrayLike,
     integral_gain: ArrayLike,
     proportional_gain: ArrayLike = 0.0,
@@ -241,7 +241,7 @@ def pi_error_transfer(
     ----------
     omega
         Frequencies [rad/s], shape (k,).
-    inertia, damping, fault_matrix
+    inertia, observer_gain, fault_matrix
         As in `LearningLaw`.
     integral_gain, proportional_gain
         Gamma [N m] and P [N m s]: a number, a diagonal or n x n.
@@ -256,11 +256,11 @@ def pi_error_transfer(
     InputError
         As `LearningLaw`; or if a frequency is negative.
     """
-    law = LearningLaw(inertia, damping, fault_matrix, 0.0, 1.0, 1.0)
+    law = LearningLaw(inertia, observer_gain, fault_matrix, 0.0, 1.0, 1.0)
     size = len(law.inertia)
     integral = as_matrix("integral_gain", integral_gain, size)
     proportional = as_matrix("proportional_gain", proportional_gain, size)
     s = 1j * _frequencies("omega", omega)[:, None, None]
-    plant = solved(s * law.inertia + law.damping, law.fault_matrix)
+    plant = solved(s * law.inertia + law.observer_gain, law.fault_matrix)
     unit = s * np.eye(size)
     return np.asarray(solved(unit + (proportional * s + integral) @ plant, unit))

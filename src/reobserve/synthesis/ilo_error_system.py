@@ -41,7 +41,7 @@ class LearningLaw:
     ----------
     inertia
         J [kg m2], symmetric positive definite.
-    damping
+    observer_gain
         Lambda [N m s], which must make the observer without learning stable.
     fault_matrix
         B_f [-].
@@ -58,7 +58,7 @@ class LearningLaw:
     """
 
     inertia: Matrix
-    damping: Matrix
+    observer_gain: Matrix
     fault_matrix: Matrix
     K1: Matrix
     K2: Matrix
@@ -69,7 +69,7 @@ class LearningLaw:
         def __init__(
             self,
             inertia: ArrayLike,
-            damping: ArrayLike,
+            observer_gain: ArrayLike,
             fault_matrix: ArrayLike,
             K1: ArrayLike,
             K2: ArrayLike,
@@ -80,31 +80,31 @@ class LearningLaw:
         put = object.__setattr__
         size = (as_floats("inertia", self.inertia).shape or (1,))[0]
         put(self, "inertia", as_positive_definite("inertia", self.inertia, size))
-        for name in ("damping", "fault_matrix", "K1", "K2"):
+        for name in ("observer_gain", "fault_matrix", "K1", "K2"):
             put(self, name, as_matrix(name, getattr(self, name), size))
         put(self, "update_interval", as_positive("update_interval", self.update_interval))
         with np.errstate(all="ignore"):
             rates = self.rate_matrix
         if not np.isfinite(rates).all():
             raise InputError(
-                "inertia, damping", "make error dynamics too fast for floating-point numbers"
+                "inertia, observer_gain", "make error dynamics too fast for floating-point numbers"
             )
         slowest = float(np.max(np.linalg.eigvals(rates).real))
         if slowest >= 0:
             raise InputError(
-                "damping",
+                "observer_gain",
                 f"-J^-1 Lambda has an eigenvalue with real part {slowest:g}, must be below 0",
             )
 
     @property
     def rate_matrix(self) -> Matrix:
         """The dynamics of the rate error without learning, -J^-1 Lambda [1/s]."""
-        return np.asarray(-np.linalg.solve(self.inertia, self.damping), dtype=np.float64)
+        return np.asarray(-np.linalg.solve(self.inertia, self.observer_gain), dtype=np.float64)
 
     def loop(self, s: ArrayLike) -> Complex:
         """K2 (J s + Lambda)^-1 B_f for every complex frequency ``s`` [rad/s], shape (..., n, n)."""
         frequency = np.asarray(s, dtype=np.complex128)[..., None, None]
-        response = solved(frequency * self.inertia + self.damping, self.fault_matrix)
+        response = solved(frequency * self.inertia + self.observer_gain, self.fault_matrix)
         return np.asarray(self.K2 @ response, dtype=np.complex128)
 
     def memory(self, s: ArrayLike) -> Complex:

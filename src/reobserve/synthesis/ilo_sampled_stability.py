@@ -34,7 +34,7 @@ def held_blocks(law: LearningLaw) -> tuple[Matrix, Matrix]:
     exponential = np.asarray(expm(block * law.update_interval), dtype=np.float64)
     if not np.isfinite(exponential).all():
         problem = "make error dynamics too fast for floating-point numbers"
-        raise InputError("inertia, damping", problem)
+        raise InputError("inertia, observer_gain", problem)
     return exponential[:size, :size], exponential[:size, size:]
 
 

@@ -137,7 +137,7 @@ def _powers_grow(K1: Matrix) -> bool:
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def _worst_round_gain(law: LearningLaw) -> float:
     """Supremum of the radius of K1 T(j w) over a frequency grid; infinite if T is not stable."""
-    closed = -np.linalg.solve(law.inertia, law.damping + law.fault_matrix @ law.K2)
+    closed = -np.linalg.solve(law.inertia, law.observer_gain + law.fault_matrix @ law.K2)
     if not np.isfinite(closed).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     poles = np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(law.rate_matrix)])
@@ -187,7 +187,7 @@ def _root_bound(law: LearningLaw, right_of: float) -> float:
     memory /= 1 - norm
     loop = float(np.linalg.norm(law.fault_matrix, 2) * np.linalg.norm(law.K2, 2)) * memory
     smallest = float(np.linalg.eigvalsh(law.inertia)[0])
-    return (float(np.linalg.norm(law.damping, 2)) + loop) / smallest * (1 + _UNIT)
+    return (float(np.linalg.norm(law.observer_gain, 2)) + loop) / smallest * (1 + _UNIT)
 
 
 def _count_roots(law: LearningLaw, right_of: float, bound: float) -> int | None:

@@ -91,16 +91,16 @@ def test_a_normal_form_whose_input_is_hidden_is_refused_by_its_term() -> None:
 
 
 def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> None:
-    """On a ball: j s^2 + (damping + Kp) s + Gamma = 0, three times."""
-    gains = {"damping": 30.0, "integral_gain": 200.0, "proportional_gain": 10.0}
+    """On a ball: j s^2 + (observer_gain + Kp) s + Gamma = 0, three times."""
+    gains = {"observer_gain": 30.0, "integral_gain": 200.0, "proportional_gain": 10.0}
     built = design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains)
     expected = np.sort_complex(np.repeat(np.roots([5.0, 40.0, 200.0]), 3))
     assert poles(built) == pytest.approx(expected, rel=1e-9)
     with pytest.raises(InputError, match=r"poles .* which steps of 10 s do not follow"):
         design("adaptive", sampling_period=10.0).certify()
-    # With damping + Kp = -10 errors grow, on a ball as the roots of 5 s^2 - 10 s + 200.
+    # With observer_gain + Kp = -10 errors grow, on a ball as the roots of 5 s^2 - 10 s + 200.
     gains["proportional_gain"] = -40.0
-    with pytest.raises(InputError, match=r"^damping: .* errors with the poles 1[+-]6.2\d*j"):
+    with pytest.raises(InputError, match=r"^observer_gain: .* errors with the poles 1[+-]6.2\d*j"):
         design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains).certify()
 
 
@@ -142,11 +142,11 @@ def test_an_extended_high_gain_observer_is_judged_by_its_linear_part() -> None:
 
 def test_a_learning_observers_radius_and_error_are_those_of_one_axis() -> None:
     """K1 = I, held: w~ -> a w~ - b v, v -> v + K2 w~ a sample later, with a = exp(-l tau / j)."""
-    j, damping, K2, tau = 20.0, 500.0, 500.0, 0.01
-    gains = {"K1": 1, "K2": K2, "damping": damping, "update_interval": tau}
+    j, observer_gain, K2, tau = 20.0, 500.0, 500.0, 0.01
+    gains = {"K1": 1, "K2": K2, "observer_gain": observer_gain, "update_interval": tau}
     built = design("ilo", inertia=np.diag([j, j, j]).tolist(), gains=gains)
-    a = np.exp(-damping * tau / j)
-    b = (1 - a) / damping
+    a = np.exp(-observer_gain * tau / j)
+    b = (1 - a) / observer_gain
     radius = np.abs(np.linalg.eigvals([[a - b * K2, -b], [K2, 1.0]])).max()
     certificate = built.certify()
     assert certificate["spectral_radius"] == pytest.approx(radius, rel=1e-12)

@@ -26,8 +26,11 @@ MODELS: list[tuple[str, dict[str, Any], str]] = [
     ("normal-form", {"injection": {"spin": "y1"}}, "injection.spin: is of no state; there are:"),
     ("levant", {"measurements": SQUARE}, "measurements: name 2 signals, must be the one to differ"),
     ("imm", {"modes": {}}, "modes: has 0 modes, must have 1 to 50"),
-    ("imm", {"gains": {"filter": "kalman", "memory": 0.1, **SAME}}, "gains.memory: must be left"),
-    ("imm", {"gains": {"filter": "svsf", "memory": 0.1, **SAME}}, "gains.boundary_layer: is"),
+    ("imm", {"gains": {"convergence_rate": 0.1, **SAME}}, "gains.convergence_rate: must be left"),
+    (
+        "imm", {"gains": {"filter": "svsf", "convergence_rate": 0.1, **SAME}},
+        "gains.boundary_layer: is",
+    ),
     ("high-gain", {"inputs": {"a": "V", "b": "V"}}, "inputs: name 2 signals, must name one"),
     ("high-gain", {"states": {}}, "states: are none, must be one or more"),
     ("high-gain", {"measurements": SQUARE}, "measurements: name 2 signals, must name one, which"),

@@ -54,6 +54,7 @@ def _basics() -> Iterator[Call]:
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
         "core.random_streams.random_stream": (3, "noise"),
+        "estimation.false_alarms.false_alarm_threshold": (np.arange(19.0), 0.05),
         "core.discretisation.zero_order_hold": hold,
         "core.discretisation.interpolating_hold": (*hold, [0.0, 1.0]),
         "core.discretisation.polynomial_hold": (*hold, 1),
@@ -164,9 +165,13 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.definiteness.prove_negative_definite": negative,
     })  # fmt: skip
 
-    def proved(damping: Any, faults: Any, K1: Any, K2: Any, eta: Any, *weights: Any) -> object:
+    def proved(
+        observer_gain: Any, faults: Any, K1: Any, K2: Any, eta: Any, *weights: Any
+    ) -> object:
         names = ("gamma1", "gamma2", "gamma3", "gamma4", "rho1")
-        return theorem1(damping, faults, K1, K2, eta, **dict(zip(names, weights, strict=True)))
+        return theorem1(
+            observer_gain, faults, K1, K2, eta, **dict(zip(names, weights, strict=True))
+        )
 
     weights = (1.0, 1.0, 1.0, 1.0, 0.5)
     arguments = (500.0, np.eye(3), 0.5, 50.0, 0.01, *weights)

@@ -61,10 +61,10 @@ def test_identity_learning_is_never_certified() -> None:
         assert found.epsilon2 > 1
         assert not found.holds
     assert not certify(1e9, 1.0, 1.0, 1e-3).certified
-    assert certify(1e9, 1.0, 1.0, 1e-3).required_damping == np.inf
+    assert certify(1e9, 1.0, 1.0, 1e-3).required_observer_gain == np.inf
 
 
-def smallest_damping(k1: float, k2: float, spread: float) -> float:
+def smallest_observer_gain(k1: float, k2: float, spread: float) -> float:
     """Infimum of lambda in Theorem 1, by a search over gamma_1 and gamma_4 (others at zero)."""
 
     def needed(x: Array) -> float:
@@ -85,9 +85,9 @@ def smallest_damping(k1: float, k2: float, spread: float) -> float:
 @pytest.mark.parametrize(
     ("k1", "k2", "fault"), [(0.2, 1.0, 1.0), (0.5, 0.5, 1.0), (0.9, 3.0, 1.0), (0.7, 2.0, 1.5)]
 )
-def test_required_damping_against_a_search(k1: float, k2: float, fault: float) -> None:
-    found = certify(1.0, fault, k1, k2).required_damping
-    assert found == pytest.approx(smallest_damping(k1, k2, fault**2), rel=1e-5)
+def test_required_observer_gain_against_a_search(k1: float, k2: float, fault: float) -> None:
+    found = certify(1.0, fault, k1, k2).required_observer_gain
+    assert found == pytest.approx(smallest_observer_gain(k1, k2, fault**2), rel=1e-5)
     above, below = found * 1.0001, found * 0.9999
     assert certify(above, fault, k1, k2).certified
     assert not certify(below, fault, k1, k2).certified
@@ -100,7 +100,7 @@ def test_infimum_of_the_certified_ratio_is_one() -> None:
     # and one at k2 = k1.
     for k1 in (0.2, 0.5, 0.9, 0.99):
         gains = k1 * np.append(np.geomspace(0.01, 100, 41), 1.0)
-        ratios = [certify(1.0, 1.0, k1, k2).required_damping * (1 - k1) / k2 for k2 in gains]
+        ratios = [certify(1.0, 1.0, k1, k2).required_observer_gain * (1 - k1) / k2 for k2 in gains]
         assert min(ratios) == pytest.approx(1, abs=1e-12)
         assert ratios[-1] == pytest.approx(1, abs=1e-12)
     barely = certify(1.0001, 1.0, 0.5, 0.5)
@@ -116,13 +116,13 @@ def test_certified_designs_miss_more_than_half_of_any_sinusoid() -> None:
         K1 *= rng.uniform(0.1, 0.98) / np.linalg.norm(K1, 2)
         K2 = rng.normal(size=(3, 3)) * 10 ** rng.uniform(-2, 2)
         fault = rng.normal(size=(3, 3))
-        damping = certify(1.0, fault, K1, K2).required_damping * 1.001
-        design = certify(damping, fault, K1, K2)
+        observer_gain = certify(1.0, fault, K1, K2).required_observer_gain * 1.001
+        design = certify(observer_gain, fault, K1, K2)
         assert design.certified
         assert design.theorem is not None
         assert design.theorem.holds
         omega = np.append(0.0, np.geomspace(1e-3, 1e4, 60))
-        transfer = error_transfer(omega, Law(INERTIA, damping, fault, K1, K2, 0.01))
+        transfer = error_transfer(omega, Law(INERTIA, observer_gain, fault, K1, K2, 0.01))
         assert np.linalg.norm(transfer, -2, axis=(1, 2)).min() > 0.5
         assert np.linalg.norm(transfer[0], 2) == pytest.approx(design.dc_error, rel=1e-9)
 
@@ -131,13 +131,13 @@ def test_certificate_promises_no_less_than_the_fault_itself() -> None:
     # Assumption 1 alone gives |u_f| <= k_d / (1 - k1): the error of an estimate that stays zero.
     for k1, k2 in [(0.1, 0.1), (0.5, 0.5), (0.9, 1.0), (0.9, 20.0)]:
         for factor in (1.01, 2.0, 1e3, 1e6):
-            damping = factor * certify(1.0, 1.0, k1, k2).required_damping
-            design = certify(damping, 1.0, k1, k2)
+            observer_gain = factor * certify(1.0, 1.0, k1, k2).required_observer_gain
+            design = certify(observer_gain, 1.0, k1, k2)
             assert design.theorem is not None
             assert design.theorem.holds
             assert design.theorem.epsilon3 > design.theorem.rho1 / (1 - k1) ** 2
             assert f"no RMS error below {1 / (1 - k1):.4g} k_d" in design.reason
-    # With much damping, rate weights that cost nothing and gamma_2 = 1 / k1 - 1 come close to it.
+    # With a large Lambda, rate weights that cost nothing and gamma_2 = 1 / k1 - 1 come close to it.
     k1, tiny = 0.9, 1e-6
     gamma2, huge = 1 / k1 - 1, 1e12
     rho1 = 1 / (k1**2 * (1 + tiny + gamma2)) - 1 - 1 / huge
@@ -154,12 +154,12 @@ def test_sign_of_the_correction_is_not_seen() -> None:
     assert (plus.weights, plus.theorem) == (minus.weights, minus.theorem)
 
 
-def test_accurate_designs_need_absurd_damping() -> None:
+def test_accurate_designs_need_an_absurd_observer_gain() -> None:
     design = certify(100.0, 1.0, 0.9, 2000.0)
     assert not design.certified
     assert design.dc_error == pytest.approx(10 / 2010)
     # 2 lambda (1 - k1^2) = k1^2 + 2 k2 + k2^2
-    assert design.required_damping == pytest.approx((0.81 + 4000 + 4e6) / (2 * 0.19))
+    assert design.required_observer_gain == pytest.approx((0.81 + 4000 + 4e6) / (2 * 0.19))
 
 
 def test_printed_sign_of_16_is_violated() -> None:
@@ -203,7 +203,7 @@ def test_assumption_2_fails_globally() -> None:
 
 
 def simulate(
-    damping: Array,
+    observer_gain: Array,
     fault_matrix: Array,
     K1: Array,
     K2: Array,
@@ -240,7 +240,7 @@ def simulate(
         turn = gyroscopic_difference(rate, rate - w) if gyroscopic else np.zeros(n)
         acceleration = -np.cross(rate, INERTIA @ rate) if gyroscopic else np.zeros(3)
         return np.linalg.solve(INERTIA, acceleration), inverse @ (
-            turn + fault_matrix @ e - damping @ w
+            turn + fault_matrix @ e - observer_gain @ w
         )
 
     for k in range(origin, len(time) - 1):
@@ -272,16 +272,16 @@ def coupled_gains() -> tuple[Array, Array]:
 @pytest.mark.parametrize("fault_rate", [0.0, 3.0])
 @pytest.mark.parametrize("identity", [True, False])
 def test_repaired_derivative_is_exact_at_rest(identity: bool, fault_rate: float) -> None:
-    damping, fault_matrix = COUPLED
+    observer_gain, fault_matrix = COUPLED
     K1, K2 = coupled_gains()
     K1 = np.eye(3) if identity else K1
     weight, kept = repaired_weights(fault_matrix, K1, K2)
     w, e, d, _ = simulate(
-        damping, fault_matrix, K1, K2, 0.05,
+        observer_gain, fault_matrix, K1, K2, 0.05,
         samples=100, intervals=30, gyroscopic=False, fault_rate=fault_rate,
     )  # fmt: skip
     value = lyapunov_values(INERTIA, kept, w, e, 0.05, 100)
-    decay = quadratic_form(2 * damping + fault_matrix @ K2, w)
+    decay = quadratic_form(2 * observer_gain + fault_matrix @ K2, w)
     pull = 2 * np.sum(d * (e @ weight + w @ fault_matrix), axis=1) - quadratic_form(weight, d)
     slope = (pull - decay - quadratic_form(weight - kept, e))[100:]
     integral = np.append(0, np.cumsum((slope[1:] + slope[:-1]) / 2)) * 0.05 / 100
@@ -289,9 +289,9 @@ def test_repaired_derivative_is_exact_at_rest(identity: bool, fault_rate: float)
 
 
 def test_repaired_function_decreases_where_the_printed_one_rises() -> None:
-    damping, K1, K2 = 10 * np.eye(3), np.eye(3), 500 * np.eye(3)
+    observer_gain, K1, K2 = 10 * np.eye(3), np.eye(3), 500 * np.eye(3)
     w, e, _, peak = simulate(
-        damping, np.eye(3), K1, K2, 0.05, samples=200, intervals=40, gyroscopic=True
+        observer_gain, np.eye(3), K1, K2, 0.05, samples=200, intervals=40, gyroscopic=True
     )
     eta = gyroscopic_eta(INERTIA, peak)
     _, kept = repaired_weights(np.eye(3), K1, K2)
@@ -299,7 +299,7 @@ def test_repaired_function_decreases_where_the_printed_one_rises() -> None:
     assert np.all(value[200::200] < value[:-200:200])
     change = value[1:] - value[:-1]
     assert np.all(change < 0)
-    bound = -quadratic_form(2 * damping - 2 * eta * np.eye(3) + K2, w)[200:]
+    bound = -quadratic_form(2 * observer_gain - 2 * eta * np.eye(3) + K2, w)[200:]
     step = 0.05 / 200
     assert np.all(change <= step * (bound[1:] + bound[:-1]) / 2 + 1e-6 * value[:-1])
     printed = lyapunov_values(INERTIA, 1.0, w, e, 0.05, 200)
@@ -326,10 +326,10 @@ def test_repaired_function_needs_its_conditions() -> None:
 
 
 def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
-    k1, k2, damping = 0.5, 0.5, 3.0
-    design = certify(damping, 1.0, k1, k2)
+    k1, k2, observer_gain = 0.5, 0.5, 3.0
+    design = certify(observer_gain, 1.0, k1, k2)
     assert design.theorem is not None
-    gains = (damping * np.eye(3), np.eye(3), k1 * np.eye(3), k2 * np.eye(3))
+    gains = (observer_gain * np.eye(3), np.eye(3), k1 * np.eye(3), k2 * np.eye(3))
     w, e, d, _ = simulate(*gains, 0.1, samples=20, intervals=400, gyroscopic=False, fault_rate=2.0)
     k_d = float(np.linalg.norm(d, axis=1).max())
     energy = float(w[20] @ INERTIA @ w[20] + np.sum(e[:20] ** 2) * 0.1 / 20)
@@ -344,7 +344,7 @@ def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
         bound18(uncertified, w, e, k_d)
 
 
-def test_damping_enters_with_its_symmetric_part() -> None:
+def test_observer_gain_enters_with_its_symmetric_part() -> None:
     """x^T Lambda x does not see the antisymmetric part: lambda_min is 10 for any of its sizes."""
     weights = {"gamma1": 1, "gamma2": 0.5, "gamma3": 2, "gamma4": 4, "rho1": 0.25}
     turned = 10 * np.eye(3) + 7 * np.array([[0, 1, -2], [-1, 0, 3], [2, -3, 0.0]])

@@ -28,13 +28,13 @@ def limits(settings: dict[str, Any], reading: str = "sampled") -> Numbers:
     return lookup(theory_linear.measure(read_job(keys.Parameters, mine)))
 
 
-def scalar_limit(damping: float, K1: float, interval: float) -> float:
+def scalar_limit(observer_gain: float, K1: float, interval: float) -> float:
     """The largest stable scalar K2 [N m s] of the sampled-and-held observer with B_f = I.
 
     k2 < (1 + a)(1 + k1) lambda / (1 - a), a = exp(-lambda tau / j), where an eigenvalue passes -1;
     the lightest axis decides.
     """
-    return (1 + K1) * damping / float(np.tanh(damping * interval / (2 * MOMENTS[0])))
+    return (1 + K1) * observer_gain / float(np.tanh(observer_gain * interval / (2 * MOMENTS[0])))
 
 
 def test_numbers_do_not_depend_on_what_was_asked_before(
@@ -55,7 +55,7 @@ def test_what_theorem_1_certifies(found: Numbers) -> None:
     assert found["lemma_1", "violations_without_mismatch"] == 0
     assert found["theorem_1", "least_constant_error"] == pytest.approx(0.5, abs=1e-9)
     assert found["theorem_1", "unstable_share"] == 0
-    assert np.isnan(found["theorem_1", "required_damping_at_identity"])
+    assert np.isnan(found["theorem_1", "required_observer_gain_at_identity"])
     assert found["theorem_1", "bound_18_ratio"] > 1
 
 
@@ -64,30 +64,34 @@ def test_gain_margin_against_the_scalar_limit(
     settings: dict[str, Any], found: Numbers, multiple: int
 ) -> None:
     mine = settings["observers"]["sampled"]
-    limit = scalar_limit(mine["damping"], mine["K1"], multiple * mine["update_interval"])
+    limit = scalar_limit(mine["observer_gain"], mine["K1"], multiple * mine["update_interval"])
     margin = found.at("sampled", "gain_margin", multiple=multiple)
     assert margin == pytest.approx(limit / mine["K2"])
 
 
 def test_the_sampled_gains_follow_their_rule() -> None:
     # z^2 - (1 + a - K2 (1 - a) / Lambda) z + a = 0 on principal axes, a = exp(-Lambda tau / J).
-    def slowest(K2: float, damping: float, interval: float) -> float:
-        a = np.exp(-damping * interval / np.array([*MOMENTS, 26.0]))
-        trace = 1 + a - K2 * (1 - a) / damping
+    def slowest(K2: float, observer_gain: float, interval: float) -> float:
+        a = np.exp(-observer_gain * interval / np.array([*MOMENTS, 26.0]))
+        trace = 1 + a - K2 * (1 - a) / observer_gain
         root = np.sqrt((trace**2 - 4 * a).astype(complex))
         factor = np.abs([trace + root, trace - root]).max() / 2
         return float(-np.log(factor) / interval)
 
     defaults = Parameters.load(ROOT, "ilo").tree["observers"]["sampled"]
-    entries = [defaults[key] for key in ("K2", "damping", "update_interval")]
-    K2, damping, interval = values = [entry["value"] for entry in entries]
+    entries = [defaults[key] for key in ("K2", "observer_gain", "update_interval")]
+    K2, observer_gain, interval = values = [entry["value"] for entry in entries]
     chosen = slowest(*values)
-    law = Law(INERTIA, damping, 1.0, 1.0, K2, interval)
+    law = Law(INERTIA, observer_gain, 1.0, 1.0, K2, interval)
     assert -np.log(sampled_stability(law).spectral_radius) / interval == pytest.approx(chosen)
     for gains in itertools.product(*(np.geomspace(*entry["range"], 25) for entry in entries)):
         assert slowest(*gains) <= chosen * (1 + 1e-9)
-    assert chosen == pytest.approx(slowest(4160, damping, interval)) == pytest.approx(277, abs=0.5)
-    assert slowest(4150, damping, interval) < chosen * (1 - 1e-4)
+    assert (
+        chosen
+        == pytest.approx(slowest(4160, observer_gain, interval))
+        == pytest.approx(277, abs=0.5)
+    )
+    assert slowest(4150, observer_gain, interval) < chosen * (1 - 1e-4)
 
 
 def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
@@ -95,7 +99,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
     scalar = copy.deepcopy(settings)
     j, lam, k2, tau = 20.0, 400.0, 1500.0, 0.01
     scalar["plant"]["inertia"] = np.diag([j] * 3).tolist()
-    scalar["observers"]["sampled"] |= {"damping": lam, "K2": k2, "update_interval": tau}
+    scalar["observers"]["sampled"] |= {"observer_gain": lam, "K2": k2, "update_interval": tau}
     scalar["theory"]["multiples"] = [1]
     noise = np.random.default_rng(5).standard_normal(200_000)
     decay = np.exp(-lam * tau / j)
@@ -110,7 +114,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
 
 def test_an_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> None:
     wild = copy.deepcopy(settings)
-    wild["observers"]["sampled"] |= {"damping": 100.0, "update_interval": 0.01, "K2": 5000.0}
+    wild["observers"]["sampled"] |= {"observer_gain": 100.0, "update_interval": 0.01, "K2": 5000.0}
     numbers = limits(wild)
     assert numbers.at("sampled", "gain_margin", multiple=10) < 1
     assert np.isnan(numbers.at("sampled", "noise_gain", multiple=10))
@@ -121,8 +125,8 @@ def test_errors_grow_where_gains_are_unstable(settings: dict[str, Any]) -> None:
     """The constructor refuses such gains; the number says so, too."""
     wild = copy.deepcopy(settings)
     for factor, stable in ((0.99, True), (1.01, False)):
-        mine = {"damping": 100.0, "update_interval": 0.05}
-        mine["K2"] = factor * scalar_limit(mine["damping"], 1.0, mine["update_interval"])
+        mine = {"observer_gain": 100.0, "update_interval": 0.05}
+        mine["K2"] = factor * scalar_limit(mine["observer_gain"], 1.0, mine["update_interval"])
         wild["observers"]["sampled"] |= mine
         assert (limits(wild)[LEARNING, "worst_round_gain"] < 1) == stable
     for name in ("continuous", "forgetting"):
@@ -133,16 +137,16 @@ def test_errors_grow_where_gains_are_unstable(settings: dict[str, Any]) -> None:
 def test_with_a_factor_of_one_no_bound_holds_for_all_bounded_faults() -> None:
     # J s + Lambda + K2 / (1 - exp(-s tau)) is smallest just above omega = 2 pi n / tau, where the
     # phase of exp(-s tau) is -K2 / (J omega), and E = J omega / (Lambda + K2 / 2).
-    J, damping, K2, interval = 20.0, 100.0, 2000.0, 0.01
+    J, observer_gain, K2, interval = 20.0, 100.0, 2000.0, 0.01
 
     def largest(K1: float, rounds: int) -> float:
         omega = 2 * np.pi * rounds / interval
         near = omega + K2 / (J * omega * interval) * np.linspace(0.9, 1.1, 20001)
-        law = Law(J * np.eye(3), damping, 1.0, K1, K2, interval)
+        law = Law(J * np.eye(3), observer_gain, 1.0, K1, K2, interval)
         return float(np.abs(error_transfer(near, law)[:, 0, 0]).max())
 
     for rounds in (10, 100, 1000):
-        expected = J * 2 * np.pi * rounds / interval / (damping + K2 / 2)
+        expected = J * 2 * np.pi * rounds / interval / (observer_gain + K2 / 2)
         assert largest(1.0, rounds) == pytest.approx(expected, rel=0.05)
         # Below one there is a bound, since the real part of what divides is above 1 - K1.
         assert largest(0.9, rounds) < (1 + 0.9) / (1 - 0.9)
@@ -151,12 +155,12 @@ def test_with_a_factor_of_one_no_bound_holds_for_all_bounded_faults() -> None:
 def test_accuracy_follows_the_interval(settings: dict[str, Any], found: Numbers) -> None:
     # For a small interval e = s tau (J s + Lambda) / K2 u_f.
     mine = settings["observers"]["continuous"]
-    response = np.linalg.norm((10j * INERTIA + mine["damping"] * np.eye(3))[0, 0])
+    response = np.linalg.norm((10j * INERTIA + mine["observer_gain"] * np.eye(3))[0, 0])
     error = found.at("continuous", "sine_error", interval=0.001)
     assert error == pytest.approx(0.001 * 10 * response / mine["K2"], rel=0.01)
     for omega in (3.0, 10.0, 30.0):
         longest = found.at("continuous", "largest_interval", frequency=omega)
-        law = (INERTIA, mine["damping"], 1.0, 1.0, mine["K2"], longest)
+        law = (INERTIA, mine["observer_gain"], 1.0, 1.0, mine["K2"], longest)
         assert abs(error_transfer(omega, Law(*law))[0, 0, 0]) == pytest.approx(0.05, rel=1e-6)
 
 
@@ -194,7 +198,9 @@ def test_a_disturbance_at_a_round_of_the_updates_shows_as_its_mean(
     omega = 2 * np.pi / mine["update_interval"]
     quick["theory"]["disturbance_frequency"] = omega
     shown = limits(quick)["sampled", "disturbance_gain"]
-    assert shown == pytest.approx(mine["damping"] / abs(20j * omega + mine["damping"]), rel=0.01)
+    assert shown == pytest.approx(
+        mine["observer_gain"] / abs(20j * omega + mine["observer_gain"]), rel=0.01
+    )
 
 
 def test_a_wrong_start_stays_only_with_identity_learning(measure: Measure) -> None:
@@ -232,7 +238,7 @@ def test_slowing_down_is_harmless_up_to_the_limit_of_stability(
 ) -> None:
     limit = scalar_limit(1000.0, 1.0, 0.01)  # of ten times the interval
     for factor, stable in ((0.94, True), (1.08, False)):
-        mine = {"damping": 1000.0, "K2": factor * limit}
+        mine = {"observer_gain": 1000.0, "K2": factor * limit}
         numbers = measure("_slower", {"observers": {"sampled": mine}}, changed)
         error = numbers.at("sampled", "relative_error", slowdown=10)
         assert (error < 1e-6) == stable, error

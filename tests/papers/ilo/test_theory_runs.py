@@ -33,8 +33,12 @@ def test_a_straight_line_is_followed_at_a_distance(
 ) -> None:
     # Once settled, e = tau Lambda / K2 times the slope for the sampled variant, plus half an
     # interval for the hold less the half by which the sum leads.
-    lag = 0.001 * settings["observers"]["sampled"]["damping"] / settings["theory"]["largest_gain"]
-    slow = {"damping": 1.0e5}  # with which the other two variants are worse
+    lag = (
+        0.001
+        * settings["observers"]["sampled"]["observer_gain"]
+        / settings["theory"]["largest_gain"]
+    )
+    slow = {"observer_gain": 1.0e5}  # with which the other two variants are worse
     over = {"observers": {"continuous": slow, "forgetting": slow}}
     found = measure("_under_random_faults", over)
     error = found["best", "relative_error_under_random_fault"]
@@ -69,7 +73,7 @@ def test_the_torque_of_a_wrong_inertia_is_estimated_with_the_fault(
     changed["metrics"]["reading"] = "forgetting"
     mine = changed["observers"]["forgetting"]
     mine |= {"initial_rate": [0.0, 0.0, 0.0], "K1": 0.5}
-    loss = mine["damping"] * (1 - mine["K1"]) / (mine["K2"] * 0.5)
+    loss = mine["observer_gain"] * (1 - mine["K1"]) / (mine["K2"] * 0.5)
     scenario = {"fault": changed["theory"]["aperiodic"]}
     record = simulate({"plant": changed["plant"], "scenario": scenario, "seed": 0})
     size = np.sqrt(np.mean(record["rate"] ** 2 @ [1, 0, 0]))

@@ -22,9 +22,9 @@ from reobserve.papers.imm.study_rows import (
     INTACT,
     KALMAN,
     KINDS,
-    NO_MEMORY,
     SCANNED,
     STATED,
+    ZERO_RATE,
 )
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.job import read_job
@@ -32,7 +32,7 @@ from tests.papers.imm.test_paper import Tree, measured, parameters, record
 
 Array = NDArray[np.float64]
 
-VARIANTS = (INTACT, KALMAN, FROZEN, NO_MEMORY)
+VARIANTS = (INTACT, KALMAN, FROZEN, ZERO_RATE)
 
 
 @cache
@@ -132,11 +132,11 @@ def test_gains_that_do_not_move_may_be_frozen() -> None:
     assert abs(wide.value(sweep=INTACT) - wide.value(sweep=FROZEN)) > 1e-3  # it comes to no rest
 
 
-def test_without_memory_nothing_changes_where_there_was_none() -> None:
-    found = rows(memory=0.0).where(quantity="fault_after", observer="svsf_retuned")
-    assert found.value(sweep=NO_MEMORY) == found.value(sweep=INTACT)
+def test_zero_gamma_changes_nothing_where_it_was_zero() -> None:
+    found = rows(convergence_rate=0.0).where(quantity="fault_after", observer="svsf_retuned")
+    assert found.value(sweep=ZERO_RATE) == found.value(sweep=INTACT)
     found = rows().where(quantity="fault_after", observer="svsf_retuned")
-    assert found.value(sweep=NO_MEMORY) != found.value(sweep=INTACT)
+    assert found.value(sweep=ZERO_RATE) != found.value(sweep=INTACT)
 
 
 def test_rows_by_svsf_then_scale_then_variant() -> None:

@@ -22,7 +22,6 @@ from reobserve.papers.imm.detectors import (
     likelihoods,
     log_odds,
     rest_likelihoods,
-    threshold,
     unmixed_log_odds,
 )
 from reobserve.papers.imm.nu_gap import nu_gap
@@ -42,35 +41,7 @@ DETECTORS = (
 )  # fmt: skip
 BANKS = DETECTORS[:4]
 
-# --- Thresholds and alarms ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("count", "false_alarm_probability", "place"),
-    [(19, 0.05, 19), (39, 0.05, 38), (99, 0.05, 95), (20, 0.05, 20), (9, 0.3, 7)],
-)
-def test_the_threshold_is_the_one_that_so_many_new_records_exceed(
-    count: int, false_alarm_probability: float, place: int
-) -> None:
-    """Of uniform numbers the j-th of n is j / (n + 1) on average, exceeded by the rest."""
-    ordered = np.arange(count, dtype=np.float64)
-    shuffled = np.random.default_rng(1).permutation(ordered)
-    assert threshold(shuffled, false_alarm_probability) == ordered[place - 1]
-    drawn = np.random.default_rng(2).uniform(size=(4000, count))
-    exceeded = 1.0 - np.array([threshold(row, false_alarm_probability) for row in drawn])
-    wanted = 1.0 - place / (count + 1)
-    assert wanted <= false_alarm_probability + 1e-12 < 1.0 - (place - 1) / (count + 1)
-    assert exceeded.mean() == pytest.approx(wanted, abs=4 * exceeded.std() / np.sqrt(len(drawn)))
-
-
-def test_too_few_records_for_a_probability() -> None:
-    with pytest.raises(
-        InputError,
-        match=r"^false_alarm_probability: 0.05 needs 19 .*, there are 18$",
-    ):
-        threshold(np.zeros(18), 0.05)
-    assert threshold(np.zeros(19), 0.05) == 0.0
-
+# --- Alarms ---------------------------------------------------------------------------------------
 
 GRID = Grid(0.5, 10, 6, 2, 1)
 

@@ -220,8 +220,8 @@ def observer(algorithm: str, realisation: str) -> Tree:
         return body
     layer = [LAYERS[name] for name in names]
     return {
-        **body, "boundary_layer": layer, "layer_scale": 1.0, "layer_factor": 0.5, "memory": 0.2,
-        "inverse": "pseudo",
+        **body, "boundary_layer": layer, "layer_scale": 1.0, "layer_factor": 0.5,
+        "convergence_rate": 0.2, "inverse": "pseudo",
     }  # fmt: skip
 
 
@@ -520,7 +520,9 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "a layer of no width": (
         svsf(boundary_layer=[1, 2, 0]), "observers.svsf.boundary_layer", "greater than zero",
     ),
-    "a memory too long": (svsf(memory=1.0), "observers.svsf.memory", "from 0 to below 1"),
+    "no convergence": (
+        svsf(convergence_rate=1.0), "observers.svsf.convergence_rate", "from 0 to below 1",
+    ),
     **{
         f"{name} {words}": (rules(**{name: value}), f"metrics.{name}", said)
         for name in ("before", "after", "overshoot")

@@ -25,7 +25,7 @@ from reobserve.replication.parameters.parameters import Parameters
 ROOT = Path(__file__).parents[3]
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000: logarithmic
-DAMPING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
+FORGETTING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
 READING = "metrics.reading"  # the first of these words
 READINGS = ("sampled", "continuous", "forgetting")
 
@@ -85,7 +85,7 @@ def test_draws_end_when_they_decide() -> None:
 def test_the_same_readers_are_asked_about_all_claims() -> None:
     """What they set for one claim they set for another, and each ends when it is decided."""
     quick = claim("fig1 a gain", GAIN, above=1900)
-    slow = replace(claim("fig1 a gain", DAMPING, GAIN, above=400), name="slow")
+    slow = replace(claim("fig1 a gain", FORGETTING, GAIN, above=400), name="slow")
     both = assess(Evaluator(ILO), [quick, slow], 400)
     assert (both["it"].samples, both["slow"].samples) == (20, 36)
     gains = [[trial.outcome.numbers for trial in one.trials] for one in both.values()]
@@ -106,7 +106,10 @@ def test_draws_that_cannot_differ_are_reported() -> None:
 
 
 def test_the_same_seed_draws_the_same_and_other_claims_do_not_matter() -> None:
-    one, other = claim("fig1 a gain", GAIN, above=1000), claim("fig1 a share", DAMPING, above=0.7)
+    one, other = (
+        claim("fig1 a gain", GAIN, above=1000),
+        claim("fig1 a share", FORGETTING, above=0.7),
+    )
     alone = assess(Evaluator(ILO), [one], 50)["it"]
     both = assess(Evaluator(ILO), [replace(other, name="other"), one], 50)["it"]
     assert alone == both
@@ -125,11 +128,11 @@ def test_the_smallest_change_is_found_to_a_part_of_the_range() -> None:
 
 def test_of_two_changes_the_smaller_is_reported() -> None:
     """K1 reaches 0.91 after 0.02 of its range; the gain reaches 4000 after 0.3 of its own."""
-    two = claim("fig1 a gain", GAIN, DAMPING, below=4000)
+    two = claim("fig1 a gain", GAIN, FORGETTING, below=4000)
     two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a share", "below": 0.91})))
     reversal = found(two, 1).reversal
     assert reversal is not None
-    assert reversal.key == DAMPING
+    assert reversal.key == FORGETTING
     assert 0.01 / 0.49 <= reversal.size < 0.03
     assert reversal.end >= 0.91
 

@@ -62,6 +62,7 @@ def test_what_every_job_sees_is_declared(paper: str) -> None:
 
 
 PRINTED = {"component": 1, "powers": [3, 0]}
+OWN = {"value": 0.1, "unit": "1", "source": "mine"}
 
 # What an override must be reported, by paper.
 OVERRIDES: dict[str, tuple[str, Tree, str]] = {
@@ -178,8 +179,19 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
         "eso.designs.pd_pi.solver: [] must be one of CLARABEL, SCS",
     ),
     "a bare value in a new branch": (
-        "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "damping": 3}}},
-        "ilo.observers.new.damping: 3 must be a mapping of keys to values",
+        "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "observer_gain": 3}}},
+        "ilo.observers.new.observer_gain: 3 must be a mapping of keys to values",
+    ),
+    "an old name of Lambda": (
+        "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "damping": OWN}}},
+        "ilo.observers.new.damping: is now observer_gain",
+    ),
+    "an old name of gamma": (
+        "imm",
+        {"observers": {"new": {
+            "algorithm": "smooth_variable_structure", "label": "x", "memory": OWN,
+        }}},
+        "imm.observers.new.memory: is now convergence_rate",
     ),
     "a paper that is a number": ("ilo", 3, "ilo: 3 must be a mapping"),  # type: ignore[dict-item]
     "a word of 20 000 letters": (

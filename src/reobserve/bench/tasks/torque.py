@@ -95,18 +95,20 @@ def _observer(kind: Any) -> Callable[..., Runner]:
 
 def sampled_ilo(body: RigidBody, J: Array, s: Settings, period: float) -> SampledILO:
     """v is updated at each sample."""
-    return SampledILO(body, s["K1"], s["K2"] * J, s["damping"] * J, period, sampling_period=period)
+    gains = (s["K1"], s["K2"] * J, s["observer_gain"] * J)
+    return SampledILO(body, *gains, period, sampling_period=period)
 
 
 def ilo(body: RigidBody, J: Array, s: Settings, period: float) -> ILO:
     """The updating interval is rounded to samples."""
     interval = period * max(1, round(s["interval"] / period))
-    return ILO(body, s["K1"], s["K2"] * J, s["damping"] * J, interval, sampling_period=period)
+    gains = (s["K1"], s["K2"] * J, s["observer_gain"] * J)
+    return ILO(body, *gains, interval, sampling_period=period)
 
 
 def adaptive(body: RigidBody, J: Array, s: Settings, period: float) -> AdaptiveObserver:
     """With ``proportional`` at zero an integrator."""
-    gains = (s["damping"] * J, s["integral"] * J, s["proportional"] * J)
+    gains = (s["observer_gain"] * J, s["integral"] * J, s["proportional"] * J)
     return AdaptiveObserver(body, *gains, sampling_period=period)
 
 

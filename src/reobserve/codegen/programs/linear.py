@@ -207,7 +207,7 @@ def switching_constants(
     def constant(name: str, values: list[Any]) -> Name:
         return program.constant(name, values if bank else values[0])
 
-    rate = constant("convergence_rate", [one.memory for one in filters])
+    rate = constant("convergence_rate", [one.convergence_rate for one in filters])
     layer = constant("layer", [one.boundary_layer for one in filters])
     if filters[0].inverse == "weighted":
         return Switching(rate, layer, None)

@@ -65,7 +65,7 @@ def sampled(observer: SampledILO, state: State | None) -> Program:
     """v updated once an interval and held."""
     body = _Body(
         "Iterative learning observer, sampled", observer, state,
-        Injection=observer.damping, K1=observer.K1, K2=observer.K2,
+        Injection=observer.observer_gain, K1=observer.K1, K2=observer.K2,
     )  # fmt: skip
     program, w = body.program, body.w
     v = program.remember("v", body.memory)
@@ -89,7 +89,7 @@ def sampled(observer: SampledILO, state: State | None) -> Program:
 def continuous(observer: ILO, state: State | None) -> Program:
     """v learning at every instant: its values over the last interval are kept in a ring."""
     # Lambda, and what of B_f v multiplies w - w^.
-    injection = observer.damping + observer.model.fault_matrix @ observer.K2
+    injection = observer.observer_gain + observer.model.fault_matrix @ observer.K2
     body = _Body(
         "Iterative learning observer, continuous", observer, state,
         Injection=injection, K1=observer.K1, K2=observer.K2,
@@ -124,7 +124,7 @@ def continuous(observer: ILO, state: State | None) -> Program:
 def adaptive(observer: AdaptiveObserver, state: State | None) -> Program:
     """A fault estimate by an integrator, with or without a proportional part."""
     # Lambda, and what of B_f f^ multiplies w - w^.
-    injection = observer.damping + observer.model.fault_matrix @ observer.proportional_gain
+    injection = observer.observer_gain + observer.model.fault_matrix @ observer.proportional_gain
     body = _Body(
         "Adaptive observer", observer, state, Injection=injection,
         Gamma=observer.integral_gain, Kp=observer.proportional_gain,

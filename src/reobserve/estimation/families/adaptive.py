@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
+from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Example, pairs, pole_text
 from reobserve.estimation.families.rigid_body import ALARMS, BODY, BodyDesign, BodySystem
 from reobserve.observers.adaptive import AdaptiveObserver
@@ -23,7 +24,7 @@ states: {rate_x: rad/s, rate_y: rad/s, rate_z: rad/s}
 inputs: {torque_x: N m, torque_y: N m, torque_z: N m}
 inertia: [[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]]       # [kg m^2]
 gains:
-  damping: 500              # [N m s/rad]
+  observer_gain: 500        # [N m s/rad]
   integral_gain: 5000       # [N m/rad]
   proportional_gain: 250    # [N m s/rad]; 0 for the classical law
 """
@@ -33,7 +34,7 @@ gains:
 class AdaptiveGains:
     """Lambda and Kp [N m s/rad], Gamma [N m/rad]; with Kp it is the PI observer."""
 
-    damping: Array
+    observer_gain: Annotated[Array, formerly("damping")]
     integral_gain: Array
     proportional_gain: Array = field(default_factory=lambda: np.array(0.0))
 
@@ -52,14 +53,14 @@ class AdaptiveDesign(BodyDesign):
             "satellite",
             "# Adaptive observer of a rigid body: the estimate of the fault is an integrator.\n"
             "observer:\n  kind: adaptive\n" + BODY + "  gains:\n"
-            "    damping: 100.0           # Lambda [N m s/rad]\n"
+            "    observer_gain: 100.0     # Lambda [N m s/rad]\n"
             "    integral_gain: 100.0     # Gamma [N m/rad]\n", ALARMS,
         ),
         "adaptive-pi": Example(
             "satellite",
             "# PI observer of a rigid body: an adaptive observer with a proportional part.\n"
             "observer:\n  kind: adaptive\n" + BODY + "  gains:\n"
-            "    damping: 100.0           # Lambda [N m s/rad]\n"
+            "    observer_gain: 100.0     # Lambda [N m s/rad]\n"
             "    integral_gain: 200.0     # Gamma [N m/rad]\n"
             "    proportional_gain: 30.0  # Kp [N m s/rad]\n", ALARMS,
         ),
@@ -70,7 +71,7 @@ class AdaptiveDesign(BodyDesign):
         """The observer."""
         gains = self.gains
         return AdaptiveObserver(
-            self.system.body, gains.damping, gains.integral_gain,
+            self.system.body, gains.observer_gain, gains.integral_gain,
             gains.proportional_gain, sampling_period=self.system.sampling_period,
         )  # fmt: skip
 
@@ -83,19 +84,21 @@ class AdaptiveDesign(BodyDesign):
             If one of them does not decay, or the step cannot follow it.
         """
         observer, body = self.observer, self.system.body
-        injection = observer.damping + body.fault_matrix @ observer.proportional_gain
+        injection = observer.observer_gain + body.fault_matrix @ observer.proportional_gain
         upper = np.hstack([-body.inverse @ injection, -body.inverse @ body.fault_matrix])
         lower = np.hstack([observer.integral_gain, np.zeros((3, 3))])
         poles = np.linalg.eigvals(np.vstack([upper, lower]))
         poles = poles[np.lexsort((poles.imag, -poles.real))]
         listed = pole_text(pairs(poles))
         if not poles.real.max() < 0:
-            raise InputError("damping", f"and the other gains give errors with the poles {listed}")
+            raise InputError(
+                "observer_gain", f"and the other gains give errors with the poles {listed}"
+            )
         step = poles * observer.sampling_period
         growth = np.abs(1 + step + step**2 / 2 + step**3 / 6 + step**4 / 24).max()
         if not growth < 1:
             raise InputError(
-                "damping",
+                "observer_gain",
                 f"and the other gains give the poles {listed} 1/s, which steps of "
                 f"{observer.sampling_period:g} s do not follow",
             )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector, spectral_radius
+from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Example
 from reobserve.estimation.families.rigid_body import ALARMS, BODY, BodyDesign, BodySystem
 from reobserve.observers.ilo import ILO
@@ -33,7 +34,7 @@ expected:                   # sines of a fault for which the error is predicted
 gains:
   K1: 1                     # learning: of the last v
   K2: 500                   # [N m s/rad] of the rate's error
-  damping: 500              # [N m s/rad]
+  observer_gain: 500        # [N m s/rad]
   update_interval: 0.01     # [s]
 """
 
@@ -45,7 +46,7 @@ observer:
 {body}  gains:
     K1: {K1}                 # a number, a diagonal or 3 x 3
     K2: 20.0                 # [N m s/rad]
-    damping: 100.0           # Lambda [N m s/rad]
+    observer_gain: 100.0     # Lambda [N m s/rad]
     update_interval: 0.01    # tau [s]
 """
 
@@ -74,11 +75,11 @@ class LearningSystem(BodySystem):
 
 @dataclass(frozen=True, eq=False)
 class LearningGains:
-    """K1 [1], K2 and damping [N m s/rad], update_interval [s], a sampling period if left out."""
+    """K1 [1], K2 and Lambda [N m s/rad], update_interval [s], a sampling period if left out."""
 
     K1: Array
     K2: Array
-    damping: Array
+    observer_gain: Annotated[Array, formerly("damping")]
     update_interval: float | None = None
 
 
@@ -108,8 +109,9 @@ class IloDesign(BodyDesign):
         gains, period = self.gains, self.system.sampling_period
         interval = period if gains.update_interval is None else gains.update_interval
         found = kind(
-            self.system.body, gains.K1, gains.K2, gains.damping, interval, sampling_period=period
-        )
+            self.system.body, gains.K1, gains.K2, gains.observer_gain, interval,
+            sampling_period=period,
+        )  # fmt: skip
         radius = spectral_radius(found.K1)
         if self.system.reading == "forgetting" and radius >= 1.0:
             problem = f"has the spectral radius {radius:g}; to forget, it must be below 1"

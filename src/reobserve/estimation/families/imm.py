@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import FloatArray
+from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import (
@@ -46,7 +47,7 @@ R: 1.0e-6                   # of the noise of a measurement
 initial_state: [0.3, 0]
 initial_covariance: [0.01, 0.01]
 gains:
-  filter: kalman            # or svsf, with boundary_layer and memory
+  filter: kalman            # or svsf, with boundary_layer and convergence_rate
   transition: [[0.999, 0.001], [0.001, 0.999]]      # from one sample to the next
 """
 
@@ -110,11 +111,11 @@ class BankGains:
     transition: Array
     mixing: bool = True
     boundary_layer: Array | None = None
-    memory: float | None = None
+    convergence_rate: Annotated[float | None, formerly("memory")] = None
     inverse: Literal["pseudo", "weighted"] = "pseudo"
 
     def __post_init__(self) -> None:
-        for name in ("boundary_layer", "memory"):
+        for name in ("boundary_layer", "convergence_rate"):
             if (getattr(self, name) is None) != (self.filter == "kalman"):
                 wanted = "must be left out" if self.filter == "kalman" else "is missing"
                 raise InputError(name, f"{wanted} with the filter {self.filter}")
@@ -140,7 +141,7 @@ class ImmDesign(FilterDesign):
             "worn_motor", "# Bank of SVSFs: which of several models does the record follow?\n"
             "observer:\n  kind: imm\n" + MOTOR + NOISE + _MODES + "    filter: svsf\n"
             "    boundary_layer: [0.3, 0.1] # psi, in the units of the measurements\n"
-            "    memory: 0.1                # gamma\n", _ALARM,
+            "    convergence_rate: 0.1      # gamma\n", _ALARM,
         ),
     }  # fmt: skip
 
@@ -150,12 +151,12 @@ class ImmDesign(FilterDesign):
         gains = self.gains
         filters: list[LinearFilter] = []
         for system in self.system.systems.values():
-            if gains.boundary_layer is None or gains.memory is None:
+            if gains.boundary_layer is None or gains.convergence_rate is None:
                 filters.append(KalmanFilter(system.model))
             else:
-                layer, memory = gains.boundary_layer, gains.memory
+                layer, rate = gains.boundary_layer, gains.convergence_rate
                 filters.append(
-                    SmoothVariableStructureFilter(system.model, layer, memory, gains.inverse)
+                    SmoothVariableStructureFilter(system.model, layer, rate, gains.inverse)
                 )
         return IMM(filters, gains.transition, gains.mixing)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from reobserve.core.matrices import FloatArray
+from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem
@@ -30,7 +31,7 @@ initial_state: [0.3, 0]
 initial_covariance: [0.01, 0.01]
 gains:
   boundary_layer: [0.02, 0.1]   # innovations within it are taken in part
-  memory: 0.1                   # from 0 to below 1: how fast errors outside it shrink
+  convergence_rate: 0.1         # from 0 to below 1: how fast errors outside it shrink
   inverse: pseudo               # of C; or weighted, by the covariance
 """
 
@@ -40,7 +41,7 @@ class SwitchingGains:
     """psi in units of the measurements, gamma, and which inverse of C."""
 
     boundary_layer: Array
-    memory: float
+    convergence_rate: Annotated[float, formerly("memory")]
     inverse: Literal["pseudo", "weighted"] = "pseudo"
 
 
@@ -58,7 +59,7 @@ class SvsfDesign(FilterDesign):
             "motor", "# Smooth variable structure filter.\nobserver:\n  kind: svsf\n"
             + MOTOR + NOISE + "  gains:\n"
             "    boundary_layer: [0.3, 0.1] # psi, in the units of the measurements\n"
-            "    memory: 0.1                # gamma\n",
+            "    convergence_rate: 0.1      # gamma\n",
         ),
     }  # fmt: skip
 
@@ -67,13 +68,13 @@ class SvsfDesign(FilterDesign):
         """The filter."""
         gains = self.gains
         return SmoothVariableStructureFilter(
-            self.system.model, gains.boundary_layer, gains.memory, gains.inverse
+            self.system.model, gains.boundary_layer, gains.convergence_rate, gains.inverse
         )
 
     def certify(self) -> Certificate:
         """How output errors outside the layers shrink, if C is square; the observer's checks."""
         outputs, states = self.system.C.shape
-        return {"contraction": self.observer.memory, "square": outputs == states}
+        return {"contraction": self.observer.convergence_rate, "square": outputs == states}
 
     def summary(self) -> list[str]:
         """What holds outside the boundary layers."""

@@ -16,6 +16,7 @@ from reobserve.core.validation import (
     Seed,
     Share,
     Terms,
+    formerly,
     items,
     matrix,
     positive_definite,
@@ -57,7 +58,7 @@ class Scenario:
 class _Common:
     """Entries of all observers."""
 
-    damping: Matrix
+    observer_gain: Annotated[Matrix, formerly("damping")]
     sampling_period: Positive
     inertia_factor: Positive
     initial_rate: Vector

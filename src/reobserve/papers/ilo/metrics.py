@@ -40,7 +40,7 @@ MEANINGS = {
     "relative_rms_error <sweep>=<level>": "mean over the runs of a study at one level",
     "violations": "random cases in which (5) of Lemma 1 fails",
     "violations_without_mismatch": "the same of (12)",
-    "required_damping_at_identity": "minimum Lambda with which Theorem 1 certifies K1 = I",
+    "required_observer_gain_at_identity": "minimum Lambda with which Theorem 1 certifies K1 = I",
     "least_constant_error": (
         "minimum share of a constant fault that certified designs do not estimate"
     ),
@@ -150,7 +150,7 @@ def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | Non
     omega = np.array(list(waves))
     torque = np.array(list(waves.values()))
     body = known_body(job.plant)
-    common = (body.inertia, observer.damping, body.fault_matrix)
+    common = (body.inertia, observer.observer_gain, body.fault_matrix)
     if observer.algorithm == "adaptive":
         transfer = pi_error_transfer(
             omega, *common, observer.integral_gain, observer.proportional_gain

@@ -151,7 +151,7 @@ def _note(job: Job) -> list[str]:
     symbols = {
         "K1": "K₁",
         "K2": "K₂",
-        "damping": "Λ",
+        "observer_gain": "Λ",
         "update_interval": "τ",
         "integral_gain": "Γ",
         "proportional_gain": "Kₚ",

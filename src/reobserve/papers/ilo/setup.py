@@ -33,7 +33,7 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
     body, period = known_body(plant, observer.inertia_factor), observer.sampling_period
     built: RigidBodyObserver
     if isinstance(observer, keys.Adaptive):
-        gains = (observer.damping, observer.integral_gain, observer.proportional_gain)
+        gains = (observer.observer_gain, observer.integral_gain, observer.proportional_gain)
         built = AdaptiveObserver(body, *gains, sampling_period=period)
     else:
         interval = observer.update_interval
@@ -43,7 +43,7 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
                 f"{interval:g} s must be {plant.horizon:g} s at most, the horizon",
             )
         kind = SampledILO if isinstance(observer, keys.Sampled) else ILO
-        learning = (observer.K1, observer.K2, observer.damping, interval)
+        learning = (observer.K1, observer.K2, observer.observer_gain, interval)
         built = kind(body, *learning, sampling_period=period)
     stride(plant, built)
     built.init(observer.initial_rate, observer.initial_fault)
@@ -60,9 +60,9 @@ def pure_integrator(job: Job, gain: ArrayLike, damping_ratio: float) -> keys.Ada
     size = float(stiffness[axis, axis] if stiffness.ndim == 2 else stiffness)
     size *= float(body.fault_matrix[axis, axis])
     # J s^2 + Lambda s + Gamma B_f = 0
-    damping = 2.0 * damping_ratio * float(np.sqrt(size * body.inertia[axis, axis]))
+    observer_gain = 2.0 * damping_ratio * float(np.sqrt(size * body.inertia[axis, axis]))
     adaptive: keys.Adaptive = named(job.observers, "adaptive", keys.Adaptive)
-    return replace(adaptive, integral_gain=gain, proportional_gain=0.0, damping=damping)
+    return replace(adaptive, integral_gain=gain, proportional_gain=0.0, observer_gain=observer_gain)
 
 
 def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:

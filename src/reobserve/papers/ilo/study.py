@@ -57,7 +57,7 @@ def _gain_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
         families: dict[str, keys.Observer] = {
             "integral": integral,
             "proportional_integral": replace(
-                integral, proportional_gain=0.5 * correction, damping=ilo.damping
+                integral, proportional_gain=0.5 * correction, observer_gain=ilo.observer_gain
             ),
             "ilo": replace(ilo, K2=correction),
         }

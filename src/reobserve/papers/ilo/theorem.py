@@ -115,7 +115,7 @@ class Theorem1:
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def theorem1(
-    damping: ArrayLike,
+    observer_gain: ArrayLike,
     fault_matrix: ArrayLike,
     K1: ArrayLike,
     K2: ArrayLike,
@@ -132,7 +132,7 @@ def theorem1(
 
     Chen & Saif 2007, after (11), Theorem 1 and after (16).
 
-    ``damping`` Lambda [N m s], ``fault_matrix`` B_f [-], ``K1`` [-] and ``K2`` [N m s] are a
+    ``observer_gain`` Lambda [N m s], ``fault_matrix`` B_f [-], ``K1`` [-] and ``K2`` [N m s] are a
     number, a diagonal or ``size`` x ``size``; ``eta`` [N m s] is the constant of Assumption 2, at
     least zero. (13) adds quantities of different units, the weights hide
     that. Lambda enters with the smallest eigenvalue of its symmetric part.
@@ -142,7 +142,7 @@ def theorem1(
     InputError
         If a weight is not above zero, ``eta`` is below zero or a shape is wrong.
     """
-    design = _Design.check(damping, fault_matrix, K1, K2, eta, size)
+    design = _Design.check(observer_gain, fault_matrix, K1, K2, eta, size)
     return design.evaluate(
         as_positive("gamma1", gamma1),
         as_positive("gamma2", gamma2),
@@ -167,7 +167,7 @@ class _Design:
     @classmethod
     def check(
         cls,
-        damping: ArrayLike,
+        observer_gain: ArrayLike,
         fault_matrix: ArrayLike,
         K1: ArrayLike,
         K2: ArrayLike,
@@ -176,7 +176,7 @@ class _Design:
     ) -> _Design:
         if as_scalar("eta", eta) < 0:
             raise InputError("eta", f"{eta:g} must not be below zero")
-        full = as_matrix("damping", damping, size)
+        full = as_matrix("observer_gain", observer_gain, size)
         fault = as_matrix("fault_matrix", fault_matrix, size)
         if not fault.any():
             raise InputError("fault_matrix", "must not be zero")
@@ -188,7 +188,7 @@ class _Design:
             _norm(as_matrix("K2", K2, size)),
         )
         norms = zip(("fault_matrix", "K1", "K2"), sizes, strict=True)
-        for name, norm in (("damping", np.abs(full).max()), *norms):
+        for name, norm in (("observer_gain", np.abs(full).max()), *norms):
             if not norm < _LARGEST:
                 raise InputError(
                     name, "is so large that its square is beyond floating-point numbers"
@@ -217,13 +217,13 @@ class _Design:
 class Certificate:
     """Weights that satisfy Theorem 1, if there are any, and the error that they leave.
 
-    ``required_damping`` [N m s] is the infimum of lambda_min(Lambda) that can be certified.
+    ``required_observer_gain`` [N m s] is the infimum of lambda_min(Lambda) that can be certified.
     ``dc_error`` is the largest share (2-norm) of a constant fault that the design leaves
     unestimated. ``weights`` = (gamma_1..4, rho_1) and ``theorem`` are None if there are none.
     """
 
     certified: bool
-    required_damping: float
+    required_observer_gain: float
     dc_error: float
     weights: tuple[float, float, float, float, float] | None
     theorem: Theorem1 | None
@@ -232,7 +232,7 @@ class Certificate:
 
 @np.errstate(all="ignore")  # what is not finite is refused, or no weight
 def certify(
-    damping: ArrayLike,
+    observer_gain: ArrayLike,
     fault_matrix: ArrayLike,
     K1: ArrayLike,
     K2: ArrayLike,
@@ -252,7 +252,7 @@ def certify(
 
     Parameters
     ----------
-    damping, fault_matrix, K1, K2, eta, size
+    observer_gain, fault_matrix, K1, K2, eta, size
         See `theorem1`.
 
     Raises
@@ -260,9 +260,9 @@ def certify(
     InputError
         As `theorem1`.
     """
-    design = _Design.check(damping, fault_matrix, K1, K2, eta, size)
+    design = _Design.check(observer_gain, fault_matrix, K1, K2, eta, size)
     dc_error = _dc_error(
-        as_matrix("damping", damping, size),
+        as_matrix("observer_gain", observer_gain, size),
         as_matrix("fault_matrix", fault_matrix, size),
         as_matrix("K1", K1, size),
         as_matrix("K2", K2, size),
@@ -283,11 +283,13 @@ def certify(
     return Certificate(True, needed, dc_error, weights, theorem, reason)
 
 
-def _dc_error(damping: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> float:
+def _dc_error(observer_gain: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> float:
     """Norm of [I - K1 + K2 Lambda^-1 B_f]^-1 (I - K1), nan if there is no steady state."""
     memory = np.eye(len(K1)) - K1
     try:
-        return _norm(np.linalg.solve(memory + K2 @ np.linalg.solve(damping, fault_matrix), memory))
+        return _norm(
+            np.linalg.solve(memory + K2 @ np.linalg.solve(observer_gain, fault_matrix), memory)
+        )
     except np.linalg.LinAlgError:
         return float("nan")
 

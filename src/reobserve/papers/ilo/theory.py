@@ -82,14 +82,14 @@ def _lemma(theory: keys.Theory) -> Iterator[Metric]:
 def _theorem(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
     """Share that designs which Theorem 1 certifies leave unestimated, and of them the unstable."""
     fault = body.fault_matrix
-    needed = certify(_AMPLE, fault, 1.0, theory.learning_gains[0]).required_damping
+    needed = certify(_AMPLE, fault, 1.0, theory.learning_gains[0]).required_observer_gain
     needed = needed if np.isfinite(needed) else float("nan")
-    yield Metric("theorem_1", "required_damping_at_identity", needed, "N m s/rad")
+    yield Metric("theorem_1", "required_observer_gain_at_identity", needed, "N m s/rad")
     left = []
     for k1 in theory.learning_gains:
         # With B_f = I the floor lies at K2 = K1; another B_f moves it by its norm.
         for k2 in k1 * np.linalg.norm(fault, 2) * np.geomspace(0.01, 100.0, 41):
-            least = certify(1.0, fault, k1, k2).required_damping
+            least = certify(1.0, fault, k1, k2).required_observer_gain
             left.append(certify(_JUST_OUTSIDE * least, fault, k1, k2).dc_error)
     yield Metric("theorem_1", "least_constant_error", min(left), "1")
     unstable = [_unstable(body, *design) for design in _certified(theory, fault)]
@@ -103,12 +103,12 @@ def _certified(theory: keys.Theory, fault: Array) -> Iterator[tuple[float, Array
         K1, K2 = stream.normal(size=(2, 3, 3))
         K1 *= stream.uniform(0.1, 0.98) / np.linalg.norm(K1, 2)
         K2 *= 10 ** stream.uniform(-2, 2)
-        damping = _JUST_INSIDE * certify(1.0, fault, K1, K2).required_damping
-        yield damping, K1, K2, float(10 ** stream.uniform(-3, 0))
+        observer_gain = _JUST_INSIDE * certify(1.0, fault, K1, K2).required_observer_gain
+        yield observer_gain, K1, K2, float(10 ** stream.uniform(-3, 0))
 
 
-def _unstable(body: RigidBody, damping: float, K1: Array, K2: Array, interval: float) -> bool:
-    law = LearningLaw(body.inertia, damping, body.fault_matrix, K1, K2, interval)
+def _unstable(body: RigidBody, observer_gain: float, K1: Array, K2: Array, interval: float) -> bool:
+    law = LearningLaw(body.inertia, observer_gain, body.fault_matrix, K1, K2, interval)
     return continuous_stability(law).verdict != "stable"
 
 

@@ -52,7 +52,7 @@ def _law(job: Job, name: str) -> LearningLaw:
     observer = named(job.observers, name, keys.VARIANTS[name])
     body = known_body(job.plant)
     return LearningLaw(
-        body.inertia, observer.damping, body.fault_matrix, observer.K1, observer.K2,
+        body.inertia, observer.observer_gain, body.fault_matrix, observer.K1, observer.K2,
         observer.update_interval,
     )  # fmt: skip
 
@@ -149,7 +149,7 @@ def _distance(law: LearningLaw, held: bool, omega: float, axis: int) -> float:
         error = one - (one - sampled_error_transfer(omega, law)) * -np.expm1(-turn) / turn
     error = error[0, :, axis]
     gains = matched_integrator(law.K2, law.update_interval)
-    body = (law.inertia, law.damping, law.fault_matrix)
+    body = (law.inertia, law.observer_gain, law.fault_matrix)
     distances = []
     for proportional_gain in (np.zeros_like(law.K2), gains.proportional_gain):
         integral = pi_error_transfer(omega, *body, gains.integral_gain, proportional_gain)

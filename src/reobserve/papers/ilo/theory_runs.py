@@ -172,7 +172,7 @@ def _slowed(runs: Runs, factor: float) -> float:
     start = quick.init(observer.initial_rate, observer.initial_fault)
     state = run_on_halves(quick, rate[: change + 1], control[: change + 1], state=start).state
     slow = SampledILO(
-        quick.model, observer.K1, observer.K2, observer.damping,
+        quick.model, observer.K1, observer.K2, observer.observer_gain,
         factor * observer.update_interval, allow_unstable=True,
         sampling_period=quick.sampling_period,
     )  # fmt: skip
@@ -192,10 +192,10 @@ def _bound(runs: Runs) -> Iterator[Metric]:
     """Both sides of (18) for a certified design under the stuck fault."""
     job, plant = runs.job, runs.stuck
     fault, K1 = known_body(job.plant).fault_matrix, job.theory.learning_gains[0]
-    least = certify(1.0, fault, K1, K1, runs.eta).required_damping
+    least = certify(1.0, fault, K1, K1, runs.eta).required_observer_gain
     design = certify(2 * least, fault, K1, K1, runs.eta)
     assert design.theorem is not None  # at twice the Lambda that is required
-    observer = replace(job.observers["continuous"], K1=K1, K2=K1, damping=2 * least)
+    observer = replace(job.observers["continuous"], K1=K1, K2=K1, observer_gain=2 * least)
     rates, errors = rate_and_error(plant, runs.estimate(observer, plant))
     # The mismatch is largest just after the onset, when it is the fault itself.
     k_d = float(np.max(np.linalg.norm(plant["fault"], axis=1)))

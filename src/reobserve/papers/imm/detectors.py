@@ -18,7 +18,6 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
@@ -110,25 +109,3 @@ def unmixed_log_odds(transition: Array, log_likelihoods: Array) -> Array:
         update_probabilities(log_probabilities, log_likelihoods[k])
         odds[k] = log_probabilities[1] - log_probabilities[0]
     return odds
-
-
-def threshold(greatest: Array, false_alarm_probability: float) -> float:
-    """The limit that the greatest statistic of a new record exceeds with this probability at most.
-
-    ``greatest`` are those of n records without a fault, shape (n,). One more is as likely to be the
-    first, second, ... of all n + 1, so it exceeds the j-th with a probability of 1 - j / (n + 1).
-
-    Raises
-    ------
-    InputError
-        If there are too few records for the false_alarm_probability.
-    """
-    place = math.ceil((1.0 - false_alarm_probability) * (len(greatest) + 1) - 1e-9)
-    if place > len(greatest):
-        needed = math.ceil(1.0 / false_alarm_probability - 1e-9) - 1
-        raise InputError(
-            "false_alarm_probability",
-            f"{false_alarm_probability:g} needs {needed} records without a fault or more, "
-            f"there are {len(greatest)}",
-        )
-    return float(np.sort(greatest)[place - 1])

@@ -19,6 +19,7 @@ from reobserve.core.validation import (
     Terms,
     Window,
     checked,
+    formerly,
     items,
     vector,
     within,
@@ -114,7 +115,7 @@ class SmoothVariableStructure(_Bank):
     boundary_layer: Annotated[list[Positive], items(1, 4)]
     layer_scale: Positive
     layer_factor: Positive
-    memory: NotNegative
+    convergence_rate: Annotated[NotNegative, formerly("memory")]
     inverse: Literal["pseudo", "weighted"]
     label: str = ""
 

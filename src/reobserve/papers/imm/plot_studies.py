@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reobserve.papers.imm.notes import KALMAN as KALMAN_STYLE
 from reobserve.papers.imm.notes import SVSF, stimulus, style_of
-from reobserve.papers.imm.study_rows import FROZEN, INTACT, KALMAN, NO_MEMORY, SCANNED, TUNED
+from reobserve.papers.imm.study_rows import FROZEN, INTACT, KALMAN, SCANNED, TUNED, ZERO_RATE
 from reobserve.plotting.figures import STYLES, add_note, blank, few_ticks, headroom, new_figure
 from reobserve.plotting.look import mark, thick
 from reobserve.replication.parameters.figure_data import FigureData
@@ -147,7 +147,7 @@ def _name(sweep: str, level: float) -> str:
 _CURVES = {
     INTACT: (SVSF, 6.5, "SVSF-IMM"),
     FROZEN: (STYLES[4], 4.0, "gains frozen at their means: nothing switches"),
-    NO_MEMORY: (STYLES[3], 2.0, "without memory (γ = 0)"),
+    ZERO_RATE: (STYLES[3], 2.0, "γ = 0"),
 }
 
 

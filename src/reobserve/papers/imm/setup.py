@@ -136,7 +136,7 @@ def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> Line
     if isinstance(observer, keys.Kalman):
         return KalmanFilter(model)
     layer = boundary_layer(observer, model.outputs)
-    return SmoothVariableStructureFilter(model, layer, observer.memory, observer.inverse)
+    return SmoothVariableStructureFilter(model, layer, observer.convergence_rate, observer.inverse)
 
 
 def _model(one: Sampled, Q: Any, R: Any, period: float) -> LinearModel:
@@ -189,7 +189,7 @@ def chattering_correction(
 ) -> Array:
     """The part of the combined estimate's correction that chatters, of the velocity, (k,).
 
-    Outside of the layer an innovation is corrected in full, but for the memory.
+    Outside of the layer an innovation is corrected in full, but for gamma.
     """
     velocity = REALISATIONS[observer.realisation].index("velocity")
     # sum_j mu_j e_j, over the filters that chatter

@@ -1,7 +1,7 @@
 """Why the SVSF-IMM's probabilities differ from the KF-IMM's: one cause changed at a time.
 
 The gains of an SVSF-IMM are frozen where they are on average while its probabilities are judged, so
-that nothing switches; or it has no memory; or it is a KF-IMM. All that for each SVSF as it is
+that nothing switches; or gamma is zero; or it is a KF-IMM. All that for each SVSF as it is
 stated, and for the first one with its layers at other scales.
 """
 
@@ -25,7 +25,7 @@ from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.setup import bank, measured_columns, saturation
 from reobserve.papers.imm.setup import run as run_bank
-from reobserve.papers.imm.study_rows import FROZEN, INTACT, KALMAN, NO_MEMORY, SCANNED, STATED
+from reobserve.papers.imm.study_rows import FROZEN, INTACT, KALMAN, SCANNED, STATED, ZERO_RATE
 from reobserve.replication.metrics.responses import window
 from reobserve.replication.parameters.job import Job
 from reobserve.signals.series import Series
@@ -97,7 +97,7 @@ def _rows(
             banks[FROZEN] = IMM(filters, banks[INTACT].transition, banks[INTACT].mixing)
         except InputError:  # its error would not decay
             pass
-    for variant in (INTACT, KALMAN, FROZEN, NO_MEMORY):
+    for variant in (INTACT, KALMAN, FROZEN, ZERO_RATE):
         found = whole if variant == INTACT else None
         if found is None and variant in banks:
             found = run_bank(banks[variant], body, measured, held)
@@ -120,7 +120,7 @@ def variants(whole: IMM) -> dict[str, IMM]:
     filters = [cast(SmoothVariableStructureFilter, one) for one in whole.filters]
     changed: dict[str, list[ModeFilter]] = {
         KALMAN: [KalmanFilter(one.model) for one in filters],
-        NO_MEMORY: [replace(one, memory=0.0) for one in filters],
+        ZERO_RATE: [replace(one, convergence_rate=0.0) for one in filters],
     }
     return {
         INTACT: whole,
@@ -140,7 +140,9 @@ def mean_gains(bank: IMM, innovation: Array, rows: NDArray[np.bool_]) -> list[Ar
         left, shares = np.zeros(bank.measurements), np.empty(innovation[:, j].shape)
         for k, error in enumerate(innovation[:, j]):
             size = np.abs(error)
-            shares[k] = (size + svsf.memory * left) / np.maximum(size, svsf.boundary_layer)
+            shares[k] = (size + svsf.convergence_rate * left) / np.maximum(
+                size, svsf.boundary_layer
+            )
             left = np.abs((1.0 - shares[k]) * error)
         found.append(np.linalg.pinv(svsf.model.C) * shares[rows].mean(axis=0))
     return found

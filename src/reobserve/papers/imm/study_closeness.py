@@ -21,6 +21,7 @@ from scipy.special import expit
 from reobserve.core.errors import InputError, located
 from reobserve.core.kernel import kernel
 from reobserve.core.random_streams import random_stream
+from reobserve.estimation.false_alarms import false_alarm_threshold
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.detectors import (
@@ -29,7 +30,6 @@ from reobserve.papers.imm.detectors import (
     distances,
     likelihoods,
     rest_likelihoods,
-    threshold,
 )
 from reobserve.papers.imm.nu_gap import nu_gap
 from reobserve.papers.imm.setup import bank, measured_columns, modes
@@ -185,7 +185,7 @@ def _judged(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> Iter
 
     peaks = list(pool.map(greatest, faultless))
     limits = {
-        name: threshold(np.array([peak[name] for peak in peaks]), study.false_alarm_probability)
+        name: false_alarm_threshold([one[name] for one in peaks], study.false_alarm_probability)
         for name in peaks[0]
     }
     at = pair.sweep, pair.share
@@ -224,7 +224,7 @@ def check(job: Job) -> None:
     multiple("starts", study.starts, period, "the scenario's period")
     signal = Signal.parse("input", study.input, 1)
     signal.check_grid("input", period, study.starts + study.horizon)
-    threshold(np.zeros(study.faultless_runs), study.false_alarm_probability)
+    false_alarm_threshold(np.zeros(study.faultless_runs), study.false_alarm_probability)
     normal, _, leakage = modes(job.plant)
     for share in study.shares:
         try:

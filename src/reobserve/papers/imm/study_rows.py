@@ -24,7 +24,7 @@ TUNED = (
 
 # Of causes: variants; in the column of runs, whether the scale of the layers is the parameter
 # file's or the study's.
-INTACT, KALMAN, FROZEN, NO_MEMORY = "whole", "kalman", "frozen", "no_memory"
+INTACT, KALMAN, FROZEN, ZERO_RATE = "whole", "kalman", "frozen", "zero_rate"
 STATED, SCANNED = 0, 1
 
 # Of closeness: detectors beside the banks, and plants without process noise and with that of the

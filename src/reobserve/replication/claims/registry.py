@@ -214,7 +214,7 @@ def amiss(claims: Sequence[Claim]) -> Iterator[str]:
         first = said.setdefault(claim.statement, claim.name)
         if first != claim.name:
             place = f"claims.{claim.paper}.{claim.name}.statement"
-            yield f"{place}: what {first} says, must be another claim"
+            yield f"{place}: is that of {first}, must be another claim"
 
 
 @cache

@@ -1,0 +1,270 @@
+"""Leak of an electrohydrostatic actuator, to be detected early at few false alarms.
+
+A random binary voltage moves the actuator of Gadsden et al. 2011, whose velocity is measured; an
+unmodelled voltage is added to it. At a random time its model goes a random share of the way from
+the normal to the leaking one. Each method makes of a record one number a sample, its statistic, and
+alarms where that exceeds a threshold. The threshold is not tuned: a share ``rate`` of healthy
+records may alarm (`reobserve.estimation.false_alarms`), in the condition of the record or, if it is
+``kept``, in the nominal one. An estimate has a column for the record and one for each healthy
+record that is run beside it: 1 where there is an alarm.
+
+The error is the delay over one second. A miss, and an alarm before the leak, have 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import Any, Literal
+
+import numpy as np
+
+from reobserve.bench.record_score import Score
+from reobserve.bench.restarted_cusum import restarted_cusum
+from reobserve.bench.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.bench.tuning import Settings
+from reobserve.core.random_streams import held_normal, random_stream
+from reobserve.core.validation import Count, NotNegative, Positive, Share
+from reobserve.estimation.false_alarms import false_alarm_threshold
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.imm import IMM
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.papers.imm.detectors import FAR, LENGTHS
+from reobserve.papers.imm.innovation_tests import cusum, inflation_glr
+from reobserve.papers.imm.setup import STATE_FREQUENCY
+from reobserve.plants.hydraulic_actuator import ActuatorModel
+from reobserve.plants.hydraulic_actuator import simulate as move
+from reobserve.systems.linear import LinearModel
+
+Four = tuple[float, float, float, float]
+Level = tuple[float, float, int]  # of a condition: noise, model and period
+Statistic = Callable[[Record], Array]
+NOMINAL: Level = (1.0, 0.0, 1)
+FAULTY, HEALTHY = "signals", ("healthy", "healthy_2", "healthy_3")  # streams of random numbers
+HOLD, DISTURBED = 0.012, 0.02  # [s], of the input and of the unmodelled voltage
+REST = 1e-6  # variance of the first state, in which the plant is at rest
+CAP = 1.0  # [s], the longest delay
+COLUMNS = ("delay", "false alarms")  # what lag and quantile are in the table
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The models of the actuator, its signals, its fault, and how thresholds are set."""
+
+    normal: tuple[Four, Four]  # numerator and denominator, s^3 to 1
+    friction: tuple[Four, Four]
+    leakage: tuple[Four, Four]
+    noise: Positive  # standard deviation of the velocity [y]
+    input: Positive  # amplitude [V]
+    disturbance: NotNegative  # rms of the unmodelled voltage [V]
+    horizon: Positive  # [s]
+    onset: tuple[float, float]  # [s]
+    fault: Literal["friction", "leakage"]
+    share: tuple[float, float]  # of the way to the faulty model
+    healthy: Count  # records that a threshold comes from
+    rate: Share  # of healthy records that may alarm
+    threshold: Literal["renewed", "kept"]
+
+
+@dataclass(frozen=True)
+class Run(Record):
+    """A record with its condition, and healthy ones of the same input."""
+
+    level: Level
+    healthy: tuple[Record, ...]
+
+    @property
+    def rows(self) -> int:
+        """Of all of them."""
+        return len(self.time) * (1 + len(self.healthy))
+
+
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Run:
+    """A record; a wrong model has other coefficients, the same ones wrong in all modes."""
+    level = condition.noise, condition.model, condition.period
+    record, *healthy = (_record(plant, level, seed, period, name) for name in (FAULTY, *HEALTHY))
+    return Run(**vars(record), level=level, healthy=tuple(healthy))
+
+
+def _record(plant: Plant, level: Level, seed: int, period: float, name: str) -> Record:
+    noise, wrong, every = level
+    draw, steps = random_stream(seed, "bench", "leak", "plant"), round(plant.horizon / period)
+    # On a row at twice the period, too.
+    onset = 2 * round(draw.uniform(*plant.onset) / (2 * period))
+    share = draw.uniform(*plant.share)
+    factors = 1.0 + wrong * np.sign(draw.uniform(-1.0, 1.0, (2, 4)))
+    stream = random_stream(seed, "bench", "leak", name)
+    bits = 2.0 * draw.integers(0, 2, steps) - 1.0
+    control = plant.input * bits[np.arange(steps) // round(HOLD / period)]
+    push = plant.disturbance * held_normal(stream, steps, round(DISTURBED / period))[0]
+    normal, faulty = (
+        ActuatorModel(*(np.array(one) * factors))
+        for one in (plant.normal, getattr(plant, plant.fault))
+    )
+    mode = ((np.arange(steps) >= onset) & (name == FAULTY)).astype(np.int64)
+    velocity = move([normal, normal.blended(faulty, share)], mode, control + push, period)[:, 1:2]
+    measured = velocity + noise * plant.noise * stream.standard_normal(velocity.shape)
+    last = np.minimum(np.arange(steps + 1), steps - 1)
+    columns = control[last, None], measured, share * mode[last, None]
+    inputs, measurements, truth = (np.asarray(one[::every], np.float64) for one in columns)
+    return Record(period * np.arange(0.0, steps + 1.0, every), inputs, measurements, truth)
+
+
+def score(estimate: Array, record: Record, since: float) -> Score:
+    """The delay, 1 for an alarm before the leak; ``quantile`` has the share of false alarms.
+
+    That is of the healthy records. ``lag`` is the delay in seconds, nan for an alarm before the
+    leak. The row at which it begins does not show it yet.
+    """
+    rows = record.time >= since - 1e-9
+    onset = record.time[np.argmax(record.truth[:, 0] > 0)]
+    times = record.time[(estimate[:, 0] > 0) & rows]
+    delay = min(float(times[0] - onset), CAP) if len(times) else CAP
+    early, false = delay < 1e-9, float((estimate[rows, 1:] > 0).any(axis=0).mean())
+    return Score(1.0 if early else delay / CAP, math.nan if early else delay, false)
+
+
+@lru_cache(maxsize=8)
+def _healthy(plant: Plant, level: Level, period: float) -> tuple[Record, ...]:
+    seeds = range(5001, 5001 + plant.healthy)
+    return tuple(_record(plant, level, seed, period, HEALTHY[0]) for seed in seeds)
+
+
+@lru_cache(maxsize=512)
+def _greatest(
+    make: Callable[..., Statistic], plant: Plant, settings: tuple[tuple[str, float], ...],
+    period: float, noise: float, level: Level,
+) -> tuple[float, ...]:  # fmt: skip
+    """The largest statistics of healthy records in a condition."""
+    records = _healthy(plant, level, period / level[2])
+    statistic = make(plant, dict(settings), period, noise)
+    return tuple(float(statistic(one).max()) for one in records)
+
+
+def detector(
+    make: Callable[..., Statistic], plant: Plant, s: Settings, period: float, noise: float
+) -> Runner:
+    """Alarms where the statistic exceeds the threshold."""
+    settings, statistic = tuple(s.items()), make(plant, s, period, noise)
+    bare = replace(plant, rate=0.5, threshold="kept")  # on these the statistic does not depend
+
+    def run(record: Any) -> Array:
+        known = period, noise, record.level
+        if plant.threshold == "kept":
+            known = period / record.level[2], plant.noise, NOMINAL
+        limit = false_alarm_threshold(_greatest(make, bare, settings, *known), plant.rate)
+        each = [statistic(one) > limit for one in (record, *record.healthy)]
+        return np.column_stack(each).astype(np.float64)
+
+    return run
+
+
+def _model(plant: Plant, mode: str, s: Settings, period: float, noise: float) -> LinearModel:
+    """The model that lies ``share`` of the way to a mode, with an unknown voltage that drives it.
+
+    ``process`` is the root of its density [V sqrt(s)].
+    """
+    normal, other = (ActuatorModel(*getattr(plant, one)) for one in ("normal", mode))
+    blended = normal.blended(other, s.get("share", 1.0))
+    one = blended.sampled("velocity", period, STATE_FREQUENCY)
+    Q = s["process"] ** 2 / period * one.B @ one.B.T
+    return LinearModel(one.A, one.B, one.C, None, Q, noise**2, sampling_period=period)
+
+
+def _distances(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
+    """e^2 / S of the normal model's filter."""
+    observer = KalmanFilter(_model(plant, "normal", s, period, noise))
+    start = observer.init(np.zeros(4), REST)
+
+    def run(record: Record) -> Array:
+        found = observer.run(record.measurements, record.inputs, state=start)
+        return np.asarray(found["innovation"][:, 0] ** 2 / found["innovation_covariance"][:, 0, 0])
+
+    return run
+
+
+def glr(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
+    """Likelihood ratio for innovations that have become larger."""
+    distances = _distances(plant, s, period, noise)
+    return lambda record: inflation_glr(distances(record), 1, LENGTHS)
+
+
+def power(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
+    """The sum of e^2 / S over a window [s], which is chi-squared."""
+    distances, size = _distances(plant, s, period, noise), max(1, round(s["window"] / period))
+
+    def run(record: Record) -> Array:
+        total = np.cumsum(distances(record))
+        return np.asarray(total - np.r_[np.zeros(size), total][: len(total)])
+
+    return run
+
+
+def bank(kind: str, plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
+    """Log odds of the modes that are not normal; each mode is left at the rate ``leave`` [1/s]."""
+    models = [_model(plant, one, s, period, noise) for one in ("normal", "friction", "leakage")]
+    filters = [
+        KalmanFilter(one) if kind == "kalman"
+        else SmoothVariableStructureFilter(one, s["layer"], s["memory"])
+        for one in models
+    ]  # fmt: skip
+    stay = math.exp(-s["leave"] * period)
+    observer = IMM(filters, (1.5 * stay - 0.5) * np.eye(3) + (1.0 - stay) / 2)
+    start = observer.init(np.zeros(4), REST, [1.0, 0.0, 0.0])
+
+    def run(record: Record) -> Array:
+        y, u = record.measurements, record.inputs
+        modes = np.maximum(estimates_of(observer, "probability", y, u, state=start), math.exp(-FAR))
+        return np.asarray(np.log(modes[:, 1] + modes[:, 2]) - np.log(modes[:, 0]))
+
+    return run
+
+
+def augmented(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
+    """Mean over ``lag`` [s] of the unknown voltage that is lost: minus its estimate times input."""
+    from scipy.signal import lfilter
+
+    model = _model(plant, "normal", s, period, noise)
+    observer = AugmentedKalmanFilter(model, model.B, s["walk"] ** 2 * period)
+    start = observer.init(np.zeros(4), REST, unknown_input_covariance=0.0)
+    decay = math.exp(-period / s["lag"])
+
+    def run(record: Record) -> Array:
+        y, u = record.measurements, record.inputs
+        lost = -estimates_of(observer, "unknown_input", y, u, state=start)[1:, 0] * u[:-1, 0]
+        return np.asarray(lfilter([1.0 - decay], [1.0, -decay], np.r_[0.0, lost]))
+
+    return run
+
+
+def sum_of_ratios(
+    restarts: bool, plant: Plant, s: Settings, period: float, noise: float
+) -> Statistic:
+    """Page's cumulative sum of the filters of the normal and the leaking model."""
+    one, other = (
+        KalmanFilter(_model(plant, mode, s, period, noise)) for mode in ("normal", "leakage")
+    )
+    start = one.init(np.zeros(4), REST)
+
+    def run(record: Record) -> Array:
+        y, u = record.measurements, record.inputs
+        if restarts:
+            return restarted_cusum(one, other, y, u, start)
+        logs = [estimates_of(each, "log_likelihood", y, u, state=start) for each in (one, other)]
+        return cusum(logs[1] - logs[0])
+
+    return run
+
+
+METHODS: dict[str, Callable[..., Runner]] = {
+    "glr": partial(detector, glr),
+    "power": partial(detector, power),
+    "imm_kalman": partial(detector, partial(bank, "kalman")),
+    "imm_svsf": partial(detector, partial(bank, "svsf")),
+    "augmented": partial(detector, augmented),
+    "cusum": partial(detector, partial(sum_of_ratios, True)),
+    "cusum_alone": partial(detector, partial(sum_of_ratios, False)),
+}
