@@ -165,7 +165,7 @@ def test_claims_that_do_not_go_together_are_named() -> None:
     assert said == "claims.ilo: none that can be tested is promised, must be one or more"
     assert list(amiss([])) == []
     (said,) = amiss([one, two, Claim("ilo", "d", statement="a")])
-    assert said == "claims.ilo.d.statement: what a says, must be another claim"
+    assert said == "claims.ilo.d.statement: is that of a, must be another claim"
 
 
 @pytest.mark.parametrize("paper", ERRATA)
