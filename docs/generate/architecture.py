@@ -13,7 +13,7 @@ from docs.pictures import panels
 
 def imports(source: Path) -> dict[str, set[str]]:
     """By package below ``source``: the packages that its modules import, in functions as well."""
-    packages = {path.parent.name for path in source.glob("*/__init__.py")}
+    packages = sorted(path.parent.name for path in source.glob("*/__init__.py"))
     found: dict[str, set[str]] = {name: set() for name in packages}
     for name in packages:
         for path in (source / name).rglob("*.py"):
@@ -21,7 +21,7 @@ def imports(source: Path) -> dict[str, set[str]]:
                 if isinstance(node, ast.ImportFrom):
                     root, _, rest = (node.module or "").partition(".")
                     if root == "reobserve":
-                        found[name] |= {rest.partition(".")[0]} & packages - {name}
+                        found[name] |= {rest.partition(".")[0]} & set(packages) - {name}
     return found
 
 
@@ -54,7 +54,7 @@ def diagram(source: Path) -> Figure:
         for name, (x, y) in place.items()
     }
     for name, imported in graph.items():
-        for one in imported:
+        for one in sorted(imported):
             if any(one in below(other) for other in imported):
                 continue
             crosses = place[name][0] * place[one][0] < 0  # the middle, where boxes stand

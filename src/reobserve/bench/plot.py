@@ -37,10 +37,14 @@ def heat_map(results: Results) -> PaperFigure:
             axes.text(
                 x, y, f"{cell['error']:#.3g}", ha="center", va="center",
                 fontsize=look.points(8), fontweight="bold" if near else "normal",
+                color="white" if shade > 0.6 else "black",
             )  # fmt: skip
     axes.set_xlim(-0.5, len(task.table) - 0.5)
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    titles = [textwrap.fill(task.conditions[one].title, 15) for one in task.table]
+    titles = [
+        textwrap.fill(task.conditions[one].title, max(60 // len(task.table), 9))
+        for one in task.table
+    ]
     axes.set_xticks(range(len(titles)), titles)
     axes.set_yticks(range(len(rows)), [label for label, *_ in rows])
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)

@@ -88,7 +88,7 @@ class Results:
     checkpoints: Sequence[Mapping[str, Any]]
 
     @classmethod
-    def read(cls, task: Task, table: Path, evaluations: Path) -> Results:
+    def read(cls, task: Task, table: Path, evaluations: Path | None = None) -> Results:
         """Read the files; `InputError` if one is missing or damaged."""
         words = {*_ROW, "within"}
         cells = [
@@ -97,7 +97,7 @@ class Results:
         ]
         points = [
             {key: text if key == "method" else float(text) for key, text in row.items()}
-            for row in read_table(evaluations, CHECKPOINTS)
+            for row in (read_table(evaluations, CHECKPOINTS) if evaluations else ())
         ]
         return cls(task, cells, points)
 
