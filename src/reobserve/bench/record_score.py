@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -26,15 +27,19 @@ class Score:
     failed: bool = False
 
 
-def score(estimate: Array, record: Record, since: float) -> Score:
-    """The score of an estimate in the shape of ``record.truth``, from ``since`` [s] on."""
+def score(estimate: Array, record: Record, since: float, *, with_lag: bool = True) -> Score:
+    """The score of an estimate in the shape of ``record.truth``, from ``since`` [s] on.
+
+    The lag takes as long as many methods; tuning leaves it out.
+    """
     first = int(np.searchsorted(record.time, since - 1e-9))
     wrong = np.linalg.norm(estimate - record.truth, axis=1)[first:]
     power = float((record.truth[first:] ** 2).sum())
     error = np.sqrt(float((wrong**2).sum()) / power)
     rms = np.sqrt(power / len(wrong))
-    lag = _lag(estimate, record.truth, first) * float(record.time[1] - record.time[0])
-    return Score(min(float(error), WORST), lag, float(np.quantile(wrong, 0.95) / rms))
+    lag = _lag(estimate, record.truth, first) if with_lag else np.nan
+    step = float(record.time[1] - record.time[0])
+    return Score(min(float(error), WORST), lag * step, float(np.quantile(wrong, 0.95) / rms))
 
 
 def _lag(estimate: Array, truth: Array, first: int) -> float:
@@ -54,10 +59,11 @@ def _lag(estimate: Array, truth: Array, first: int) -> float:
     return shift + 0.5 * (before - after) / (before - 2 * here + after)
 
 
-def score_of(task: Task, run: Runner, record: Record) -> Score:
+def score_of(task: Task, run: Runner, record: Record, *, with_lag: bool = True) -> Score:
     """The score of a run, by the task's own ``score`` if it has one."""
     estimate = run(record)
     if not np.isfinite(estimate).all():
         return Score(np.nan, failed=True)
-    scored: Callable[..., Score] = getattr(task.module, "score", score)
+    default = partial(score, with_lag=with_lag)
+    scored: Callable[..., Score] = getattr(task.module, "score", default)
     return scored(estimate, record, task.scored_from)

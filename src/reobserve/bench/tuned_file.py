@@ -135,7 +135,7 @@ def _search(task: Task, method: str, training: str, repeat: int) -> tuple[Any, A
         lambda settings: {one: task.make(method, settings, one, given=True) for one in conditions},
         {name: (*one.range, one.scale) for name, one in ranges},
         [(one, task.record(one, k)) for one in conditions for k in task.training_seeds(repeat)],
-        lambda runs, pair: score_of(task, runs[pair[0]], pair[1]).error,
+        lambda runs, pair: score_of(task, runs[pair[0]], pair[1], with_lag=False).error,
     )
 
 
