@@ -164,7 +164,7 @@ def test_captions_say_what_was_open_and_chosen(built: Project) -> None:
         for m in read_metrics(built.folder / "results/ilo/fig4.metrics.csv")
     }
     share = metrics["matched", "relative_rms_error"]
-    assert f"errs by {100 * share:.2g} %" in fig4
+    assert f"has an error of {100 * share:.2g} %" in fig4
 
 
 def test_what_a_person_can_look_up(built: Project) -> None:
