@@ -95,7 +95,7 @@ def test_errors_over_evaluations_are_medians_of_repeats(results: Results) -> Non
     assert line.get_xydata().tolist() == [[10.0, 0.5], [25.0, 0.21], [40.0, 0.2]]
 
 
-def test_the_table_says_what_a_method_knows_and_costs(results: Results) -> None:
+def test_the_table_says_what_a_method_needs_and_costs(results: Results) -> None:
     one = Repeat({"share": 1.0}, 0.0, {"share": "high"}, {})
     kept = TunedMethod({"nominal": TunedOn("", [one])}, Cost(1.5, 0.25))
     lines = summary(results, {"share": kept, "reported": kept}).splitlines()

@@ -187,7 +187,7 @@ def test_settings_that_were_tuned_for_something_else_are_refused(tmp_path: Path)
         with pytest.raises(InputError, match=r"share\.json: training\.nominal is not of what"):
             read_tuned(toy(tmp_path, **changed), tmp_path / "tuned")
     # Words, and methods beside it, decide nothing.
-    words = {**stated()["methods"], "share": method(label="other", knows="more")}
+    words = {**stated()["methods"], "share": method(label="other", needs="more")}
     assert read_tuned(toy(tmp_path, title="new", methods=words), tmp_path / "tuned")
     more = {**stated()["methods"], "second": method(make="share")}
     with pytest.raises(InputError, match=r"second\.json: cannot be read"):

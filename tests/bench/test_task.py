@@ -46,8 +46,8 @@ def changed(*path: str, to: Any) -> dict[str, Any]:
         (changed("methods", "share", "fails", to={"nose": "no"}), r"fails: there is no 'nose'"),
         (changed("methods", "share", "paper", to={"settings": {"gain": 1.0}, "source": "p. 1"}),
          r"methods\.share\.paper\.settings: must be those of the ranges: share"),
-        (changed("methods", to={"share": {k: v for k, v in method().items() if k != "knows"}}),
-         r"methods\.share\.knows: is missing"),
+        (changed("methods", to={"share": {k: v for k, v in method().items() if k != "needs"}}),
+         r"methods\.share\.needs: is missing"),
         (changed("seeds", to={"training": 0}), r"seeds\.training: 0 must be 1 or more"),
     ],
 )  # fmt: skip

@@ -49,7 +49,7 @@ SHARE = {"range": [0.1, 10.0], "unit": "1", "why": "a decade on each side"}
 
 def method(**keys: Any) -> dict[str, Any]:
     ranges = {"share": dict(SHARE)}
-    return {"label": "L", "knows": "k", "guarantees": "g", "ranges": ranges, **keys}
+    return {"label": "L", "needs": "k", "guarantees": "g", "ranges": ranges, **keys}
 
 
 def stated() -> dict[str, Any]:

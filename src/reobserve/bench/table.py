@@ -132,11 +132,11 @@ class Results:
 
 
 def summary(results: Results, tuned: Mapping[str, TunedMethod]) -> str:
-    """The table of a task in Markdown: what a method knows, costs and reaches."""
+    """The table of a task in Markdown: what a method needs, guarantees, costs and reaches."""
     task = results.task
     titles = [task.conditions[one].title for one in task.table]
     columns = getattr(task.module, "COLUMNS", ("lag", "95 %"))
-    head = ["method", "knows", "guarantees", "p", "n95", *titles, *columns, "cost", "edges"]
+    head = ["method", "needs", "guarantees", "p", "n95", *titles, *columns, "cost", "edges"]
     lines = [f"### {task.title}", "", _line(head), _line(["---"] * len(head))]
     for label, name, training, given in results.rows():
         method, first = task.methods[name], results.cell(task.table[0], name, training)
@@ -145,7 +145,7 @@ def summary(results: Results, tuned: Mapping[str, TunedMethod]) -> str:
         edges = sorted(
             {f"{key} ({end})" for one in tuning.repeats for key, end in one.edges.items()}
         )
-        about = [method.knows, method.guarantees, str(len(method.ranges)),
+        about = [method.needs, method.guarantees, str(len(method.ranges)),
                  str(median(results.evaluations_needed(name)))]  # fmt: skip
         lines.append(_line([
             label, *(about if training != PAPER and not given else [""] * 4), *map(_shown, cells),

@@ -7,14 +7,14 @@ same name, beside the file or in `reobserve.bench.tasks`, has
     simulate(plant, condition, seed, period)   a `Record`; equal seeds have equal faults and noise
     METHODS                                    by name, make(plant, settings, period, noise)
 
-A method is made from what it knows: the plant as stated, its settings, the sampling period [s] and
-the standard deviation of the noise, which is that of the plant unless the method is given another.
+A method is made from the plant as stated, its settings, the sampling period [s] and the standard
+deviation of the noise, which is that of the plant unless the method is given another.
 It is a function that takes a record and returns an estimate in the shape of ``truth``.
 
 ``Plant`` has a field ``noise``. A task whose estimates have no such error has a function ``score``
 with the arguments and the result of `reobserve.bench.record_score.score`: a detector, say, whose
-estimate is an alarm. Its error, too, must be 1 where a method knows nothing; ``COLUMNS`` may then
-say what its lag and its quantile are in the table. A record with ``rows`` says of how many samples
+estimate is an alarm. Its error, too, must be 1 for a method without information; ``COLUMNS`` may
+then say what its lag and its quantile are in the table. A record with ``rows`` says of how many samples
 a method's cost is, if not of its own. A task whose designs are cached has a function ``forget``
 that clears them, for construction to be timed.
 """
@@ -126,7 +126,7 @@ class Own:
 
 @dataclass(frozen=True)
 class Method:
-    """A method: what it knows and guarantees, its function, and ranges of its settings.
+    """A method: what it needs and guarantees, its function, and ranges of its settings.
 
     ``make`` is a name in METHODS, that of the method itself if left out, or ``module:function``.
     With ``given_noise`` it is also scored when it is given the noise of each condition. A condition
@@ -134,7 +134,7 @@ class Method:
     """
 
     label: Text
-    knows: Text
+    needs: Text
     guarantees: Text
     ranges: Annotated[dict[str, Entry], items()]
     make: str = ""
