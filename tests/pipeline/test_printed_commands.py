@@ -114,14 +114,14 @@ def printed_on(page: Path) -> list[Command | File]:
     return [part for part in found if page.name == "README.md" or getattr(part, "alone", True)]
 
 
-# Its commands need the observer that it adds: tests/docs/test_add_an_observer.py runs them.
-ADDS = "docs/pages/how-to/add-an-observer.md"
+# Their commands need the files that they add: tests/docs/test_add_*.py run them.
+ADD = {f"docs/pages/how-to/{name}.md" for name in ("add-an-observer", "add-to-the-bench")}
 
 REPORTED = {
     page.relative_to(ROOT).as_posix(): reported
     for page in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
     if page.parent.name != "reference"  # that is generated
-    and page.relative_to(ROOT).as_posix() != ADDS
+    and page.relative_to(ROOT).as_posix() not in ADD
     and (reported := printed_on(page))
 }
 

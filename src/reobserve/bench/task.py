@@ -13,10 +13,10 @@ It is a function that takes a record and returns an estimate in the shape of ``t
 
 ``Plant`` has a field ``noise``. A task whose estimates have no such error has a function ``score``
 with the arguments and the result of `reobserve.bench.record_score.score`: a detector, say, whose
-estimate is an alarm. Its error, too, must be 1 for a method without information; ``COLUMNS`` may
-then say what its lag and its quantile are in the table. A record with ``rows`` says of how many samples
-a method's cost is, if not of its own. A task whose designs are cached has a function ``forget``
-that clears them, for construction to be timed.
+estimate is an alarm. Its error, too, must be 1 for a method without information. ``COLUMNS`` may
+then say what its lag and its quantile are in the table. A record with ``rows`` says of how many
+samples a method's cost is, if not of its own. A task whose designs are cached has a function
+``forget`` that clears them, for construction to be timed.
 """
 
 from __future__ import annotations
