@@ -99,8 +99,12 @@ def renewed(path: Path, pictures: Path | None = None) -> str:
     CogError
         If the code fails.
     """
+    import matplotlib
+
     session = Session(path, pictures or path.parent / "pictures")
-    _Cog().process_file(StringIO(session.text), session.written, str(path), session.names)
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        _Cog().process_file(StringIO(session.text), session.written, str(path), session.names)
     return session.written.getvalue()
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from reobserve.bench.plot import heat_map
 from reobserve.bench.scoring import PAPER
 from reobserve.bench.table import Results
 from reobserve.bench.task import Task
+from reobserve.plotting.apart import own_style
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,4 +44,7 @@ class Bench:
 
     def heat_map(self) -> Figure:
         """Methods by conditions."""
-        return heat_map(self.results)
+        with own_style():
+            from reobserve.bench.plot import heat_map
+
+            return heat_map(self.results)
