@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import ast
+import importlib
+import inspect
 import re
 import subprocess
 import sys
@@ -12,6 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reobserve.cli.main import command_parser
 from reobserve.core.errors import InputError
 from reobserve.replication.golden.values import part_names
 from reobserve.replication.meanings import LISTS, meanings, write_lists
@@ -254,3 +258,23 @@ def test_words_that_the_field_does_not_use_stay_out() -> None:
                 if re.search(rf"(?<![a-z]){word}(?![a-z])", text):
                     found[f"{name}: {word}"] = instead
     assert found == {}
+
+
+def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """The parsers of all sub-commands that run something."""
+    if parser.get_default("run"):
+        yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for inner in action.choices.values():
+                yield from commands(inner)
+
+
+@pytest.mark.parametrize("parser", commands(command_parser()), ids=lambda parser: parser.prog)
+def test_a_command_passes_the_arguments_that_its_function_takes(
+    parser: argparse.ArgumentParser,
+) -> None:
+    module, name = parser.get_default("run").split(":")
+    function = getattr(importlib.import_module(f"reobserve.{module}"), name)
+    options = {one.dest for one in parser._actions if one.dest not in ("help", "version")}
+    inspect.signature(function).bind(**dict.fromkeys(options))

@@ -34,7 +34,7 @@ OPTIONS = [
 # What builds for minutes or changes the project is parsed and not run.
 SLOW = {
     "figdiff", "accept", "samples", "check", "readme", "report", "robustness",
-    "sensitivity", "draw", "search", "theory", "study", "archive",
+    "sensitivity", "sample", "search", "theory", "study", "archive", "tune", "score", "moved",
 }  # fmt: skip
 FILES = {"file": b"x\n", "folder/inner": b"", "table.csv": b"name,value\nlag,0.123456\n"}
 

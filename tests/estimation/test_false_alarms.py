@@ -51,15 +51,15 @@ def test_a_diverged_statistic_is_the_smallest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("greatest", "probability", "said"),
+    ("maxima", "probability", "said"),
     [
-        ([[1.0]], 0.5, "greatest: .* must be numbers"),
-        ([np.nan, 1.0], 0.5, "greatest: .* must be numbers"),
+        ([[1.0]], 0.5, "maxima: .* must be numbers"),
+        ([np.nan, 1.0], 0.5, "maxima: .* must be numbers"),
         ([1.0], 0.0, "false_alarm_probability: 0 must be between 0 and 1"),
         ([1.0], 1.0, "false_alarm_probability: 1 must be between 0 and 1"),
         ([], 0.5, "false_alarm_probability: 0.5 needs 1 records .* there are 0"),
     ],
 )
-def test_what_is_wrong_is_reported(greatest: object, probability: float, said: str) -> None:
+def test_what_is_wrong_is_reported(maxima: object, probability: float, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        false_alarm_threshold(greatest, probability)  # type: ignore[arg-type]
+        false_alarm_threshold(maxima, probability)  # type: ignore[arg-type]

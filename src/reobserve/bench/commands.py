@@ -35,7 +35,7 @@ def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None
     write_checkpoints(checkpoints, evaluations)
 
 
-def moved_command(task_file: Path, kept: Path, again: Path, output: Path) -> None:
+def moved_command(task_file: Path, cached: Path, again: Path, output: Path) -> None:
     """Compare kept settings with those tuned again; an error names the cells that moved."""
     from dataclasses import astuple
 
@@ -44,7 +44,7 @@ def moved_command(task_file: Path, kept: Path, again: Path, output: Path) -> Non
     from reobserve.core.files import write_table
 
     task = Task.read(task_file)
-    found = moved(task, read_tuned(task, kept), read_tuned(task, again))
+    found = moved(task, read_tuned(task, cached), read_tuned(task, again))
     header = ("method", "condition", "ratio", "low", "high")
     write_table(output, [dict(zip(header, astuple(one), strict=True)) for one in found], header)
     far = [f"{one.method} in {one.condition} by {one.ratio:.3f}" for one in found if one.moved]

@@ -104,8 +104,22 @@ def shown(value: Any, most: int = _VALUE) -> str:
         return f"a {type(value).__name__} that cannot be shown"
 
 
+# Keys of files and options of builds that had another name.
+RENAMED = {
+    "damping": "observer_gain", "draws": "samples", "drawn": "plot_only", "flips": "reversals",
+    "kept": "cached", "loose": "no_effect", "memory": "convergence_rate",
+    "obstacles": "limitations", "says": "statement",
+}  # fmt: skip
+
+
+def unknown_key(key: str, known: Any) -> str:
+    """The problem with a key that is not among the known ones: its new name, or the nearest."""
+    now = RENAMED.get(key)
+    return f"is now {now}" if now in known else f"unknown key{nearest(key, known)}"
+
+
 def nearest(key: str, known: Any) -> str:
-    """The end of a sentence about an unknown key."""
+    """The end of a sentence about an unknown name."""
     names = [str(name) for name in known]
     close = difflib.get_close_matches(str(key)[:100], names, n=1, cutoff=0.5)
     listed = ", ".join(names) if names else "none"

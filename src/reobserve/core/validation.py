@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, TypeAdapter, ValidationError
 
 from reobserve.core.documents import check_plain
-from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.errors import InputError, shown, unknown_key
 from reobserve.core.matrices import as_floats, as_matrix, as_positive_definite, as_vector
 
 Type = TypeVar("Type")
@@ -131,8 +131,6 @@ _PROBLEMS = {
     "less_than": "{value} must be less than {lt:g}",
     "less_than_equal": "{value} must be {le:g} or less",
     "missing": "is missing{needed}",
-    "unexpected_keyword_argument": "unknown key{nearest}",
-    "extra_forbidden": "unknown key{nearest}",
     "union_tag_invalid": "{value} must be {one_of}",
     "union_tag_not_found": "is missing, must be {one_of}",
 }
@@ -161,11 +159,7 @@ def _sentence(error: ValidationError, kind: Any, tree: Any, place: str) -> Input
         else:
             problem = "dict_type"
     elif problem in _UNKNOWN:
-        known = _known(schema, location)
-        for name, declared in known.items():
-            if declared.get("formerly") == path[-1]:
-                return InputError(here, f"is now {name}")
-        parts["nearest"] = nearest(path[-1], known)
+        return InputError(here, unknown_key(path[-1], _known(schema, location)))
     elif problem == "missing":
         needed = tag or _title(schema, location)
         parts["needed"] = needed and f"; {needed} needs it"
@@ -239,14 +233,12 @@ def _at(schema: Any, location: Path) -> tuple[Any, Mapping[str, Any]]:
     return node, defs
 
 
-def _known(schema: Any, location: Path) -> dict[str, Any]:
-    """The keys that are allowed beside the last one of a location, with their schemas."""
+def _known(schema: Any, location: Path) -> list[str]:
+    """The keys that are allowed beside the last one of a location."""
     node, defs = _at(schema, location[:-1])
-    return {
-        key: part
-        for one in _branches(node, defs)
-        for key, part in one.get("properties", {}).items()
-    }
+    return list(
+        dict.fromkeys(key for one in _branches(node, defs) for key in one.get("properties", {}))
+    )
 
 
 def _title(schema: Any, location: Path) -> str:
@@ -260,11 +252,6 @@ def _title(schema: Any, location: Path) -> str:
 def _tags(schema: Any, location: Path) -> list[str]:
     node, _ = _at(schema, location)
     return list(node.get("discriminator", {}).get("mapping", {}))
-
-
-def formerly(name: str) -> Any:
-    """Mark a field that had another name: the old key is refused with the new one."""
-    return Field(json_schema_extra={"formerly": name})
 
 
 def having(key: str, form: str, other: str) -> Discriminator:

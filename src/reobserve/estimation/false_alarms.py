@@ -15,7 +15,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_numbers, as_scalar
 
 
-def false_alarm_threshold(greatest: ArrayLike, false_alarm_probability: float) -> float:
+def false_alarm_threshold(maxima: ArrayLike, false_alarm_probability: float) -> float:
     """Threshold that a new healthy record exceeds with this probability at most.
 
     The largest statistic of one more record is as likely to be the first, second, ... of all n + 1,
@@ -26,7 +26,7 @@ def false_alarm_threshold(greatest: ArrayLike, false_alarm_probability: float) -
 
     Parameters
     ----------
-    greatest
+    maxima
         The largest statistic of each healthy record, shape (n,). The records are independent, and
         as long as those that false alarms are counted on.
     false_alarm_probability
@@ -35,11 +35,12 @@ def false_alarm_threshold(greatest: ArrayLike, false_alarm_probability: float) -
     Raises
     ------
     InputError
-        If a statistic is nan, the probability is none, or there are too few records for it.
+        If a statistic is nan, the probability is not between 0 and 1, or there are too few records
+        for it.
     """
-    found = as_numbers("greatest", greatest)
+    found = as_numbers("maxima", maxima)
     if found.ndim != 1 or np.isnan(found).any():
-        raise InputError("greatest", f"{shown(greatest)} must be numbers, shape (n,)")
+        raise InputError("maxima", f"{shown(maxima)} must be numbers, shape (n,)")
     probability = as_scalar("false_alarm_probability", false_alarm_probability)
     if not 0 < probability < 1:
         problem = f"{probability:g} must be between 0 and 1"

@@ -185,7 +185,8 @@ def test_the_command_goes_on_and_checks(
     with pytest.raises(ReobserveError, match="2 claims have samples that come out otherwise"):
         sample_command(project, ["ilo"], 30, check=True)
     assert capsys.readouterr().out.splitlines() == [
-        f"claims.ilo.{name}: no samples are cached of it as it is" for name in ("it", "new")
+        f"claims.ilo.{name}: there are no cached samples of the claim as it is"
+        for name in ("it", "new")
     ]
     monkeypatch.setattr(commands, "read_registry", lambda *_: near)
     code.factor = 1.01

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
-from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Example, pairs, pole_text
 from reobserve.estimation.families.rigid_body import ALARMS, BODY, BodyDesign, BodySystem
 from reobserve.observers.adaptive import AdaptiveObserver
@@ -34,7 +33,7 @@ gains:
 class AdaptiveGains:
     """Lambda and Kp [N m s/rad], Gamma [N m/rad]; with Kp it is the PI observer."""
 
-    observer_gain: Annotated[Array, formerly("damping")]
+    observer_gain: Array
     integral_gain: Array
     proportional_gain: Array = field(default_factory=lambda: np.array(0.0))
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector, spectral_radius
-from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Example
 from reobserve.estimation.families.rigid_body import ALARMS, BODY, BodyDesign, BodySystem
 from reobserve.observers.ilo import ILO
@@ -79,7 +78,7 @@ class LearningGains:
 
     K1: Array
     K2: Array
-    observer_gain: Annotated[Array, formerly("damping")]
+    observer_gain: Array
     update_interval: float | None = None
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import FloatArray
-from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import (
@@ -111,7 +110,7 @@ class BankGains:
     transition: Array
     mixing: bool = True
     boundary_layer: Array | None = None
-    convergence_rate: Annotated[float | None, formerly("memory")] = None
+    convergence_rate: float | None = None
     inverse: Literal["pseudo", "weighted"] = "pseudo"
 
     def __post_init__(self) -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from reobserve.core.matrices import FloatArray
-from reobserve.core.validation import formerly
 from reobserve.estimation.families.design import Certificate, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem
@@ -41,7 +40,7 @@ class SwitchingGains:
     """psi in units of the measurements, gamma, and which inverse of C."""
 
     boundary_layer: Array
-    convergence_rate: Annotated[float, formerly("memory")]
+    convergence_rate: float
     inverse: Literal["pseudo", "weighted"] = "pseudo"
 
 

@@ -16,7 +16,6 @@ from reobserve.core.validation import (
     Seed,
     Share,
     Terms,
-    formerly,
     items,
     matrix,
     positive_definite,
@@ -58,7 +57,7 @@ class Scenario:
 class _Common:
     """Entries of all observers."""
 
-    observer_gain: Annotated[Matrix, formerly("damping")]
+    observer_gain: Matrix
     sampling_period: Positive
     inertia_factor: Positive
     initial_rate: Vector

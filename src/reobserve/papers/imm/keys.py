@@ -19,7 +19,6 @@ from reobserve.core.validation import (
     Terms,
     Window,
     checked,
-    formerly,
     items,
     vector,
     within,
@@ -115,7 +114,7 @@ class SmoothVariableStructure(_Bank):
     boundary_layer: Annotated[list[Positive], items(1, 4)]
     layer_scale: Positive
     layer_factor: Positive
-    convergence_rate: Annotated[NotNegative, formerly("memory")]
+    convergence_rate: NotNegative
     inverse: Literal["pseudo", "weighted"]
     label: str = ""
 

@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, StringConstraints, Tag, model_validat
 
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, nearest, shown
-from reobserve.core.validation import Text, distinct, formerly, items
+from reobserve.core.validation import Text, distinct, items
 from reobserve.replication.claims.checks import THEORY, Check, Reference
 from reobserve.replication.claims.choices import Choice, find_choice
 from reobserve.replication.meanings import Meanings, meanings
@@ -63,7 +63,7 @@ class ClaimEntry(Model):
     """One claim of a paper: either checks with a reason, or why nothing can test it."""
 
     place: Text = Field(description="Where the paper makes the claim.")
-    statement: Annotated[Text, formerly("says")] = Field(
+    statement: Text = Field(
         description="The claim in our words. A check is true if the paper is right."
     )
     promised: Annotated[list[Promise], distinct] = Field(
@@ -108,9 +108,7 @@ class ClaimEntry(Model):
 class ClaimsFile(Model):
     """The claims of a paper, ``config/claims/<paper>.yaml``."""
 
-    limitations: Annotated[Text, formerly("obstacles")] = Field(
-        description="What the paper leaves open, for the report."
-    )
+    limitations: Text = Field(description="What the paper leaves open, for the report.")
     choices: dict[str, Annotated[list[str], items()]] = Field(
         {}, description="Groups of parameters that `depends_on` can name."
     )
@@ -160,7 +158,7 @@ class Claim:
 
     @property
     def keys(self) -> list[str]:
-        """The parameter file keys that it depends on."""
+        """The keys of the parameters that it depends on."""
         return [key for choice in self.choices for key in choice.keys]
 
     @property

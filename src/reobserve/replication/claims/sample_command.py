@@ -38,7 +38,7 @@ def sample_command(project: Path, paper: Sequence[str], most: int, check: bool) 
         parameters = default_parameters(project, one)
         claims = read_registry(project, parameters).claims
         if check:
-            differing += _differences(parameters, claims, _kept(project, one), most)
+            differing += _differences(parameters, claims, _cached(project, one), most)
         else:
             _sample_on(project, parameters, claims, most)
     if differing:
@@ -55,7 +55,9 @@ def _sample_on(project: Path, parameters: Parameters, claims: list[Claim], most:
     """In steps, so that little is lost where it is ended before."""
     step = min(_FIRST, most)
     while True:
-        found = assess(Evaluator(parameters), claims, step, cached=_kept(project, parameters.paper))
+        found = assess(
+            Evaluator(parameters), claims, step, cached=_cached(project, parameters.paper)
+        )
         keep(project, parameters.paper, found)
         left = [one for one in found.values() if one.firm is None]
         drawn = f"{sum(one.samples for one in found.values())} samples"
@@ -75,7 +77,7 @@ def _differences(
     for name, one in assess(Evaluator(parameters), claims, most, reversals=False).items():
         place, past = f"claims.{parameters.paper}.{name}", cached.get(name)
         if past is None or past.basis != one.basis:
-            said.append(f"{place}: no samples are cached of it as it is")
+            said.append(f"{place}: there are no cached samples of the claim as it is")
             continue
         made = one.to_keep
         both = range(min(len(made.samples), len(past.samples)))
@@ -89,6 +91,6 @@ def _differences(
     return said
 
 
-def _kept(project: Path, paper: str) -> dict[str, CachedSamples]:
+def _cached(project: Path, paper: str) -> dict[str, CachedSamples]:
     path = project / samples_path(paper)
     return read_cached(path, paper) if path.exists() else {}

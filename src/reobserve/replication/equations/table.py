@@ -23,7 +23,7 @@ from typing import Annotated
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import reason
-from reobserve.core.validation import Count, Text, checked, formerly, parse
+from reobserve.core.validation import Count, Text, checked, parse
 
 _NUMBER = re.compile(r"[1-9][0-9]{0,3}")
 _NAME = re.compile(r"reobserve(\.[A-Za-z]\w*)+")
@@ -51,7 +51,7 @@ class Equation:
     """
 
     number: Text
-    statement: Annotated[Text, formerly("says")]
+    statement: Text
     implemented: tuple[Annotated[str, checked(_name)], ...]
     tests: tuple[Annotated[str, checked(_test)], ...]
     note: str = ""

@@ -90,7 +90,7 @@ def check_units(parameters: Parameters) -> None:
 
 
 def check_stated(stated: Any, checks: Checks) -> None:
-    """Build what a paper's typed parameters states; raises as `check_parameters`."""
+    """Build what a paper's typed parameters state; raises as `check_parameters`."""
     parts = ("plant", "observers", "designs", "metrics", "theory")
     whole = Job(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
     built: dict[str, object] = {}  # the designs

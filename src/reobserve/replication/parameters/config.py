@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
-from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.errors import InputError, nearest, shown, unknown_key
 from reobserve.core.files import reason
 from reobserve.core.validation import parse
 from reobserve.replication.parameters.names import DEFAULT_STYLE, style_sheet
@@ -79,10 +79,7 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     known = [*Configuration.model_fields, *papers]
     for key in config:
         if key not in known:
-            for name, field in Configuration.model_fields.items():
-                if field.json_schema_extra == {"formerly": key}:
-                    raise InputError(f"config.{key}", f"is now {name}")
-            raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
+            raise InputError(f"config.{key}", unknown_key(key, known))
     parse(Configuration, config, "config")
     for paper in config.get("papers", ()):
         if paper not in papers:

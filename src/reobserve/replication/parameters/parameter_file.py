@@ -20,7 +20,6 @@ from reobserve.core.validation import (
     Text,
     checked,
     distinct,
-    formerly,
     parse,
 )
 
@@ -133,12 +132,10 @@ class Entry(Model):
     levels: bool = Field(
         False, description="Whether it is a list of levels that a study goes through."
     )
-    no_effect: Annotated[Places, formerly("loose")] = Field(
+    no_effect: Places = Field(
         False, description="Its numbers on which no result depends; true for all."
     )
-    plot_only: Annotated[bool, formerly("drawn")] = Field(
-        False, description="Whether only a plot depends on it."
-    )
+    plot_only: bool = Field(False, description="Whether only a plot depends on it.")
     expensive: bool = Field(
         False, description="Whether computing a study again with another value takes a minute."
     )
@@ -255,10 +252,10 @@ class Configuration(BaseModel):
         list[Literal["pdf", "svg", "png", "eps", "pgf"]], Field(min_length=1), distinct
     ]
     seed: Annotated[int, Field(ge=0, le=2**53 - 1)]
-    samples: Annotated[int, Field(ge=1, le=1_000_000), formerly("draws")]
+    samples: Annotated[int, Field(ge=1, le=1_000_000)]
     chunks: Annotated[int, Field(ge=1, le=2000)]
-    reversals: Annotated[bool, formerly("flips")]
-    cached: Annotated[bool, formerly("kept")]
+    reversals: bool
+    cached: bool
     papers: Annotated[Names | None, Field(description="The papers to build; all if left out.")] = (
         None
     )
