@@ -19,7 +19,11 @@ class Bench:
 
     def __init__(self, task: str) -> None:
         table = ROOT / f"tests/golden/bench/{task}.csv"
-        self.results = Results.read(Task.read(ROOT / f"config/bench/{task}.yaml"), table)
+        self.results = Results.read(
+            Task.read(ROOT / f"config/bench/{task}.yaml"),
+            table,
+            ROOT / f"config/bench/tuned/{task}",
+        )
 
     def __call__(
         self, method: str, condition: str = "nominal", training: str = "", *, given: bool = False

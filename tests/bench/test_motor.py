@@ -13,8 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from reobserve.bench.task import Condition, Record, Task
+from reobserve.bench.task_tuning import _cost
 from reobserve.bench.tasks import motor
-from reobserve.bench.tuned_file import _cost
 from reobserve.core.errors import InputError
 
 FILE = Path(__file__).parents[2] / "config/bench/motor.yaml"

@@ -18,7 +18,8 @@ from .toy import method, stated, write
 def cell(condition: str, method: str, training: str = "nominal", **keys: Any) -> dict[str, Any]:
     return {
         "condition": condition, "method": method, "training": training, "given_noise": "no",
-        "seeds": 16.0, "error": 0.2, "low": 0.1, "high": 0.3, "ratio": 1.0, "ratio_low": 1.0,
+        "seeds": 16.0, "error": 0.2, "low": 0.1, "high": 0.3, "first": keys.get("error", 0.2),
+        "ratio": 1.0, "ratio_low": 1.0,
         "ratio_high": 1.0, "within": "yes", "failed": 0.0, "lag": 0.012, "quantile": 0.5,
         "repeat_low": 0.1, "repeat_high": 0.3, **keys,
     }  # fmt: skip
@@ -44,13 +45,18 @@ def results(tmp_path: Path) -> Results:
         cell("high", "share", error=0.15),
         cell("wrong", "share", error=0.85),
     ]
-    checkpoints = [
-        {"method": name, "repeat": repeat, "evaluations": count, "error": error}
-        for name in ("share", "reported")
-        for repeat, errors in enumerate([(0.5, 0.3, 0.2), (0.4, 0.21, 0.2), (0.6, 0.2, 0.2)])
-        for count, error in zip((10.0, 25.0, 40.0), errors, strict=True)
+    repeats = [
+        Repeat(
+            {"share": 1.0},
+            0.0,
+            {"share": "high"},
+            dict(zip(("10", "25", "40"), errors, strict=True)),
+        )
+        for errors in ((0.5, 0.3, 0.2), (0.4, 0.21, 0.2), (0.6, 0.2, 0.2))
     ]
-    return Results(Task.read(write(tmp_path, tree)), cells, checkpoints)
+    tuned = TunedMethod({"nominal": TunedOn("", repeats)}, Cost(1.5, 0.25))
+    task = Task.read(write(tmp_path, tree))
+    return Results(task, cells, {"share": tuned, "reported": tuned})
 
 
 def test_the_heat_map_has_a_cell_for_each_number(results: Results) -> None:
@@ -96,9 +102,7 @@ def test_errors_over_evaluations_are_medians_of_repeats(results: Results) -> Non
 
 
 def test_the_table_says_what_a_method_needs_and_costs(results: Results) -> None:
-    one = Repeat({"share": 1.0}, 0.0, {"share": "high"}, {})
-    kept = TunedMethod({"nominal": TunedOn("", [one])}, Cost(1.5, 0.25))
-    lines = summary(results, {"share": kept, "reported": kept}).splitlines()
+    lines = summary(results).splitlines()
     assert lines[4] == (
         "| Share | k | g | 1 | 25 | 0.250 [0.100 0.300] | **0.750** [0.100 0.300] | 12 ms | 0.50 "
         "| 0.25 µs, 1.5 ms | share (high) |"
@@ -107,5 +111,5 @@ def test_the_table_says_what_a_method_needs_and_costs(results: Results) -> None:
     assert "**0.450** [0.100 0.300]" in lines[7]
     assert "| lag | 95 % | cost |" in lines[2]
     results.task.module.COLUMNS = ("delay", "false alarms")  # type: ignore[attr-defined]
-    head = summary(results, {"share": kept, "reported": kept}).splitlines()[2]
+    head = summary(results).splitlines()[2]
     assert "| delay | false alarms | cost |" in head

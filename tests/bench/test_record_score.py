@@ -22,14 +22,17 @@ def wave(delay: float = 0.0) -> Array:
 
 
 def test_zero_earns_one_and_the_truth_nothing() -> None:
-    assert score(0.0 * wave(), record(wave()), 0.0).error == pytest.approx(1.0, abs=1e-12)
-    exact = score(wave(), record(wave()), 0.0)
+    assert score(lambda _: 0.0 * wave(), record(wave()), 0.0).error == pytest.approx(1.0, abs=1e-12)
+    exact = score(lambda _: wave(), record(wave()), 0.0)
     assert (exact.error, exact.lag, exact.quantile) == (0.0, 0.0, 0.0)
-    assert score(-99.0 * wave(), record(wave()), 0.0).error == WORST
+    short = score(lambda _: 0.3 * wave(), record(wave()), 0.0, details=False)
+    assert (short.error, np.isnan(short.lag)) == (pytest.approx(0.7), True)
+    assert score(lambda _: np.nan * wave(), record(wave()), 0.0).failed
+    assert score(lambda _: -99.0 * wave(), record(wave()), 0.0).error == WORST
 
 
 def test_a_share_of_the_truth_is_the_error() -> None:
-    found = score(0.8 * wave(), record(wave()), 3.0)
+    found = score(lambda _: 0.8 * wave(), record(wave()), 3.0)
     assert found.error == pytest.approx(0.2, rel=1e-12)
     late = TIME >= 3.0
     norm = np.linalg.norm(wave()[late], axis=1)
@@ -39,7 +42,7 @@ def test_a_share_of_the_truth_is_the_error() -> None:
 
 @pytest.mark.parametrize("delay", [0.01, 0.037, 0.12])
 def test_a_delay_is_the_lag(delay: float) -> None:
-    found = score(wave(delay), record(wave()), 1.0)
+    found = score(lambda _: wave(delay), record(wave()), 1.0)
     assert found.lag == pytest.approx(delay, abs=2e-4)
     # |sin(2 (t - d)) - sin(2 t)| has the rms sqrt 2 |sin d|, |cos 3 ..| that of sqrt 2 |sin 1.5 d|
     expected = np.sqrt(2.0 * (np.sin(delay) ** 2 + np.sin(1.5 * delay) ** 2))

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from reobserve.bench.scoring import Row, Scorer, moved, score_task
-from reobserve.bench.table import Results, write_cells, write_checkpoints, write_scores
+from reobserve.bench.table import Results, write_cells, write_scores
 from reobserve.bench.task import Task
-from reobserve.bench.tuned_file import TunedMethod, objective, read_tuned, tune_method
+from reobserve.bench.task_tuning import objective, tune_method
+from reobserve.bench.tuned_file import TunedMethod, read_tuned
 from reobserve.core.errors import InputError
 
 from .toy import method, stated, toy, write
@@ -53,15 +54,17 @@ def test_a_tuning_is_on_its_own_records_and_stored_with_its_objective(tmp_path: 
             logs = [math.log(error(one.settings["share"], deviation, seed)) for seed in seeds]
             assert one.objective == pytest.approx(np.mean(logs), abs=1e-9)
             assert objective(task, "share", name, k, one.settings) == one.objective
-            assert list(one.after) == ["10", "25", "40"]
-            assert one.after["40"] == one.settings
+            held_out = [error(one.settings["share"], deviation, 1001 + j) for j in range(16)]
+            assert list(one.held_out) == ["10", "25", "40"]
+            assert one.error == one.held_out["40"]
+            assert one.error == pytest.approx(np.exp(np.mean(np.log(held_out))), rel=1e-5)
     assert len(tuned["share"].training["nominal"].repeats) == 3
 
 
 def test_cells_are_geometric_means_with_the_median_repeat(tmp_path: Path) -> None:
     task = toy(tmp_path)
     tuned = kept(task, tmp_path / "tuned")
-    cells, checkpoints = score_task(task, tuned)
+    cells = score_task(task, tuned)
     found = {(c.condition, c.row.method, c.row.training, c.row.given): c for c in cells}
     assert {key for key in found if key[0] == "noise"} == {
         ("noise", "share", "nominal", False), ("noise", "share", "noise", False),
@@ -77,7 +80,8 @@ def test_cells_are_geometric_means_with_the_median_repeat(tmp_path: Path) -> Non
     by_repeat = sorted((mean(share, 0.1, 16), share) for share in shares)
     cell = found["nominal", "share", "nominal", False]
     assert cell.row.settings == (("share", by_repeat[1][1]),)
-    assert cell.repeats == pytest.approx((by_repeat[0][0], by_repeat[2][0]))
+    assert cell.first == pytest.approx(by_repeat[1][0])
+    assert cell.repeats == pytest.approx((by_repeat[0][0], by_repeat[2][0]), rel=1e-5)
     assert cell.error[0] == pytest.approx(mean(by_repeat[1][1], 0.1, len(cell.scores)))
     trust = dict(found["noise", "reported", "nominal", True].row.settings)["trust"]
     for given, reported in ((False, 0.1), (True, 0.5)):
@@ -96,8 +100,6 @@ def test_cells_are_geometric_means_with_the_median_repeat(tmp_path: Path) -> Non
             assert decided or len(c.scores) == 64
     # What is in no table is not drawn on.
     assert {len(c.scores) for c in cells if c.condition == "high"} == {16}
-    final = [one for one in checkpoints if one.method == "share" and one.evaluations == 40]
-    assert sorted(one.error for one in final) == pytest.approx([one[0] for one in by_repeat])
 
 
 def test_a_comparison_ends_when_it_is_decided(tmp_path: Path) -> None:
@@ -154,12 +156,11 @@ def test_settings_that_moved_are_found(tmp_path: Path) -> None:
 
 def test_files_of_results_are_read_back(tmp_path: Path) -> None:
     task = toy(tmp_path)
-    cells, checkpoints = score_task(task, kept(task, tmp_path / "tuned"))
-    paths = [tmp_path / f"{name}.csv" for name in ("scores", "table", "evaluations")]
+    cells = score_task(task, kept(task, tmp_path / "tuned"))
+    paths = [tmp_path / f"{name}.csv" for name in ("scores", "table")]
     write_scores(task, cells, paths[0])
     write_cells(cells, paths[1])
-    write_checkpoints(checkpoints, paths[2])
-    results = Results.read(task, paths[1], paths[2])
+    results = Results.read(task, paths[1], tmp_path / "tuned")
     for cell in cells:
         row = results.cell(cell.condition, cell.row.method, cell.row.training, cell.row.given)
         assert row is not None
@@ -169,11 +170,10 @@ def test_files_of_results_are_read_back(tmp_path: Path) -> None:
         assert len(list(csv.DictReader(stream))) == sum(len(cell.scores) for cell in cells)
     assert [row[0] for row in results.rows()] == ["L", "L", "L, given R"]
     assert len(results.evaluations_needed("share")) == 3
-    made = [
-        {"method": "share", "repeat": 0.0, "evaluations": n, "error": e}
-        for n, e in ((10.0, 0.104), (25.0, 0.106), (50.0, 0.104), (100.0, 0.1))
-    ]
-    assert replace(results, checkpoints=made).evaluations_needed("share") == [50]
+    for one in results.tuned["share"].training["nominal"].repeats:
+        one.held_out.clear()
+        one.held_out.update({"10": 0.104, "25": 0.106, "50": 0.104, "100": 0.1})
+    assert results.evaluations_needed("share") == [50, 50, 50]
 
 
 def test_settings_that_were_tuned_for_something_else_are_refused(tmp_path: Path) -> None:

@@ -10,15 +10,16 @@ from typing import Any
 import pytest
 
 from reobserve.bench.scoring import score_task
-from reobserve.bench.table import CELLS, Results, write_cells, write_checkpoints
+from reobserve.bench.table import CELLS, Results, write_cells
 from reobserve.bench.task import Task
-from reobserve.bench.tuned_file import objective, read_tuned, tune_once
+from reobserve.bench.task_tuning import objective, tune_once
+from reobserve.bench.tuned_file import read_tuned
 from reobserve.core.files import read_table
 
 ROOT = Path(__file__).parents[2]
 TASKS = sorted(path.stem for path in (ROOT / "config/bench").glob("*.yaml"))
 GOLDEN = ROOT / "tests/golden/bench"
-_NUMBERS = ("error", "low", "high", "ratio", "ratio_low", "ratio_high", "lag", "quantile")
+_NUMBERS = ("error", "low", "high", "first", "ratio", "ratio_low", "ratio_high", "lag", "quantile")
 
 
 @cache
@@ -47,10 +48,8 @@ def scored(tmp_path_factory: pytest.TempPathFactory) -> Any:
     @cache
     def of(name: str) -> Results:
         folder = tmp_path_factory.mktemp(name)
-        cells, checkpoints = score_task(task(name), tuned(name))
-        write_cells(cells, folder / "table.csv")
-        write_checkpoints(checkpoints, folder / "evaluations.csv")
-        return Results.read(task(name), folder / "table.csv", folder / "evaluations.csv")
+        write_cells(score_task(task(name), tuned(name)), folder / "table.csv")
+        return Results.read(task(name), folder / "table.csv", ROOT / "config/bench/tuned" / name)
 
     return of
 
@@ -68,6 +67,18 @@ def test_the_comparison_is_the_golden_one(name: str, scored: Any) -> None:
             assert one[key] == pytest.approx(float(kept[key] or "nan"), rel=1e-4, nan_ok=True), (
                 *place, key,
             )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_stored_held_out_errors_are_those_of_the_comparison(name: str, scored: Any) -> None:
+    for method, stored in tuned(name).items():
+        for training, one in stored.training.items():
+            conditions = task(name).training[training].conditions
+            if len(conditions) == 1:
+                given = task(name).methods[method].given_noise and training != task(name).main
+                cell = scored(name).cell(conditions[0], method, training, given)
+                median = sorted(repeat.error for repeat in one.repeats)[len(one.repeats) // 2]
+                assert cell["first"] == pytest.approx(median, rel=1e-5), (method, training)
 
 
 def error(results: Results, condition: str, method: str, training: str, given: bool) -> float:

@@ -34,8 +34,7 @@ rule bench_scores:
     output:
         "results/bench/{task}/scores.csv",
         report("results/bench/{task}/table.csv", caption="../report/bench/table.rst", category="bench",
-               subcategory="{task}", labels={"figure": "{task}", "what": "table"}),
-        "results/bench/{task}/evaluations.csv"
+               subcategory="{task}", labels={"figure": "{task}", "what": "table"})
     log: "logs/bench/{task}/scores.log"
     benchmark: "logs/bench/{task}/scores.tsv"
     conda: "../envs/reobserve.yaml"
@@ -46,7 +45,7 @@ rule bench_scores:
         " --outputs {output}) &> {log}"
 
 rule bench_figures:
-    input: task="config/bench/{task}.yaml", **{name: f"results/bench/{{task}}/{name}.csv" for name in ("table", "evaluations")}
+    input: task="config/bench/{task}.yaml", table="results/bench/{task}/table.csv", tuned=tuned_in("config/bench/tuned/{task}/{method}.json")
     output:
         *[report(f"results/bench/{{task}}/{name}.{FORMATS[0]}", caption=f"../report/bench/{name}.rst", category="bench",
                  subcategory="{task}", labels={"figure": "{task}", "what": name}) for name in ("heatmap", "levels", "evaluations")],
@@ -59,7 +58,7 @@ rule bench_figures:
         style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE], options=" ".join(["--style", *STYLE])
     message: "bench, {wildcards.task}: plot"
     shell:
-        "(set -x; reobserve bench plot {input.task} --table {input.table} --evaluations {input.evaluations}"
+        "(set -x; reobserve bench plot {input.task} --table {input.table} --tuned config/bench/tuned/{wildcards.task}"
         " {params.options} --outputs {output}) &> {log}"
 
 use rule bench_figures as bench_detection with:
@@ -73,7 +72,7 @@ use rule bench_figures as bench_detection with:
 rule bench_table:
     input:
         [f"config/bench/tuned/{task}/{method}.json" for task in TASKS for method in methods_of(task)],
-        expand("results/bench/{task}/{name}.csv", task=TASKS, name=["table", "evaluations"])
+        expand("results/bench/{task}/table.csv", task=TASKS)
     output: "results/bench/table.md"
     log: "logs/bench/table.log"
     conda: "../envs/reobserve.yaml"

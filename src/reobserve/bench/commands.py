@@ -13,7 +13,7 @@ from reobserve.core.files import write_text
 
 def tune_command(task_file: Path, method: str, output: Path) -> None:
     """Tune a method on all training sets of a task, and write its settings."""
-    from reobserve.bench.tuned_file import tune_method
+    from reobserve.bench.task_tuning import tune_method
 
     task = Task.read(task_file)
     if method not in task.methods:
@@ -22,17 +22,16 @@ def tune_command(task_file: Path, method: str, output: Path) -> None:
 
 
 def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None:
-    """Score tuned methods on held-out records; outputs are scores, table and evaluations."""
+    """Score tuned methods on held-out records; outputs are scores and table."""
     from reobserve.bench.scoring import score_task
-    from reobserve.bench.table import write_cells, write_checkpoints, write_scores
+    from reobserve.bench.table import write_cells, write_scores
     from reobserve.bench.tuned_file import read_tuned
 
     task = Task.read(task_file)
-    cells, checkpoints = score_task(task, read_tuned(task, tuned))
-    scores, table, evaluations = outputs
+    cells = score_task(task, read_tuned(task, tuned))
+    scores, table = outputs
     write_scores(task, cells, scores)
     write_cells(cells, table)
-    write_checkpoints(checkpoints, evaluations)
 
 
 def moved_command(task_file: Path, cached: Path, again: Path, output: Path) -> None:
@@ -53,7 +52,7 @@ def moved_command(task_file: Path, cached: Path, again: Path, output: Path) -> N
 
 
 def plot_command(
-    task_file: Path, table: Path, evaluations: Path, outputs: Sequence[Path], style: Path | None
+    task_file: Path, table: Path, tuned: Path, outputs: Sequence[Path], style: Path | None
 ) -> None:
     """Draw the figures of a task; the name of an output, without its suffix, says which."""
     from reobserve.bench.plot import FIGURES
@@ -63,7 +62,7 @@ def plot_command(
     from reobserve.plotting.look import use_sheet
 
     use_sheet(style)
-    results = Results.read(Task.read(task_file), table, evaluations)
+    results = Results.read(Task.read(task_file), table, tuned)
     for name in dict.fromkeys(output.stem for output in outputs):
         if name not in FIGURES:
             raise InputError("--outputs", f"there is no figure {name!r}{nearest(name, FIGURES)}")
@@ -77,13 +76,11 @@ def plot_command(
 def table_command(folders: Sequence[Path], tasks: Path, tuned: Path, output: Path) -> None:
     """Write the table of all methods in Markdown, from folders of results named like tasks."""
     from reobserve.bench.table import Results, summary
-    from reobserve.bench.tuned_file import read_tuned
 
     parts = []
     for folder in folders:
         task = Task.read(tasks / f"{folder.name}.yaml")
-        results = Results.read(task, folder / "table.csv", folder / "evaluations.csv")
-        parts.append(summary(results, read_tuned(task, tuned / folder.name)))
+        parts.append(summary(Results.read(task, folder / "table.csv", tuned / folder.name)))
     write_text(output, "\n".join(parts))
 
 

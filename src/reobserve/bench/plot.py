@@ -62,7 +62,8 @@ def heat_map(results: Results) -> PaperFigure:
 def levels(results: Results) -> PaperFigure:
     """Errors over noise, over model error and over keys of the plant that conditions change.
 
-    Lines: frozen settings; crosses: given the noise; rings: tuned again.
+    All on the same held-out seeds. Lines: frozen settings; crosses: given the noise; rings: tuned
+    again.
     """
     axes_of = _axes(results.task)
     panels = {label: sorted(found) for label, found in axes_of.items() if found[1:]} or axes_of
@@ -125,7 +126,7 @@ def _levels(
             for place, condition in places
             if not training or condition in training
         ]
-        found = [(place, cell["error"]) for place, cell in cells if cell is not None]
+        found = [(place, cell["first"]) for place, cell in cells if cell is not None]
         if found:
             x, y = zip(*found, strict=True)
             axes.plot(x, y, color=style.color, label=label, markersize=look.mark(4.5), **look_of)
@@ -137,12 +138,12 @@ def evaluations(results: Results) -> PaperFigure:
     figure = blank(2.6)
     axes = figure.subplots()
     for name, style in zip(task.shown, STYLES, strict=False):
-        points = [one for one in results.checkpoints if one["method"] == name]
-        counts = sorted({one["evaluations"] for one in points})
-        errors = [median(o["error"] for o in points if o["evaluations"] == n) for n in counts]
+        repeats = results.held_out(name)
+        counts = list(repeats[0])
+        errors = [median(one[n] for one in repeats) for n in counts]
         axes.plot(counts, errors, label=task.methods[name].label, **style.points())
     axes.set_xscale("log")
-    few_ticks(axes, sorted({one["evaluations"] for one in results.checkpoints}))
+    few_ticks(axes, counts)
     axes.set_xlabel("evaluations")
     axes.set_ylabel("held-out error")
     axes.legend(ncols=2)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -27,19 +26,23 @@ class Score:
     failed: bool = False
 
 
-def score(estimate: Array, record: Record, since: float, *, with_lag: bool = True) -> Score:
-    """The score of an estimate in the shape of ``record.truth``, from ``since`` [s] on.
+def score(run: Runner, record: Record, since: float, *, details: bool = True) -> Score:
+    """Compare an estimate with ``record.truth``, of the same shape, from ``since`` [s] on.
 
-    The lag takes as long as many methods; tuning leaves it out.
+    Without ``details`` there is only the error: the lag takes as long as many methods.
     """
+    estimate = run(record)
+    if not np.isfinite(estimate).all():
+        return Score(np.nan, failed=True)
     first = int(np.searchsorted(record.time, since - 1e-9))
     wrong = np.linalg.norm(estimate - record.truth, axis=1)[first:]
     power = float((record.truth[first:] ** 2).sum())
-    error = np.sqrt(float((wrong**2).sum()) / power)
+    error = min(np.sqrt(float((wrong**2).sum()) / power), WORST)
+    if not details:
+        return Score(float(error))
     rms = np.sqrt(power / len(wrong))
-    lag = _lag(estimate, record.truth, first) if with_lag else np.nan
-    step = float(record.time[1] - record.time[0])
-    return Score(min(float(error), WORST), lag * step, float(np.quantile(wrong, 0.95) / rms))
+    lag = _lag(estimate, record.truth, first) * float(record.time[1] - record.time[0])
+    return Score(float(error), lag, float(np.quantile(wrong, 0.95) / rms))
 
 
 def _lag(estimate: Array, truth: Array, first: int) -> float:
@@ -47,7 +50,8 @@ def _lag(estimate: Array, truth: Array, first: int) -> float:
 
     def misfit(shift: int) -> float:
         late = truth[max(first - shift, 0) : len(truth) - shift]
-        return float(np.mean((estimate[len(estimate) - len(late) :] - late) ** 2))
+        off = (estimate[len(estimate) - len(late) :] - late).ravel()
+        return float(off @ off) / len(off)
 
     shift, before, here, after = 0, np.inf, misfit(0), misfit(1)
     while after < here and shift < len(truth) // 4:
@@ -59,11 +63,7 @@ def _lag(estimate: Array, truth: Array, first: int) -> float:
     return shift + 0.5 * (before - after) / (before - 2 * here + after)
 
 
-def score_of(task: Task, run: Runner, record: Record, *, with_lag: bool = True) -> Score:
-    """The score of a run, by the task's own ``score`` if it has one."""
-    estimate = run(record)
-    if not np.isfinite(estimate).all():
-        return Score(np.nan, failed=True)
-    default = partial(score, with_lag=with_lag)
-    scored: Callable[..., Score] = getattr(task.module, "score", default)
-    return scored(estimate, record, task.scored_from)
+def score_of(task: Task, run: Runner, record: Record, *, details: bool = True) -> Score:
+    """The score of a method on a record, by the task's own ``score`` if it has one."""
+    scored: Callable[..., Score] = getattr(task.module, "score", score)
+    return scored(run, record, task.scored_from, details=details)

@@ -35,19 +35,26 @@ class Row:
     settings: tuple[tuple[str, float], ...]
     given: bool = False
 
+    @classmethod
+    def of(cls, method: str, training: str, settings: Settings, *, given: bool = False) -> Row:
+        """A row with these settings."""
+        return cls(method, training, tuple(settings.items()), given)
+
 
 @dataclass(frozen=True)
 class Cell:
     """A row in a condition: geometric means over seeds, and the ratio to the best of the tuned.
 
-    ``error`` and ``ratio`` are (value, low, high) with the ends of intervals of 95 %; ``repeats``
-    are the least and the greatest error of the repeats of a tuning, where it was tuned for this.
+    ``error`` and ``ratio`` are (value, low, high) with the ends of intervals of 95 %; ``first`` is
+    the error on the first held-out seeds, which all conditions share; ``repeats`` are the smallest
+    and the largest error of the repeats of a tuning, where it was tuned for this.
     """
 
     row: Row
     condition: str
     scores: tuple[Score, ...]
     error: tuple[float, float, float]
+    first: float
     ratio: tuple[float, float, float]
     repeats: tuple[float, float] | None = None
 
@@ -56,16 +63,6 @@ class Cell:
         """Whether it is within 5 % of the best: yes, no or undecided."""
         _, low, high = self.ratio
         return "yes" if high <= 1 + DECIDED else "no" if low > 1 + DECIDED else "undecided"
-
-
-@dataclass(frozen=True)
-class Checkpoint:
-    """The held-out error of the best settings after so many evaluations of a repeat."""
-
-    method: str
-    repeat: int
-    evaluations: int
-    error: float
 
 
 class Scorer:
@@ -79,22 +76,26 @@ class Scorer:
             cache(self._one),
         )
 
-    def scores(self, row: Row, condition: str, count: int) -> tuple[Score, ...]:
-        """On the first so many held-out seeds.
+    def scores(
+        self, row: Row, condition: str, count: int, *, details: bool = True
+    ) -> tuple[Score, ...]:
+        """On the first so many held-out seeds, perhaps without lag and quantile.
 
         Raises
         ------
         InputError
             If a run fails in a condition in which the task file does not say that it may.
         """
-        return tuple(self._score(row, condition, k) for k in self.task.held_out_seeds(count))
+        seeds = self.task.held_out_seeds(count)
+        return tuple(self._score(row, condition, seed, details) for seed in seeds)
 
     def _made(self, row: Row, condition: str) -> Runner:
         return self.task.make(row.method, dict(row.settings), condition, given=row.given)
 
-    def _one(self, row: Row, condition: str, seed: int) -> Score:
+    def _one(self, row: Row, condition: str, seed: int, details: bool) -> Score:
+        run, record = self._run, self._record
         try:
-            one = score_of(self.task, self._run(row, condition), self._record(condition, seed))
+            one = score_of(self.task, run(row, condition), record(condition, seed), details=details)
             why = "an estimate is not finite"
         except FAILURES as error:
             one, why = Score(np.nan, failed=True), one_line(error)
@@ -107,7 +108,9 @@ class Scorer:
     def mean(self, row: Row, conditions: Iterable[str]) -> float:
         """The geometric mean of the error over conditions and the first held-out seeds."""
         step = self.task.seeds.step
-        errors = [one.error for each in conditions for one in self.scores(row, each, step)]
+        errors = [
+            one.error for each in conditions for one in self.scores(row, each, step, details=False)
+        ]
         return float(np.exp(np.mean(np.log(errors))))
 
     def compared(self, rows: Sequence[Row], condition: str) -> list[Cell]:
@@ -123,7 +126,9 @@ class Scorer:
             if all(_is_decided(ratios[k]) for k in tuned):
                 break
         return [
-            Cell(row, condition, each, interval(log), ratio)
+            Cell(
+                row, condition, each, interval(log), float(np.exp(log[: seeds.step].mean())), ratio
+            )
             for row, each, log, ratio in zip(rows, scores, logs, ratios, strict=True)
         ]
 
@@ -146,11 +151,10 @@ def _resampled(count: int) -> NDArray[np.int64]:
     return stream.integers(0, count, (_RESAMPLES, count))
 
 
-def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> tuple[list[Cell], list[Checkpoint]]:
-    """All cells of a task, by condition, and the errors over evaluations.
+def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:
+    """All cells of a task, by condition.
 
-    Of the repeats of a tuning the one with the median error, in the conditions that it was tuned
-    for, stands for all.
+    Of the repeats of a tuning the one with the median held-out error stands for all.
 
     Raises
     ------
@@ -160,38 +164,29 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> tuple[list[Cell]
     scorer, main = Scorer(task), task.main
     rows: dict[str, list[Row]] = {name: [] for name in task.conditions}
     spread: dict[tuple[Row, str], tuple[float, float]] = {}
-    checkpoints = []
     for method, stated in task.methods.items():
         for name, training in task.training.items():
             repeats = tuned[method].training[name].repeats
             given = stated.given_noise and name != main  # as in its training
-            each = [Row(method, name, _key(one.settings), given) for one in repeats]
-            errors = [scorer.mean(row, training.conditions) for row in each]
-            row = each[int(np.argsort(errors)[len(errors) // 2])]
+            median = sorted(repeats, key=lambda one: one.error)[len(repeats) // 2]
+            row = Row.of(method, name, median.settings, given=given)
             scored = [*training.conditions, *training.scored]
             for condition in task.conditions if name == main else scored:
                 rows[condition].append(row)
                 if name == main and stated.given_noise and task.conditions[condition].noise != 1:
                     rows[condition].append(replace(row, given=True))
-            for condition in training.conditions:
-                found = [scorer.mean(row, [condition]) for row in each]
-                spread[row, condition] = (min(found), max(found))
-            if name == main:
-                for k, one in enumerate(repeats):
-                    for count, settings in one.after.items():
-                        label = name if settings == one.settings else EARLY
-                        error = scorer.mean(Row(method, label, _key(settings)), training.conditions)
-                        checkpoints.append(Checkpoint(method, k, int(count), error))
+            if repeats[1:] and len(training.conditions) == 1:
+                errors = [one.error for one in repeats]
+                spread[row, training.conditions[0]] = (min(errors), max(errors))
         if stated.paper is not None:
             for condition in task.table:
-                rows[condition].append(Row(method, PAPER, _key(stated.paper.settings)))
-    cells = [
+                rows[condition].append(Row.of(method, PAPER, stated.paper.settings))
+    return [
         replace(cell, repeats=spread.get((cell.row, name)))
         for name, listed in rows.items()
         if listed
         for cell in scorer.compared(listed, name)
     ]
-    return cells, checkpoints
 
 
 @dataclass(frozen=True)
@@ -223,7 +218,7 @@ def moved(
             old, new = (
                 np.mean([
                     [np.log(score.error) for score in scorer.scores(
-                        Row(method, task.main, _key(one.settings)), condition, task.seeds.step
+                        Row.of(method, task.main, one.settings), condition, task.seeds.step
                     )]
                     for one in tuned[method].training[task.main].repeats
                 ], axis=0)
@@ -231,7 +226,3 @@ def moved(
             )  # fmt: skip
             found.append(Moved(method, condition, *interval(new - old)))
     return found
-
-
-def _key(settings: Settings) -> tuple[tuple[str, float], ...]:
-    return tuple(settings.items())

@@ -1,4 +1,4 @@
-"""Tables of the bench: files of scores, of comparisons, of errors over evaluations; the summary."""
+"""Tables of the bench: files of scores and of comparisons, and the summary."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.bench.scoring import DECIDED, PAPER, Cell, Checkpoint
+from reobserve.bench.scoring import DECIDED, PAPER, Cell
 from reobserve.bench.task import Task
-from reobserve.bench.tuned_file import TunedMethod
+from reobserve.bench.tuned_file import TunedMethod, read_tuned
 from reobserve.core.files import read_table, write_table
 
 _ROW = ("condition", "method", "training", "given_noise")
 SCORES = (*_ROW, "seed", "error", "lag", "quantile", "failed")
 CELLS = (
-    *_ROW, "seeds", "error", "low", "high", "ratio", "ratio_low", "ratio_high", "within", "failed",
-    "lag", "quantile", "repeat_low", "repeat_high",
+    *_ROW, "seeds", "error", "low", "high", "first", "ratio", "ratio_low", "ratio_high", "within",
+    "failed", "lag", "quantile", "repeat_low", "repeat_high",
 )  # fmt: skip
-CHECKPOINTS = ("method", "repeat", "evaluations", "error")
 
 
 def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
@@ -46,11 +45,6 @@ def write_cells(cells: Iterable[Cell], path: Path) -> None:
     write_table(path, map(_cell, cells), CELLS)
 
 
-def write_checkpoints(found: Iterable[Checkpoint], path: Path) -> None:
-    """Write the held-out errors over evaluations."""
-    write_table(path, map(vars, found), CHECKPOINTS)
-
-
 def _row(cell: Cell) -> dict[str, Any]:
     row = cell.row
     return {
@@ -66,6 +60,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         **_row(cell),
         "seeds": len(cell.scores),
         **dict(zip(("error", "low", "high"), cell.error, strict=True)),
+        "first": cell.first,
         **dict(zip(("ratio", "ratio_low", "ratio_high"), cell.ratio, strict=True)),
         "within": cell.within,
         "failed": 1.0 - len(ended) / len(cell.scores),
@@ -81,25 +76,21 @@ def _said(value: bool) -> str:
 
 @dataclass(frozen=True)
 class Results:
-    """A task with its cells and checkpoints as the files have them, numbers as numbers."""
+    """A task with its cells as the file has them, numbers as numbers, and its tuned methods."""
 
     task: Task
     cells: Sequence[Mapping[str, Any]]
-    checkpoints: Sequence[Mapping[str, Any]]
+    tuned: Mapping[str, TunedMethod]
 
     @classmethod
-    def read(cls, task: Task, table: Path, evaluations: Path | None = None) -> Results:
-        """Read the files; `InputError` if one is missing or damaged."""
+    def read(cls, task: Task, table: Path, tuned: Path) -> Results:
+        """Read the table and a folder of settings; `InputError` if one is missing or damaged."""
         words = {*_ROW, "within"}
         cells = [
             {key: text if key in words else float(text or "nan") for key, text in row.items()}
             for row in read_table(table, CELLS, key=_ROW)
         ]
-        points = [
-            {key: text if key == "method" else float(text) for key, text in row.items()}
-            for row in (read_table(evaluations, CHECKPOINTS) if evaluations else ())
-        ]
-        return cls(task, cells, points)
+        return cls(task, cells, read_tuned(task, tuned))
 
     def cell(
         self, condition: str, method: str, training: str = "", given: bool = False
@@ -120,18 +111,22 @@ class Results:
                 found.append((f"{method.label}, the paper's settings", name, PAPER, False))
         return found
 
+    def held_out(self, method: str) -> list[dict[int, float]]:
+        """For each repeat of the main training set the held-out errors over evaluations."""
+        repeats = self.tuned[method].training[self.task.main].repeats
+        return [{int(n): error for n, error in one.held_out.items()} for one in repeats]
+
     def evaluations_needed(self, method: str) -> list[int]:
         """For each repeat the evaluations after which the error stays within 5 % of the final."""
         found = []
-        points = [one for one in self.checkpoints if one["method"] == method]
-        for repeat in sorted({one["repeat"] for one in points}):
-            mine = sorted((o["evaluations"], o["error"]) for o in points if o["repeat"] == repeat)
-            late = [n for n, error in mine if error > (1 + DECIDED) * mine[-1][1]]
-            found.append(int(next(n for n, _ in mine if not late or n > late[-1])))
+        for errors in self.held_out(method):
+            final = list(errors.values())[-1]
+            late = max((n for n, one in errors.items() if one > (1 + DECIDED) * final), default=0)
+            found.append(next(n for n in errors if n > late))
         return found
 
 
-def summary(results: Results, tuned: Mapping[str, TunedMethod]) -> str:
+def summary(results: Results) -> str:
     """The table of a task in Markdown: what a method needs, guarantees, costs and reaches."""
     task = results.task
     titles = [task.conditions[one].title for one in task.table]
@@ -141,7 +136,7 @@ def summary(results: Results, tuned: Mapping[str, TunedMethod]) -> str:
     for label, name, training, given in results.rows():
         method, first = task.methods[name], results.cell(task.table[0], name, training)
         cells = [results.cell(one, name, training, given) for one in task.table]
-        tuning, cost = tuned[name].training[task.main], tuned[name].cost
+        tuning, cost = results.tuned[name].training[task.main], results.tuned[name].cost
         edges = sorted(
             {f"{key} ({end})" for one in tuning.repeats for key, end in one.edges.items()}
         )

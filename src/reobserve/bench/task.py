@@ -14,9 +14,8 @@ It is a function that takes a record and returns an estimate in the shape of ``t
 ``Plant`` has a field ``noise``. A task whose estimates have no such error has a function ``score``
 with the arguments and the result of `reobserve.bench.record_score.score`: a detector, say, whose
 estimate is an alarm. Its error, too, must be 1 for a method without information. ``COLUMNS`` may
-then say what its lag and its quantile are in the table. A record with ``rows`` says of how many
-samples a method's cost is, if not of its own. A task whose designs are cached has a function
-``forget`` that clears them, for construction to be timed.
+then name its lag and its quantile in the table. A task whose designs or results are cached has a
+function ``forget`` that clears them, for methods to be timed.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ Array = NDArray[np.float64]
 Runner = Callable[["Record"], Array]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Record:
     """What a method reads, rows at the sampling period, and the truth that it estimates.
 

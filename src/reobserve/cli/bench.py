@@ -13,7 +13,7 @@ a task, by hand:
   reobserve bench tune config/bench/torque.yaml levant \\
       --output config/bench/tuned/torque/levant.json
   reobserve bench score config/bench/torque.yaml --tuned config/bench/tuned/torque \\
-      --outputs scores.csv table.csv evaluations.csv
+      --outputs scores.csv table.csv
 `snakemake bench` scores and plots all tasks, `snakemake bench_tune` tunes all methods again.
 """
 
@@ -41,10 +41,10 @@ def add_bench(commands: Any) -> None:
         commands, "score", "bench.commands:score_command", "score tuned methods on held-out records"
     )
     _task_file(score)
-    score.add_argument("--tuned", type=Path, required=True, help="a folder of tuned settings")
+    _tuned(score)
     score.add_argument(
-        "--outputs", type=Path, nargs=3, required=True, metavar=("SCORES", "TABLE", "EVALUATIONS"),
-        help="scores of each run, of each method in each condition, and over evaluations, CSV",
+        "--outputs", type=Path, nargs=2, required=True, metavar=("SCORES", "TABLE"),
+        help="scores of each run, and of each method in each condition, CSV",
     )  # fmt: skip
 
     moved = add_command(
@@ -63,9 +63,7 @@ def add_bench(commands: Any) -> None:
     )
     _task_file(plot)
     plot.add_argument("--table", type=Path, required=True, help="from `reobserve bench score`")
-    plot.add_argument(
-        "--evaluations", type=Path, required=True, help="from `reobserve bench score`"
-    )
+    _tuned(plot)
     plot.add_argument(
         "--outputs", type=Path, nargs="+", required=True,
         help=f"heatmap, levels or evaluations, in any of {', '.join(FORMATS)}",
@@ -93,6 +91,10 @@ def add_bench(commands: Any) -> None:
             help=f"{text} (default: {default})",
         )  # fmt: skip
     add_output(table, "the table, Markdown")
+
+
+def _tuned(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--tuned", type=Path, required=True, help="a folder of tuned settings")
 
 
 def _task_file(command: argparse.ArgumentParser) -> None:

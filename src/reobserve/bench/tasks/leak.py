@@ -3,12 +3,12 @@
 A random binary voltage moves the actuator of Gadsden et al. 2011, whose velocity is measured; an
 unmodelled voltage is added to it. At a random time its model goes a random share of the way from
 the normal to the leaking one. Each method makes of a record one number a sample, its statistic, and
-alarms where that exceeds a threshold. The threshold is not tuned: a share ``rate`` of healthy
-records may alarm (`reobserve.estimation.false_alarms`), in the condition of the record or, if it is
-``kept``, in the nominal one. An estimate has a column for the record and one for each healthy
-record that is run beside it: 1 where there is an alarm.
+alarms where that exceeds a threshold; its estimate is 1 there. The threshold is not tuned: a share
+``rate`` of healthy records may alarm (`reobserve.estimation.false_alarms`), in the condition of the
+record or, if it is ``kept``, in the nominal one.
 
-The error is the delay over one second. A miss, and an alarm before the leak, have 1.
+The error is the delay over one second. A miss, and an alarm before the leak, have 1. The share of
+false alarms is that of three other healthy records for each record with a leak.
 """
 
 from __future__ import annotations
@@ -69,95 +69,128 @@ class Plant:
     threshold: Literal["renewed", "kept"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run(Record):
-    """A record with its condition, and healthy ones of the same input."""
+    """A record with its condition, and healthy ones of the same plant and input."""
 
     level: Level
-    healthy: tuple[Record, ...]
-
-    @property
-    def rows(self) -> int:
-        """Of all of them."""
-        return len(self.time) * (1 + len(self.healthy))
+    healthy: Callable[[], list[Run]]
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Run:
     """A record; a wrong model has other coefficients, the same ones wrong in all modes."""
     level = condition.noise, condition.model, condition.period
-    record, *healthy = (_record(plant, level, seed, period, name) for name in (FAULTY, *HEALTHY))
-    return Run(**vars(record), level=level, healthy=tuple(healthy))
+    return _record(_without_threshold(plant), level, seed, period, FAULTY)
 
 
-def _record(plant: Plant, level: Level, seed: int, period: float, name: str) -> Record:
+def _without_threshold(plant: Plant) -> Plant:
+    """One for all thresholds: records and statistics do not depend on them."""
+    return replace(plant, rate=0.5, threshold="kept")
+
+
+@lru_cache(maxsize=1024)
+def _record(plant: Plant, level: Level, seed: int, period: float, name: str) -> Run:
     noise, wrong, every = level
-    draw, steps = random_stream(seed, "bench", "leak", "plant"), round(plant.horizon / period)
-    # On a row at twice the period, too.
-    onset = 2 * round(draw.uniform(*plant.onset) / (2 * period))
-    share = draw.uniform(*plant.share)
-    factors = 1.0 + wrong * np.sign(draw.uniform(-1.0, 1.0, (2, 4)))
-    stream = random_stream(seed, "bench", "leak", name)
-    bits = 2.0 * draw.integers(0, 2, steps) - 1.0
+    steps, stream = round(plant.horizon / period), random_stream(seed, "bench", "leak", name)
+    start, share, models, bits = _drawn(plant, wrong, seed, steps)
+    onset = 2 * round(start / (2 * period))  # on a row at twice the period, too
     control = plant.input * bits[np.arange(steps) // round(HOLD / period)]
     push = plant.disturbance * held_normal(stream, steps, round(DISTURBED / period))[0]
-    normal, faulty = (
-        ActuatorModel(*(np.array(one) * factors))
-        for one in (plant.normal, getattr(plant, plant.fault))
-    )
     mode = ((np.arange(steps) >= onset) & (name == FAULTY)).astype(np.int64)
-    velocity = move([normal, normal.blended(faulty, share)], mode, control + push, period)[:, 1:2]
+    velocity = move(models, mode, control + push, period)[:, 1:2]
     measured = velocity + noise * plant.noise * stream.standard_normal(velocity.shape)
     last = np.minimum(np.arange(steps + 1), steps - 1)
     columns = control[last, None], measured, share * mode[last, None]
     inputs, measurements, truth = (np.asarray(one[::every], np.float64) for one in columns)
-    return Record(period * np.arange(0.0, steps + 1.0, every), inputs, measurements, truth)
+    time, same = period * np.arange(0.0, steps + 1.0, every), (plant, level, seed, period)
+    return Run(
+        time, inputs, measurements, truth, level, lambda: [_record(*same, one) for one in HEALTHY]
+    )
 
 
-def score(estimate: Array, record: Record, since: float) -> Score:
-    """The delay, 1 for an alarm before the leak; ``quantile`` has the share of false alarms.
+@lru_cache(maxsize=8)
+def _drawn(
+    plant: Plant, wrong: float, seed: int, steps: int
+) -> tuple[float, float, list[ActuatorModel], Array]:
+    """Onset of the fault [s], its share, the normal and the faulty model, signs of the input."""
+    draw = random_stream(seed, "bench", "leak", "plant")
+    onset, share = draw.uniform(*plant.onset), draw.uniform(*plant.share)
+    factors = 1.0 + wrong * np.sign(draw.uniform(-1.0, 1.0, (2, 4)))
+    normal, other = (
+        ActuatorModel(*(np.array(one) * factors))
+        for one in (plant.normal, getattr(plant, plant.fault))
+    )
+    bits: Array = 2.0 * draw.integers(0, 2, steps) - 1.0
+    return onset, share, [normal, normal.blended(other, share)], bits
+
+
+def score(run: Runner, record: Run, since: float, *, details: bool = True) -> Score:
+    """The delay, 1 for an alarm before the leak; ``quantile`` is the share of false alarms.
 
     That is of the healthy records. ``lag`` is the delay in seconds, nan for an alarm before the
     leak. The row at which it begins does not show it yet.
     """
     rows = record.time >= since - 1e-9
     onset = record.time[np.argmax(record.truth[:, 0] > 0)]
-    times = record.time[(estimate[:, 0] > 0) & rows]
+    times = record.time[rows & run(record)[:, 0].astype(bool)]
     delay = min(float(times[0] - onset), CAP) if len(times) else CAP
-    early, false = delay < 1e-9, float((estimate[rows, 1:] > 0).any(axis=0).mean())
+    early = delay < 1e-9
+    healthy = record.healthy() if details else []
+    false = float(np.mean([run(one)[rows].any() for one in healthy])) if healthy else math.nan
     return Score(1.0 if early else delay / CAP, math.nan if early else delay, false)
 
 
 @lru_cache(maxsize=8)
-def _healthy(plant: Plant, level: Level, period: float) -> tuple[Record, ...]:
+def _healthy(plant: Plant, level: Level, period: float) -> tuple[Run, ...]:
     seeds = range(5001, 5001 + plant.healthy)
     return tuple(_record(plant, level, seed, period, HEALTHY[0]) for seed in seeds)
 
 
+# Of a detector: its function, the plant that it knows, settings, period and noise.
+_Known = tuple[Callable[..., Statistic], Plant, tuple[tuple[str, float], ...], float, float]
+
+
 @lru_cache(maxsize=512)
-def _greatest(
-    make: Callable[..., Statistic], plant: Plant, settings: tuple[tuple[str, float], ...],
-    period: float, noise: float, level: Level,
-) -> tuple[float, ...]:  # fmt: skip
+def _statistic(
+    make: Callable[..., Statistic],
+    plant: Plant,
+    settings: tuple[tuple[str, float], ...],
+    period: float,
+    noise: float,
+) -> Statistic:
+    return lru_cache(maxsize=1024)(make(plant, dict(settings), period, noise))
+
+
+@lru_cache(maxsize=512)
+def _largest(known: _Known, level: Level) -> tuple[float, ...]:
     """The largest statistics of healthy records in a condition."""
-    records = _healthy(plant, level, period / level[2])
-    statistic = make(plant, dict(settings), period, noise)
+    _, plant, _, period, _ = known
+    records, statistic = _healthy(plant, level, period / level[2]), _statistic(*known)
     return tuple(float(statistic(one).max()) for one in records)
+
+
+def forget() -> None:
+    """Clear the statistics of records, which are computed once for all thresholds."""
+    _statistic.cache_clear()
 
 
 def detector(
     make: Callable[..., Statistic], plant: Plant, s: Settings, period: float, noise: float
 ) -> Runner:
     """Alarms where the statistic exceeds the threshold."""
-    settings, statistic = tuple(s.items()), make(plant, s, period, noise)
-    bare = replace(plant, rate=0.5, threshold="kept")  # on these the statistic does not depend
+    # What it knows, and healthy records, depend neither on the fault nor on the threshold.
+    about = (
+        make,
+        replace(_without_threshold(plant), fault="leakage", share=(0.0, 1.0)),
+        tuple(s.items()),
+    )
 
     def run(record: Any) -> Array:
-        known = period, noise, record.level
-        if plant.threshold == "kept":
-            known = period / record.level[2], plant.noise, NOMINAL
-        limit = false_alarm_threshold(_greatest(make, bare, settings, *known), plant.rate)
-        each = [statistic(one) > limit for one in (record, *record.healthy)]
-        return np.column_stack(each).astype(np.float64)
+        known, level = (*about, period, noise), record.level
+        before = (*about, period / level[2], plant.noise), NOMINAL
+        largest = _largest(*before) if plant.threshold == "kept" else _largest(known, level)
+        alarms = _statistic(*known)(record) > false_alarm_threshold(largest, plant.rate)
+        return alarms.astype(np.float64)[:, None]
 
     return run
 
