@@ -88,7 +88,7 @@ def test_levels_are_lines_crosses_and_rings(results: Results) -> None:
         ("o", [1.0, 5.0], [0.25, 0.75]), ("o", [5.0], [0.65]),
         ("s", [1.0, 5.0], [0.2, 0.55]), ("x", [5.0], [0.45]), ("o", [5.0], [0.35]),
     ]  # fmt: skip
-    assert [text.get_text() for text in noise.get_legend().get_texts()] == [
+    assert [text.get_text() for text in noise.figure.legends[0].get_texts()] == [
         "Share", "Given", "the same, given the noise", "tuned again",
     ]  # fmt: skip
     assert model.lines[0].get_xydata().tolist() == [[0.0, 0.25], [10.0, 0.85]]

@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from reobserve.bench.scoring import score_task
-from reobserve.bench.table import CELLS, Results, write_cells
+from reobserve.bench.table import Results
 from reobserve.bench.task import Task
 from reobserve.bench.task_tuning import objective, tune_once
 from reobserve.bench.tuned_file import read_tuned
-from reobserve.core.files import read_table
+from reobserve.replication.golden.bench import built_table, compare_task
+from tests.pipeline.conftest import Project, as_built, built
+
+__all__ = ["as_built", "built"]
 
 ROOT = Path(__file__).parents[2]
 TASKS = sorted(path.stem for path in (ROOT / "config/bench").glob("*.yaml"))
-GOLDEN = ROOT / "tests/golden/bench"
-_NUMBERS = ("error", "low", "high", "first", "ratio", "ratio_low", "ratio_high", "lag", "quantile")
 
 
 @cache
@@ -42,31 +42,21 @@ def test_settings_have_the_objective_that_they_were_kept_with(name: str) -> None
 
 
 @pytest.fixture(scope="module")
-def scored(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Results of a task, computed once."""
+def scored(as_built: Project) -> Any:
+    """Results of a task, as built."""
 
     @cache
     def of(name: str) -> Results:
-        folder = tmp_path_factory.mktemp(name)
-        write_cells(score_task(task(name), tuned(name)), folder / "table.csv")
-        return Results.read(task(name), folder / "table.csv", ROOT / "config/bench/tuned" / name)
+        table = built_table(as_built.folder / "results", name)
+        return Results.read(task(name), table, ROOT / "config/bench/tuned" / name)
 
     return of
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_the_comparison_is_the_golden_one(name: str, scored: Any) -> None:
-    golden = read_table(GOLDEN / f"{name}.csv", CELLS, key=CELLS[:4])
-    found = scored(name).cells
-    assert len(found) == len(golden)
-    for one, kept in zip(found, golden, strict=True):
-        place = tuple(kept[key] for key in CELLS[:4])
-        assert tuple(one[key] for key in CELLS[:4]) == place
-        assert (one["seeds"], one["within"]) == (float(kept["seeds"]), kept["within"]), place
-        for key in _NUMBERS:
-            assert one[key] == pytest.approx(float(kept[key] or "nan"), rel=1e-4, nan_ok=True), (
-                *place, key,
-            )  # fmt: skip
+def test_the_comparison_is_the_golden_one(name: str, as_built: Project) -> None:
+    moved = compare_task(ROOT, as_built.folder / "results", name)
+    assert not moved, "\n".join(map(str, moved))
 
 
 @pytest.mark.parametrize("name", TASKS)

@@ -313,6 +313,7 @@ def test_a_divergent_observer_names_the_time(
 
 BAD_CALLS = {
     "papers=[ill]": "config.papers: there is no 'ill'; did you mean 'ilo'?",
+    "bench=[torqe]": "config.bench: there is no 'torqe'; did you mean 'torque'?",
     "ilo={observers: {continuous: {K1: 1.05, update_interval: 0.01}}}": (
         "ilo.observers.continuous.K1, K2: must give stable error dynamics, but K1 has spectral "
         "radius 1.05 > 1, the estimate grows as exp(4.879 t)"

@@ -1,5 +1,4 @@
 # The bench: observers and filters on the same tasks, tuned by one rule, scored on held-out records.
-#
 #   results/bench/{task}/{method}.json      rule bench_method   tuned settings, on demand
 #   results/bench/{task}/scores.csv         rule bench_scores   of each run; table.csv compares methods
 #   results/bench/{task}/heatmap.{pdf,...}  rule bench_figures  and levels, evaluations; for leak detection
@@ -71,11 +70,11 @@ use rule bench_figures as bench_detection with:
 
 rule bench_table:
     input:
-        [f"config/bench/tuned/{task}/{method}.json" for task in TASKS for method in methods_of(task)],
-        expand("results/bench/{task}/table.csv", task=TASKS)
+        [f"config/bench/tuned/{task}/{method}.json" for task in BENCH for method in methods_of(task)],
+        expand("results/bench/{task}/table.csv", task=BENCH)
     output: "results/bench/table.md"
     log: "logs/bench/table.log"
     conda: "../envs/reobserve.yaml"
-    params: folders=expand("results/bench/{task}", task=TASKS), code=code_of("reobserve.bench.table")
+    params: folders=expand("results/bench/{task}", task=BENCH), code=code_of("reobserve.bench.table")
     message: "bench: write the table of all methods"
     shell: "(set -x; reobserve bench table {params.folders} --output {output}) &> {log}"

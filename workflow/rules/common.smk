@@ -9,7 +9,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import ReobserveError
 from reobserve.replication.check import check_evidence
 from reobserve.replication.claims.registry import claims_text, decisive
-from reobserve.replication.parameters.config import check_config_files
+from reobserve.replication.parameters.config import check_config_files, known_tasks
 from reobserve.replication.parameters.parameters import digest
 from reobserve.replication.parameters.names import caption_template, claims_path, samples_path, style_sheet
 from reobserve.replication.prepare import check_metadata, load_parameters
@@ -37,7 +37,8 @@ except ReobserveError as error:
 PAPERS = config["papers"]
 CLAIMED = [paper for paper in PAPERS if Path(claims_path(paper)).is_file()]
 FORMATS = sorted(config["formats"], key=["svg", "png", "pdf", "eps", "pgf"].index)
-BUILT = f"--papers {' '.join(PAPERS)} --formats {' '.join(FORMATS)}"  # reports show the first format
+BENCH = config["bench"]
+BUILT = f"--papers {' '.join(PAPERS)} --formats {' '.join(FORMATS)} --bench {' '.join(BENCH)}"
 PACKAGES = versions()
 
 def names(section, paper):
@@ -58,17 +59,21 @@ NUMBERS = each("results/{paper}/{name}.metrics.csv", "figures") + [
 WORDS = [path for path in (*FIGURES, *TABLES, *NUMBERS) if path.endswith((".rst", ".csv"))]
 LATEX = [str(Path(path).with_suffix(".tex")) for path in WORDS if config["latex"]]
 
+
+def of_task(task):
+    """The figures of a task of the bench; of a detector also delays over false alarms."""
+    rated = any("rate" in one.get("plant", {}) for one in read_yaml(f"config/bench/{task}.yaml")["conditions"].values())
+    return [f"results/bench/{task}/{name}" for name in ("heatmap", "levels", "evaluations", *["detection"] * rated)]
+OF_BENCH = [f"{path}.{kind}" for task in BENCH for path in of_task(task) for kind in FORMATS] + ["results/bench/table.md"] * bool(BENCH)
+
 def one_of(section):
     return "|".join(sorted({name for paper in PARAMETERS for name in names(section, paper)})) or "none"
-
-# Tasks of the bench, by the names of their files.
-TASKS = sorted(path.stem for path in Path("config/bench").glob("*.yaml"))
 
 wildcard_constraints:
     paper="|".join(PARAMETERS), scenario=one_of("scenarios"), observer=one_of("observers"),
     design=one_of("designs"), study=one_of("studies"), search=one_of("searches"),
     table=one_of("tables"), figure=one_of("figures"), chunk=r"\d+-\d+",
-    task="|".join(TASKS) or "none", method=r"\w+"
+    task="|".join(known_tasks(Path())) or "none", method=r"\w+"
 
 def settings(step, about=None):
     """A params function: the parameter values that a step reads; a changed one reruns the job."""

@@ -82,7 +82,7 @@ rule claims:
 
 rule report:
     input: FIGURES, TABLES, NUMBERS, "results/claims.csv",
-        expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS)
+        expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS), OF_BENCH
     output:
         report("results/report.html", caption="../report/replication.rst", category="evidence",
                labels={"figure": "all", "what": "replication report"})

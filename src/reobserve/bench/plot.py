@@ -86,14 +86,20 @@ def levels(results: Results) -> PaperFigure:
         axes[0].plot(
             [], [], marker, color="0.3", mfc="none", markersize=look.mark(4.5), label=label
         )
-    axes[0].legend(fontsize=look.points(6.5))
+    _legend(figure, axes[0])
     return figure
+
+
+def _legend(figure: PaperFigure, axes: Axes) -> None:
+    """Above the panels, where it covers nothing."""
+    handles = axes.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=3, fontsize=look.points(7))
 
 
 def _axes(task: Task) -> dict[str, list[tuple[float, str]]]:
     """By the label of an axis, levels and conditions that differ from the first one in it alone."""
     first = next(iter(task.conditions))
-    noise, model = "noise over that of the nominal condition", "error of the model [%]"
+    noise, model = "noise / nominal noise", "error of the model [%]"
     found = {noise: [(1.0, first)], model: [(0.0, first)]}
     for name, one in task.conditions.items():
         changed = [one.noise != 1, one.model != 0, one.period != 1, bool(one.plant)]
@@ -146,7 +152,7 @@ def evaluations(results: Results) -> PaperFigure:
     few_ticks(axes, counts)
     axes.set_xlabel("evaluations")
     axes.set_ylabel("held-out error")
-    axes.legend(ncols=2)
+    _legend(figure, axes)
     return figure
 
 
@@ -165,7 +171,7 @@ def detection(results: Results) -> PaperFigure:
         axes.plot(*zip(*points, strict=True), label=task.methods[name].label, **style.points())
     axes.set_xlabel("share of healthy records that alarm")
     axes.set_ylabel("mean delay [s]")
-    axes.legend(ncols=2)
+    _legend(figure, axes)
     return figure
 
 

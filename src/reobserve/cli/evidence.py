@@ -40,6 +40,7 @@ def add_evidence(commands: Any) -> None:
         metavar="FORMAT",
         help=f"formats of the figures {default}",
     )
+    report.add_argument("--bench", nargs="*", help=f"tasks of the bench to report {default}")
     add_output(report, "the page, HTML")
     add_project(report)
     _add_figure_diff(commands)

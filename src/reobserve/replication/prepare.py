@@ -14,7 +14,12 @@ from typing import Any
 
 from reobserve.core.errors import InputError, ReobserveError, shown
 from reobserve.core.files import write_text
-from reobserve.replication.parameters.config import check_config, known_papers, take_truths
+from reobserve.replication.parameters.config import (
+    check_config,
+    known_papers,
+    known_tasks,
+    take_truths,
+)
 from reobserve.replication.parameters.job import read_parameters
 from reobserve.replication.parameters.names import DEFAULT_STYLE, stored_parameters, style_sheet
 from reobserve.replication.parameters.parameters import Parameters
@@ -66,7 +71,8 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
     papers = known_papers(project)
     take_truths(config)
     check_config(project, config, papers)
-    for key, default in {**_DEFAULTS, "papers": papers}.items():
+    tasks = [] if "papers" in config else known_tasks(project)
+    for key, default in {**_DEFAULTS, "papers": papers, "bench": tasks}.items():
         config.setdefault(key, default)
     if config["style"] != DEFAULT_STYLE:  # else this would import matplotlib in vain
         from reobserve.plotting.look import read_sheet

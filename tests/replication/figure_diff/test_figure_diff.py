@@ -193,3 +193,38 @@ def test_accepting_renews_what_moved_and_keeps_the_reason(
     assert reasons.endswith("the axis has another name (2 numbers and 2 figures moved)\n")
     assert "[Re]" in text("README.md")
     assert main(["figdiff"]) == 0
+
+
+def bench(error: str = "0.25", within: str = "yes") -> None:
+    """A task of the bench with one method, built."""
+    write_text("config/bench/level.yaml", "")
+    header = "condition,method,training,given_noise,error,within,repeat_low"
+    write_text(
+        "results/bench/level/table.csv", f"{header}\nnominal,ekf,tuned,no,{error},{within},\n"
+    )
+
+
+def test_results_of_the_bench_are_compared_and_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+    bench()
+    draw("results/bench/level/heatmap.png")
+    assert main(["figdiff"]) == 1
+    assert "bench level_heatmap: not compared\n    - there is no accepted figure" in (
+        capsys.readouterr().out
+    )
+    commit()
+    assert main(["accept", "--reason", "a task is new"]) == 0
+    assert "bench level: new\nbench/level heatmap: the figure is new" in capsys.readouterr().out
+    commit()
+    bench("0.25001")  # by rounding
+    assert main(["figdiff"]) == 0
+    bench("0.2501", "no")
+    assert main(["figdiff"]) == 1
+    said = capsys.readouterr().out
+    place = "bench level, ekf {} in nominal, training tuned, given noise no: golden"
+    assert f"{place.format('error')} 0.25, found 0.2501, off by 0.0001, allowed 2.5e-05" in said
+    assert f"{place.format('within')} yes, found no" in said
+    write_text("config/config.yaml", "seed: 0\npapers: [made]\n")  # then the bench is not built
+    assert main(["figdiff"]) == 0
+    commit()
+    assert main(["accept", "made", "--reason", "nothing is new here"]) == 0
+    assert text("tests/golden/bench/level.csv").endswith("0.25,yes,\n")

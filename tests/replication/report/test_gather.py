@@ -19,6 +19,7 @@ from reobserve.replication.report.files import metrics_table
 from reobserve.replication.report.gather import MOST_ROWS, gather
 from reobserve.replication.report.markup import first_sentence, without_title
 from reobserve.replication.report.reading import Gap
+from reobserve.replication.report.render import render
 
 from .project import BROKEN, CLAIMS, SVG, configure, write_claims
 
@@ -335,3 +336,24 @@ def test_the_commit_is_that_of_the_folder_and_not_of_one_around_it(tmp_path: Pat
     assert "commit" not in environment(inner)
     (inner / "file").write_text("changed")
     assert environment(inner.parent)["commit"] == f"{head}, with changes that are not committed"
+
+
+def test_the_bench_is_shown_with_its_gaps(project: Path) -> None:
+    for name in ("config/bench", "workflow/report/bench", "results/bench/level"):
+        (project / name).mkdir(parents=True)
+    (project / "config/bench/level.yaml").write_text("title: Level of a tank\n")
+    for figure in ("heatmap", "levels", "evaluations"):
+        (project / f"workflow/report/bench/{figure}.rst").write_text("Errors.\n")
+    for figure in ("heatmap", "levels"):
+        (project / f"results/bench/level/{figure}.svg").write_text(SVG)
+    assert gather(project, project / PAGE)["bench"] == []  # papers are limited to one
+    report = gather(project, project / PAGE, bench=["level"])
+    (task,) = report["bench"]
+    assert (task["title"], task["link"]["target"]) == ("Level of a tank", "bench/level/table.csv")
+    assert [figure["name"] for figure in task["figures"]] == ["heatmap", "levels", "evaluations"]
+    assert [figure["image"] is not None for figure in task["figures"]] == [True, True, False]
+    sentence = "results/bench/level/evaluations.svg: not built"
+    assert [gap.sentence for gap in report["gaps"]] == [sentence]
+    page = render(report, project / "workflow/report/replication")
+    assert page.count('alt="Level of a tank: ') == 2
+    assert '<article class="drawn" id="bench-level-evaluations">' in page

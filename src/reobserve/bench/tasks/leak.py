@@ -120,7 +120,7 @@ def _drawn(
         ActuatorModel(*(np.array(one) * factors))
         for one in (plant.normal, getattr(plant, plant.fault))
     )
-    bits: Array = 2.0 * draw.integers(0, 2, steps) - 1.0
+    bits = np.asarray(2.0 * draw.integers(0, 2, steps) - 1.0, np.float64)
     return onset, share, [normal, normal.blended(other, share)], bits
 
 

@@ -16,11 +16,12 @@ from reobserve.replication.claims.verdict_table import put_into
 from reobserve.replication.figure_diff import pixels
 from reobserve.replication.figure_diff.comparison import compare_all, figures
 from reobserve.replication.figure_diff.page import render, summary
+from reobserve.replication.golden import bench as golden_bench
 from reobserve.replication.golden import claims as golden_claims
 from reobserve.replication.golden.acceptance import renew
 from reobserve.replication.golden.guard import check_may_accept, keep_reason
 from reobserve.replication.meanings import write_lists
-from reobserve.replication.parameters.config import known_papers, named_papers
+from reobserve.replication.parameters.config import known_papers, known_tasks, named_papers
 from reobserve.replication.parameters.parameters import Parameters
 
 
@@ -41,8 +42,9 @@ def figdiff_command(project: Path, reference: Path, results: Path, output: Path)
 def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
     """Accept figures, golden numbers, verdicts, and the table of the README, of some or all papers.
 
-    Refuses without a reason, in CI and on a dirty tree. What is not up to date in the results is
-    built first; if that fails, what was accepted stays.
+    If no paper is named, results of the bench are accepted, too. Refuses without a reason, in CI
+    and on a dirty tree. What is not up to date is built first; if that fails, what was accepted
+    stays.
     """
     check_may_accept(project, reason)
     known, results, moved = known_papers(project), project / "results", []
@@ -51,10 +53,13 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     for one in chosen:
         moved += renew(project, results / one, Parameters.load(project, one).tree, one, cores)
         _keep_samples(project, results, one)
+    tasks = [] if paper else known_tasks(project)
+    moved += [line for task in tasks for line in golden_bench.renew(project, results, task)]
     moved += golden_claims.renew(project, results, paper)
     put_into(project / "README.md", results / "verdicts.md", known if paper else ())
     write_lists(project)
-    redrawn = _renew_references(project / "tests" / "reference", results, chosen)
+    drawn = [*chosen, *(f"bench/{task}" for task in tasks)]
+    redrawn = _renew_references(project / "tests" / "reference", results, drawn)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
     keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
 

@@ -11,11 +11,12 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.replication.figure_diff import pixels
+from reobserve.replication.golden import bench as golden_bench
 from reobserve.replication.golden import claims as golden_claims
 from reobserve.replication.golden.comparison import Moved, compare_built
 from reobserve.replication.golden.files import golden_files
 from reobserve.replication.golden.values import part_names
-from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.config import known_papers, known_tasks
 from reobserve.replication.parameters.names import stored_parameters
 from reobserve.replication.parameters.parameters import Parameters
 
@@ -63,7 +64,10 @@ def figures(folder: Path) -> dict[str, Path]:
 
 
 def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
-    """An item for each figure, table and theory of the papers to build, and for their claims."""
+    """An item for each figure, table and theory of the papers to build, and for their claims.
+
+    For each task of the bench, too, if all papers are built.
+    """
     stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
     papers: list[str] = stated or known_papers(project)
     items = [
@@ -71,7 +75,12 @@ def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
         for paper in papers
         for item in _compare_paper(project, reference / paper, results / paper, paper)
     ]
-    return [*items, *_compare_claims(project, results, papers)]
+    items += _compare_claims(project, results, papers)
+    tasks = [] if stated else known_tasks(project)
+    return [
+        *items,
+        *(item for task in tasks for item in _compare_task(project, reference, results, task)),
+    ]
 
 
 def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> Iterator[Item]:
@@ -83,15 +92,7 @@ def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> I
         no_parameters = str(error)
     accepted, drawn, golden = figures(reference), figures(built), golden_files(project, paper)
     for name in sorted({*accepted, *drawn, *golden, *part_names(tree)}):
-        item = Item(paper, name, accepted.get(name), drawn.get(name))
-        if item.reference and item.new:
-            with item.problem_noted():
-                old, new = map(pixels.read_pixels, (item.reference, item.new))
-                item.pixels = pixels.compare(old, new, f"{paper} {name}")
-        elif item.reference:
-            item.problems.append("the figure was not built")
-        elif item.new:
-            item.problems.append("there is no accepted figure")
+        item = _drawn(paper, name, accepted.get(name), drawn.get(name))
         if no_parameters:
             item.problems.append(no_parameters)
         elif name not in part_names(tree):
@@ -100,6 +101,31 @@ def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> I
             with item.problem_noted():
                 item.moved = compare_built(project, built, tree, paper, name)
         yield item
+
+
+def _drawn(paper: str, name: str, reference: Path | None, new: Path | None) -> Item:
+    """An item with its pictures compared, if there are any."""
+    item = Item(paper, name, reference, new)
+    if reference and new:
+        with item.problem_noted():
+            old, found = map(pixels.read_pixels, (reference, new))
+            item.pixels = pixels.compare(old, found, f"{paper} {name}")
+    elif reference:
+        item.problems.append("the figure was not built")
+    elif new:
+        item.problems.append("there is no accepted figure")
+    return item
+
+
+def _compare_task(project: Path, reference: Path, results: Path, task: str) -> Iterator[Item]:
+    """The table of a task of the bench, and its figures."""
+    table = Item("bench", task)
+    with table.problem_noted():
+        table.moved = golden_bench.compare_task(project, results, task)
+    yield table
+    accepted, drawn = (figures(one / "bench" / task) for one in (reference, results))
+    for name in sorted({*accepted, *drawn}):
+        yield _drawn("bench", f"{task}_{name}", accepted.get(name), drawn.get(name))
 
 
 def _compare_claims(project: Path, results: Path, papers: list[str]) -> list[Item]:

@@ -31,6 +31,11 @@ def known_papers(project: Path) -> list[str]:
     return papers
 
 
+def known_tasks(project: Path) -> list[str]:
+    """The tasks of the bench: names of their files."""
+    return sorted(path.stem for path in (project / "config" / "bench").glob("*.yaml"))
+
+
 def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
     """The papers that are named, or all that are known; `InputError` if there is no such one."""
     for paper in papers:
@@ -81,10 +86,12 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
         if key not in known:
             raise InputError(f"config.{key}", unknown_key(key, known))
     parse(Configuration, config, "config")
-    for paper in config.get("papers", ()):
-        if paper not in papers:
-            problem = f"there is no {shown(paper)}{nearest(paper, papers)}"
-            raise InputError("config.papers", problem)
+    for key, there in (("papers", papers), ("bench", known_tasks(project))):
+        for name in config.get(key, ()):
+            if name not in there:
+                raise InputError(
+                    f"config.{key}", f"there is no {shown(name)}{nearest(name, there)}"
+                )
     styles = known_styles(project)
     if (style := config.get("style", DEFAULT_STYLE)) not in styles:
         raise InputError("config.style", f"there is no {shown(style)}, only {', '.join(styles)}")

@@ -259,6 +259,10 @@ class Configuration(BaseModel):
     papers: Annotated[Names | None, Field(description="The papers to build; all if left out.")] = (
         None
     )
+    bench: Annotated[
+        list[str] | None,
+        Field(description="Tasks of the bench to score; all if both this and papers are left out."),
+    ] = None
     style: str = "default"
     notes: bool = True
     latex: bool = False

@@ -23,7 +23,7 @@ from reobserve.replication.claims.table import HEADER, KINDS
 from reobserve.replication.claims.verdicts import BROKEN, count, replicated, title_margin
 from reobserve.replication.errata import read_errata
 from reobserve.replication.meanings import meanings
-from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.config import known_papers, known_tasks
 from reobserve.replication.parameters.names import caption_template, stored_parameters
 from reobserve.replication.parameters.parameter_file import Configuration
 from reobserve.replication.parameters.parameters import Parameters
@@ -35,6 +35,9 @@ from reobserve.replication.report.markup import first_sentence, to_html, without
 from reobserve.replication.report.reading import Gap, Gaps
 
 CLAIMS_FILE = "results/claims.csv"
+
+# Figures of a task of the bench; not all tasks have the last one.
+_OF_A_TASK = ("heatmap", "levels", "evaluations", "detection")
 
 # What is drawn of the claims of a paper, and what each shows.
 _PICTURES = {
@@ -59,10 +62,12 @@ def gather(
     page: Path,
     papers: Sequence[str] | None = None,
     formats: Sequence[str] | None = None,
+    bench: Sequence[str] | None = None,
 ) -> Data:
     """Read everything that a page at ``page`` says of the project in ``folder``.
 
-    ``papers`` and the ``formats`` of their figures are those of `config/config.yaml` if not given.
+    ``papers``, the ``formats`` of their figures and the tasks of the ``bench`` are those of
+    `config/config.yaml` if not given.
 
     Raises
     ------
@@ -76,9 +81,13 @@ def gather(
         "summary", read_table, folder / CLAIMS_FILE, HEADER, KINDS, ("paper", "claim")
     )
     names = papers or config.papers or known_papers(folder)
+    tasks = bench if bench is not None else config.bench
+    if tasks is None:
+        tasks = [] if papers or config.papers else known_tasks(folder)
     build = _Build(folder, page, formats or config.formats, gaps, config.seed)
     return {
         "papers": [build.paper(name, rows) for name in names],
+        "bench": [build.task(name) for name in tasks],
         "gaps": gaps.found,
         "environment": environment(folder),
         "versions": package_versions(),
@@ -181,6 +190,46 @@ class _Build:
         target = os.path.relpath(self.folder.resolve() / path, self.page.resolve().parent)
         return {"label": path.rpartition(".")[2].upper(), "target": Path(target).as_posix()}
 
+    def task(self, name: str) -> Data:
+        """A task of the bench: its figures, and a link to its table."""
+        texts, logged = self.folder / "workflow/report/bench", f"logs/bench/{name}/figures.log"
+        stated = self.gaps.attempt(
+            f"bench-{name}", read_yaml, self.folder / f"config/bench/{name}.yaml"
+        )
+        figures = []
+        for figure in _OF_A_TASK:
+            base, place = f"results/bench/{name}/{figure}", f"bench-{name}-{figure}"
+            if figure in _OF_A_TASK[:3] or list((self.folder / base).parent.glob(f"{figure}.*")):
+                caption = self.gaps.attempt(place, read_text, texts / f"{figure}.rst")
+                figures.append(
+                    {"name": figure, "caption": caption, **self.drawing(base, place, logged)}
+                )
+        title = name if isinstance(stated, Gap) else stated.get("title", name)
+        link = self.link(f"results/bench/{name}/table.csv")
+        return {"name": name, "title": title, "figures": figures, "link": link}
+
+    def drawing(self, base: str, place: str, logged: str) -> Data:
+        """The image of a figure, links to its files, and what is missing of either.
+
+        Vectors are preferred, then PNG; a PDF can only be linked.
+        """
+        shown: Any = None
+        gaps = []
+        files = [f"{base}.{kind}" for kind in self.formats]
+        missing = [path for path in files if not (self.folder / path).is_file()]
+        if missing:
+            sentence = f"{', '.join(missing)}: not built{self.reason(logged)}"
+            gaps.append(self.gaps.add(place, sentence))
+        there = [path for path in files if path not in missing]
+        for path in sorted(there, key=lambda path: path.endswith(".png")):
+            if shown is None and path.endswith((".svg", ".png")):
+                found = self.gaps.attempt(place, image, self.folder / path)
+                if isinstance(found, Gap):
+                    gaps.append(found)
+                else:
+                    shown = found
+        return {"image": shown, "links": [*map(self.link, there)], "gaps": gaps}
+
 
 @dataclass(frozen=True)
 class _Paper:
@@ -211,13 +260,13 @@ class _Paper:
             "alternative": f"{body['title'].rstrip('.')}. {summary}".strip(),
             "numbers": self.numbers(f"{base}.metrics.csv", "metrics", name),
             "decides": [claim.name for claim in self.claims if name in claim.figures],
-            **self._drawing(base, self._place(name), logged),
+            **self.build.drawing(base, self._place(name), logged),
         }
 
     def picture(self, name: str, title: str) -> Data:
         """A plot of the samples that decided the claims."""
         base, logged = f"results/{self.parameters.paper}/{name}", self._log("sensitivity")
-        drawing = self._drawing(base, self._place("claims"), logged)
+        drawing = self.build.drawing(base, self._place("claims"), logged)
         return {"name": name, "title": title, **drawing}
 
     def table(self, name: str, body: Mapping[str, Any]) -> Data:
@@ -249,27 +298,6 @@ class _Paper:
 
         found: tuple[str, str] | Gap = self.build.read(self._place(name), path, logged, read)
         return (found, "") if isinstance(found, Gap) else found
-
-    def _drawing(self, base: str, place: str, logged: str) -> Data:
-        """The image of a figure, links to its files, and what is missing of either.
-
-        Vectors are preferred, then PNG; a PDF can only be linked.
-        """
-        build, shown, gaps = self.build, None, []
-        files = [f"{base}.{kind}" for kind in build.formats]
-        missing = [path for path in files if not (build.folder / path).is_file()]
-        if missing:
-            sentence = f"{', '.join(missing)}: not built{build.reason(logged)}"
-            gaps.append(build.gaps.add(place, sentence))
-        there = [path for path in files if path not in missing]
-        for path in sorted(there, key=lambda path: path.endswith(".png")):
-            if shown is None and path.endswith((".svg", ".png")):
-                found = build.gaps.attempt(place, image, build.folder / path)
-                if isinstance(found, Gap):
-                    gaps.append(found)
-                else:
-                    shown = found
-        return {"image": shown, "links": [*map(build.link, there)], "gaps": gaps}
 
 
 def _limitations(folder: Path, paper: str) -> str:

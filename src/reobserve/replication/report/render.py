@@ -20,17 +20,19 @@ def report_command(
     output: Path,
     papers: Sequence[str] | None = None,
     formats: Sequence[str] | None = None,
+    bench: Sequence[str] | None = None,
 ) -> None:
     """Write the page, with every gap shown in its place, and print how many there are.
 
-    ``papers`` and ``formats`` are what was built, if other than `config/config.yaml` says.
+    ``papers``, ``formats`` and ``bench`` are what was built, if other than `config/config.yaml`
+    says.
 
     Raises
     ------
     InputError
         If the project has no config or no templates, or the page cannot be written.
     """
-    report = gather(project, output, papers, formats)
+    report = gather(project, output, papers, formats, bench)
     write_text(output, render(report, project / "workflow" / "report" / "replication"))
     count = len(report["gaps"])
     print(f"{output}: {'no gaps' if not count else '1 gap' if count == 1 else f'{count} gaps'}")
