@@ -244,8 +244,8 @@ def of_eso() -> Iterator[str]:
     study = Numbers(golden_metrics("eso", "fig3_designs"))
     for name, kind, at in (
         ("pi", "pi_feasible", {"decay": 1}),
-        ("pd_pi", "pd_pi_least_norm", {"factor": 1.05}),
-        ("least_gamma", "pd_pi_least_gamma", {"bound": 50}),
+        ("pd_pi", "pd_pi_minimum_norm", {"factor": 1.05}),
+        ("minimum_gamma", "pd_pi_minimum_gamma", {"bound": 50}),
     ):
         found = {f: study.at(kind, f, rate=1, **at) for f in (
             "actuator_lag", "sensor_lag", "rms_actuator_error_varying", "rms_sensor_error_varying"
@@ -255,10 +255,10 @@ def of_eso() -> Iterator[str]:
         yield f"| `{name}` | {' | '.join(cells)} |"
     designs = Parameters.load(ROOT, "eso").section("designs")
     yield f"With gamma {100 * (designs['pd_pi']['factor'] - 1):g} % above it"
-    bound, radius = (designs["least_gamma"][key] for key in ("pole_bound", "radius"))
+    bound, radius = (designs["minimum_gamma"][key] for key in ("pole_bound", "radius"))
     yield f"poles within {bound:g}/s and matrices of norm up to {radius:g}"
     later = {}
-    lags = {f: study.at("pd_pi_least_norm", f"{f}_lag", rate=1, factor=1.05) for f in _ESO_FAULTS}
+    lags = {f: study.at("pd_pi_minimum_norm", f"{f}_lag", rate=1, factor=1.05) for f in _ESO_FAULTS}
     for kind in ("pi_feasible", "pi_positive", "pi_largest_margin"):
         pairs = [metric.split(" ", 1)[1] for name, metric in study
                  if name == kind and metric.startswith("sensor_lag ")]  # fmt: skip
@@ -267,7 +267,7 @@ def of_eso() -> Iterator[str]:
         )
     first, centres, margins = later.values()
     yield f"Among {len(pairs)} pairs of decay and filter rate"
-    yield f"with {first} observers of least norm"
+    yield f"with {first} observers of minimum norm"
     yield f"but with {centres} of the analytic centres and {margins} of the largest margins"
     share = max(
         study["pi_optimal", f"rms_{one}_difference"] / study["plant", f"rms_{one}_fault_varying"]
@@ -278,7 +278,7 @@ def of_eso() -> Iterator[str]:
     bound, radius = levels["pole_bounds"][0], levels["radii"][-1]
     with_derivative, without = (
         [study.at(kind, f"{f}_lag", rate=1, radius=radius) for f in _ESO_FAULTS]
-        for kind in ("pd_pi_least_gamma", "pi_least_gamma")
+        for kind in ("pd_pi_minimum_gamma", "pi_minimum_gamma")
     )
     shares = [one / other for one, other in zip(with_derivative, without, strict=True)]
     yield (
@@ -294,10 +294,10 @@ def of_eso() -> Iterator[str]:
     theory = golden_metrics("eso", "theory")
     passes = [
         theory[name, "noise_in_sensor_fault"] / theory["noise", "deviation"]
-        for name in ("pd_pi", "least_gamma")
+        for name in ("pd_pi", "minimum_gamma")
     ]
     yield f"a fraction of {passes[0]:.2g} reaches the estimated sensor fault with `pd_pi`"
-    yield f"and {passes[1]:.3g} with `least_gamma`"
+    yield f"and {passes[1]:.3g} with `minimum_gamma`"
 
 
 _ESO_FAULTS = ("actuator", "sensor")

@@ -48,7 +48,7 @@ def solve() -> object:
 NEEDS: dict[str, list[Callable[[], object]]] = {
     "cvxpy": [
         lambda: pd_pi.design(MOTOR),
-        lambda: pd_pi.design_least_gamma(MOTOR),
+        lambda: pd_pi.design_minimum_gamma(MOTOR),
         lambda: pi.design(MOTOR),
         lambda: pi.design_feasible(MOTOR, 1.0),
     ],

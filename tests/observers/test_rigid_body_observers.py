@@ -171,7 +171,7 @@ def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: floa
         [[1.0, 0.0, 0.0]],
         [OMEGA],
         LearningLaw(*(INERTIA, 1000.0, 1.0, K1, 1000.0, interval)),
-        reading="sampled",
+        variant="sampled",
     )
     # Held, v also carries the sine's images at the update rate, which beat inside the window.
     assert rms[:2] == pytest.approx(predicted[:2], rel=0.02)

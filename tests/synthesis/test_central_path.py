@@ -81,7 +81,7 @@ def test_the_least_square_above_one_in_closed_form() -> None:
     assert 1 - 1e-6 < found.lower <= 1 <= square
 
 
-def test_the_least_gamma_within_a_radius_in_closed_form() -> None:
+def test_the_minimum_gamma_within_a_radius_in_closed_form() -> None:
     """gamma x > 1 with |x| <= 4: no gamma is below 1/4, which a larger x would reach."""
     corner = np.array([[0.0, 1.0], [1.0, 0.0]])
     column, row = np.array([[0.0], [0.5]]), np.array([[0.0, 1.0]])
@@ -134,21 +134,21 @@ DESIGNS: dict[str, Any] = {
         for solution in pi.SOLUTIONS[1:]
     },
     **{
-        f"least gamma, {bound:g}": lambda system, solver, bound=bound: pd_pi.design_least_gamma(
+        f"minimum gamma, {bound:g}": lambda system, solver, bound=bound: pd_pi.design_minimum_gamma(
             system, 0.0, bound, solver=solver
         )
         for bound in (30.0, 50.0, 100.0, np.inf)
     },
-    "PI, least gamma": lambda system, solver: pd_pi.design_least_gamma(
+    "PI, minimum gamma": lambda system, solver: pd_pi.design_minimum_gamma(
         system, 0.0, 50.0, solver=solver, derivative=False
     ),
-    "least gamma, small": lambda system, solver: pd_pi.design_least_gamma(
+    "minimum gamma, small": lambda system, solver: pd_pi.design_minimum_gamma(
         system, 0.0, 30.0, 300.0, solver
     ),
-    "least gamma, large": lambda system, solver: pd_pi.design_least_gamma(
+    "minimum gamma, large": lambda system, solver: pd_pi.design_minimum_gamma(
         system, 0.0, 100.0, 5000.0, solver
     ),
-    "least gamma, -50 to -2": lambda system, solver: pd_pi.design_least_gamma(
+    "minimum gamma, -50 to -2": lambda system, solver: pd_pi.design_minimum_gamma(
         system, 2.0, 50.0, solver=solver
     ),
 }
@@ -173,7 +173,7 @@ def gains(design: Design) -> Array:
 @pytest.mark.parametrize(
     "name",
     [
-        *(ORDINARY := ["PI", "PD/PI", "least gamma, 50"]),
+        *(ORDINARY := ["PI", "PD/PI", "minimum gamma, 50"]),
         *(
             pytest.param(name, marks=pytest.mark.nightly)
             for name in DESIGNS
@@ -267,10 +267,10 @@ def stated(system: AugmentedSystem, radius: float, decay: float, bound: float) -
 @pytest.mark.parametrize(
     ("decay", "bound"), [pytest.param(0.0, 50.0, marks=pytest.mark.nightly), (2.0, 50.0)]
 )
-def test_what_solvers_find_is_within_the_bounds_of_the_least_gamma(
+def test_what_solvers_find_is_within_the_bounds_of_the_minimum_gamma(
     decay: float, bound: float
 ) -> None:
-    found = pd_pi.design_least_gamma(dc_motor(), decay, bound, radius=100.0)
+    found = pd_pi.design_minimum_gamma(dc_motor(), decay, bound, radius=100.0)
     assert found.lower is not None
     assert found.gamma is not None
     assert found.lower < found.gamma <= found.lower + 1.000001e-6
@@ -285,7 +285,7 @@ def test_what_solvers_find_is_within_the_bounds_of_the_least_gamma(
         assert problem.status == status
 
 
-def test_the_bound_of_a_design_of_least_norm_is_one_for_what_solvers_find() -> None:
+def test_the_bound_of_a_design_of_minimum_norm_is_one_for_what_solvers_find() -> None:
     found = designed("PD/PI")
     gamma, constraints = stated(dc_motor(), 1e3, 0.0, np.inf)
     squares = cvxpy.sum_squares(constraints[-1].args[0].args[0])
@@ -296,10 +296,10 @@ def test_the_bound_of_a_design_of_least_norm_is_one_for_what_solvers_find() -> N
     assert found.lower == pytest.approx(found.objective * (1 - 1e-5), abs=1e-9)
 
 
-def test_least_gamma_falls_as_matrices_grow_which_is_where_solvers_part() -> None:
+def test_minimum_gamma_falls_as_matrices_grow_which_is_where_solvers_part() -> None:
     """Without a radius "optimal" is said at matrices beyond 1e5: 1.0742 here, 1.0686 elsewhere."""
     found = [
-        pd_pi.design_least_gamma(dc_motor(), 2.0, 50.0, radius=radius).gamma
+        pd_pi.design_minimum_gamma(dc_motor(), 2.0, 50.0, radius=radius).gamma
         for radius in (100.0, 300.0, 1000.0, 3000.0)
     ]
     assert found == pytest.approx([1.9081, 1.5525, 1.3491, 1.2420], abs=1e-4)
@@ -308,7 +308,7 @@ def test_least_gamma_falls_as_matrices_grow_which_is_where_solvers_part() -> Non
     size = float(np.linalg.norm(constraints[-1].args[0].args[0].value))
     assert size > 3e4
     assert 1.0050378 < gamma.value < 1.12
-    assert gamma.value < pd_pi.design_least_gamma(dc_motor(), 2.0, 50.0).gamma - 0.1
+    assert gamma.value < pd_pi.design_minimum_gamma(dc_motor(), 2.0, 50.0).gamma - 0.1
 
 
 def in_fractions(matrix: Any) -> Any:

@@ -100,7 +100,7 @@ def test_the_poles_are_those_of_the_error_system_slowest_first() -> None:
     np.testing.assert_allclose(poles, [-1.0, -2.0, -4.0], atol=1e-12)
 
 
-def test_trap_the_least_norm_with_a_positive_p1_is_an_unstable_observer() -> None:
+def test_trap_the_minimum_norm_with_a_positive_p1_is_an_unstable_observer() -> None:
     """Nothing keeps P1 off singular, and the solver says "optimal"."""
     v, gamma = unknowns(), 1.05 * gamma_lower_bound(MOTOR)
     squares = sum(cvxpy.sum_squares(m) for m in (v.P1, v.P2, v.P3, v.Y1, v.Y2))

@@ -26,7 +26,7 @@ FLOOR = 1.00503781018428  # of the paper's example
 
 
 @cache
-def least_norm() -> Design:
+def minimum_norm() -> Design:
     return pd_pi.design(dc_motor())
 
 
@@ -153,8 +153,8 @@ def test_enough_outputs_leave_no_floor() -> None:
     assert found.floor == 0
 
 
-def test_the_design_of_least_norm_for_the_example() -> None:
-    found = least_norm()
+def test_the_design_of_minimum_norm_for_the_example() -> None:
+    found = minimum_norm()
     assert found.gamma == pytest.approx(1.05 * FLOOR, rel=1e-13)
     assert found.objective == pytest.approx(692.83976821021, rel=1e-13)
     assert found.lower == pytest.approx(found.objective * (1 - 1e-5), abs=1e-9)
@@ -217,7 +217,7 @@ def test_a_pi_observer_by_the_same_criterion_estimates_the_same() -> None:
     """The paper's remark: errors of both faults after a jump of either, over two seconds."""
     system = dc_motor()
     responses = []
-    for found in (least_norm(), pi.design(system)):
+    for found in (minimum_norm(), pi.design(system)):
         Ao, Eo = error_system(system, found.gains)
         poles, modes = np.linalg.eig(np.linalg.solve(Eo, Ao))
         weights = np.linalg.solve(modes, np.linalg.solve(Eo, system.Bo[:, -2:]))
@@ -229,9 +229,9 @@ def test_a_pi_observer_by_the_same_criterion_estimates_the_same() -> None:
     assert difference < 0.01
 
 
-def test_the_least_gamma_comes_close_to_the_floor_with_large_gains() -> None:
+def test_the_minimum_gamma_comes_close_to_the_floor_with_large_gains() -> None:
     """And the closer, the larger the matrices may be: it has no least value that they reach."""
-    found = [pd_pi.design_least_gamma(dc_motor(), radius=radius) for radius in (300, 1000, 3000)]
+    found = [pd_pi.design_minimum_gamma(dc_motor(), radius=radius) for radius in (300, 1000, 3000)]
     gammas = [design.gamma for design in found]
     assert np.all(np.diff(gammas) < -5e-4)
     assert FLOOR < found[-1].certificate.norm_upper < found[-1].gamma < FLOOR + 5e-4
@@ -253,7 +253,7 @@ def test_the_smallest_matrices_near_the_floor_have_gains_that_do_not_settle() ->
     [(0.0, 30.0, 1.00555771877), (0.0, 50.0, 1.00534017676), (2.0, 50.0, 1.24197110362)],
 )
 def test_poles_are_in_the_strip_asked_for(decay: float, bound: float, gamma: float) -> None:
-    found = pd_pi.design_least_gamma(dc_motor(), decay, bound)
+    found = pd_pi.design_minimum_gamma(dc_motor(), decay, bound)
     assert found.gamma == pytest.approx(gamma, abs=1e-10)
     assert found.lower == pytest.approx(gamma - 1e-6, abs=1e-10)
     assert found.radius == 3000
@@ -262,7 +262,7 @@ def test_poles_are_in_the_strip_asked_for(decay: float, bound: float, gamma: flo
 
 
 def test_a_design_survives_json() -> None:
-    found = least_norm()
+    found = minimum_norm()
     values = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert (values["lower"], values["radius"]) == (found.lower, None)
     again = Design.from_dict(values)

@@ -43,22 +43,24 @@ def test_what_a_proof_takes_is_asked_for_before_a_solver_takes_its_time(
 
 def test_poles_must_have_room() -> None:
     with pytest.raises(InputError, match="decay: 5 must be at least zero and below the bound 5"):
-        pd_pi.design_least_gamma(dc_motor(), 5.0, 5.0)
+        pd_pi.design_minimum_gamma(dc_motor(), 5.0, 5.0)
     with pytest.raises(InputError, match="decay: -1 must be at least zero"):
         pi.design_feasible(dc_motor(), -1.0)
-    with pytest.raises(InputError, match=r"^solution: 'any' must be one of least_norm, positive, "):
+    with pytest.raises(
+        InputError, match=r"^solution: 'any' must be one of minimum_norm, positive, "
+    ):
         pi.design_feasible(dc_motor(), 1.0, solution="any")
     with pytest.raises(InputError, match=r"radius: 0.5 must be above \d.*: no matrices fit"):
-        pd_pi.design_least_gamma(dc_motor(), radius=0.5)
+        pd_pi.design_minimum_gamma(dc_motor(), radius=0.5)
     with pytest.raises(InputError, match="radius: 0 must be greater than zero"):
-        pd_pi.design_least_gamma(dc_motor(), radius=0.0)
+        pd_pi.design_minimum_gamma(dc_motor(), radius=0.0)
 
 
 def test_a_gap_beyond_floats_is_refused_and_a_larger_one_is_proved() -> None:
     system = random_plant(0, 2)
     with pytest.raises(InputError, match=r"gap: 1e-10 is not reached .*: raise it"):
-        pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-10)
-    found = pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-3)
+        pd_pi.design_minimum_gamma(system, 0.0, 30.0, gap=1e-10)
+    found = pd_pi.design_minimum_gamma(system, 0.0, 30.0, gap=1e-3)
     assert found.lower == pytest.approx(found.objective - 1e-3, abs=1e-9)
 
 

@@ -137,7 +137,7 @@ def test_rms_error_against_simulation(
         AMPLITUDES,
         FREQUENCIES,
         Law(INERTIA, observer_gain, 1.0, K1, K2, 0.05),
-        reading="sampled" if held else "continuous",
+        variant="sampled" if held else "continuous",
     )
     assert predicted == pytest.approx(simulated, rel=0.02)
 
@@ -155,11 +155,11 @@ def test_phases_between_components_matter_only_with_coupling() -> None:
     )
 
 
-def test_sampled_and_continuous_reading_of_a_constant_agree() -> None:
+def test_the_sampled_and_the_continuous_variant_agree_on_a_constant() -> None:
     arguments = ([[0.5, 0, 0]], [0.0], Law(INERTIA, 100.0, 1.0, 0.9, 400.0, 0.01))
     expected = 0.5 * 100 * 0.1 / (100 * 0.1 + 400)
-    for reading in ("continuous", "sampled"):
-        rms = predicted_rms_error(*arguments, reading=reading)
+    for variant in ("continuous", "sampled"):
+        rms = predicted_rms_error(*arguments, variant=variant)
         assert rms == pytest.approx([expected, 0, 0], abs=1e-12)
 
 
@@ -198,7 +198,7 @@ def test_integral_observer_against_the_scalar_formula() -> None:
 def test_inputs_are_checked() -> None:
     design = (INERTIA, 100.0, 1.0, 1.0, 2000.0, 0.1)
     with pytest.raises(InputError, match="half the update rate"):
-        predicted_rms_error([[1, 0, 0]], [40.0], Law(*design), reading="sampled")
+        predicted_rms_error([[1, 0, 0]], [40.0], Law(*design), variant="sampled")
     with pytest.raises(InputError, match="differ"):
         predicted_rms_error(np.ones((2, 3)), [1.0, 1.0], Law(*design))
     with pytest.raises(InputError, match="amplitudes"):

@@ -81,9 +81,9 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: predicted_rms_error([[1.0]], [1.0], law(), phases=[[0.0, 1.0]]),
         "phases: has shape (1, 2), must be one number or (1, 1)",
     ),
-    "another reading": (
-        lambda: predicted_rms_error([[1.0]], [1.0], law(), reading="held"),
-        "reading: 'held' must be 'continuous' or 'sampled'",
+    "another variant": (
+        lambda: predicted_rms_error([[1.0]], [1.0], law(), variant="held"),
+        "variant: 'held' must be 'continuous' or 'sampled'",
     ),
     "a response beyond numbers": (lambda: error_transfer([0.0], law(K1=1e308, K2=1e308)), DYNAMICS),
     "a map beyond numbers": (lambda: sampled_map(law(fault_matrix=1e200, K2=1e200)), DYNAMICS),

@@ -108,7 +108,8 @@ def shown(value: Any, most: int = _VALUE) -> str:
 RENAMED = {
     "damping": "observer_gain", "draws": "samples", "drawn": "plot_only", "flips": "reversals",
     "kept": "cached", "loose": "no_effect", "memory": "convergence_rate",
-    "obstacles": "limitations", "says": "statement",
+    "identity_reading": "identity_variant", "obstacles": "limitations", "reading": "variant",
+    "says": "statement",
 }  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive
 from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, solved
 from reobserve.synthesis.ilo_sampled_stability import held_blocks
 
-Reading = Literal["continuous", "sampled"]
+Variant = Literal["continuous", "sampled"]
 
 
 def _frequencies(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -127,13 +127,13 @@ def predicted_rms_error(
     law: LearningLaw,
     *,
     phases: ArrayLike = 0.0,
-    reading: Reading = "continuous",
+    variant: Variant = "continuous",
 ) -> NDArray[np.float64]:
     """RMS over time of each component of e in steady state, for a fault that is a sum of sines.
 
     The fault is sum_k amplitudes[k] sin(frequencies[k] t + phases[k]), where a frequency of zero
     stands for the constant amplitudes[k]. Powers of distinct frequencies add. In the sampled
-    reading e at t_k + r is U exp(j omega r) - V, times exp(j omega t_k); its mean power over
+    variant e at t_k + r is U exp(j omega r) - V, times exp(j omega t_k); its mean power over
     0 <= r < tau, (|U|^2 + |V|^2)/2 - Re[conj(U) V (1 - exp(-j omega tau))/(j omega tau)], is
     exact for frequencies below half the update rate, where samples of distinct sines stay
     uncorrelated.
@@ -146,7 +146,7 @@ def predicted_rms_error(
         [rad/s], shape (k,), all distinct.
     law
         See `LearningLaw`.
-    reading
+    variant
         "continuous" or "sampled".
 
     Returns
@@ -158,7 +158,7 @@ def predicted_rms_error(
     ------
     InputError
         If it is no such law, a shape is wrong, a frequency is negative or repeated, or, in the
-        sampled reading, at or above half the update rate.
+        sampled variant, at or above half the update rate.
     """
     as_kind("law", law, LearningLaw)
     omega = _frequencies("frequencies", frequencies)
@@ -173,10 +173,10 @@ def predicted_rms_error(
         raise InputError("frequencies", f"{omega.tolist()} must all differ")
     constant = omega[:, None] == 0
     torque = np.where(constant, size, size * np.exp(1j * angle))
-    if reading == "continuous":
+    if variant == "continuous":
         error = np.einsum("kij,kj->ki", _continuous(law, omega), torque)
         power = np.abs(error) ** 2
-    elif reading == "sampled":
+    elif variant == "sampled":
         nyquist = np.pi / law.update_interval
         if np.any(omega >= nyquist):
             raise InputError(
@@ -192,7 +192,7 @@ def predicted_rms_error(
         lag = np.real(np.conj(torque) * estimate) - cross
         power = np.abs(torque - estimate) ** 2 + 2 * lag
     else:
-        raise InputError("reading", f"{reading!r} must be 'continuous' or 'sampled'")
+        raise InputError("variant", f"{variant!r} must be 'continuous' or 'sampled'")
     total = np.sum(np.where(constant, power, power / 2), axis=0)
     return np.asarray(np.sqrt(np.maximum(total, 0.0)))
 

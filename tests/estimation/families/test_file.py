@@ -80,14 +80,14 @@ def test_an_eso_is_the_one_of_the_synthesis(stored: dict[str, Path]) -> None:
     assert design.certificate["norm_upper"] < design.gains.gamma
 
 
-def test_an_eso_with_a_bound_of_its_poles_has_the_least_gamma_of_all_that_are_stable() -> None:
+def test_an_eso_with_a_bound_of_its_poles_has_the_minimum_gamma_of_all_that_are_stable() -> None:
     eso: Any = family("eso")
     design = eso.designed({**parse_yaml(eso.example, "model.yaml"), "bound": 50.0})
-    expected = pd_pi.design_least_gamma(design.system.augmented, decay=0.0, bound=50.0)
+    expected = pd_pi.design_minimum_gamma(design.system.augmented, decay=0.0, bound=50.0)
     assert np.array_equal(design.gains.L, expected.gains.L)
     assert design.gains.gamma == expected.gamma
     # A strip away from the imaginary axis costs something: it would be noticed.
-    away = pd_pi.design_least_gamma(design.system.augmented, decay=0.01, bound=50.0)
+    away = pd_pi.design_minimum_gamma(design.system.augmented, decay=0.01, bound=50.0)
     assert away.lower > expected.gamma
 
 

@@ -194,7 +194,7 @@ def _designs() -> Iterator[Call]:
         "synthesis.extended_state.pi.design": (system, 1.05),
         "synthesis.extended_state.pi.design_feasible": (system, 1.0),
         "synthesis.extended_state.pd_pi.design": (system, 1.05),
-        "synthesis.extended_state.pd_pi.design_least_gamma": (system, 2.0, 50.0),
+        "synthesis.extended_state.pd_pi.design_minimum_gamma": (system, 2.0, 50.0),
         "estimation.families.file.load_design": (path,),
         "estimation.families.file.save_design": (Path("again.json"), load_design(path)),
         "estimation.families.family": ("luenberger",),

@@ -44,18 +44,18 @@ def designs() -> dict[str, tuple[AugmentedSystem, Gains]]:
     return {
         "PI, feasible": (SYSTEM, pi.design_feasible(SYSTEM, 1.0).gains),
         "PI, feasible, fast filter": (fast, pi.design_feasible(fast, 2.0).gains),
-        "PI, least norm": (SYSTEM, pi.design(SYSTEM).gains),
-        "PD/PI, least norm": (SYSTEM, optimised().gains),
-        "PD/PI, least gamma": (SYSTEM, pd_pi.design_least_gamma(SYSTEM, 0.0, 50.0).gains),
+        "PI, minimum norm": (SYSTEM, pi.design(SYSTEM).gains),
+        "PD/PI, minimum norm": (SYSTEM, optimised().gains),
+        "PD/PI, minimum gamma": (SYSTEM, pd_pi.design_minimum_gamma(SYSTEM, 0.0, 50.0).gains),
     }
 
 
 KINDS = (
     "PI, feasible",
     "PI, feasible, fast filter",
-    "PI, least norm",
-    "PD/PI, least norm",
-    "PD/PI, least gamma",
+    "PI, minimum norm",
+    "PD/PI, minimum norm",
+    "PD/PI, minimum gamma",
 )
 
 

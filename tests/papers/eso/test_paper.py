@@ -40,7 +40,8 @@ ROOT = Path(__file__).parents[3]
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 QUIET = {"disturbance": [[0.0, 0.0], [0.0, 0.0]]}
 OBSERVERS = {
-    "pi": "pi_feasible", "pd_pi": "pd_pi", "least_gamma": "least_gamma", "pi_optimal": "pi_optimal",
+    "pi": "pi_feasible", "pd_pi": "pd_pi", "minimum_gamma": "minimum_gamma",
+    "pi_optimal": "pi_optimal",
 }  # fmt: skip
 FAULTS = ("actuator_fault", "sensor_fault")
 
@@ -192,7 +193,7 @@ def test_the_record_jumps_where_it_should_and_nowhere_else() -> None:
         ("pi_feasible", lambda: pi.design_feasible(dc_motor(), 1.0)),
         ("pd_pi", lambda: pd_pi.design(dc_motor(), 1.05)),
         ("pi_optimal", lambda: pi.design(dc_motor(), 1.05)),
-        ("least_gamma", lambda: pd_pi.design_least_gamma(dc_motor(), 0.0, 50.0, 3000.0)),
+        ("minimum_gamma", lambda: pd_pi.design_minimum_gamma(dc_motor(), 0.0, 50.0, 3000.0)),
     ],
 )
 def test_designs_are_those_of_the_synthesis(name: str, direct: Any) -> None:
@@ -204,15 +205,15 @@ def test_designs_are_those_of_the_synthesis(name: str, direct: Any) -> None:
 
 def test_either_observer_is_designed_by_either_criterion() -> None:
     """What is drawn for both at once: the criterion, and the bound and the radius of the second."""
-    bounds = {"criterion": "least_gamma", "pole_bound": 30.0, "radius": 1000.0}
+    bounds = {"criterion": "minimum_gamma", "pole_bound": 30.0, "radius": 1000.0}
     changed = parameters({"designs": {"pd_pi": bounds, "pi_optimal": bounds}})
     for name, derivative in (("pd_pi", True), ("pi_optimal", False)):
-        direct = pd_pi.design_least_gamma(dc_motor(), 0.0, 30.0, 1000.0, derivative=derivative)
+        direct = pd_pi.design_minimum_gamma(dc_motor(), 0.0, 30.0, 1000.0, derivative=derivative)
         found = compute_design(changed, name)
         np.testing.assert_array_equal(found["L"], direct.gains.L)
         np.testing.assert_array_equal(found["Ld"], direct.gains.Ld)
         assert np.array(found["Ld"]).any() == derivative
-        assert found["method"] == f"{'PD/PI' if derivative else 'PI'}, least gamma"
+        assert found["method"] == f"{'PD/PI' if derivative else 'PI'}, minimum gamma"
 
 
 def by_hand(found: Series, gains: Gains, rate: float) -> Run[State]:
@@ -307,7 +308,7 @@ def test_pulses_are_as_wide_as_the_parameters_say() -> None:
 
 def test_a_figure_has_the_scores_of_its_observers() -> None:
     found = lookup(Evaluator(parameters()).figure("fig2").numbers)
-    assert {observer for observer, _ in found} == {"plant", "pi", "pd_pi", "least_gamma"}
+    assert {observer for observer, _ in found} == {"plant", "pi", "pd_pi", "minimum_gamma"}
     for observer in ("pi", "pd_pi"):
         for metric, value in scored("disturbed", observer).items():
             assert found[observer, metric] == pytest.approx(value, rel=1e-9, abs=1e-12)
@@ -497,7 +498,7 @@ def rows_of_the_study() -> list[Tree]:
     """Of two designs, from a record that the study must not use the disturbances of."""
     settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [2.0], "decays": [1.0], "factors": [], "pole_bounds": [50.0],
-              "radii": [], "solutions": ["least_norm", "positive"]}  # fmt: skip
+              "radii": [], "solutions": ["minimum_norm", "positive"]}  # fmt: skip
     return study.run({**settings, "study": {**settings["study"], **levels}}, record("noisy"))
 
 
@@ -506,8 +507,8 @@ def rows_of_the_study() -> list[Tree]:
     [
         ("pi_feasible", "decay", 1.0, 2.0),
         ("pi_positive", "decay", 1.0, 2.0),
-        ("pd_pi_least_gamma", "bound", 50.0, 1.0),
-        ("pi_least_gamma", "bound", 50.0, 1.0),
+        ("pd_pi_minimum_gamma", "bound", 50.0, 1.0),
+        ("pi_minimum_gamma", "bound", 50.0, 1.0),
     ],
 )
 def test_the_study_has_the_numbers_of_direct_calls(
@@ -523,10 +524,10 @@ def test_the_study_has_the_numbers_of_direct_calls(
     system = dc_motor(Az=rate)
     design = (
         pi.design_feasible(
-            system, 1.0, solution="least_norm" if kind == "pi_feasible" else "positive"
+            system, 1.0, solution="minimum_norm" if kind == "pi_feasible" else "positive"
         )
         if kind in ("pi_feasible", "pi_positive")
-        else pd_pi.design_least_gamma(system, 0.0, 50.0, derivative=kind.startswith("pd"))
+        else pd_pi.design_minimum_gamma(system, 0.0, 50.0, derivative=kind.startswith("pd"))
     )
     run = by_hand(record("quiet"), design.gains, rate)
     estimate = Series(
@@ -637,7 +638,7 @@ BAD_DESIGNS = {
         0.9,
         "0.9 of the lower bound of gamma, 1.00503781018428, must be",
     ),
-    "solution": ("pi_feasible", "any", "'any' must be one of least_norm, positive, "),
+    "solution": ("pi_feasible", "any", "'any' must be one of minimum_norm, positive, "),
     "kind": ("pi_optimal", "pid", "'pid' must be one of pi_feasible, "),
 }
 
@@ -655,7 +656,9 @@ def test_the_design_stage_refuses_with_the_key(key: str) -> None:
 def test_a_study_says_which_design_failed() -> None:
     settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [], "decays": [], "factors": [0.9], "pole_bounds": [], "radii": []}
-    with pytest.raises(InputError, match=r"^study\.pi_least_norm at factor 0\.9\.factor: 0\.9 of"):
+    with pytest.raises(
+        InputError, match=r"^study\.pi_minimum_norm at factor 0\.9\.factor: 0\.9 of"
+    ):
         study.run({**settings, "study": {**settings["study"], **levels}}, record("noisy"))
 
 

@@ -42,7 +42,8 @@ from tests.papers.eso.plants import dc_motor
 ROOT = Path(__file__).parents[3]
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 DESIGNS = {
-    "pi": "pi_feasible", "pd_pi": "pd_pi", "least_gamma": "least_gamma", "pi_optimal": "pi_optimal",
+    "pi": "pi_feasible", "pd_pi": "pd_pi", "minimum_gamma": "minimum_gamma",
+    "pi_optimal": "pi_optimal",
 }  # fmt: skip
 OBSERVERS = tuple(DESIGNS)
 UNITS = {"actuator": "V", "sensor": "rad/s"}
@@ -167,7 +168,7 @@ def test_numbers_of_the_certificates() -> None:
         assert numbers()[observer, "slowest_pole"] == pytest.approx(-poles.real.max(), rel=1e-9)
         assert np.linalg.matrix_rank(Eo) == len(body["certificate"]["poles"]) == 6, "no impulses"
     assert np.isnan(numbers()["pi", "gamma"])
-    assert numbers()["least_gamma", "gamma"] == pytest.approx(1.00534017676, abs=1e-10)
+    assert numbers()["minimum_gamma", "gamma"] == pytest.approx(1.00534017676, abs=1e-10)
     for observer in ("pd_pi", "pi_optimal"):
         assert numbers()[observer, "gamma"] == pytest.approx(1.05 * 1.00503781018428, rel=1e-12)
         assert numbers()[observer, "norm"] < numbers()[observer, "gamma"]
@@ -197,7 +198,7 @@ def test_what_is_missed_of_a_sine_is_what_a_simulation_misses(observer: str, fau
     assert numbers()[observer, f"missed_fast_{fault}_fault"] == pytest.approx(amplitude, rel=1e-4)
 
 
-@pytest.mark.parametrize("observer", ["pd_pi", "least_gamma"])
+@pytest.mark.parametrize("observer", ["pd_pi", "minimum_gamma"])
 @pytest.mark.parametrize("fault", UNITS)
 def test_the_faster_a_sine_the_more_of_it_is_missed_and_in_the_end_all(
     observer: str, fault: str
@@ -280,7 +281,7 @@ def test_deviations_are_those_of_the_study() -> None:
     study = Numbers(golden_metrics("eso", "fig3_designs"))
     for observer, kind, at in (
         ("pi", "pi_feasible", {"rate": 1, "decay": 1}),
-        ("pd_pi", "pd_pi_least_norm", {"rate": 1, "factor": 1.05}),
+        ("pd_pi", "pd_pi_minimum_norm", {"rate": 1, "factor": 1.05}),
     ):
         for fault in UNITS:
             noise = study.at(kind, f"noise_in_{fault}_fault", **at)

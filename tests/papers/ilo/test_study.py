@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture(scope="module")
 def settings() -> dict[str, Any]:
-    """One gain, one level and one run; the noise is held for an interval of the sampled reading."""
+    """One gain, one level and one run; the noise is held for an interval of the sampled variant."""
     found = copy.deepcopy(fixed_parameters("ilo", seed=1).settings("study", "matching"))
     found["study"] |= {"integral_gains": [1e5], "noise_levels": [1e-5, 1e-4], "noise_runs": 1}
     found["study"]["shown_noise"] = 1e-4

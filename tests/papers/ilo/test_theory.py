@@ -22,9 +22,9 @@ from tests.papers import ROOT
 from tests.papers.ilo.conftest import INERTIA, MOMENTS, Measure
 
 
-def limits(settings: dict[str, Any], reading: str = "sampled") -> Numbers:
+def limits(settings: dict[str, Any], variant: str = "sampled") -> Numbers:
     mine = copy.deepcopy(settings)
-    mine["metrics"]["reading"] = reading
+    mine["metrics"]["variant"] = variant
     return lookup(theory_linear.measure(read_job(keys.Parameters, mine)))
 
 
@@ -44,7 +44,7 @@ def test_numbers_do_not_depend_on_what_was_asked_before(
     other["plant"]["fault_matrix"] = 0.6
     numbers = lookup(theory.measure(other, {}))
     # The floor of certified designs is the same with any B_f that is a multiple of I.
-    assert numbers["theorem_1", "least_constant_error"] == pytest.approx(0.5, abs=1e-9)
+    assert numbers["theorem_1", "minimum_constant_error"] == pytest.approx(0.5, abs=1e-9)
     assert numbers["theorem_1", "unstable_share"] == 0
     again = lookup(theory.measure(settings, {}))
     assert {k: repr(v) for k, v in again.items()} == {k: repr(v) for k, v in found.items()}
@@ -53,7 +53,7 @@ def test_numbers_do_not_depend_on_what_was_asked_before(
 def test_what_theorem_1_certifies(found: Numbers) -> None:
     assert found["lemma_1", "violations"] == 0
     assert found["lemma_1", "violations_without_mismatch"] == 0
-    assert found["theorem_1", "least_constant_error"] == pytest.approx(0.5, abs=1e-9)
+    assert found["theorem_1", "minimum_constant_error"] == pytest.approx(0.5, abs=1e-9)
     assert found["theorem_1", "unstable_share"] == 0
     assert np.isnan(found["theorem_1", "required_observer_gain_at_identity"])
     assert found["theorem_1", "bound_18_ratio"] > 1
@@ -207,7 +207,7 @@ def test_a_wrong_start_stays_only_with_identity_learning(measure: Measure) -> No
     # The first rate error jumps into v as K2 w~(0) = (100, -60, 80) N m, and K1^k of it remains:
     # one limit of a jump of 100 is 50 or more.
     found = {
-        name: measure("_other_start", {"metrics": {"reading": name}}) for name in keys.VARIANTS
+        name: measure("_other_start", {"metrics": {"variant": name}}) for name in keys.VARIANTS
     }
     residual = {name: one[LEARNING, "residual_after_other_start"] for name, one in found.items()}
     assert residual["continuous"] > 50
@@ -219,7 +219,7 @@ def test_a_wrong_start_stays_only_with_identity_learning(measure: Measure) -> No
     floor = found["forgetting"][LEARNING, "late_relative_error_after_other_start"]
     assert floor == pytest.approx(1 / 2001, rel=0.05)
     for name in ("sampled", "continuous"):
-        late = measure("_from_other_start_with_identity", {"theory": {"identity_reading": name}})
+        late = measure("_from_other_start_with_identity", {"theory": {"identity_variant": name}})
         same = found[name][LEARNING, "late_relative_error_after_other_start"]
         assert late["identity", "late_relative_error_after_other_start"] == same
 
@@ -228,7 +228,7 @@ def test_a_right_start_leaves_no_residual(measure: Measure, changed: dict[str, A
     # The step of the method is left, at Lambda / J of up to 1200 1/s.
     start = {"start_rate": changed["plant"]["initial_rate"]}
     for name in keys.VARIANTS:
-        over = {"metrics": {"reading": name}, "theory": start}
+        over = {"metrics": {"variant": name}, "theory": start}
         numbers = measure("_other_start", over, changed)
         assert numbers[LEARNING, "residual_after_other_start"] < 1e-7
 
@@ -245,10 +245,10 @@ def test_slowing_down_is_harmless_up_to_the_limit_of_stability(
 
 
 def test_operations_counted_by_hand(settings: dict[str, Any]) -> None:
-    def counted(reading: str, **given: Any) -> tuple[float, float]:
+    def counted(variant: str, **given: Any) -> tuple[float, float]:
         mine = copy.deepcopy(settings)
         mine["theory"] |= given
-        mine["metrics"]["reading"] = reading
+        mine["metrics"]["variant"] = variant
         numbers = lookup(theory.operations(read_job(keys.Parameters, mine)))
         return numbers[LEARNING, "operations"], numbers["adaptive", "operations"]
 

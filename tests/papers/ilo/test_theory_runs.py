@@ -70,7 +70,7 @@ def test_the_torque_of_a_wrong_inertia_is_estimated_with_the_fault(
     changed["plant"] |= {"input_matrix": 2.0, "fault_matrix": 0.5}
     changed["theory"]["aperiodic"] = [{"kind": "constant", "axis": 1, "from": 1.0, "size": 0.5}]
     changed["plant"]["control"] = [{"kind": "constant", "axis": 1, "from": 0.0, "size": 0.125}]
-    changed["metrics"]["reading"] = "forgetting"
+    changed["metrics"]["variant"] = "forgetting"
     mine = changed["observers"]["forgetting"]
     mine |= {"initial_rate": [0.0, 0.0, 0.0], "K1": 0.5}
     loss = mine["observer_gain"] * (1 - mine["K1"]) / (mine["K2"] * 0.5)

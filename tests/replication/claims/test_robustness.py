@@ -26,8 +26,8 @@ ROOT = Path(__file__).parents[3]
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000: logarithmic
 FORGETTING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
-READING = "metrics.reading"  # the first of these words
-READINGS = ("sampled", "continuous", "forgetting")
+VARIANT = "metrics.variant"  # the first of these words
+VARIANTS = ("sampled", "continuous", "forgetting")
 
 
 @pytest.fixture(autouse=True)
@@ -44,8 +44,8 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         if figure == "fig3" and gain < 1000:
             raise InputError("K2", "must be 1000 or more")
         share = observers["forgetting"]["K1"]
-        place = READINGS.index(evaluator.parameters.section("metrics")["reading"])
-        numbers = {"gain": gain, "share": share, "reading": place}
+        place = VARIANTS.index(evaluator.parameters.section("metrics")["variant"])
+        numbers = {"gain": gain, "share": share, "variant": place}
         return [Metric("a", name, value, "1") for name, value in numbers.items()]
 
     monkeypatch.setattr(outcomes, "metrics_of", metrics_of)
@@ -138,10 +138,10 @@ def test_of_two_changes_the_smaller_is_reported() -> None:
 
 
 def test_another_word_is_a_change_of_the_whole_range() -> None:
-    one = claim("fig1 a reading", READING, below=1.5)
-    assert found(one, 1).reversal == Reversal(READING, "1", "sampled", "forgetting", 1.0)
-    assert found(claim("fig1 a reading", READING, below=2.5), 1).reversal is None
-    two = claim("fig1 a reading", READING, GAIN, below=1.5)
+    one = claim("fig1 a variant", VARIANT, below=1.5)
+    assert found(one, 1).reversal == Reversal(VARIANT, "1", "sampled", "forgetting", 1.0)
+    assert found(claim("fig1 a variant", VARIANT, below=2.5), 1).reversal is None
+    two = claim("fig1 a variant", VARIANT, GAIN, below=1.5)
     two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a gain", "above": 1900})))
     reversal = found(two, 1).reversal
     assert reversal is not None

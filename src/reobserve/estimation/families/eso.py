@@ -79,9 +79,10 @@ class FaultySystem(System):
     """x' = A x + B u + Dd d + Fa fa,  y = C x + Dw w + Fs fs, and how gains are found.
 
     By linear matrix inequalities, unless gains are given: ``structure`` is PD/PI, or PI with
-    Ld = 0. ``factor`` is gamma over its lower bound, with the smallest matrices, 1.05 if left out.
-    Instead, for PI: any gains with all poles left of -``decay`` [1/s]. Or instead: the least gamma
-    with all poles right of -``bound`` [1/s] and matrices of a norm within ``radius``.
+    Ld = 0. ``factor`` is gamma over its lower bound, with matrices of minimum norm; the default is
+    1.05. ``decay`` [1/s] instead, for PI only, gives any gains with all poles left of -decay.
+    ``bound`` [1/s] instead gives the minimum gamma with all poles right of -bound and matrices of a
+    norm within ``radius``.
     """
 
     time: Literal["continuous"] = "continuous"  # as linear models state it
@@ -171,7 +172,7 @@ class EsoDesign(Design):
         if system.decay is not None:
             found = pi.design_feasible(augmented, system.decay, system.solver)
         elif system.bound is not None:
-            found = pd_pi.design_least_gamma(
+            found = pd_pi.design_minimum_gamma(
                 augmented, 0.0, system.bound, system.radius, system.solver, derivative=derivative
             )
         else:

@@ -23,7 +23,7 @@ Array = FloatArray
 
 EXAMPLE = """\
 # A satellite whose rates are measured, and whose thrusters may fail.
-reading: sampled            # v is updated once an interval and held; or continuous
+variant: sampled            # v is updated once an interval and held; or continuous
 sampling_period: 0.01       # [s]
 states: {rate_x: rad/s, rate_y: rad/s, rate_z: rad/s}
 inputs: {torque_x: N m, torque_y: N m, torque_z: N m}
@@ -41,7 +41,7 @@ _RECORD = """\
 # Iterative learning observer of a rigid body: fault torques from angular rates.
 observer:
   kind: ilo
-  reading: {0}               # {1}
+  variant: {0}               # {1}
 {body}  gains:
     K1: {K1}                 # a number, a diagonal or 3 x 3
     K2: 20.0                 # [N m s/rad]
@@ -68,7 +68,7 @@ class LearningSystem(BodySystem):
     ``forgetting`` is the continuous update with K1 of a spectral radius below 1.
     """
 
-    reading: Literal["sampled", "continuous", "forgetting"] = "sampled"
+    variant: Literal["sampled", "continuous", "forgetting"] = "sampled"
     expected: list[Sine] = field(default_factory=list)
 
 
@@ -92,9 +92,9 @@ class IloDesign(BodyDesign):
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {SampledILO: "rigid_body:sampled", ILO: "rigid_body:continuous"}
     records: ClassVar = {
-        f"ilo-{reading}": Example("satellite", _RECORD.format(reading, about, body=BODY, K1=K1),
+        f"ilo-{variant}": Example("satellite", _RECORD.format(variant, about, body=BODY, K1=K1),
                                   ALARMS)
-        for reading, about, K1 in (
+        for variant, about, K1 in (
             ("sampled", "v is updated once an interval and held", 1.0),
             ("continuous", "v is updated at every instant", 1.0),
             ("forgetting", "as continuous, with K1 below 1", 0.99),
@@ -104,7 +104,7 @@ class IloDesign(BodyDesign):
     @cached_property
     def observer(self) -> ILO | SampledILO:
         """The observer; unstable gains are refused."""
-        kind = SampledILO if self.system.reading == "sampled" else ILO
+        kind = SampledILO if self.system.variant == "sampled" else ILO
         gains, period = self.gains, self.system.sampling_period
         interval = period if gains.update_interval is None else gains.update_interval
         found = kind(
@@ -112,20 +112,20 @@ class IloDesign(BodyDesign):
             sampling_period=period,
         )  # fmt: skip
         radius = spectral_radius(found.K1)
-        if self.system.reading == "forgetting" and radius >= 1.0:
+        if self.system.variant == "forgetting" and radius >= 1.0:
             problem = f"has the spectral radius {radius:g}; to forget, it must be below 1"
             raise InputError("K1", problem)
         return found
 
     def certify(self) -> Certificate:
         """Stability, and the predicted errors of the expected fault [N m]."""
-        law, sampled = self.observer.law, self.system.reading == "sampled"
+        law, sampled = self.observer.law, self.system.variant == "sampled"
         certificate = _sampled(law) if sampled else _continuous(law)
         sines = self.system.expected
         if sines:
             errors = predicted_rms_error(
                 [sine.amplitude for sine in sines], [sine.frequency for sine in sines], law,
-                reading="sampled" if sampled else "continuous",
+                variant="sampled" if sampled else "continuous",
             )  # fmt: skip
             for axis, error in zip("xyz", errors, strict=True):
                 certificate[f"rms_error_{axis}"] = float(error)
@@ -134,8 +134,8 @@ class IloDesign(BodyDesign):
     def summary(self) -> list[str]:
         """Stability and accuracy."""
         known = self.certificate
-        lines = [f"iterative learning observer, {self.system.reading}: {known['verdict']}"]
-        if self.system.reading == "sampled":
+        lines = [f"iterative learning observer, {self.system.variant}: {known['verdict']}"]
+        if self.system.variant == "sampled":
             lines.append(f"spectral radius of an update: {known['spectral_radius']:.6g}")
             if known["limit_gain"] is not None:
                 lines.append(f"K2 may grow by a factor of {known['limit_gain']:.4g}")

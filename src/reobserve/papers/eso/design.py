@@ -6,8 +6,8 @@ pd_pi_optimised  the PD/PI observer by optimisation
 
 and the ``criterion`` of an optimisation
 
-least_norm       gamma fixed at a multiple of its floor, and the smallest matrices
-least_gamma      the least gamma with poles not faster than a bound and matrices in a radius
+minimum_norm     gamma fixed at a multiple of its floor, and the smallest matrices
+minimum_gamma    the minimum gamma with poles not faster than a bound and matrices in a radius
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ def _designed(matrices: Any, stated: keys.Design) -> Design:
     if isinstance(stated, keys.Feasible):
         return pi.design_feasible(system, stated.decay, solver, stated.solution)
     derivative = stated.kind == "pd_pi_optimised"
-    if stated.criterion == "least_norm":
+    if stated.criterion == "minimum_norm":
         return pd_pi.design(system, stated.factor, solver=solver, derivative=derivative)
-    return pd_pi.design_least_gamma(
+    return pd_pi.design_minimum_gamma(
         system, 0.0, stated.pole_bound, stated.radius, solver, derivative=derivative
     )
 

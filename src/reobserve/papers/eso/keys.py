@@ -28,8 +28,8 @@ Poles = Annotated[list[float], vector(3)]
 Column = Annotated[Any, array(2, 1)]
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 Solver = Literal["CLARABEL", "SCS"]
-Criterion = Literal["least_norm", "least_gamma"]
-Solution = Literal["least_norm", "positive", "largest_margin"]
+Criterion = Literal["minimum_norm", "minimum_gamma"]
+Solution = Literal["minimum_norm", "positive", "largest_margin"]
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Feasible:
     @property
     def name(self) -> str:
         """Its name in the study, one word."""
-        return self.kind if self.solution == "least_norm" else f"pi_{self.solution}"
+        return self.kind if self.solution == "minimum_norm" else f"pi_{self.solution}"
 
 
 @dataclass(frozen=True)
@@ -94,8 +94,8 @@ class Optimised:
     kind: Literal["pi_optimised", "pd_pi_optimised"]
     filter_rate: Positive
     criterion: Criterion
-    factor: Positive  # of gamma over its floor, for the least norm
-    pole_bound: Positive  # for the least gamma, as the next
+    factor: Positive  # of gamma over its floor, for the minimum norm
+    pole_bound: Positive  # for the minimum gamma, as the next
     radius: Positive
     solver: Solver
     title: str = ""
@@ -108,7 +108,7 @@ class Optimised:
     @property
     def level(self) -> float:
         """The level of the criterion that a study varies."""
-        return self.factor if self.criterion == "least_norm" else self.pole_bound
+        return self.factor if self.criterion == "minimum_norm" else self.pole_bound
 
 
 Design = Feasible | Optimised

@@ -78,12 +78,12 @@ def gains_of(design: keys.Design) -> str:
         kind = f"PI by feasibility, {design.solution.replace('_', ' ')}"
         return f"{kind}, with decay {design.decay:g}/s and A_z = {design.filter_rate:g}/s"
     name = "PI" if design.kind == "pi_optimised" else "PD/PI"
-    if design.criterion == "least_gamma":
+    if design.criterion == "minimum_gamma":
         return (
-            f"{name} of least γ with poles within {design.pole_bound:g}/s and matrices within "
+            f"{name} of minimum γ with poles within {design.pole_bound:g}/s and matrices within "
             f"{design.radius:g}"
         )
-    return f"{name} of least norm with γ {100 * (design.factor - 1):.2g} % above its floor"
+    return f"{name} of minimum norm with γ {100 * (design.factor - 1):.2g} % above its floor"
 
 
 LAYOUTS = {"actuator": draw, "sensor": draw, "designs": plot_designs.draw}

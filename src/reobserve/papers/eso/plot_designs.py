@@ -19,13 +19,13 @@ _PURPLE = Style("#a66fc0", "-", 0.9, "D")  # whole and light: it has all of the 
 
 # By the name of a design, and of the rows of the study.
 KINDS = {
-    "pi_feasible": (_BLACK, "PI, feasible: least norm"),
+    "pi_feasible": (_BLACK, "PI, feasible: minimum norm"),
     "pi_positive": (replace(_BLACK, marker="^"), "PI, feasible: centre"),
     "pi_largest_margin": (replace(_BLACK, marker="x"), "PI, feasible: margin"),
-    "pd_pi_least_norm": (_ORANGE, "PD/PI, least norm"),
-    "pd_pi_least_gamma": (_PURPLE, "PD/PI, least γ"),
-    "pi_least_norm": (_BLUE, "PI, least norm"),
-    "pi_least_gamma": (_GREEN, "PI, least γ"),
+    "pd_pi_minimum_norm": (_ORANGE, "PD/PI, minimum norm"),
+    "pd_pi_minimum_gamma": (_PURPLE, "PD/PI, minimum γ"),
+    "pi_minimum_norm": (_BLUE, "PI, minimum norm"),
+    "pi_minimum_gamma": (_GREEN, "PI, minimum γ"),
 }
 
 
@@ -35,8 +35,8 @@ def style_of(design: keys.Design) -> Style:
 
 
 _FAULTS = {"actuator": "V", "sensor": "rad/s"}
-_FILLED = ("pi_feasible", "pd_pi_least_norm", "pd_pi_least_gamma")
-_AROUND = ("pi_least_norm", "pi_least_gamma")  # larger, as they fall together with another
+_FILLED = ("pi_feasible", "pd_pi_minimum_norm", "pd_pi_minimum_gamma")
+_AROUND = ("pi_minimum_norm", "pi_minimum_gamma")  # larger, as they fall together with another
 
 
 def draw(data: FigureData) -> Figure:
@@ -101,7 +101,7 @@ def _note(data: FigureData) -> str:
         f"PI by feasibility: filter rates {_listed(chosen.filter_rates)} and decays "
         f"{_listed(chosen.decays)} per second, three solutions of one inequality. Least norm: "
         f"γ over its floor\n{_listed(chosen.factors)}. "
-        f"Least γ: poles within {_listed(chosen.pole_bounds)} per second, matrices within "
+        f"Minimum γ: poles within {_listed(chosen.pole_bounds)} per second, matrices within "
         f"{chosen.radius:g}, and with the first within {_listed(chosen.radii)}.\n"
         "Rings: the observers of Figs 2 to 5, and of the Remark."
     )

@@ -48,13 +48,13 @@ def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
     for rate, decay, solution in product(study.filter_rates, study.decays, study.solutions):
         yield keys.Feasible("pi_feasible", rate, decay, solution, solver), "decay", decay
     for kind in ("pi_optimised", "pd_pi_optimised"):
-        stated = keys.Optimised(kind, 1.0, "least_norm", 1.0, 1.0, study.radius, solver)
+        stated = keys.Optimised(kind, 1.0, "minimum_norm", 1.0, 1.0, study.radius, solver)
         for factor in study.factors:
             yield replace(stated, factor=factor), "factor", factor
         for bound in study.pole_bounds:
-            yield replace(stated, criterion="least_gamma", pole_bound=bound), "bound", bound
+            yield replace(stated, criterion="minimum_gamma", pole_bound=bound), "bound", bound
         for bound, radius in product(study.pole_bounds[:1], study.radii):
-            near = replace(stated, criterion="least_gamma", pole_bound=bound, radius=radius)
+            near = replace(stated, criterion="minimum_gamma", pole_bound=bound, radius=radius)
             yield near, "radius", radius
 
 

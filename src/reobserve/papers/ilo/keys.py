@@ -122,7 +122,7 @@ class Metrics:
     """Windows and thresholds with which errors are measured."""
 
     axis: Annotated[int, within(1, 3)]
-    reading: Literal["sampled", "continuous", "forgetting"]
+    variant: Literal["sampled", "continuous", "forgetting"]
     settling_skip: Positive
     late_window: Positive
     residual_threshold: Positive
@@ -153,7 +153,7 @@ class Theory:
     adaptive_gain: Positive
     damping_ratio: Positive
     disturbance_frequency: Positive
-    identity_reading: Literal["sampled", "continuous"]
+    identity_variant: Literal["sampled", "continuous"]
     integration: Literal["euler", "runge_kutta"]
     periods_per_update: Count
 

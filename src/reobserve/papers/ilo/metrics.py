@@ -2,9 +2,9 @@
 
 e is the fault torque minus its estimate on the faulty axis. Errors are taken from one second (the
 entry `metrics.settling_skip`) after every onset on; `nan` means that it never happens, or that
-there is none. The observer `learning` is the variant of (3) that `metrics.reading` names. The lower
+there is none. The observer `learning` is the variant of (3) that `metrics.variant` names. The lower
 part is the theory's, in `theory.metrics.csv`: there the observer column may hold what the number is
-about (`identity` is the variant with K1 = I that `theory.identity_reading` names, `best` that with
+about (`identity` is the variant with K1 = I that `theory.identity_variant` names, `best` that with
 the least error, `integral` an integrator), the stuck fault is that of Fig. 1, and an interval is
 tau.
 """
@@ -41,7 +41,7 @@ MEANINGS = {
     "violations": "random cases in which (5) of Lemma 1 fails",
     "violations_without_mismatch": "the same of (12)",
     "required_observer_gain_at_identity": "minimum Lambda with which Theorem 1 certifies K1 = I",
-    "least_constant_error": (
+    "minimum_constant_error": (
         "minimum share of a constant fault that certified designs do not estimate"
     ),
     "unstable_share": "share of random certified designs that are unstable",
@@ -92,7 +92,7 @@ def measure(data: FigureData) -> Iterator[Metric]:
     scores = [one for name in data.estimates for one in scores_of(name, _scores(data, name))]
     yield from scores
     if keys.VARIANTS.keys() <= data.estimates.keys():
-        named = (one for one in scores if one.observer == data.job.metrics.reading)
+        named = (one for one in scores if one.observer == data.job.metrics.variant)
         yield from (replace(one, observer=LEARNING) for one in named)
     score = "relative_rms_error"
     if data.study:  # the mean over the runs at each level
@@ -162,6 +162,6 @@ def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | Non
         omega,
         LearningLaw(*common, observer.K1, observer.K2, observer.update_interval),
         phases=np.angle(torque),
-        reading="sampled" if observer.algorithm == "sampled_ilo" else "continuous",
+        variant="sampled" if observer.algorithm == "sampled_ilo" else "continuous",
     )
     return float(rms[axis])

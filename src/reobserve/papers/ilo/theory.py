@@ -91,7 +91,7 @@ def _theorem(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
         for k2 in k1 * np.linalg.norm(fault, 2) * np.geomspace(0.01, 100.0, 41):
             least = certify(1.0, fault, k1, k2).required_observer_gain
             left.append(certify(_JUST_OUTSIDE * least, fault, k1, k2).dc_error)
-    yield Metric("theorem_1", "least_constant_error", min(left), "1")
+    yield Metric("theorem_1", "minimum_constant_error", min(left), "1")
     unstable = [_unstable(body, *design) for design in _certified(theory, fault)]
     yield Metric("theorem_1", "unstable_share", float(np.mean(unstable)), "1")
 
@@ -129,7 +129,7 @@ def operations(job: Job) -> Iterator[Metric]:
     z + h / 6 (l1 + 2 (l2 + l3) + l4) at the end. A v that is held is updated at every so many
     periods by either method.
     """
-    observer = job.observers[job.metrics.reading]
+    observer = job.observers[job.metrics.variant]
     euler = job.theory.integration == "euler"
     held = isinstance(observer, keys.Sampled)
     evaluations, instants = (1, 1) if held or euler else (4, 3)

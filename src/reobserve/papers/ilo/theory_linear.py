@@ -44,7 +44,7 @@ def measure(job: Job) -> Iterator[Metric]:
     axis = job.metrics.axis - 1
     laws = {name: _law(job, name) for name in keys.VARIANTS}
     yield from _sampled(laws["sampled"], job.theory, axis)
-    yield from _learning(laws[job.metrics.reading], job.metrics.reading == "sampled", job)
+    yield from _learning(laws[job.metrics.variant], job.metrics.variant == "sampled", job)
     yield from _accuracy(laws["continuous"], job.theory, axis)
 
 

@@ -77,7 +77,7 @@ class Runs:
     @property
     def learning(self) -> keys.Learning:
         """The variant of (3) that the parameter file names."""
-        found: keys.Learning = self.job.observers[self.job.metrics.reading]
+        found: keys.Learning = self.job.observers[self.job.metrics.variant]
         return found
 
     @property
@@ -124,7 +124,7 @@ def measure(job: Job) -> Iterator[Metric]:
 def _other_start(runs: Runs) -> Iterator[Metric]:
     """The observer starts from another rate than the plant: before and after the fault."""
     onset, window = runs.stuck.events["onsets"][0], runs.job.metrics.late_window
-    estimate = _started(runs, runs.job.metrics.reading)
+    estimate = _started(runs, runs.job.metrics.variant)
     before = (estimate.time > onset - window) & (estimate.time < onset - 1e-9)
     residual = peak(estimate["fault"][before], estimate["fault_before"][before])
     yield Metric(LEARNING, "residual_after_other_start", residual, "N m")
@@ -134,7 +134,7 @@ def _other_start(runs: Runs) -> Iterator[Metric]:
 
 @part
 def _from_other_start_with_identity(runs: Runs) -> Iterator[Metric]:
-    late = runs.late(_started(runs, runs.job.theory.identity_reading))
+    late = runs.late(_started(runs, runs.job.theory.identity_variant))
     yield Metric("identity", "late_relative_error_after_other_start", late, "1")
 
 

@@ -4,18 +4,18 @@ The theorem's "min gamma subject to (19)" has no minimum: gamma tends to its inf
 and the gains grow without bound, and a solver stops where its tolerance, which grows with them, is
 met. With poles between -50 and -2, to take one, gamma is 1.55, 1.35 and 1.24 for matrices of norm
 300, 1000 and 3000 and goes on falling; solvers end at norms beyond 1e5, with 1.07. The matrices of
-least norm at a fixed gamma are no better with P1 > 0 alone: P1 becomes singular to rounding, and
+minimum norm at a fixed gamma are no better with P1 > 0 alone: P1 becomes singular to rounding, and
 the recovered gains often belong to an unstable observer.
 
 So both designs proposed here keep P1 and the symmetric part of P3 away from singular. One fixes
-gamma above the lower bound and takes the matrices of least Frobenius norm; the other takes the
-least gamma of matrices inside a radius. Both are points of the central path, off the optimum by a
+gamma above the lower bound and takes the matrices of minimum Frobenius norm; the other takes the
+minimum gamma of matrices inside a radius. Both are points of the central path, off the optimum by a
 stated gap, which the dual proves. So they are unique and well conditioned: a change of the paper's
 data moves gains, relatively, by some hundred times as much at most, and they are the same to ten
 digits and more whatever solver and processor found where to begin. A solver alone does not give
-that: with all constraints above 1e-6 the gains of least gamma that Clarabel returns are 10 to 100 %
-off and move by up to 3 % with the kernels of OpenBLAS, and with all above 0 most are refuted by the
-certificate, those of least norm on some processors only.
+that: with all constraints above 1e-6 the gains of minimum gamma that Clarabel returns are 10 to
+100 % off and move by up to 3 % with the kernels of OpenBLAS, and with all above 0 most are refuted
+by the certificate, those of minimum norm on some processors only.
 
 The lower bound is from constant disturbances only. Where others are harder on the observer a factor
 of 1.05 is infeasible, as the solver then tells, and a larger one will do.
@@ -74,12 +74,12 @@ def design(
         certificate does not hold.
     """
     gamma = as_gamma(system, factor, gamma)
-    method = f"{'PD/PI' if derivative else 'PI'}, least norm"
+    method = f"{'PD/PI' if derivative else 'PI'}, minimum norm"
     problem = _problem(system, pd_pi_constraints(system, gamma, derivative=derivative), _GAP)
     return optimised(method, system, problem, PdPiVariables, gamma, solver)
 
 
-def design_least_gamma(
+def design_minimum_gamma(
     system: AugmentedSystem,
     decay: float = 0.0,
     bound: float = inf,
@@ -88,7 +88,7 @@ def design_least_gamma(
     gap: float = 1e-6,
     derivative: bool = True,
 ) -> Design:
-    """The least gamma by the inequality, with -``bound`` < Re s < -``decay`` of all poles.
+    """The minimum gamma by the inequality, with -``bound`` < Re s < -``decay`` of all poles.
 
     Indriawati, Agustinah & Jazidie, (19) and Theorem 1.
 
@@ -108,7 +108,7 @@ def design_least_gamma(
     radius, gap = as_positive("radius", radius), as_positive("gap", gap)
     constraints = pd_pi_constraints(system, None, decay, bound, derivative)
     problem = _problem(system, constraints, gap, radius)
-    method = f"{'PD/PI' if derivative else 'PI'}, least gamma"
+    method = f"{'PD/PI' if derivative else 'PI'}, minimum gamma"
     return optimised(method, system, problem, PdPiVariables, None, solver, decay, bound)
 
 

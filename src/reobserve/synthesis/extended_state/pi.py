@@ -28,11 +28,11 @@ from reobserve.synthesis.extended_state.matrix_terms import above, pi_constraint
 from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
-# Which solution of the inequality is taken: the one of least Frobenius norm with P1 >= I; the
+# Which solution of the inequality is taken: the one of minimum Frobenius norm with P1 >= I; the
 # analytic centre of all with P1 > 0; or the one of largest margin. Of the latter two the norm is
 # bounded, and P1 < I fixes the scale: P1 > 0 and P1 >= I have the same gains, by homogeneity. With
 # the norm alone to fix it the centre would be several times as slow as what Clarabel returns.
-SOLUTIONS = ("least_norm", "positive", "largest_margin")
+SOLUTIONS = ("minimum_norm", "positive", "largest_margin")
 
 _GAP = 1e-5  # of the sum of squares to its optimum, relative
 _RADIUS = 100.0  # Frobenius norm of P1 and Y, without which gains tend to infinity
@@ -56,7 +56,7 @@ def design_feasible(
     system: AugmentedSystem,
     decay: float,
     solver: str = "CLARABEL",
-    solution: str = "least_norm",
+    solution: str = "minimum_norm",
 ) -> Design:
     """A solution P1 and Y of the inequality, with poles left of -``decay`` [1/s].
 
@@ -69,7 +69,7 @@ def design_feasible(
     solver
         CLARABEL or SCS.
     solution
-        One of `SOLUTIONS`, each of which is unique. That of least norm is within 1e-5 of its
+        One of `SOLUTIONS`, each of which is unique. That of minimum norm is within 1e-5 of its
         optimum, and none is below the design's ``lower``.
 
     Raises
@@ -84,7 +84,7 @@ def design_feasible(
     size = as_kind("system", system, AugmentedSystem).size
     if solution not in SOLUTIONS:
         raise InputError("solution", f"{solution!r} must be one of {', '.join(SOLUTIONS)}")
-    if solution != "least_norm":
+    if solution != "minimum_norm":
         return _inside(system, decay, solver, solution)
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
     constraints = (*pi_constraints(system, decay), above("P1", size, 1.0))
@@ -95,7 +95,7 @@ def design_feasible(
 def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -> Design:
     """The design of a solution far inside the inequality, polished to all digits.
 
-    The matrices are those of least gamma where -gamma I is the margin of all that is positive, or
+    The matrices are those of minimum gamma where -gamma I is the margin of all that is positive, or
     where nothing but gamma > 0 holds gamma, so that it is the barriers that decide.
     """
     size, one = system.size, np.eye(system.size)
