@@ -607,7 +607,7 @@ BAD = {
     ),
     "bounds the wrong way round": (
         disturbed(disturbance=[[0.3, 0.2], [-0.1, 0.1]]), f"{D}.disturbance",
-        "must be [least, greatest]",
+        "must be [minimum, maximum]",
     ),
     "a comparison with nobody": (
         {"observers": {"pi_optimal": {"compared_with": "pdpi"}}},

@@ -1,4 +1,4 @@
-"""Checks of parameters that need the plant to be constructed, made before a long build."""
+"""Checks of parameters that need the plant to be constructed."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def _observer(job: Job, _: AugmentedSystem) -> None:
         raise InputError("compared_with", problem)
 
 
-# Designs are not computed: whether a solver finds one shows in their stage.
+# Designs are not computed here; their stage shows whether a solver finds one.
 CHECKS = Checks(
     build={
-        # What can be wrong with the plant is so with any filter.
+        # Errors of the plant do not depend on the filter.
         "plant": lambda job: augmented(job.plant, 1.0),
         "scenario": plant.build,
         "design": lambda job: augmented(job.plant, job.design.filter_rate),

@@ -1,13 +1,13 @@
-"""Stage design: certified gains of an observer; the ``kind`` of a design is one of
+"""Stage design: certified gains of an observer. The ``kind`` of a design is one of
 
 pi_feasible      the PI observer by feasibility with a decay rate
 pi_optimised     the PI observer by optimisation
 pd_pi_optimised  the PD/PI observer by optimisation
 
-and the ``criterion`` of an optimisation
+and the ``criterion`` of an optimisation is one of
 
-minimum_norm     gamma fixed at a multiple of its floor, and the smallest matrices
-minimum_gamma    the minimum gamma with poles not faster than a bound and matrices in a radius
+minimum_norm     gamma fixed at a multiple of its lower bound, with matrices of minimum norm
+minimum_gamma    minimum gamma with no pole faster than a bound and matrices within a radius
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 
 def compute(settings: Settings) -> dict[str, Any]:
-    """Gains, solver, status, gamma and certificate, as plain JSON values, and the filter's rate.
+    """Compute gains, solver, status, gamma, certificate and filter rate, as plain JSON values.
 
     Raises
     ------
@@ -41,9 +41,9 @@ def compute(settings: Settings) -> dict[str, Any]:
 
 
 def design(plant: keys.Plant, stated: keys.Design) -> Design:
-    """The design that the parameters state; raises as `compute`.
+    """The design that the parameters specify; raises as `compute`.
 
-    It is cached: draws of what no design depends on, such as a hold, ask for it again.
+    It is cached, because samples of other parameters, such as the hold period, need it again.
     """
     system = augmented(plant, stated.filter_rate)
     matrices = (getattr(system, each.name) for each in fields(system))
@@ -69,7 +69,7 @@ def stored_design(plant: keys.Plant, values: Mapping[str, Any]) -> tuple[Augment
     Raises
     ------
     InputError
-        If a key is missing, unknown or of another type, or the gains do not fit the system.
+        If a key is missing, unknown or of another type, or the gains have wrong shapes.
     """
     rest = {name: value for name, value in values.items() if name != "filter_rate"}
     found = Design.from_dict(rest)

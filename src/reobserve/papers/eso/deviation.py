@@ -1,12 +1,12 @@
-"""Standard deviations of the errors under held random disturbances and noise.
+"""Standard deviations of the estimation errors under held random disturbances and noise.
 
 The errors are those of Indriawati, Agustinah & Jazidie, (10).
 
     Eo e' = Ao e + Da~ v,    v held over a period, independent from one to the next
 
-is e(k+1) = Ad e(k) + Bd v(k) at the ends of the periods, and the covariance of e there solves the
-discrete Lyapunov equation P = Ad P Ad^T + Bd V Bd^T. Within a period T it is e = d + G v with the
-error at rest G = -Ao^-1 Da~ and d' = A d, A = Eo^-1 Ao, so that the mean of its covariance is
+At the ends of the periods e(k+1) = Ad e(k) + Bd v(k), and the covariance of e solves the discrete
+Lyapunov equation P = Ad P Ad^T + Bd V Bd^T. Within a period T the error is e = d + G v with the
+error at rest G = -Ao^-1 Da~ and d' = A d, A = Eo^-1 Ao, so the mean of its covariance is
 
     Q / T - J G V G^T - (J G V G^T)^T + G V G^T,    A Q + Q A^T = Ad W Ad^T - W,
     W = P + G V G^T,    J = A^-1 (Ad - I) / T.
@@ -40,16 +40,17 @@ def held_deviation(
     system, gains
         The plant and a stable observer.
     deviations
-        Of the disturbances and then the noise, shape (kd + kw,); they are independent.
+        Standard deviations of the disturbances and then of the noise, all independent, shape
+        (kd + kw,).
     period
-        For which they are held [s].
+        Time for which they are held [s].
     over_time
-        Whether the mean over all time is asked for, instead of the ends of the periods.
+        Whether to take the mean over all time instead of the ends of the periods.
 
     Raises
     ------
     InputError
-        If the deviations are not so many, or the observer is not stable.
+        If the number of deviations is wrong, or the observer is not stable.
     """
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 

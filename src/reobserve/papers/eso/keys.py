@@ -34,7 +34,7 @@ Solution = Literal["minimum_norm", "positive", "largest_margin"]
 
 @dataclass(frozen=True)
 class Plant:
-    """The motor, its speed control, what disturbs it, and the record."""
+    """The motor, its speed control, its disturbances, and the record."""
 
     inertia: Positive
     friction: Positive
@@ -55,7 +55,7 @@ class Plant:
     hold_period: Positive
 
     def noise_deviation(self, power: float) -> float:
-        """Of the held samples of a white noise of this power."""
+        """Standard deviation of the held samples of white noise of this power."""
         return float(np.sqrt(power / self.hold_period))
 
 
@@ -65,7 +65,7 @@ class Scenario:
 
     actuator_fault: Fault
     sensor_fault: Fault
-    disturbance: Annotated[Any, array(2, 2)]  # least and greatest value of each
+    disturbance: Annotated[Any, array(2, 2)]  # minimum and maximum of each
     noise_power: NotNegative
     title: str = ""
 
@@ -83,26 +83,26 @@ class Feasible:
 
     @property
     def name(self) -> str:
-        """Its name in the study, one word."""
+        """Name of the design in the study."""
         return self.kind if self.solution == "minimum_norm" else f"pi_{self.solution}"
 
 
 @dataclass(frozen=True)
 class Optimised:
-    """Gains by optimisation, of which "min gamma" is read in one of two ways."""
+    """Gains by optimisation, with one of two interpretations of "min gamma"."""
 
     kind: Literal["pi_optimised", "pd_pi_optimised"]
     filter_rate: Positive
     criterion: Criterion
-    factor: Positive  # of gamma over its floor, for the minimum norm
-    pole_bound: Positive  # for the minimum gamma, as the next
+    factor: Positive  # of gamma over its lower bound, for minimum_norm
+    pole_bound: Positive  # for minimum_gamma, as the radius
     radius: Positive
     solver: Solver
     title: str = ""
 
     @property
     def name(self) -> str:
-        """Its name in the study, one word."""
+        """Name of the design in the study."""
         return f"{self.kind.removesuffix('_optimised')}_{self.criterion}"
 
     @property
@@ -121,7 +121,7 @@ class Observer:
     algorithm: Literal["extended_state"]
     design: str
     initial_estimate: Annotated[list[float], vector(6)]  # x, xz, fa, fs
-    compared_with: str = ""  # the observer whose estimates these are said to be
+    compared_with: str = ""  # the observer with which the estimates are compared
     label: str = ""
 
 
@@ -130,10 +130,10 @@ class Designs(job.Study):
     """The study of many designs."""
 
     method: Literal["designs"]
-    observers: list[str]  # none: it has designs of its own
+    observers: list[str]  # none: the study has its own designs
     filter_rates: Changed
     decays: Annotated[list[NotNegative], items(0)]
-    solutions: Annotated[list[Solution], distinct]  # by each of which there is a PI observer
+    solutions: Annotated[list[Solution], distinct]  # one PI observer for each
     factors: Changed
     pole_bounds: Changed
     radius: Positive  # with these bounds

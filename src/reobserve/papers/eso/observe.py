@@ -1,4 +1,4 @@
-"""Stage observe: an extended state observer on a plant's record, with the gains of its design."""
+"""Stage observe: run an extended state observer, with designed gains, on a record of the plant."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserver:
-    """The observer with a design's gains; its period is two steps of the plant.
+    """Construct the observer with the gains of a design; its period is two steps of the plant.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserve
 
 
 def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:
-    """Estimates of state and faults at every second sample of the record.
+    """Estimate state and faults at every second sample of the record.
 
     Raises
     ------
@@ -54,9 +54,9 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
 def run_on(
     observer: ExtendedStateObserver, plant: Series, estimate: Sequence[float] | None = None
 ) -> Run[State]:
-    """The observer on a record with its middles, and its limits from the left.
+    """Run the observer on a record that has samples at half steps and limits from the left.
 
-    It starts from ``estimate``, of x, xz, fa and fs, or from zeros, its filter from the same xz.
+    It starts from ``estimate`` (x, xz, fa, fs) or from zeros; its filter starts from the same xz.
     """
     control, control_before = plant["control"][:, None], plant["control_before"][:, None]
     filtered = None if estimate is None else estimate[2:4]

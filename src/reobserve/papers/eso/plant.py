@@ -1,4 +1,4 @@
-"""Stage plant: the motor under control, with its faults, and what is measured of it."""
+"""Stage plant: the controlled motor with faults, and its measurements."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ Array = NDArray[np.float64]
 
 
 def build(settings: Settings) -> Experiment:
-    """Everything a scenario states, checked; see `experiment`."""
+    """Check a scenario and construct its parts; see `experiment`."""
     job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)
 
 
 def simulate(settings: Settings) -> Series:
-    """State, faults, and what is measured, over the horizon.
+    """Simulate state, faults and measurements over the horizon.
 
-    ``state`` is speed and current, ``output`` y and ``control`` u, ``actuator_fault`` and
-    ``sensor_fault`` the truth, ``reference`` r; ``_before`` marks limits from the left. The event
-    ``faults`` lists when a fault jumps.
+    ``state`` is speed and current, ``output`` y, ``control`` u and ``reference`` r;
+    ``actuator_fault`` and ``sensor_fault`` are the true faults. ``_before`` marks limits from the
+    left. The event ``faults`` lists the times at which a fault jumps.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def simulate(settings: Settings) -> Series:
 
 
 def _drawn(setup: Experiment, seed: int) -> tuple[Array, Array]:
-    """Disturbances and noise, a row a step, each held for a while; from named streams."""
+    """Random disturbances and noise, one row per step, each held for ``setup.hold`` steps."""
     periods = -(-setup.steps // setup.hold)
     rows = np.arange(setup.steps) // setup.hold
     uniform = random_stream(seed, "eso", "disturbance").random((periods, len(setup.low)))

@@ -1,4 +1,4 @@
-"""Stage plot: a fault with its estimates and their errors, Figs 2 to 5, and the map of designs."""
+"""Stage plot: a fault with its estimates and their errors (Figs 2 to 5), and the designs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LABELS = {"actuator": "actuator fault [V]", "sensor": "sensor fault [rad/s]"}
 
 
 def draw(data: FigureData) -> Figure:
-    """The fault with its estimates, and their errors."""
+    """Plot the fault with its estimates, and their errors."""
     job, plant = data.job, data.plant
     layout = job.figure.layout
     figure, (fault, error) = new_figure((2.8, 2.0))
@@ -44,7 +44,7 @@ def draw(data: FigureData) -> Figure:
 
 
 def upright(plant: Series, channel: str) -> tuple[Array, Array]:
-    """A signal with its jumps upright."""
+    """Time and values of a signal, with vertical lines at its jumps."""
     time = np.repeat(plant.time, 2)
     values = np.column_stack([plant[f"{channel}_before"], plant[channel]]).ravel()
     jumps = np.flatnonzero(np.abs(np.diff(values)) > 1e-2)
@@ -73,7 +73,7 @@ def _note(job: Job) -> str:
 
 
 def gains_of(design: keys.Design) -> str:
-    """The design of an observer's gains, in words."""
+    """A description of how the gains of an observer are designed."""
     if isinstance(design, keys.Feasible):
         kind = f"PI by feasibility, {design.solution.replace('_', ' ')}"
         return f"{kind}, with decay {design.decay:g}/s and A_z = {design.filter_rate:g}/s"
@@ -83,7 +83,7 @@ def gains_of(design: keys.Design) -> str:
             f"{name} of minimum γ with poles within {design.pole_bound:g}/s and matrices within "
             f"{design.radius:g}"
         )
-    return f"{name} of minimum norm with γ {100 * (design.factor - 1):.2g} % above its floor"
+    return f"{name} of minimum norm with γ {100 * (design.factor - 1):.2g} % above its lower bound"
 
 
 LAYOUTS = {"actuator": draw, "sensor": draw, "designs": plot_designs.draw}

@@ -1,4 +1,4 @@
-"""Lag and error of both faults against what is chosen in the design, for all kinds of design."""
+"""Lags of the estimated faults and effects of noise and disturbance, for all kinds of design."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from reobserve.plotting.look import mark, points, thick
 from reobserve.replication.parameters.figure_data import FigureData
 
 _BLACK, _ORANGE, _BLUE, _, _GREEN = STYLES
-_PURPLE = Style("#a66fc0", "-", 0.9, "D")  # whole and light: it has all of the noise
+_PURPLE = Style("#a66fc0", "-", 0.9, "D")  # solid and light, because it is the noisiest
 
-# By the name of a design, and of the rows of the study.
+# By the name of a design, as in the rows of the study.
 KINDS = {
     "pi_feasible": (_BLACK, "PI, feasible: minimum norm"),
     "pi_positive": (replace(_BLACK, marker="^"), "PI, feasible: centre"),
@@ -30,17 +30,17 @@ KINDS = {
 
 
 def style_of(design: keys.Design) -> Style:
-    """The style of an observer, by how its gains came about."""
+    """Style of an observer, by the kind of its design."""
     return KINDS[design.name][0]
 
 
 _FAULTS = {"actuator": "V", "sensor": "rad/s"}
 _FILLED = ("pi_feasible", "pd_pi_minimum_norm", "pd_pi_minimum_gamma")
-_AROUND = ("pi_minimum_norm", "pi_minimum_gamma")  # larger, as they fall together with another
+_AROUND = ("pi_minimum_norm", "pi_minimum_gamma")  # larger, because they coincide with others
 
 
 def draw(data: FigureData) -> Figure:
-    """One point a design: how late its estimates are, and what noise and disturbance do to them."""
+    """Plot one point per design: lags of its estimates, and effects of noise or disturbance."""
     figure = blank(6.0)
     panels = figure.subplots(2, 2)
     for column, (fault, unit) in enumerate(_FAULTS.items()):
@@ -86,7 +86,7 @@ def _bound(axes: Axes, level: float, unit: str) -> None:
 
 
 def _of_the_figures(data: FigureData) -> Iterator[dict[str, Any]]:
-    """Where the designs of the figure's observers are in the study, if they are."""
+    """Rows of the study that hold the designs of the figure's observers, if any."""
     for observer in data.job.observers.values():
         design = data.job.designs[observer.design]
         level = design.decay if isinstance(design, keys.Feasible) else design.level
@@ -99,8 +99,8 @@ def _note(data: FigureData) -> str:
         f"Standard deviations at the ends of the holds of {hold:g} s, from a discrete Lyapunov "
         "equation; lags without noise and disturbance.\n"
         f"PI by feasibility: filter rates {_listed(chosen.filter_rates)} and decays "
-        f"{_listed(chosen.decays)} per second, three solutions of one inequality. Least norm: "
-        f"γ over its floor\n{_listed(chosen.factors)}. "
+        f"{_listed(chosen.decays)} per second, three solutions of one inequality.\n"
+        f"Minimum norm: γ over its lower bound {_listed(chosen.factors)}. "
         f"Minimum γ: poles within {_listed(chosen.pole_bounds)} per second, matrices within "
         f"{chosen.radius:g}, and with the first within {_listed(chosen.radii)}.\n"
         "Rings: the observers of Figs 2 to 5, and of the Remark."

@@ -11,12 +11,12 @@ _FAULTS = {"actuator_fault": Shape("V"), "sensor_fault": Shape("rad/s")}
 
 
 def plant(_: Job) -> dict[str, Shape]:
-    """The channels of a record; all that jumps with its limits from the left."""
+    """Channels of a record; channels with jumps also have their limits from the left."""
     jumping = {"output": Shape("rad/s, A", 2), "control": Shape("V"), **_FAULTS}
     before = {f"{name}_before": shape for name, shape in jumping.items()}
     return {"state": Shape("rad/s, A", 2), **jumping, **before, "reference": Shape("rad/s")}
 
 
 def estimates(_: Job) -> dict[str, Shape]:
-    """The channels of an observer's estimates."""
+    """Channels of an observer's estimates."""
     return {"state": Shape("rad/s, A", 2), **_FAULTS}

@@ -1,4 +1,4 @@
-"""Errors of estimated faults, and how far they lag behind."""
+"""Errors and lags of estimated faults."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FAULTS = {"actuator": "V", "sensor": "rad/s"}
 
 
 def check_rules(rules: keys.Metrics, plant: keys.Plant) -> None:
-    """Refuse windows that no sample is in, and a longest lag that is none."""
+    """Refuse windows that hold fewer than two samples or begin after the horizon."""
     horizon, period = plant.horizon, 2.0 * plant.step
     with located("metrics"):
         for name in FAULTS:
@@ -38,11 +38,11 @@ def check_rules(rules: keys.Metrics, plant: keys.Plant) -> None:
 
 
 def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float) -> float:
-    """By how much later the estimate is: the shift that leaves the least error [s].
+    """Lag of the estimate: the time shift with the minimum error [s].
 
-    Shifts are whole samples, refined by a parabola through the least squared error and its
-    neighbours; at most ``longest`` seconds, and half the window. Neither truth nor estimate counts
-    outside the window: what the estimate does after it may be an answer to a jump at its end.
+    Shifts are whole samples, refined by a parabola through the minimum squared error and its
+    neighbours. The longest is ``longest`` seconds or half the window. Truth and estimate outside
+    the window do not count, because the estimate may respond to a jump at the end of the window.
     """
     chosen = window(time, *bounds)
     truth, estimate = truth[chosen], estimate[chosen]
@@ -52,13 +52,13 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     def error(shift: int) -> float:
         return float(np.mean((estimate[shift:] - truth[: count - shift]) ** 2))
 
-    # The sum of (estimate(t + k) - truth(t))^2 over all t of both, for each shift k.
+    # The mean of (estimate(t + k) - truth(t))^2 over all t in both, for each shift k.
     left = np.arange(count, count - most - 1, -1)
     squares = np.cumsum(truth**2)[left - 1] + np.cumsum(estimate[::-1] ** 2)[left - 1]
     spectra = np.fft.rfft([estimate, truth], 2 * count)
     products = np.fft.irfft(spectra[0] * spectra[1].conj(), 2 * count)[: most + 1]
     errors = (squares - 2.0 * products) / left
-    # Transforms round off some 1e-15 of the squares: what is below 1e-12 of them is none.
+    # Transforms have rounding errors of 1e-15 of the squares; below 1e-12 of them is zero.
     best = int(np.argmin(np.maximum(errors, 1e-12 * squares[0] / count)))
     if not 0 < best < most:
         return float(best * step)
@@ -67,7 +67,7 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
 
 
 def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
-    """Of both faults: errors where they vary and where they are constant, and the lag."""
+    """Errors of both faults where they vary and where they are constant, and their lags."""
     for name, unit in FAULTS.items():
         channel, time = f"{name}_fault", estimate.time
         error = error_of(plant, estimate, channel)
@@ -79,7 +79,7 @@ def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Sco
 
 
 def sizes(rules: keys.Metrics, plant: Series) -> Iterator[Score]:
-    """Root mean squares of what is to be estimated, for errors to be seen against."""
+    """Root mean squares of the faults and the noise, for comparison with the errors."""
     time = plant.time[::2]
     for name, unit in FAULTS.items():
         fault = plant[f"{name}_fault"][::2][window(time, *getattr(rules, f"{name}_varying"))]
@@ -90,14 +90,14 @@ def sizes(rules: keys.Metrics, plant: Series) -> Iterator[Score]:
 
 
 def corrected_speed(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
-    """Error of y1 less the estimated sensor fault as the speed, where that fault is constant."""
+    """Error of the speed as y1 minus the estimated sensor fault, where that fault is constant."""
     error = (plant["output"] - plant["state"])[::2, 0] - estimate["sensor_fault"]
     chosen = error[window(estimate.time, *rules.sensor_constant)]
     yield "rms_corrected_speed_error_constant", float(root_mean_square(chosen)), "rad/s"
 
 
 def differences(rules: keys.Metrics, one: Series, other: Series) -> Iterator[Score]:
-    """Of two estimates of the faults where these vary: root mean squares."""
+    """Root mean square differences of two estimates of the faults, where these vary."""
     for name, unit in FAULTS.items():
         difference = one[f"{name}_fault"] - other[f"{name}_fault"]
         chosen = difference[window(one.time, *getattr(rules, f"{name}_varying"))]

@@ -1,4 +1,4 @@
-"""The motor, its control, the augmented system and the signals, built from the parameters."""
+"""Construct the motor, its control, the augmented system and the signals from the parameters."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ CONSTANTS = (
 
 
 def motor(plant: keys.Plant) -> DCMotor:
-    """The motor; `InputError` names the constant that is wrong."""
+    """Construct the motor; `InputError` names a wrong constant."""
     with located("plant"):
         return DCMotor(*(getattr(plant, name) for name in CONSTANTS))
 
 
 def controlled_motor(plant: keys.Plant) -> ControlledMotor:
-    """The motor in its speed control, with what disturbs it."""
+    """Construct the motor with its speed control and the matrices of disturbance and noise."""
     driven = motor(plant)
     with located("plant"):
         real, imaginary, third = plant.controller_poles
@@ -77,10 +77,10 @@ def augmented(plant: keys.Plant, filter_rate: float) -> AugmentedSystem:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A scenario, checked: signals, and disturbance and noise as they are drawn.
+    """A checked scenario: its signals, and the distributions of disturbances and noise.
 
-    ``low`` and ``high`` are the bounds of the uniform disturbances, shape (2,); ``deviation`` is
-    that of the normal noise; both are held for ``hold`` steps of ``step`` [s].
+    ``low`` and ``high`` are the bounds of the uniform disturbances, shape (2,). ``deviation`` is
+    the standard deviation of the normal noise. Both are held for ``hold`` steps of ``step`` [s].
     """
 
     plant: ControlledMotor
@@ -96,12 +96,12 @@ class Experiment:
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
-    """Signals and plant of a scenario (Indriawati, Agustinah & Jazidie, Section IV, faults).
+    """Construct a scenario (Indriawati, Agustinah & Jazidie, Section IV, faults).
 
     Raises
     ------
     InputError
-        If one of its values cannot be used, with its key.
+        If a value cannot be used; it names the key.
     """
     steps, step = plant_grid(plant, MOST_STEPS)
     driven = controlled_motor(plant)
@@ -112,7 +112,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
         hold = multiple("hold_period", period, step, "the step")
         if hold % 2:
             raise InputError("hold_period", f"{period:g} s must be an even number of steps")
-        # Jumps fall between steps of the observers, which are two of the plant's.
+        # Jumps lie on the grid of the observers, whose step is two of the plant's.
         reference = _signal("reference", pulses(plant), 2 * step, steps * step)
     with located("scenario"):
         actuator, sensor = (
@@ -122,13 +122,13 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
         low, high = as_floats("disturbance", scenario.disturbance).T
         if (low > high).any():
             ranges = scenario.disturbance
-            raise InputError("disturbance", f"{ranges} must be [least, greatest] of d1 and of d2")
+            raise InputError("disturbance", f"{ranges} must be [minimum, maximum] of d1 and of d2")
     deviation = plant.noise_deviation(scenario.noise_power)
     return Experiment(driven, reference, actuator, sensor, low, high, deviation, hold, steps, step)
 
 
 def pulses(plant: keys.Plant) -> list[Any]:
-    """The terms of the reference, its square waves as wide as `pulse_width` says."""
+    """Terms of the reference; its square waves have the width `pulse_width`."""
     return [
         {"width": plant.pulse_width, **term} if term.get("kind") == "square" else term
         for term in plant.reference

@@ -1,7 +1,7 @@
-"""Stage study: errors, lags and deviations of many designs, undisturbed.
+"""Stage study: errors, lags and standard deviations of many designs.
 
-The estimates are linear in what drives them: errors without disturbance and noise, and the
-deviations that these cause, tell all. The deviations come from a discrete Lyapunov equation.
+The estimates are linear in faults, disturbances and noise. So errors are computed without
+disturbance and noise, and the standard deviations due to these by a discrete Lyapunov equation.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Row = dict[str, Any]
 
 
 def run(settings: Settings, plant: Series) -> list[Row]:
-    """Lags, errors and deviations of each design.
+    """Compute lags, errors and standard deviations of each design.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def run(settings: Settings, plant: Series) -> list[Row]:
 
 
 def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
-    """The designs, each with the choice that is varied and its level."""
+    """The designs, each with the varied setting and its level."""
     solver = study.solver
     for rate, decay, solution in product(study.filter_rates, study.decays, study.solutions):
         yield keys.Feasible("pi_feasible", rate, decay, solution, solver), "decay", decay
@@ -84,7 +84,7 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
 
 
 def _deviations(job: Job, system: Any, gains: Any) -> Iterator[tuple[str, float, str]]:
-    """Deviations of both estimates by the held disturbances and noise of the noisy scenario."""
+    """Standard deviations of both estimates due to held disturbances and noise."""
     setup = experiment(job.plant, job.scenario)
     period = setup.hold * setup.step
     uniform = (setup.high - setup.low) / np.sqrt(12.0)

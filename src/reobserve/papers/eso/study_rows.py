@@ -1,4 +1,4 @@
-"""The columns of the table of a study, and what their cells must be."""
+"""Columns of the table of a study, and the kinds of their cells."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Stage theory: the conditions and the promises of the paper, as numbers.
+"""Stage theory: the conditions and the guarantees of the paper, as numbers.
 
-Whose numbers they are stands in the column ``observer``: an observer of the parameter file, or what
-they are about, such as the motor.
+The column ``observer`` names an observer of the parameter file or another subject, such as the
+motor.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
-_BAND = 0.02  # of the step: what counts as settled
+_BAND = 0.02  # of the step, within which the speed counts as settled
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the theory; see `MEANINGS` of `metrics`.
+    """Compute the numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
     ------
@@ -78,9 +78,9 @@ def _unobservable(A: Any, C: Any) -> float:
 
 @part
 def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
-    """The rank deficiency of the Rosenbrock matrix at zero, with both outputs and with the speed.
+    """Rank deficiency of the Rosenbrock matrix at zero, with both outputs and with the speed only.
 
-    It counts the combinations of constant states and faults that no output shows.
+    It is the number of combinations of constant states and faults that no output shows.
     """
     A, C, Fa, Fs = system.A, system.C, system.Fa, system.Fs
     for name, outputs, sensor in (("two_outputs", C, Fs), ("one_output", C[:1], Fs[:1])):
@@ -92,7 +92,7 @@ def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
 
 @part
 def _step_response(plant: keys.Plant) -> Iterator[Metric]:
-    """Of the speed to a step of the reference by one."""
+    """Overshoot and settling time of the speed after a unit step of the reference."""
     driven, steps = controlled_motor(plant), round(_DURATION / _STEP)
     step = Signal.parse("reference", [{"kind": "constant", "axis": 1, "size": 1.0}], 1)
     none, still = Signal(1, ()), (np.zeros((steps, 2)), np.zeros((steps, 1)))

@@ -1,4 +1,4 @@
-"""Numbers of an observer's estimates from its error system (10), without a simulation."""
+"""Numbers of an observer from its error system (10), without a simulation."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 Array = NDArray[np.float64]
-Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # with their designs, by name
+Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # systems and designs by name
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
-_DURATION, _SAMPLE = 4.0, 0.01  # of the errors after a jump [s]
+_DURATION, _SAMPLE = 4.0, 0.01  # of the error after a jump [s]
 
 
 @part
@@ -35,9 +35,9 @@ def certified(observers: Observers) -> Iterator[Metric]:
 
 @part
 def missed(observers: Observers, frequency: float) -> Iterator[Metric]:
-    """The share that is missed of a steady sinusoidal fault of this frequency [rad/s].
+    """Share of a steady sinusoidal fault of this frequency [rad/s] that the estimate misses.
 
-    By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo.
+    By (10) with the input f' it is |j w| times a diagonal entry of |(j w Eo - Ao)^-1 Bo|.
     """
     s = 1j * frequency
     for name, (system, design) in observers.items():
@@ -49,9 +49,9 @@ def missed(observers: Observers, frequency: float) -> Iterator[Metric]:
 
 @part
 def left_of_jumps(observers: Observers, after: float) -> Iterator[Metric]:
-    """The largest error ``after`` [s] and later that a fault leaves which jumps by one at zero.
+    """Largest error from ``after`` [s] on, for a fault that jumps by one at zero.
 
-    By (9) the jump itself is the error to begin with, and e' = Eo^-1 Ao e from there.
+    By (9) the initial error is the jump itself, and then e' = Eo^-1 Ao e.
     """
     from scipy.linalg import expm
 
@@ -72,11 +72,12 @@ def left_of_jumps(observers: Observers, after: float) -> Iterator[Metric]:
 def held(
     observers: Observers, theory: keys.Theory, period: float, noise: float
 ) -> Iterator[Metric]:
-    """Deviations of the estimates by held noise and disturbances, and what is left of the latter.
+    """Standard deviations of the estimates due to held noise and disturbances.
 
-    Each disturbance moves one fault for good if it is constant, that of the speed the sensor fault,
-    that of the current the actuator fault. Left is the deviation by a random one over that.
-    ``noise`` is the deviation of the noise [rad/s].
+    Also computed is the share of each disturbance that is left. A constant disturbance of the speed
+    gives a constant error of the sensor fault, one of the current an error of the actuator fault.
+    The share is the standard deviation due to a random disturbance over that error. ``noise`` is
+    the standard deviation of the noise [rad/s].
     """
     over_time = theory.deviation_at == "time_average"
     low, high = np.array(theory.disturbance, dtype=float).T

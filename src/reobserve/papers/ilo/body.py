@@ -1,4 +1,4 @@
-"""The rigid body of the parameter file; metrics take it without the compiled observers."""
+"""The rigid body of the parameter file, without the compiled observers, for the metrics."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from reobserve.systems.rigid_body import RigidBody
 
 
 def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:
-    """The rigid body as an observer knows it, its inertia off by ``factor``."""
+    """The rigid body of an observer's model, with its inertia multiplied by ``factor``."""
     with located("plant"):
         body = RigidBody(plant.inertia, plant.input_matrix, plant.fault_matrix)
     return RigidBody(factor * body.inertia, body.input_matrix, body.fault_matrix)

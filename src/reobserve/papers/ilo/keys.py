@@ -32,7 +32,7 @@ Matrix = Annotated[Any, matrix(3)]  # a number, a diagonal or a matrix
 
 @dataclass(frozen=True)
 class Plant:
-    """The satellite, its control, and the record of it."""
+    """The satellite, its control and its record."""
 
     inertia: Annotated[Any, positive_definite(3)]
     input_matrix: Matrix
@@ -73,7 +73,7 @@ class _Learning(_Common):
 
 @dataclass(frozen=True)
 class Sampled(_Learning):
-    """An ILO that learns at sampling instants and holds its estimate."""
+    """An ILO that updates its estimate at sampling instants and holds it."""
 
     algorithm: Literal["sampled_ilo"]
     label: str = ""
@@ -81,7 +81,7 @@ class Sampled(_Learning):
 
 @dataclass(frozen=True)
 class Continuous(_Learning):
-    """The ILO of the paper."""
+    """The ILO of the paper, updated continuously."""
 
     algorithm: Literal["continuous_ilo"]
     label: str = ""
@@ -98,7 +98,7 @@ class Adaptive(_Common):
 
 
 Learning = Sampled | Continuous
-VARIANTS: Mapping[str, type] = {  # of (3): observers, by name and form
+VARIANTS: Mapping[str, type] = {  # of (3): the type of each observer
     "sampled": Sampled,
     "continuous": Continuous,
     "forgetting": Continuous,
@@ -119,7 +119,7 @@ class Matching(job.Study):
 
 @dataclass(frozen=True)
 class Metrics:
-    """Windows and thresholds with which errors are measured."""
+    """Windows and thresholds of the metrics."""
 
     axis: Annotated[int, within(1, 3)]
     variant: Literal["sampled", "continuous", "forgetting"]

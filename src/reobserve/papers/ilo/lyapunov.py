@@ -1,4 +1,4 @@
-"""Lyapunov functions of the learning observer: (13) of Chen & Saif 2007, and one that falls."""
+"""Lyapunov functions of the learning observer: (13) of Chen & Saif 2007, and a repaired one."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def gyroscopic_eta(inertia: ArrayLike, rate_bound: float) -> float:
 
     Chen & Saif 2007, Assumption 2.
 
-    The torque difference of Assumption 2 is quadratic in w~, so no global eta exists for it. The
-    proof only needs its component along w~. With w^ = w - w~, the error equation holds
+    The torque difference of Assumption 2 is quadratic in w~, so it has no global eta. The proof
+    needs only its component along w~. With w^ = w - w~, the error equation contains
     g = -w x J w + w^ x J w^ = -w x J w~ - w~ x J w + w~ x J w~, so w~.g = -w~.(w x J w~). A
     multiple c I of the identity adds nothing to J there, and c = (J_max + J_min) / 2 gives
-    |w~.g| <= |w| ||J - c I|| |w~|^2, attained between the extreme principal axes.
+    |w~.g| <= |w| ||J - c I|| |w~|^2, with equality between the extreme principal axes.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def repaired_weights(
 
     A mismatch d = u_f(t) - K1 u_f(t - tau) adds exactly 2 d.(P e + B_f^T w~) - d.P d. For B_f = I
     and K1 = k1 I this is P = K2^-1 with K2 symmetric positive definite, and |k1| <= 1. With K1 = I
-    a constant fault gives d = 0: V does not increase, but e itself has no decay rate. It is in
-    joules, where (13) adds unlike units.
+    a constant fault gives d = 0: V does not increase, but e itself has no decay rate. V is in
+    joules, whereas (13) adds different units.
 
     Parameters
     ----------
@@ -115,12 +115,12 @@ def lyapunov_values(
     interval: float,
     samples: int,
 ) -> NDArray[np.float64]:
-    """V at every sample that has a whole interval before it, shape (len - samples,).
+    """V at every sample that follows a whole interval, shape (len - samples,).
 
     Chen & Saif 2007, (13), if ``memory_weight`` is the identity. The integral is the trapezoidal
-    rule over the last ``samples`` steps of a uniform grid, one ``interval`` [s] long: second order
-    where e is smooth, first order in a step where e jumps. ``rate_error`` w~ [rad/s] and ``error``
-    e [N m] have shape (len, n), len > ``samples``.
+    rule over the last ``samples`` steps of a uniform grid, one ``interval`` [s] long. It is of
+    second order where e is smooth, and of first order in a step in which e jumps. ``rate_error`` w~
+    [rad/s] and ``error`` e [N m] have shape (len, n), len > ``samples``.
 
     Raises
     ------

@@ -1,12 +1,12 @@
-"""Stage metrics: errors of the estimated fault, delays of detection, and predictions of theory.
+"""Stage metrics: errors of the estimated fault, detection delays, and predictions of theory.
 
-e is the fault torque minus its estimate on the faulty axis. Errors are taken from one second (the
-entry `metrics.settling_skip`) after every onset on; `nan` means that it never happens, or that
-there is none. The observer `learning` is the variant of (3) that `metrics.variant` names. The lower
-part is the theory's, in `theory.metrics.csv`: there the observer column may hold what the number is
-about (`identity` is the variant with K1 = I that `theory.identity_variant` names, `best` that with
-the least error, `integral` an integrator), the stuck fault is that of Fig. 1, and an interval is
-tau.
+e is the fault torque minus its estimate on the faulty axis. Errors are measured from one second
+(`metrics.settling_skip`) after each onset. `nan` marks what never happens or does not exist. The
+observer `learning` is the variant of (3) that `metrics.variant` names. The lower part of the table
+holds the numbers of the theory, in `theory.metrics.csv`. There the observer column may name another
+subject: `identity` is the variant with K1 = I that `theory.identity_variant` names, `best` the
+variant with the minimum error, `integral` an integrator. The stuck fault is that of Fig. 1, and an
+interval is tau.
 """
 
 from __future__ import annotations
@@ -28,45 +28,45 @@ from reobserve.replication.parameters.job import Job
 from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error
 from reobserve.synthesis.ilo_error_system import LearningLaw
 
-# What each number is, those of the theory included; `<word>` stands for what differs.
+# The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
-    "rms_error": "root mean square of e over time",
-    "relative_rms_error": "the same over that of the fault",
+    "rms_error": "root mean square of e",
+    "relative_rms_error": "the same, divided by that of the fault",
     "late_rms_error": "root mean square of e in the last second",
     "residual_before_fault": "largest estimate on any axis before the first onset",
     "detection_delay": "from the first onset until the estimate exceeds the threshold",
     "settling_time": "from the last onset until |e| stays below the threshold",
-    "predicted_rms_error": "prediction of `rms_error` in steady state by linear theory",
+    "predicted_rms_error": "`rms_error` in steady state, predicted by linear theory",
     "relative_rms_error <sweep>=<level>": "mean over the runs of a study at one level",
     "violations": "random cases in which (5) of Lemma 1 fails",
-    "violations_without_mismatch": "the same of (12)",
+    "violations_without_mismatch": "the same for (12)",
     "required_observer_gain_at_identity": "minimum Lambda with which Theorem 1 certifies K1 = I",
     "minimum_constant_error": (
         "minimum share of a constant fault that certified designs do not estimate"
     ),
     "unstable_share": "share of random certified designs that are unstable",
     "bound_18_ratio": (
-        "right side of (18) over the left, of a certified design under the stuck fault"
+        "right side of (18) over the left, for a certified design under the stuck fault"
     ),
     "gain_margin multiple=<multiple>": (
-        "factor to the largest stable K2, v updated at a multiple of the interval"
+        "largest stable K2 over K2, with v updated at a multiple of the interval"
     ),
     "noise_gain multiple=<multiple>": (
-        "standard deviation of v over that of a noise drawn at each update and held"
+        "standard deviation of v over that of rate noise drawn at each update and held"
     ),
-    "worst_round_gain": "largest factor on an error from one interval to the next",
+    "worst_round_gain": "largest factor of an error from one interval to the next",
     "sine_error interval=<interval>": "amplitude of e over that of sin 10 t, linear theory",
     "largest_interval frequency=<frequency>": (
         "longest interval that keeps it below 5 %, half a period at most"
     ),
     "distance_from_integrator": (
-        "of the transfer to e under sin 10 t from that with the integrator K2 / tau, by itself or "
-        "with a proportional part K2 / 2, over its size"
+        "relative distance of the transfer to e under sin 10 t from that of the integrator "
+        "K2 / tau, without or with a proportional part K2 / 2"
     ),
     "disturbance_gain": "maximum gain from a high-frequency torque to the estimate",
     "operations": "multiplications and additions of the estimation law per sampling period",
     "residual_after_other_start": (
-        "largest estimate in the second before the fault, if the observer starts from another rate"
+        "largest estimate in the second before the fault, if the observer starts from a wrong rate"
     ),
     "late_relative_error_after_other_start": (
         "root mean square of e over the fault in the last second of that run"
@@ -74,14 +74,16 @@ MEANINGS = {
     "late_relative_error_under_a_constant": (
         "the same of the adaptive observer under the stuck fault"
     ),
-    "relative_error slowdown=<factor>": "the same from when updates become rarer by a factor",
-    "relative_error": "root mean square of e over the aperiodic fault; integrator of one gain",
+    "relative_error slowdown=<factor>": "the same after updates become rarer by a factor",
+    "relative_error": "root mean square of e over that of the aperiodic fault, with an integrator",
     "relative_error_under_random_fault": "the same for a fault that joins random values by lines",
     "relative_error_under_noise": "the same for the aperiodic fault, measured with noise",
     "relative_error_with_wrong_inertia": (
-        "the same without noise, with another inertia, the torque that stands for it in the fault"
+        "the same without noise, with a wrong inertia, whose torque counts as part of the fault"
     ),
-    "relative_rate_error_with_wrong_inertia": "of the rate, root mean square over that of the rate",
+    "relative_rate_error_with_wrong_inertia": (
+        "root mean square error of the rate over the root mean square of the rate, in the same run"
+    ),
 }
 
 LEARNING = "learning"
@@ -131,10 +133,10 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
 
 
 def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | None:
-    """RMS of e on ``axis`` [N m] in steady state by linear theory, once all of the fault is on.
+    """RMS of e on ``axis`` [N m] in steady state by linear theory, after the last onset.
 
-    None where the fault is no sum of constants and sines of distinct frequencies, or where the
-    observer has a wrong inertia, for which the gyroscopic and control torques matter, too.
+    None if the fault is not a sum of constants and sines, or if the observer has a wrong inertia,
+    because the gyroscopic and control torques then matter, too.
     """
     if observer.inertia_factor != 1.0 or any(
         term["kind"] not in ("constant", "sine") or "until" in term for term in job.scenario.fault

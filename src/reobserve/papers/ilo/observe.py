@@ -29,7 +29,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
 
 
 def observe(observer: RigidBodyObserver, job: Job, plant: Series) -> Series:
-    """`estimate` with an observer that is built already."""
+    """`estimate` with a constructed observer."""
     every = stride(job.plant, observer)
     measured = "measured" if "measured" in plant.channels else "rate"
     mine = job.observer

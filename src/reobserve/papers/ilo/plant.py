@@ -15,7 +15,7 @@ from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
-    """Satellite, control and fault of a scenario, checked against the grid.
+    """Construct satellite, control and fault of a scenario, and check them against the grid.
 
     Raises
     ------
@@ -36,10 +36,10 @@ def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
 
 
 def simulate(settings: Settings) -> Series:
-    """Rate, control and fault torque of a scenario over the horizon.
+    """Simulate rate, control and fault torque of a scenario over the horizon.
 
-    Channels ``rate`` [rad/s], ``control`` and ``fault`` [N m]; where a channel jumps, its limits
-    from the left are in ``<name>_before``. ``measured`` [rad/s] is the rate with its noise.
+    Channels ``rate`` [rad/s], ``control`` and ``fault`` [N m]; limits from the left of a
+    channel with jumps are in ``<name>_before``. ``measured`` [rad/s] is the rate with noise.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Stage plot: fault, estimate and error over time; the contrast over gains and noise."""
+"""Stage plot: fault, estimate and error over time; errors over gains and noise."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.figure_data import FigureData
 from reobserve.replication.parameters.job import Job, named
 
-# One observer, one line in all figures; observers of the user's own take these in turn.
+# Each observer has the same line in all figures; user-defined observers take these in turn.
 _LINES = dict(
     zip(("sampled", "continuous", "forgetting", "adaptive", "matched"), STYLES, strict=True)
 )
@@ -40,7 +40,7 @@ def _styles(names: Iterable[str]) -> dict[str, Style]:
 
 
 def estimation(data: FigureData) -> Figure:
-    """The fault and its estimate by the first observer, its error, and the size of all errors."""
+    """Plot fault and estimate of the first observer, its error, and the size of all errors."""
     job, plant, estimates = data.job, data.plant, data.estimates
     axis = job.metrics.axis
     labels = {name: job.observers[name].label for name in estimates}
@@ -71,7 +71,7 @@ def estimation(data: FigureData) -> Figure:
     middle.set_title(f"(b) estimation error e = fault − estimate: {labels[main]}")
     below.set_ylabel("|e| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
-    # Whole decades of what the faulty part shows but for an instant, and one more for the legend.
+    # Whole decades of nearly all values after the onset, and one more for the legend.
     shown = np.concatenate(sizes)
     least, most = np.nanquantile(shown[shown > _LEAST], 0.02), np.nanmax(shown)
     below.set_ylim(10.0 ** np.floor(np.log10(least)), 10.0 ** np.ceil(np.log10(most)))
@@ -84,7 +84,7 @@ def estimation(data: FigureData) -> Figure:
 
 
 def matching(data: FigureData) -> Figure:
-    """Errors over the integral gain and over noise, and how they grow under noise in time."""
+    """Plot errors over the integral gain and over noise, and their growth over time under noise."""
     job, study = data.job, data.study
     names = job.study.observers
     labels = {name: job.observers[name].label for name in names}
@@ -135,7 +135,7 @@ def matching(data: FigureData) -> Figure:
 
 
 def _sweep(axes: Axes, study: StudyTable, sweep: str, name: str, style: Style, label: str) -> None:
-    """The mean over runs against the level, and the span of the runs behind it."""
+    """Plot the mean over runs against the level, with the range of the runs."""
     runs = study.where(sweep=sweep, observer=name).by_level("level", "relative_rms_error")
     scores = [100 * one for one in runs.values()]
     axes.loglog(list(runs), [np.mean(one) for one in scores], **style.points(), label=label)
@@ -146,7 +146,7 @@ def _sweep(axes: Axes, study: StudyTable, sweep: str, name: str, style: Style, l
 
 
 def _note(job: Job) -> list[str]:
-    """One paragraph an observer: the settings behind its curve."""
+    """Settings of each observer, one paragraph per observer."""
     lines = ["Settings (the paper names only K₁ = I; units: N m, s, rad):"]
     symbols = {
         "K1": "K₁",

@@ -9,7 +9,7 @@ EVENTS = ("onsets",)
 
 
 def plant(_: Job) -> dict[str, Shape]:
-    """The channels of a record; there are limits from the left of what jumps."""
+    """Channels of a record; channels with jumps also have their limits from the left."""
     return {
         "rate": Shape("rad/s", 3),
         **dict.fromkeys(("measured", "measured_before"), Shape("rad/s", 3, optional=True)),
@@ -19,5 +19,5 @@ def plant(_: Job) -> dict[str, Shape]:
 
 
 def estimates(_: Job) -> dict[str, Shape]:
-    """The channels of an observer's estimates."""
+    """Channels of an observer's estimates."""
     return {"rate": Shape("rad/s", 3), **dict.fromkeys(("fault", "fault_before"), Shape("N m", 3))}

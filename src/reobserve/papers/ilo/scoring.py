@@ -1,4 +1,4 @@
-"""The estimation error of a fault, and the part of the run over which it is measured."""
+"""Estimation error of a fault, and the part of the run over which it is measured."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 class Errors:
     """Fault and estimation error e = u_f - v on one axis, step by step.
 
-    ``start`` and ``end`` [N m] are the limits from inside each step, ``fault_start`` and
-    ``fault_end`` those of u_f; ``time`` [s] is that of the steps' starts, all of shape (n,).
+    ``start`` and ``end`` [N m] are the limits of e from inside each step, ``fault_start`` and
+    ``fault_end`` those of u_f. ``time`` [s] is the start of each step. All have shape (n,).
     """
 
     time: Array
@@ -33,22 +33,22 @@ class Errors:
         return self.of_steps(window(self.time, first, last))
 
     def of_steps(self, chosen: NDArray[np.bool_]) -> Errors:
-        """Some of the steps."""
+        """The chosen steps."""
         return Errors(*(getattr(self, part.name)[chosen] for part in fields(self)))
 
     @property
     def root_mean_square(self) -> float:
-        """Of e [N m]."""
+        """Root mean square of e [N m]."""
         return root_mean_square_of_steps(self.start, self.end)
 
     @property
     def relative_root_mean_square(self) -> float:
-        """The same over that of u_f."""
+        """Root mean square of e over that of u_f."""
         return self.root_mean_square / root_mean_square_of_steps(self.fault_start, self.fault_end)
 
     @classmethod
     def of(cls, plant: Series, estimate: Series, axis: int) -> Errors:
-        """From a plant record and an estimate sampled at every so many of its rows."""
+        """Compute them from a plant record and an estimate at every n-th of its rows."""
         every = round(estimate.step / plant.step)
 
         def limits(series: Series, stride: int) -> tuple[Array, Array]:
@@ -62,9 +62,9 @@ class Errors:
 
 
 def scored_errors(job: Job, plant: Series, estimate: Series) -> Errors:
-    """The errors on the faulty axis that the figures score.
+    """Errors on the faulty axis from the first onset on, as used in the metrics of figures.
 
-    They begin ``metrics.settling_skip`` seconds after the last onset, and lie between earlier ones.
+    The ``metrics.settling_skip`` seconds after each onset are left out.
     """
     errors = Errors.of(plant, estimate, job.metrics.axis - 1)
     onsets = plant.events["onsets"] or (0.0,)

@@ -1,4 +1,4 @@
-"""From the values of the parameter file to bodies, observers and noise."""
+"""Construct observers, grid and noise from the parameter file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 
 
 def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:
-    """The observer that an ``observers`` branch of the parameter file states.
+    """Construct the observer that an entry of ``observers`` in the parameter file specifies.
 
     Raises
     ------
@@ -51,9 +51,9 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
 
 
 def pure_integrator(job: Job, gain: ArrayLike, damping_ratio: float) -> keys.Adaptive:
-    """An adaptive observer with this integral gain and no proportional part.
+    """Parameters of an adaptive observer with this integral gain and no proportional part.
 
-    Its Lambda gives the error on the faulty axis the damping ratio.
+    Lambda is set so that the error on the faulty axis has the damping ratio.
     """
     body, axis = known_body(job.plant), job.metrics.axis - 1
     stiffness = np.asarray(gain, dtype=np.float64)
@@ -66,7 +66,7 @@ def pure_integrator(job: Job, gain: ArrayLike, damping_ratio: float) -> keys.Ada
 
 
 def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:
-    """Plant samples in half a sampling period of the observer."""
+    """Number of plant steps in half a sampling period of the observer."""
     half = 0.5 * observer.sampling_period
     step = plant.step
     samples = round(half / step)
@@ -79,18 +79,18 @@ def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:
-    """The number of plant steps and the step [s]; see `plant_grid`."""
+    """Number of plant steps, and the step [s]; see `plant_grid`."""
     return plant_grid(plant, MOST_STEPS)
 
 
 def held_noise(stream: np.random.Generator, plant: keys.Plant, samples: int) -> tuple[Any, Any]:
-    """Unit normal noise held over ``plant.noise_period``: values and their limits from the left.
+    """Unit normal noise held for ``plant.noise_period``: values and their limits from the left.
 
     Both have shape (samples, 3).
 
     Raises
     ------
     InputError
-        If the period is no multiple of two plant steps.
+        If the period is not a multiple of two plant steps.
     """
     return held_normal(stream, samples, noise_hold(plant), 3)

@@ -1,14 +1,14 @@
 """Stage study: ILO and adaptive observers over the integral gain and over measurement noise.
 
 With K1 = I and a small tau an ILO is a proportional-integral adaptive observer with Gamma =
-K2 / tau, so the contrast between Figs 3 and 4 of the paper is one of gains. The study runs three
-families over Gamma on the same fault, then all observers of the parameter file over the noise:
+K2 / tau, so Figs 3 and 4 of the paper differ by their gains. The study runs three families of
+observers over Gamma on the same fault, then all observers of the parameter file over the noise:
 
     integral                Kp = 0, Lambda for a stated damping ratio of axis 1
     proportional_integral   Kp = Gamma tau / 2, Lambda and tau of the continuous ILO
     ilo                     K1 and Lambda of the continuous ILO, K2 = Gamma tau
 
-At one level of the noise it also follows the error over time, second by second.
+At one noise level it also computes the error in each second.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ Array = NDArray[np.float64]
 
 
 def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
-    """One row for each run, with the columns of `study_rows.HEADER`.
+    """Run the study; one row for each run, with the columns of `study_rows.HEADER`.
 
-    ``level`` is Gamma, the noise, or the time at the end of the second [s] over which e is taken
-    while it is relative to the fault over the scored window, as everywhere.
+    ``level`` is Gamma, the noise, or the end of a second [s]. The error of a second is divided by
+    the fault in the window of the metrics, as all errors are.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def _noise_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
         stream = random_stream(job.seed, "ilo", "matching noise", str(run))
         noise = held_noise(stream, job.plant, len(plant.time))
         for level in study.noise_levels:
-            # The same draw for every observer and level: they differ by what is compared only.
+            # The same sample for every observer and level, so that only these differ.
             noisy = _with_noise(plant, level, noise)
             for name, observer in observers.items():
                 with located(f"observers.{name}"):

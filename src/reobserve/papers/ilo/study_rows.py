@@ -1,4 +1,4 @@
-"""Columns of the table of a study, and the kind of their cells."""
+"""Columns of the table of a study, and the kinds of their cells."""
 
 from __future__ import annotations
 

@@ -1,15 +1,16 @@
-r"""Designs that the theory certifies (Chen & Saif 2007, Lemma 1 and Theorem 1).
+r"""Designs certified by the theory (Chen & Saif 2007, Lemma 1 and Theorem 1).
 
-The theorem sees the gains through k1 = ||K1||, ||K2|| and b = ||B_f^T B_f||_inf only, so that -K2
-is certified with K2. Its conditions have a solution gamma_1..4, rho_1 > 0 if and only if k1 < 1 and
+The theorem depends on the gains only through k1 = ||K1||, ||K2|| and b = ||B_f^T B_f||_inf, so it
+certifies -K2 if it certifies K2. Its conditions have a solution gamma_1..4, rho_1 > 0 if and only
+if k1 < 1 and
 
 .. math:: 2(\lambda_{\min}(\Lambda) - \eta) (1 - k_1^2) > b k_1^2 + 2\sqrt{b}\,\|K_2\| + \|K_2\|^2
 
-(minimise over gamma_1 and gamma_4 with the other three tending to zero). As the right side is at
-least 2 sqrt(b) ||K2|| (1 + k1), a certified design has lambda_min (1 - k1) > sqrt(b) ||K2||. Then
-||D^-1 Q|| < 1 for D = I - K1 exp(-s tau), Q = K2 (J s + Lambda)^-1 B_f at every s = j w if Lambda
-is symmetric, and u_f = (I + D^-1 Q) e: more than half of every steady sinusoid, and of every
-constant, goes unestimated.
+(minimise over gamma_1 and gamma_4 with the other three tending to zero). The right side is at
+least 2 sqrt(b) ||K2|| (1 + k1), so a certified design has lambda_min (1 - k1) > sqrt(b) ||K2||.
+If Lambda is symmetric, ||D^-1 Q|| < 1 follows at every s = j w for D = I - K1 exp(-s tau) and
+Q = K2 (J s + Lambda)^-1 B_f. Since u_f = (I + D^-1 Q) e, a certified design leaves more than half
+of every steady sinusoid, and of every constant, unestimated.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def lemma1_sides(
     gamma2: float,
     gamma3: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Left and right side of the inequality [N2 m2], shape (cases,).
+    """Left and right sides of the inequality [N2 m2], shape (cases,).
 
     Chen & Saif 2007, (5), (6), (11), (12), Lemma 1 and after (11).
 
@@ -82,13 +83,13 @@ def lemma1_sides(
 
 @dataclass(frozen=True)
 class Theorem1:
-    """The constants for one choice of weights, and whether the conditions hold.
+    """Constants of the theorem for given weights, and whether its conditions hold.
 
     Chen & Saif 2007, (16), (17) and Theorem 1.
 
     ``epsilon1`` [N m s] must be above zero and ``learning_norm`` = ||epsilon2 K1^T K1|| [-] at most
-    one. Then V of (13) has dV/dt <= -epsilon1 |w~|^2 - rho1 |e|^2 + epsilon3 |d|^2 (17); the last
-    sign is printed as a minus in (16).
+    one. Then V of (13) has dV/dt <= -epsilon1 |w~|^2 - rho1 |e|^2 + epsilon3 |d|^2 (17); in (16)
+    the last sign is printed as a minus.
     """
 
     epsilon1: float
@@ -134,8 +135,8 @@ def theorem1(
 
     ``observer_gain`` Lambda [N m s], ``fault_matrix`` B_f [-], ``K1`` [-] and ``K2`` [N m s] are a
     number, a diagonal or ``size`` x ``size``; ``eta`` [N m s] is the constant of Assumption 2, at
-    least zero. (13) adds quantities of different units, the weights hide
-    that. Lambda enters with the smallest eigenvalue of its symmetric part.
+    least zero. (13) adds quantities of different units, which the weights hide. Lambda enters with
+    the smallest eigenvalue of its symmetric part.
 
     Raises
     ------
@@ -157,7 +158,7 @@ _LARGEST = 1e150  # norm whose square is a float
 
 @dataclass(frozen=True)
 class _Design:
-    """All that Theorem 1 sees of a design: k1 and k2 are the norms of K1 and K2."""
+    """The numbers of a design that enter Theorem 1: k1 and k2 are the norms of K1 and K2."""
 
     excess: float  # lambda_min(Lambda) - eta
     spread: float  # ||B_f^T B_f||_inf
@@ -205,7 +206,7 @@ class _Design:
 
     @property
     def threshold(self) -> float:
-        """Infimum of lambda_min(Lambda) - eta that can be certified; infinite if ||K1|| >= 1."""
+        """Infimum of certifiable lambda_min(Lambda) - eta; infinite if ||K1|| >= 1."""
         if self.k1 >= 1:
             return float("inf")
         root = np.sqrt(self.spread)
@@ -215,11 +216,11 @@ class _Design:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Weights that satisfy Theorem 1, if there are any, and the error that they leave.
+    """Weights that satisfy Theorem 1, if any exist, and the error of the design.
 
-    ``required_observer_gain`` [N m s] is the infimum of lambda_min(Lambda) that can be certified.
+    ``required_observer_gain`` [N m s] is the infimum of certifiable lambda_min(Lambda).
     ``dc_error`` is the largest share (2-norm) of a constant fault that the design leaves
-    unestimated. ``weights`` = (gamma_1..4, rho_1) and ``theorem`` are None if there are none.
+    unestimated. ``weights`` = (gamma_1..4, rho_1) and ``theorem`` are None if none exist.
     """
 
     certified: bool
@@ -240,15 +241,15 @@ def certify(
     *,
     size: int = 3,
 ) -> Certificate:
-    """Decide whether Theorem 1 has weights for a design, and give some.
+    """Find weights with which Theorem 1 certifies a design, if any exist.
 
     Chen & Saif 2007, Theorem 1.
 
-    The existence of weights is the closed form of the module's docstring. The RMS error that (18)
-    promises with any of them is sqrt(epsilon3 / rho1) k_d, never below k_d / (1 - k1): with
+    Weights exist if and only if the condition in the module's docstring holds. The RMS error that
+    (18) promises with any weights is sqrt(epsilon3 / rho1) k_d, never below k_d / (1 - k1): since
     rho_1 < 1/(k1^2 alpha_1) - 1, its square is above (1 + 1/gamma_2) / (1 - k1^2 (1 + gamma_2)),
-    whose minimum is 1 / (1 - k1)^2. As Assumption 1 already implies |u_f| <= k_d / (1 - k1), no
-    certificate promises more than estimating nothing would achieve.
+    whose minimum is 1 / (1 - k1)^2. Assumption 1 already implies |u_f| <= k_d / (1 - k1), so every
+    certificate allows as large an error as an estimate of zero has.
 
     Parameters
     ----------
@@ -284,7 +285,7 @@ def certify(
 
 
 def _dc_error(observer_gain: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> float:
-    """Norm of [I - K1 + K2 Lambda^-1 B_f]^-1 (I - K1), nan if there is no steady state."""
+    """Norm of [I - K1 + K2 Lambda^-1 B_f]^-1 (I - K1); nan if there is no steady state."""
     memory = np.eye(len(K1)) - K1
     try:
         return _norm(
@@ -295,18 +296,18 @@ def _dc_error(observer_gain: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matri
 
 
 def _weights(design: _Design) -> tuple[float, float, float, float, float] | None:
-    """Weights that satisfy Theorem 1; None if none do, or only in the last digits of a float."""
+    """Weights that satisfy Theorem 1; None if none do, or only to rounding."""
     if design.excess <= design.threshold:
         return None
-    # The last to survive as Lambda is lowered, with the others at zero: m = ||K2|| / sqrt(b),
+    # Weights that stay feasible down to the threshold, the others zero: m = ||K2|| / sqrt(b),
     # 1 + b / gamma4 = (1 + m) / (k1^2 + m), gamma1 = m (1 - k1^2) / (k1^2 (1 + m)).
     square = max(design.k1, 1e-6) ** 2  # K1 = 0 leaves gamma_1 without an upper bound
     m = design.k2 / float(np.sqrt(design.spread))
     factor = (1 + m) / (square + m)
     margin = 1 / (square * factor) - 1
-    for slack in 0.5 ** np.arange(1, 50):  # as far inside the conditions as halving it finds
+    for slack in 0.5 ** np.arange(1, 50):  # halved until the conditions hold
         gamma1, gamma2 = margin * (1 - slack), margin * slack / 2
-        # Nearly all that the condition on K1 leaves, k1^2 alpha1 (1 + rho1 + b / gamma4) <= 1
+        # Nearly the largest with k1^2 alpha1 (1 + rho1 + b / gamma4) <= 1, the condition on K1
         rho1 = 0.99 * (1 / (square * (1 + gamma1 + gamma2)) - factor)
         weights = (gamma1, gamma2, float(slack), design.spread / (factor - 1), rho1)
         if rho1 > 0 and design.evaluate(*weights).holds:
@@ -324,12 +325,12 @@ def bound18(
     duration: float = float("inf"),
     initial_value: float = 0.0,
 ) -> tuple[float, float]:
-    """Both sides: the mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
+    """Both sides of the bound: the mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
 
     Chen & Saif 2007, (18).
 
-    The mean is the trapezoidal rule over uniform samples. For a record of finite ``duration`` [s],
-    V(0) / duration belongs on the right, with ``initial_value`` V(0) of (13).
+    The mean is computed by the trapezoidal rule over uniform samples. For a record of finite
+    ``duration`` [s], the right side includes V(0) / duration, with ``initial_value`` V(0) of (13).
 
     Parameters
     ----------

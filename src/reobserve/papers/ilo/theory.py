@@ -1,4 +1,4 @@
-"""Stage theory: the proofs of the paper, their consequences, and runs that no figure shows."""
+"""Stage theory: proofs of the paper, their consequences, and runs that are not in the figures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
-_JUST_INSIDE = 1.001  # times the least Lambda that Theorem 1 certifies
+_JUST_INSIDE = 1.001  # times the minimum Lambda that Theorem 1 certifies
 _JUST_OUTSIDE = 1 - 1e-12
 _AMPLE = 1e6  # a Lambda [N m s/rad] that would certify K1 = I if any did
 _ROWS = 20  # cases of Lemma 1 with the same gains
@@ -32,7 +32,7 @@ _AXES = 3
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the theory; see `MEANINGS` of `metrics`.
+    """Compute the numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
     ------
@@ -54,14 +54,14 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
 @part
 @lru_cache(maxsize=4)
 def _without_observers(stated: str) -> tuple[Metric, ...]:
-    """Numbers that need no observer: they stay while gains are drawn, which is done many times."""
+    """Numbers that need no observer; cached, since sampling varies the gains many times."""
     given, *matrices = json.loads(stated)
     theory = keys.Theory(**given)
     return (*_lemma(theory), *_theorem(theory, RigidBody(*matrices)))
 
 
 def _lemma(theory: keys.Theory) -> Iterator[Metric]:
-    """Lemma 1 on random cases; without a mismatch its right side is that of (12)."""
+    """Violations of Lemma 1 in random cases; without a mismatch its right side is that of (12)."""
     stream = random_stream(theory.random_seed, "ilo", "lemma 1")
     violations, constant = 0, 0
     for _ in range(theory.cases // _ROWS):
@@ -70,7 +70,7 @@ def _lemma(theory: keys.Theory) -> Iterator[Metric]:
         sizes = 10 ** stream.uniform(-2, 2, (3, _ROWS, 1))
         past, rate, mismatch = stream.normal(size=(3, _ROWS, 3)) * sizes
         left, right = lemma1_sides(past, rate, mismatch, K1, K2, *weights)
-        # (12) has 1 + gamma_1 and 1 + 1 / gamma_1, to which those of (11) tend.
+        # (12) has 1 + gamma_1 and 1 + 1 / gamma_1, the limits of the constants of (11).
         tending = (weights[0], 1e-9, 1e-9)
         without = lemma1_sides(past, rate, np.zeros_like(past), K1, K2, *tending)
         violations += int(np.sum(left > right * (1 + 1e-12)))
@@ -80,14 +80,14 @@ def _lemma(theory: keys.Theory) -> Iterator[Metric]:
 
 
 def _theorem(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
-    """Share that designs which Theorem 1 certifies leave unestimated, and of them the unstable."""
+    """Errors of designs that Theorem 1 certifies, and the share of unstable ones."""
     fault = body.fault_matrix
     needed = certify(_AMPLE, fault, 1.0, theory.learning_gains[0]).required_observer_gain
     needed = needed if np.isfinite(needed) else float("nan")
     yield Metric("theorem_1", "required_observer_gain_at_identity", needed, "N m s/rad")
     left = []
     for k1 in theory.learning_gains:
-        # With B_f = I the floor lies at K2 = K1; another B_f moves it by its norm.
+        # With B_f = I the minimum lies at K2 = K1; another B_f scales that by its norm.
         for k2 in k1 * np.linalg.norm(fault, 2) * np.geomspace(0.01, 100.0, 41):
             least = certify(1.0, fault, k1, k2).required_observer_gain
             left.append(certify(_JUST_OUTSIDE * least, fault, k1, k2).dc_error)
@@ -97,7 +97,7 @@ def _theorem(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
 
 
 def _certified(theory: keys.Theory, fault: Array) -> Iterator[tuple[float, Array, Array, float]]:
-    """Random designs just inside what Theorem 1 certifies: Lambda, K1, K2, tau."""
+    """Random designs just inside the conditions of Theorem 1: Lambda, K1, K2, tau."""
     stream = random_stream(theory.random_seed, "ilo", "certified designs")
     for _ in range(theory.certified_designs):
         K1, K2 = stream.normal(size=(2, 3, 3))
@@ -114,20 +114,20 @@ def _unstable(body: RigidBody, observer_gain: float, K1: Array, K2: Array, inter
 
 @part
 def operations(job: Job) -> Iterator[Metric]:
-    """Multiplications and additions of the estimation laws per sampling period of the rate.
+    """Count multiplications and additions of the estimation laws per sampling period of the rate.
 
     Chen & Saif 2007, Remark 1.
 
-    Counted is what a law adds to the equation of w^, which all observers have and which gives
-    w - w^: for three axes and gains that are multiples of the identity.
+    The count leaves out the equation of w^, which all observers have and which gives w - w^. It is
+    for three axes and gains that are multiples of the identity.
 
         learning   v = K1 v(t - tau) + K2 (w - w^)     no product by K1 = I
         adaptive   f^' = Gamma (w - w^)                by Euler's method with the step in Gamma
 
-    Euler's method evaluates a law once a period. The classical Runge-Kutta method evaluates it four
-    times, at three instants; the adaptive law then has three sums z + h l to make on the way and
-    z + h / 6 (l1 + 2 (l2 + l3) + l4) at the end. A v that is held is updated at every so many
-    periods by either method.
+    Euler's method evaluates a law once per period. The classical Runge-Kutta method evaluates it
+    four times, at three instants; the adaptive law also needs three sums z + h l and finally
+    z + h / 6 (l1 + 2 (l2 + l3) + l4). With either method a v that is held is updated once per
+    ``theory.periods_per_update`` periods.
     """
     observer = job.observers[job.metrics.variant]
     euler = job.theory.integration == "euler"

@@ -29,12 +29,12 @@ from reobserve.synthesis.ilo_sampled_stability import (
 )
 from reobserve.synthesis.ilo_stability import continuous_stability
 
-_SHORTEST = 1e-6  # [s] from here on the largest accurate interval is sought
-_HIGHEST = 30.0  # times the least frequency of a disturbance; above it the body hardly moves
+_SHORTEST = 1e-6  # [s] lower end of the search for the longest accurate interval
+_HIGHEST = 30.0  # times the minimum frequency of a disturbance; above it the body hardly moves
 
 
 def measure(job: Job) -> Iterator[Metric]:
-    """The numbers of `reobserve.papers.ilo.theory` that need no run.
+    """Compute the numbers of `reobserve.papers.ilo.theory` that need no run.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def _law(job: Job, name: str) -> LearningLaw:
 
 @part
 def _learning(law: LearningLaw, held: bool, job: Job) -> Iterator[Metric]:
-    """Of the variant of (3) that the parameter file names."""
+    """Numbers of the variant of (3) that the parameter file names."""
     gain = (
         sampled_stability(law).spectral_radius
         if held
@@ -72,7 +72,7 @@ def _learning(law: LearningLaw, held: bool, job: Job) -> Iterator[Metric]:
 
 @part
 def _sampled(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
-    """Of the variant that holds v between updates."""
+    """Numbers of the variant that holds v between updates."""
     shown = _disturbance_gain(law, theory.disturbance_frequency)
     yield Metric("sampled", "disturbance_gain", shown, "1")
     for multiple in theory.multiples:
@@ -84,7 +84,7 @@ def _sampled(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metri
 
 
 def _noise_gain(law: LearningLaw, axis: int) -> float:
-    """Standard deviation of v over that of a noise on the rates, drawn and held at the updates.
+    """Standard deviation of v over that of rate noise, which is drawn at the updates and held.
 
     The noise n enters v_k = K1 v_{k-1} + K2 (w~_k + n_k) and, through v_k and Lambda, the next w~.
     """
@@ -92,7 +92,7 @@ def _noise_gain(law: LearningLaw, axis: int) -> float:
 
     decay, drive = held_blocks(law)
     size = len(drive)
-    # v in units of K2 per rate, lest the covariance be badly scaled.
+    # v is scaled by the norm of K2 to condition the covariance.
     scale = np.repeat([1.0, 1.0 / np.linalg.norm(law.K2, 2)], size)
     entry = scale[:, None] * np.vstack([decay - np.eye(size) - drive @ law.K2, law.K2])
     step = scale[:, None] * sampled_map(law) / scale
@@ -102,7 +102,7 @@ def _noise_gain(law: LearningLaw, axis: int) -> float:
 
 @part
 def _accuracy(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
-    """Errors under sines over the interval, and the longest accurate interval by frequency."""
+    """Errors under a sine by interval, and the longest accurate interval by frequency."""
 
     def error(omega: float, interval: float) -> float:
         return float(
@@ -138,9 +138,9 @@ def _largest_interval(
 def _distance(law: LearningLaw, held: bool, omega: float, axis: int) -> float:
     """Relative distance between the errors of a variant and of an integrator with K2 / tau.
 
-    That may have a proportional part K2 / 2 beside it, to which a variant with K1 = I tends that
-    learns at every instant. Of a v that is held the part counts that has the frequency of the
-    fault.
+    The distance is the smaller of two: without and with a proportional part K2 / 2. Continuous
+    updates with K1 = I tend to the latter for small tau. If v is held, only its component at the
+    frequency of the fault counts.
     """
     error = error_transfer(omega, law)
     if held:
@@ -158,10 +158,10 @@ def _distance(law: LearningLaw, held: bool, omega: float, axis: int) -> float:
 
 
 def _disturbance_gain(law: LearningLaw, lowest: float) -> float:
-    """The largest part of a torque disturbance at ``lowest`` [rad/s] or above that shows in v.
+    """Maximum gain from a torque disturbance at ``lowest`` [rad/s] or above to v.
 
-    A disturbance enters as a fault does, and what is not error of the estimate is estimate; its
-    maxima lie near multiples of 2 pi / tau, which the grid holds.
+    A disturbance enters as a fault does, so the gain to v is one minus the gain to e. Its maxima
+    lie near multiples of 2 pi / tau, which are on the grid.
     """
     rounds = 2 * np.pi / law.update_interval
     first = int(np.ceil(lowest / rounds))

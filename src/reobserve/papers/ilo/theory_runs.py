@@ -1,4 +1,4 @@
-"""Runs that no figure shows: other faults, starts, rates of updating, noise, and inertia."""
+"""Runs that are not in the figures: other faults, starts, updating rates, noise and inertia."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from reobserve.synthesis.ilo_accuracy import matched_integrator
 
 Array = NDArray[np.float64]
 
-NEEDED = {**keys.VARIANTS, "adaptive": keys.Adaptive}  # observers, by name and form
+NEEDED = {**keys.VARIANTS, "adaptive": keys.Adaptive}  # the type of each observer
 
 
 @dataclass(frozen=True)
 class Runs:
-    """The observers of a job, whose plant has no noise, and the record of the stuck fault."""
+    """A job with a plant without noise, and its record of the stuck fault."""
 
     job: Job
     stuck: Series
@@ -51,21 +51,21 @@ class Runs:
         return cls(replace(job, plant=plant), _record(plant, job.theory.stuck, 0))
 
     def record(self, fault: Terms, noise: float = 0.0) -> Series:
-        """The plant under another fault, measured with noise of this standard deviation."""
+        """Simulate the plant under another fault; ``noise`` is a standard deviation [rad/s]."""
         plant = replace(self.job.plant, noise=noise)
         return _record(plant, fault, self.job.theory.random_seed)
 
     def estimate(self, observer: keys.Observer, record: Series) -> Series:
-        """By an observer of the parameter file, or a change of one."""
+        """Run an observer of the parameter file, or a changed one."""
         built = build_observer(self.job.plant, observer)
         return observe(built, Job(self.job.plant, observer=observer), record)
 
     def errors(self, estimate: Series, record: Series) -> Errors:
-        """Of the fault on the faulty axis."""
+        """Errors of the fault on the faulty axis."""
         return Errors.of(record, estimate, self.job.metrics.axis - 1)
 
     def relative_error(self, observer: keys.Observer, record: Series) -> float:
-        """By the windows of the figures."""
+        """Relative RMS error over the windows of the figures."""
         errors = scored_errors(self.job, record, self.estimate(observer, record))
         return errors.relative_root_mean_square
 
@@ -82,7 +82,7 @@ class Runs:
 
     @property
     def eta(self) -> float:
-        """The constant [N m s] that Assumption 2 needs on the record."""
+        """The constant [N m s] of Assumption 2 for the record."""
         inertia = known_body(self.job.plant).inertia
         return gyroscopic_eta(inertia, float(np.max(np.linalg.norm(self.stuck["rate"], axis=1))))
 
@@ -93,13 +93,13 @@ def _record(plant: keys.Plant, fault: Terms, seed: int) -> Series:
 
 @lru_cache(maxsize=8)
 def _simulated(stated: str) -> Series:
-    """Records stay as they are while gains are drawn, which is done many times."""
+    """Simulate a record; cached, since sampling varies the gains many times."""
     plant, fault, seed = json.loads(stated)
     return simulate(Job(keys.Plant(**plant), seed, scenario=keys.Scenario(fault)))
 
 
 def measure(job: Job) -> Iterator[Metric]:
-    """The numbers of `reobserve.papers.ilo.theory` that need runs.
+    """Compute the numbers of `reobserve.papers.ilo.theory` that need runs.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def measure(job: Job) -> Iterator[Metric]:
 
 @part
 def _other_start(runs: Runs) -> Iterator[Metric]:
-    """The observer starts from another rate than the plant: before and after the fault."""
+    """Errors before and after the fault if the observer starts from a wrong rate."""
     onset, window = runs.stuck.events["onsets"][0], runs.job.metrics.late_window
     estimate = _started(runs, runs.job.metrics.variant)
     before = (estimate.time > onset - window) & (estimate.time < onset - 1e-9)
@@ -157,10 +157,9 @@ def _slower(runs: Runs) -> Iterator[Metric]:
 
 
 def _slowed(runs: Runs, factor: float) -> float:
-    """Relative error after the sampled observer has gone over to a longer interval.
+    """Relative error after the sampled observer changes to a longer interval.
 
-    It learns until half-way between the onset and the end, and goes on from that state; nan if it
-    then diverges.
+    It changes half-way between the onset and the end, and keeps its state; nan if it then diverges.
     """
     job, plant = runs.job, runs.stuck
     observer = job.observers["sampled"]
@@ -205,7 +204,7 @@ def _bound(runs: Runs) -> Iterator[Metric]:
 
 @part
 def _under_random_faults(runs: Runs) -> Iterator[Metric]:
-    """The least error of all variants under a random fault, and that of an integrator.
+    """Minimum error of all variants under a random fault, and the error of an integrator.
 
     The variants have the shortest interval and the largest K2.
     """
@@ -225,7 +224,7 @@ def _under_random_faults(runs: Runs) -> Iterator[Metric]:
 
 @part
 def _under_noise(runs: Runs) -> Iterator[Metric]:
-    """Errors from noisy rates, also of the integrator with the gain of the sampled variant."""
+    """Errors under noise of the sampled variant, and of the integrator with the same gain."""
     theory, sampled = runs.job.theory, runs.job.observers["sampled"]
     noisy = runs.record(theory.aperiodic, noise=theory.noise)
     gain = matched_integrator(sampled.K2, sampled.update_interval).integral_gain
@@ -237,7 +236,7 @@ def _under_noise(runs: Runs) -> Iterator[Metric]:
 
 @part
 def _with_wrong_inertia(runs: Runs) -> Iterator[Metric]:
-    """Errors of an observer that has another inertia than the plant, of the torque and the rate."""
+    """Errors of torque and rate of an observer with a wrong inertia."""
     theory, observer = runs.job.theory, runs.learning
     factor = (1 + theory.inertia_error) * observer.inertia_factor
     record = runs.record(theory.aperiodic)
@@ -251,7 +250,7 @@ def _with_wrong_inertia(runs: Runs) -> Iterator[Metric]:
 
 
 def _lumped(plant: keys.Plant, record: Series, factor: float) -> Series:
-    """The record with the fault and what an inertia that is off by ``factor`` adds to it."""
+    """The record with the torque that a wrong inertia causes added to the fault."""
     # J^ = c J:  J^ w' = -w x J^ w + B u + B_f f  with  f = c u_f + (c - 1) B_f^-1 B u
     body, channels = known_body(plant), dict(record.channels)
     added = (factor - 1) * (np.linalg.pinv(body.fault_matrix) @ body.input_matrix).T
@@ -266,7 +265,7 @@ def _lumped(plant: keys.Plant, record: Series, factor: float) -> Series:
 
 @part
 def _by_adaptive_gain(runs: Runs) -> Iterator[Metric]:
-    """The error of a pure integrator with the gain that is tried."""
+    """Error of a pure integrator with the given gain."""
     theory = runs.job.theory
     integral = pure_integrator(runs.job, theory.adaptive_gain, theory.damping_ratio)
     found = runs.relative_error(integral, runs.record(theory.aperiodic))
@@ -274,7 +273,7 @@ def _by_adaptive_gain(runs: Runs) -> Iterator[Metric]:
 
 
 def random_fault(theory: keys.Theory, horizon: float, axis: int) -> Terms:
-    """A fault that runs straight from zero to a normal value and from each to the next."""
+    """A fault of straight lines from zero through normally distributed values."""
     stream = random_stream(theory.random_seed, "ilo", "random fault")
     spacing = theory.fault_spacing
     begins = spacing * np.arange(1, int(np.ceil(horizon / spacing - 1e-9)))
