@@ -80,7 +80,7 @@ def _bound(axes: Axes, level: float, unit: str) -> None:
     axes.set_ylim(min(low, level / 1.3), max(high, 2.0 * level))
     axes.axhline(level, color="0.45", linestyle=(0, (1, 1.5)), linewidth=thick(0.9))
     axes.annotate(
-        f"shows in a figure: {level:g} {unit}", (0.02, level), (0, 2), textcoords="offset points",
+        f"visible in a figure: {level:g} {unit}", (0.02, level), (0, 2), textcoords="offset points",
         xycoords=axes.get_yaxis_transform(), va="bottom", fontsize=points(6.5), color="0.3",
     )  # fmt: skip
 
@@ -100,7 +100,7 @@ def _note(data: FigureData) -> str:
         "equation; lags without noise and disturbance.\n"
         f"PI by feasibility: filter rates {_listed(chosen.filter_rates)} and decays "
         f"{_listed(chosen.decays)} per second, three solutions of one inequality.\n"
-        f"Minimum norm: γ over its lower bound {_listed(chosen.factors)}. "
+        f"Minimum norm: γ over its lower bound {_listed(chosen.factors)}.\n"
         f"Minimum γ: poles within {_listed(chosen.pole_bounds)} per second, matrices within "
         f"{chosen.radius:g}, and with the first within {_listed(chosen.radii)}.\n"
         "Rings: the observers of Figs 2 to 5, and of the Remark."
