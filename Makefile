@@ -81,8 +81,8 @@ figdiff: $(STAMP)  ## build, compare with the accepted figures and numbers, writ
 accept: $(STAMP)  ## build, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
-samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MOST=400] [PAPER=ilo]
-	reobserve samples $(PAPER) --most $(or $(MOST),40)
+samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MAX=400] [PAPER=ilo]
+	reobserve samples $(PAPER) --max-samples $(or $(MAX),40)
 
 mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
 	python -m pip install --quiet --require-hashes -r requirements-mutation.lock

@@ -60,7 +60,7 @@ def lines() -> list[list[str]]:
         ["stage", "claims", "eso", "--results", "folder", *out, *root],
         ["latex", "table.csv", "--digits", "3", *out],
         ["check", "eso", "--overrides", '{"eso": {"plant": {"inertia": 0.02}}}', *root],
-        ["samples", "eso", "--most", "20", "--check", *root],
+        ["samples", "eso", "--max-samples", "20", "--check", *root],
         ["readme", *root],
         ["report", "--papers", "eso", "--formats", "pdf", "png", *out, *root],
         ["figdiff", "--reference", "folder", "--results", "folder", *root],

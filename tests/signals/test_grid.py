@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.signals.grid import MOST_STEPS, multiple
+from reobserve.signals.grid import MAX_STEPS, multiple
 
 
 def test_the_most_steps_of_an_interval() -> None:
-    assert multiple("horizon", float(MOST_STEPS), 1.0, "the step") == MOST_STEPS
+    assert multiple("horizon", float(MAX_STEPS), 1.0, "the step") == MAX_STEPS
     with pytest.raises(InputError) as error:
-        multiple("horizon", MOST_STEPS + 1.0, 1.0, "the step")
+        multiple("horizon", MAX_STEPS + 1.0, 1.0, "the step")
     assert str(error.value) == "horizon: 1e+08 s is 1e+08 steps, must be 1e+08 at most"

@@ -17,7 +17,7 @@ def add_evidence(commands: Any) -> None:
     )  # fmt: skip
     samples.add_argument("paper", nargs="*", help="only these papers (default: all)")
     samples.add_argument(
-        "--most",
+        "--max-samples",
         type=whole(1, 1_000_000),
         default=40,
         help="maximum number of samples per claim (default: 40)",

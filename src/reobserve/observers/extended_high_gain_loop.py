@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 # Modes change a few times in a whole run; where an input jumps back and forth around the threshold
 # in one step, or the delay moves xi^ so that each of two modes leads back into the other, there is
 # no point in following every change.
-MOST_CHANGES = 16
-MOST_TRIALS = 60
+MAX_CHANGES = 16
+MAX_TRIALS = 60
 NEAREST = 2.0**-50  # of a step: how near the end of a mode is found
 
 # Rows of the table of inputs.
@@ -196,7 +196,7 @@ def _to_mode_end(
     """
     newest, opposite = (start, above), (1.0, below)
     former = newest
-    for _ in range(MOST_TRIALS):
+    for _ in range(MAX_TRIALS):
         margin, _ = _go(model, size, order, bounds, at, start, here, step, mode, points, work)
         if (margin >= 0.0) == (newest[1] >= 0.0):
             former = newest
@@ -264,7 +264,7 @@ def _run(
             _add_gain(input_gain, parameters, at, row, y, gain)
         start, here = 0.0, _STEP
         switched_off[k] = 0.0
-        for change in range(MOST_CHANGES):
+        for change in range(MAX_CHANGES):
             xi = _seen(order, points[_FROM, n], at, here)
             rate = _raw_rate(points[_FROM, 0], xi, at, here)
             points[_FROM, n] = min(max(points[_FROM, n], least), most)
@@ -277,7 +277,7 @@ def _run(
             # A free delay whose rate changes its sign turns round inside the step, where it may
             # have left its interval.
             turns = holds and held == 0 and not off and rate != 0.0 and not rate * after >= 0.0
-            if (turns or not holds) and change < MOST_CHANGES - 1:
+            if (turns or not holds) and change < MAX_CHANGES - 1:
                 above = _margin(points[_FROM, n], rate, xi, bounds, mode)
                 part = rate / (rate - after) if turns else 0.5
                 end = _to_mode_end(

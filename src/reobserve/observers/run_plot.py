@@ -9,8 +9,8 @@ import numpy as np
 from reobserve.core.extras import package
 from reobserve.observers.run import Run
 
-_MOST_LINES = 12  # in one panel: more cannot be distinguished
-_MOST_ROWS = 8  # in a column of the legend
+_MAX_LINES = 12  # in one panel: more cannot be distinguished
+_MAX_ROWS = 8  # in a column of the legend
 
 
 def plot(run: Run[Any], names: list[str]) -> Any:
@@ -31,12 +31,12 @@ def plot(run: Run[Any], names: list[str]) -> Any:
     )
     axes = figure.subplots(max(len(values), 1), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, rows) in zip(axes, values.items(), strict=False):
-        for column in range(min(rows.shape[1], _MOST_LINES)):
+        for column in range(min(rows.shape[1], _MAX_LINES)):
             ax.plot(run.time, rows[:, column], label=labels[name][column], linewidth=1.2)
         unit = run.units.get(name)
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
         if rows.shape[1] > 1 or name in run.component_names:
-            columns = 1 + (len(ax.lines) > _MOST_ROWS)
+            columns = 1 + (len(ax.lines) > _MAX_ROWS)
             ax.legend(fontsize="small", ncols=columns, loc="upper left", bbox_to_anchor=(1, 1))
         if run.diverged_at is not None:
             ax.axvline(run.diverged_at, color="0.3", linestyle=":", label="diverged")

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_positive
 
-MOST_STEPS = 100_000_000  # of anything: more is a slip, and fits no memory
+MAX_STEPS = 100_000_000  # of anything: more is a slip, and fits no memory
 
 
 class Recorded(Protocol):
@@ -33,9 +33,9 @@ class Noisy(Recorded, Protocol):
 def multiple(name: str, interval: float, step: float, what: str) -> int:
     """How often ``step`` fits into ``interval``; `InputError` if that is no whole number."""
     ratio = interval / step
-    if ratio > MOST_STEPS:
+    if ratio > MAX_STEPS:
         raise InputError(
-            name, f"{interval:g} s is {ratio:.3g} steps, must be {MOST_STEPS:g} at most"
+            name, f"{interval:g} s is {ratio:.3g} steps, must be {MAX_STEPS:g} at most"
         )
     count = round(ratio)
     if count < 1 or abs(count * step - interval) > 1e-9 * interval:
@@ -43,21 +43,21 @@ def multiple(name: str, interval: float, step: float, what: str) -> int:
     return count
 
 
-def plant_grid(plant: Recorded, most_steps: int) -> tuple[int, float]:
+def plant_grid(plant: Recorded, max_steps: int) -> tuple[int, float]:
     """The number of plant steps and the step [s].
 
     Raises
     ------
     InputError
-        If horizon or step are not positive, do not fit, or make more than ``most_steps``.
+        If horizon or step are not positive, do not fit, or make more than ``max_steps``.
     """
     with located("plant"):
         step = as_positive("step", plant.step)
         horizon = as_positive("horizon", plant.horizon)
-        if horizon > most_steps * step:
+        if horizon > max_steps * step:
             raise InputError(
                 "horizon",
-                f"{horizon:g} s is {horizon / step:.3g} steps, must be {most_steps:g} at most",
+                f"{horizon:g} s is {horizon / step:.3g} steps, must be {max_steps:g} at most",
             )
         return multiple("horizon", horizon, step, "the step"), step
 

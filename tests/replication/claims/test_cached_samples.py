@@ -182,7 +182,7 @@ def test_the_command_goes_on_and_checks(
     sample_command(project, ["ilo"], 100, check=True)
     other = [claim(621), near.claims[1], replace(claim(5000), name="new")]
     monkeypatch.setattr(commands, "read_registry", lambda *_: Registry(claims=other))
-    with pytest.raises(ReobserveError, match="2 claims have samples that come out otherwise"):
+    with pytest.raises(ReobserveError, match="2 claims have samples that differ"):
         sample_command(project, ["ilo"], 30, check=True)
     assert capsys.readouterr().out.splitlines() == [
         f"claims.ilo.{name}: there are no cached samples of the claim as it is"
@@ -190,6 +190,6 @@ def test_the_command_goes_on_and_checks(
     ]
     monkeypatch.setattr(commands, "read_registry", lambda *_: near)
     code.factor = 1.01
-    with pytest.raises(ReobserveError, match="2 claims have samples that come out otherwise"):
+    with pytest.raises(ReobserveError, match="2 claims have samples that differ"):
         sample_command(project, ["ilo"], 30, check=True)
     assert "the first is 0: " in capsys.readouterr().out

@@ -16,7 +16,7 @@ from reobserve.replication.report.assumptions import range_lines, value_lines
 from reobserve.replication.report.claims import Claim
 from reobserve.replication.report.environment import environment
 from reobserve.replication.report.files import metrics_table
-from reobserve.replication.report.gather import MOST_ROWS, gather
+from reobserve.replication.report.gather import MAX_ROWS, gather
 from reobserve.replication.report.markup import first_sentence, without_title
 from reobserve.replication.report.reading import Gap
 from reobserve.replication.report.render import render
@@ -72,17 +72,17 @@ def test_numbers_stand_by_observer_with_what_they_mean(project: Path) -> None:
     assert table["link"]["target"] == "toy/fig1.metrics.csv"
 
 
-@pytest.mark.parametrize(("most", "shown"), [(MOST_ROWS, MOST_ROWS), (None, MOST_ROWS + 7)])
+@pytest.mark.parametrize(("most", "shown"), [(MAX_ROWS, MAX_ROWS), (None, MAX_ROWS + 7)])
 def test_long_tables_are_cut_and_sparse_ones_are_lists(
     tmp_path: Path, most: int | None, shown: int
 ) -> None:
-    rows = [f"o{k},error_at_{k},{-k},1" for k in range(MOST_ROWS + 7)]
+    rows = [f"o{k},error_at_{k},{-k},1" for k in range(MAX_ROWS + 7)]
     (tmp_path / "many.csv").write_text("\n".join(["observer,metric,value,unit", *rows]) + "\n")
     table = metrics_table(tmp_path / "many.csv", [], most)
     assert table["header"] == ["observer", "metric", "value", "unit"]
     assert table["numeric"] == [False, False, True, False]
     assert table["rows"][1] == ["o1", "error_at_1", "−1", "1"]
-    assert (len(table["rows"]), table["left_out"]) == (shown, MOST_ROWS + 7 - shown)
+    assert (len(table["rows"]), table["left_out"]) == (shown, MAX_ROWS + 7 - shown)
 
 
 def test_claims_come_with_checks_and_robustness(project: Path) -> None:

@@ -12,7 +12,7 @@ from reobserve.codegen.programs.right_hand_sides import right_hand_sides
 from reobserve.codegen.programs.sampling import runge_kutta
 from reobserve.core.errors import InputError
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
-from reobserve.observers.extended_high_gain_loop import MOST_CHANGES, MOST_TRIALS, NEAREST
+from reobserve.observers.extended_high_gain_loop import MAX_CHANGES, MAX_TRIALS, NEAREST
 from reobserve.synthesis.high_gain import high_gain
 
 
@@ -182,7 +182,7 @@ class _Step:
         program, z, begin, end = self.program, self.z, self.begin, self.end
         going = program.let(program.local("going"), ONE)
         program.let(begin, ZERO)
-        with program.for_each("change", MOST_CHANGES), program.when(f"{going} > 0.5"):
+        with program.for_each("change", MAX_CHANGES), program.when(f"{going} > 0.5"):
             self._look(z, begin)
             program.let(self.xi_first, self.xi[0])
             program.let(self.rate_first, self.rate)
@@ -243,7 +243,7 @@ class _Step:
         with program.when(f"{free} && {rate} != 0.0 && !({rate} * {self.rate} >= 0.0)"):
             program.let(self.searching, ONE)
             program.let(self.turning, begin + (ONE - begin) * rate / (rate - self.rate))
-        with program.when(f"change < {MOST_CHANGES - 1} && {self.searching} > 0.5"):
+        with program.when(f"change < {MAX_CHANGES - 1} && {self.searching} > 0.5"):
             self._search()
 
     def _search(self) -> None:
@@ -260,7 +260,7 @@ class _Step:
         program.let(former, newest)
         program.flag(held, "distance[0] >= 0.0")
         program.let(end, self.turning)
-        with program.for_each("trial", MOST_TRIALS), program.when(f"{self.searching} > 0.5"):
+        with program.for_each("trial", MAX_TRIALS), program.when(f"{self.searching} > 0.5"):
             self._move()
             with program.when(f"{self.holds} == {held}"):
                 program.let(former, newest)

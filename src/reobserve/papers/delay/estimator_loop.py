@@ -26,7 +26,7 @@ _LAW = "void(float64[::1], float64[::1], float64, float64, float64, float64[::1]
 
 # A delay comes to a bound and leaves it a few times in a run; there is no point in following a
 # law that turns more often than this within one step.
-MOST_CHANGES = 16
+MAX_CHANGES = 16
 BISECTIONS = 60
 
 
@@ -203,7 +203,7 @@ def _run(law: Any, task: Task, rows: Array) -> int:
     least, greatest = task.bounds
     for k in range(len(rows) - 1):
         start = 0.0
-        for change in range(MOST_CHANGES):
+        for change in range(MAX_CHANGES):
             held = 0
             if values[0] <= least or values[0] >= greatest:
                 rate = _rate(law, task, k, start, values, work)
@@ -211,7 +211,7 @@ def _run(law: Any, task: Task, rows: Array) -> int:
                     held = -1
                 elif values[0] >= greatest and rate > 0.0:
                     held = 1
-            if change == MOST_CHANGES - 1:
+            if change == MAX_CHANGES - 1:
                 _part(law, task, k, start, 1.0, held, values, work)
                 start = 1.0
             else:

@@ -26,7 +26,7 @@ from reobserve.core.validation import (
 from reobserve.replication.parameters import job
 from reobserve.replication.parameters.job import signal
 
-MOST_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
+MAX_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
 
 Scalar = Annotated[Terms, signal(1)]
 State = Annotated[list[float], items(1, 2)]
@@ -88,7 +88,7 @@ class Extended:
 
     algorithm: Literal["extended"]
     model: Model
-    order: Annotated[int, within(1, MOST_DERIVATIVES)]
+    order: Annotated[int, within(1, MAX_DERIVATIVES)]
     rho: Positive
     initial_estimate: State
     initial_delay: float

@@ -1,14 +1,15 @@
-"""Stage metrics: how well state and delay are estimated, at rest and while the delay moves.
+"""Stage metrics: errors of state and delay, where the delay is constant and where it varies.
 
-Errors are estimates minus the truth. They count from the parameter `metrics.start` on, or
-`_from_start`; the other windows are parameters, too (`late`, `varying_from` and `varying_until`,
-`radius`, `ripple`). A number at the end of a state's error is its component, at the end of a
-delay's the segment before which jump of the delay. `nan` means that it never happens.
+Errors are estimates minus true values. They are computed from `metrics.start` on, with the ending
+`_from_start` from t = 0 on; the other windows are parameters, too (`late`, `varying_from` and
+`varying_until`, `radius`, `ripple`). The number at the end of a state error is the component; at
+the end of a delay error it is the segment, which ends with that jump of the delay. `nan` means that
+it never happens.
 
-In the theory the observer column holds what is computed: the pendulum, the delay, an input, the
-order of the expansion, the differentiator with L in its last line (`levant`), random starts
-(`starts`, and `projection` for those that meet a bound), the average delay as an estimate; and
-errors of runs are without noise.
+In the theory the column observer names the subject: the pendulum, the delay, an input, the order of
+the expansion, the differentiator with L in its last line (`levant`), random initial estimates
+(`starts`, and `projection` for the runs that reach a bound), or the average delay as an estimate.
+Errors of runs are without noise.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from reobserve.replication.metrics.metrics import Metric, Score, scores_of
 from reobserve.replication.metrics.responses import root_mean_square, window
 from reobserve.replication.parameters.figure_data import FigureData
 
-# What each number is, those of the theory included; `<word>` stands for what differs.
+# The meaning of each metric, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
     "turned_over_at": "time at which the pendulum first exceeds half a turn",
     "largest_angle": "largest angle of the pendulum, including full turns",
@@ -37,33 +38,35 @@ MEANINGS = {
     "rms_error_<component>_from_start": "the same from t = 0 on",
     "rms_delay_error": "root mean square error of the delay",
     "rms_delay_error_from_start": "the same from t = 0 on",
-    "late_delay_error_<jump>": "largest error in the last seconds before a jump",
+    "late_delay_error_<jump>": "largest error of the delay in the last seconds before a jump",
     "varying_rms_delay_error": "root mean square error of the delay where it varies",
     "varying_rms_error_<component>": "root mean square error of a state where the delay varies",
     "delay_radius": "largest error of the delay after the transient of the last jump",
-    "predicted_delay_radius rho=<level>": "the same by the lag of the linear error system",
+    "predicted_delay_radius rho=<level>": (
+        "the same, predicted by the lag of the linear error system"
+    ),
     "settled_rms_delay_error": "root mean square error of the delay after that transient",
-    "least_radius rho=<level>": (
-        "bound of the error of the linear error system with |xi| at the threshold, for the worst "
-        "remainder and rate of the delay"
+    "ultimate_bound rho=<level>": (
+        "ultimate bound of the error of the linear error system with |xi| at the threshold, for "
+        "the worst remainder and rate of the delay"
     ),
     "ripple_<jump>": (
-        "ripple of the estimate in the last seconds with the gain on before a jump, without its "
-        "slope"
+        "peak-to-peak ripple of the estimate, without its mean slope, over the last seconds with "
+        "the gain on before a jump"
     ),
-    "least_delay": "minimum estimate of the run",
-    "greatest_delay": "maximum estimate of the run",
+    "minimum_delay": "minimum of the delay over the run",
+    "maximum_delay": "maximum of the delay or of its estimate over the run",
     "off_share": "share of the run in which the gain is switched off",
     "<quantity> <sweep>=<level>": (
-        "mean over the runs of a study at one level; of the theory's runs one, without noise"
+        "mean over the runs of a study at one level; in the theory a single run without noise"
     ),
     "determinant_error": (
         "difference between the observability Jacobian and -G u'(t - tau), over its maximum"
     ),
     "breaks": "number of instants at which the input or a derivative up to the third is "
     "discontinuous",
-    "least_rate": "minimum of |u'|, zero if it changes its sign",
-    "singular_instants": "how often u' changes its sign",
+    "minimum_rate": "minimum of |u'|, zero if u' changes its sign",
+    "singular_instants": "number of sign changes of u'",
     "singular_share": "share of the time with u' = 0",
     "remainder order=<order>": "largest remainder of the expansion (6)",
     "slow_pole": "slowest pole of the linear error system, hanging pendulum",
@@ -71,22 +74,22 @@ MEANINGS = {
     "relative_rms_error_<order>": (
         "root mean square error of a derivative by the differentiator, over that of the derivative"
     ),
-    "bound_share": "third derivative of the input over L",
+    "bound_share": "maximum of the third derivative of the input over L",
     "rms_delay_error_faster rho=<level>": (
-        "error with a faster input and a shorter delay over that without, by `theory.accuracy`"
+        "error with a faster input and a shorter delay over that without both, by `theory.accuracy`"
     ),
     "relative_rms_error_<order>_in_noise": (
         "the same on the noisy input of Fig. 2, by a differentiator of order three"
     ),
     "late_delay_error": "largest error of a constant delay long after the start",
-    "late_rate_error": "largest error of the rate there",
+    "late_rate_error": "largest error of the rate at that time",
     "peak_delay_error": (
-        "mean of the largest errors of the delay in halves of a period around singular instants"
+        "mean of the largest errors of the delay in the half periods around singular instants"
     ),
     "peak_distance": (
-        "mean distance of these from the instant: 0 there, 1 in the middle between two instants"
+        "mean distance of these errors from the instant: 0 there, 1 in the middle between two"
     ),
-    "<which>_hardly_off": "the same with a small threshold",
+    "<which>_small_threshold": "the same with a small threshold",
 }
 
 
@@ -129,6 +132,6 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     for number, _, jump in constant_segments(plant, rules.ripple):
         chosen = np.flatnonzero(on & (time < jump - 1e-9))[-round(rules.ripple / estimate.step) :]
         yield f"ripple_{number}", ripple(time[chosen], estimate["delay"][chosen]), "s"
-    yield "greatest_delay", float(np.max(estimate["delay"])), "s"
+    yield "maximum_delay", float(np.max(estimate["delay"])), "s"
     if "off" in estimate.channels:
         yield "off_share", float(np.mean(estimate["off"][1:])), "1"

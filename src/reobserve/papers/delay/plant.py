@@ -59,7 +59,7 @@ def build(settings: Settings) -> Setup:
         control = Signal.parse("input", scenario.input, 1)
         if scenario.past == "zero":
             control = _from_zero(control)
-        inputs = input_and_derivatives("input", control, keys.MOST_DERIVATIVES)
+        inputs = input_and_derivatives("input", control, keys.MAX_DERIVATIVES)
     return Setup(DelayedInputPlant(model), inputs, delay, scenario.noise_share)
 
 

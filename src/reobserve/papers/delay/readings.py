@@ -86,7 +86,7 @@ def differentiator(job: Job, observer: keys.Extended) -> LevantDifferentiator:
     L, period, lambdas = observer.levant()
     multiple("sampling", period, job.plant.step, "plant.step")
     return LevantDifferentiator(
-        L, order=keys.MOST_DERIVATIVES, lambdas=lambdas, sampling_period=period
+        L, order=keys.MAX_DERIVATIVES, lambdas=lambdas, sampling_period=period
     )
 
 

@@ -15,7 +15,7 @@ from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 
-MOST_STEPS = 5_000_000  # of a plant record: a gigabyte
+MAX_STEPS = 5_000_000  # of a plant record: a gigabyte
 
 
 def build_model(plant: keys.Plant, name: keys.Model) -> TriangularModel:
@@ -41,7 +41,7 @@ def grid(plant: keys.Plant) -> tuple[int, float]:
         If horizon, step and greatest delay are not positive or do not fit.
     """
     most = delay_bounds(plant)[1]
-    steps, step = plant_grid(plant, MOST_STEPS)
+    steps, step = plant_grid(plant, MAX_STEPS)
     if most > plant.horizon:
         raise InputError(
             "plant.delay_bounds.1", f"{most:g} s must be {plant.horizon:g} s at most, the horizon"

@@ -31,8 +31,8 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     Lechappe et al. 2018, (3), (4), after (4), (6), Theorem 1, Assumptions 3 and 4.
     """
     yield from _pendulum(job)
-    yield Metric("delay", "least_delay", float(np.min(sine["delay"])), "s")
-    yield Metric("delay", "greatest_delay", float(np.max(sine["delay"])), "s")
+    yield Metric("delay", "minimum_delay", float(np.min(sine["delay"])), "s")
+    yield Metric("delay", "maximum_delay", float(np.max(sine["delay"])), "s")
     for name, plant in (("ramp", ramp), ("sine", sine)):
         signals = input_and_derivatives(name, _signal(job, name), max(ORDERS) + 1)
         yield from _input(job, name, signals, plant)
@@ -99,7 +99,7 @@ def _input(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterato
     rate = signals[1](time)[:, 0]
     changes = np.count_nonzero(np.sign(rate[1:]) != np.sign(rate[:-1]))
     least = 0.0 if changes else float(np.min(np.abs(rate)))
-    yield Metric(name, "least_rate", least, "N m/s")
+    yield Metric(name, "minimum_rate", least, "N m/s")
     yield Metric(name, "singular_instants", float(changes), "1")
     still = np.abs(rate) < 1e-9 * np.max(np.abs(rate))
     yield Metric(name, "singular_share", float(np.mean(still)), "1")

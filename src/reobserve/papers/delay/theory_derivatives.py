@@ -32,15 +32,15 @@ def measure(job: Job, sine: Series) -> Iterator[Metric]:
     time = np.arange(0.0, sine.time[-1] + 0.5 * period, period)
     terms = job.theory.sine
     signals = input_and_derivatives(
-        "sine", Signal.parse("sine", terms, 1), keys.MOST_DERIVATIVES + 1
+        "sine", Signal.parse("sine", terms, 1), keys.MAX_DERIVATIVES + 1
     )
     truth = np.column_stack([s(time)[:, 0] for s in signals[:-1]])
     late = time >= 0.5 * sine.time[-1]  # when any finite time after the start is over
     sizes = root_mean_square(truth[late])
-    law = LevantDifferentiator(body.L, keys.MOST_DERIVATIVES, body.lambdas, sampling_period=period)
-    run = law.run(truth[:, 0], state=law.init(np.zeros(keys.MOST_DERIVATIVES + 1)))
+    law = LevantDifferentiator(body.L, keys.MAX_DERIVATIVES, body.lambdas, sampling_period=period)
+    run = law.run(truth[:, 0], state=law.init(np.zeros(keys.MAX_DERIVATIVES + 1)))
     shares = root_mean_square((run["derivatives"] - truth)[late]) / sizes
-    for i in range(1, keys.MOST_DERIVATIVES + 1):
+    for i in range(1, keys.MAX_DERIVATIVES + 1):
         yield Metric("levant", f"relative_rms_error_{i}", float(shares[i]), "1")
     largest = float(np.max(np.abs(signals[-1](time))))
     yield Metric("levant", "bound_share", largest / body.L, "1")
@@ -56,7 +56,7 @@ def _in_noise(
     rows = np.floor(time / job.plant.noise_period + 1e-9).astype(int)
     stream = random_stream(SEED, "delay", "theory", "derivatives")
     drawn = size * stream.standard_normal(int(rows[-1]) + 1)[rows]
-    order = keys.MOST_DERIVATIVES + 1
+    order = keys.MAX_DERIVATIVES + 1
     law = LevantDifferentiator(body.L, order, sampling_period=body.sampling)
     run = law.run(truth[:, 0] + drawn, state=law.init(np.zeros(order + 1)))
     errors = root_mean_square((run["derivatives"] - truth)[late])

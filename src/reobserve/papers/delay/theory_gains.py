@@ -72,7 +72,7 @@ def _radii(job: Job, ramp: Series) -> Iterator[Metric]:
             for turn in (1.0, -1.0):
                 gains = peak_gains(error_matrix(rho, turn * g_over_l, friction))
                 radii.append(np.linalg.norm(scale * (gains[:, 1] * left + gains[:, 2] * xi * eta)))
-            yield Metric.at(f"order_{m}", ("least_radius", float(max(radii)), "1"), rho=rho)
+            yield Metric.at(f"order_{m}", ("ultimate_bound", float(max(radii)), "1"), rho=rho)
 
 
 def peak_gains(matrix: Array) -> Array:

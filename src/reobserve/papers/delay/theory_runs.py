@@ -138,7 +138,7 @@ def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
     for order, name in ORDERS.items():
         stated = job.observers[name].threshold
         small = job.theory.small_threshold
-        for when, threshold in (("", stated), ("_hardly_off", small)):
+        for when, threshold in (("", stated), ("_small_threshold", small)):
             time, error = _delay_error(job, name, sine, threshold=threshold)
             size, distance = peaks(sine, time, error)
             yield Metric(f"order_{order}", f"peak_delay_error{when}", size, "s")

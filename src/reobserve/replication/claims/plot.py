@@ -37,7 +37,7 @@ _MARKS: dict[object, tuple[str, str, str]] = {
 _WIDEST = 1e12  # the ratio of the ends of a logarithmic axis; what is less stands below it
 _SMALL = 6.3  # points
 _LEFT = 1.95  # inches, for the names of choices
-_MOST_BARS = 6  # the greatest; the others explain less, and seldom more than chance does
+_MAX_BARS = 6  # the greatest; the others explain less, and seldom more than chance does
 
 
 def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
@@ -60,7 +60,7 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
     drawn = [(claim, found[claim.name]) for claim in claims if claim.name in found]
     each = influences(one for _, one in drawn)
     shown = [
-        (claim, one, bars[:_MOST_BARS])
+        (claim, one, bars[:_MAX_BARS])
         for (claim, one), bars in zip(drawn, each, strict=True)
         if bars
     ]

@@ -236,7 +236,7 @@ def assess(
     claims
         Of the same paper; left out are those that are broken or depend on nothing.
     samples
-        The most for each claim, if fewer do not decide and no more are cached.
+        The maximum for each claim, if fewer do not decide and no more are cached.
     reversals
         Whether to look for the smallest change that reverses a claim.
     cached
@@ -267,15 +267,15 @@ def assess(
     return found
 
 
-def _sample_all(inquiry: Inquiry, most: int) -> None:
+def _sample_all(inquiry: Inquiry, max_samples: int) -> None:
     """Ask one reader after the other, each about all claims that are not yet decided."""
     found, known = inquiry.found, inquiry.known
     longest = max((one.length for one in known.values()), default=0)
-    for number in range(max(most, longest)):
+    for number in range(max(max_samples, longest)):
         going = [
             claim
             for claim in inquiry.claims
-            if not found[claim.name].decided and number < max(most, known[claim.name].length)
+            if not found[claim.name].decided and number < max(max_samples, known[claim.name].length)
         ]
         if not going:
             break

@@ -19,18 +19,19 @@ from reobserve.replication.parameters.config import known_papers, named_papers
 from reobserve.replication.parameters.names import samples_path
 from reobserve.replication.parameters.parameters import Parameters, default_parameters
 
-_FIRST = 40  # samples; from here on the most is doubled, and what is there is cached each time
+_FIRST = 40  # samples of the first step; each later step doubles them and caches the results
 
 
-def sample_command(project: Path, paper: Sequence[str], most: int, check: bool) -> None:
-    """Sample until claims are decided or ``most`` samples are made, starting from the cached ones.
+def sample_command(project: Path, paper: Sequence[str], max_samples: int, check: bool) -> None:
+    """Sample until claims are decided, starting from the cached samples.
 
-    With ``check`` nothing is cached, and all are made again that are, up to ``most`` of a claim.
+    With ``check`` nothing is written: the cached samples are recomputed and compared.
+    ``max_samples`` limits the samples of each claim.
 
     Raises
     ------
     ReobserveError
-        If a sample that is made again comes out otherwise.
+        If a recomputed sample differs from the cached one.
     """
     known = [one for one in known_papers(project) if claims_file(project, one).is_file()]
     differing = []
@@ -38,12 +39,12 @@ def sample_command(project: Path, paper: Sequence[str], most: int, check: bool) 
         parameters = default_parameters(project, one)
         claims = read_registry(project, parameters).claims
         if check:
-            differing += _differences(parameters, claims, _cached(project, one), most)
+            differing += _differences(parameters, claims, _cached(project, one), max_samples)
         else:
-            _sample_on(project, parameters, claims, most)
+            _sample_on(project, parameters, claims, max_samples)
     if differing:
         print("\n".join(differing))
-        raise ReobserveError(f"{len(differing)} claims have samples that come out otherwise")
+        raise ReobserveError(f"{len(differing)} claims have samples that differ")
 
 
 def keep(project: Path, paper: str, found: Mapping[str, Robustness]) -> None:
@@ -51,9 +52,11 @@ def keep(project: Path, paper: str, found: Mapping[str, Robustness]) -> None:
     write_cached(project, paper, {name: one.to_keep for name, one in found.items() if one.looked})
 
 
-def _sample_on(project: Path, parameters: Parameters, claims: list[Claim], most: int) -> None:
-    """In steps, so that little is lost where it is ended before."""
-    step = min(_FIRST, most)
+def _sample_on(
+    project: Path, parameters: Parameters, claims: list[Claim], max_samples: int
+) -> None:
+    """Sample in steps, so that little is lost if the command is stopped."""
+    step = min(_FIRST, max_samples)
     while True:
         found = assess(
             Evaluator(parameters), claims, step, cached=_cached(project, parameters.paper)
@@ -64,17 +67,20 @@ def _sample_on(project: Path, parameters: Parameters, claims: list[Claim], most:
         print(
             f"{parameters.paper}: {drawn}, {len(left)} of {len(found)} claims undecided", flush=True
         )
-        if step == most or not left:
+        if step == max_samples or not left:
             return
-        step = min(2 * step, most)
+        step = min(2 * step, max_samples)
 
 
 def _differences(
-    parameters: Parameters, claims: list[Claim], cached: Mapping[str, CachedSamples], most: int
+    parameters: Parameters,
+    claims: list[Claim],
+    cached: Mapping[str, CachedSamples],
+    max_samples: int,
 ) -> list[str]:
-    """The claims whose samples come out otherwise, a sentence each."""
+    """The claims whose recomputed samples differ from the cached ones, a sentence each."""
     said = []
-    for name, one in assess(Evaluator(parameters), claims, most, reversals=False).items():
+    for name, one in assess(Evaluator(parameters), claims, max_samples, reversals=False).items():
         place, past = f"claims.{parameters.paper}.{name}", cached.get(name)
         if past is None or past.basis != one.basis:
             said.append(f"{place}: there are no cached samples of the claim as it is")

@@ -39,7 +39,7 @@ SIMILARITY = 0.95  # at least; 1 is the same
 
 _WINDOW = 7  # pixels; half the height of a line of text
 _WHITE = 255
-_MOST_PIXELS = 20_000_000  # 80 megabytes; the largest figure has 1.6 million
+_MAX_PIXELS = 20_000_000  # 80 megabytes; the largest figure has 1.6 million
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def read_pixels(path: Path) -> Pixels:
     Raises
     ------
     InputError
-        If the file is missing, damaged, no PNG, or of more than `_MOST_PIXELS`.
+        If the file is missing, damaged, no PNG, or of more than `_MAX_PIXELS`.
     """
     from PIL import Image
 
@@ -80,7 +80,7 @@ def read_pixels(path: Path) -> Pixels:
             warnings.catch_warnings(action="ignore"),
             Image.open(content, formats=["PNG"]) as image,
         ):
-            if image.width * image.height > _MOST_PIXELS:
+            if image.width * image.height > _MAX_PIXELS:
                 raise ValueError(f"{image.width} x {image.height} pixels are too many")
             picture = image.convert("RGBA")
     except Exception as error:  # what decoders raise has no common type

@@ -21,8 +21,8 @@ _STEP_MARGIN = 2
 _RELATIVE_ROUNDING = 1e-12
 _ABSOLUTE_ROUNDING = 1e-15
 
-_MOST = 1e-2  # a tolerance, of the size of the column
-_MOST_BY_PROCESSOR = 1e-6
+_MAX = 1e-2  # a tolerance, of the size of the column
+_MAX_BY_PROCESSOR = 1e-6
 _NEARLY_ZERO = 1e-6  # in the unit of the number
 
 
@@ -43,7 +43,7 @@ def is_determined(size: float, moved: float, allowed: float) -> bool:
     """Whether a number with this tolerance says anything, in a column of this size."""
     if size + allowed <= _NEARLY_ZERO:
         return True
-    return allowed <= _MOST * size and moved <= _MOST_BY_PROCESSOR * size
+    return allowed <= _MAX * size and moved <= _MAX_BY_PROCESSOR * size
 
 
 def two_digits_up(value: float) -> float:

@@ -16,7 +16,7 @@ from reobserve.replication.meanings import Meanings
 from reobserve.replication.metrics.metrics import Metric, read_metrics
 
 # More observers, or fewer of the metrics of each, and a column for each makes no good table.
-_MOST_COLUMNS = 6
+_MAX_COLUMNS = 6
 _LEAST_FILLED = 0.6
 
 _POINT = 4 / 3  # CSS pixels
@@ -72,7 +72,7 @@ def metrics_table(path: Path, known: Meanings, most: int | None) -> dict[str, An
     observers = {row.observer for row in rows}
     metrics = {(row.metric, row.unit) for row in rows}
     full = len(rows) >= _LEAST_FILLED * len(metrics) * len(observers)
-    if full and len(observers) <= _MOST_COLUMNS:
+    if full and len(observers) <= _MAX_COLUMNS:
         header, body = by_observer(rows, _number)
     else:
         header = ["observer", "metric", "value", "unit"]

@@ -49,7 +49,7 @@ _PICTURES = {
 _BEYOND = "beyond the paper"
 
 # Rows of a figure's table; sweeps of studies have hundreds, which only files serve well.
-MOST_ROWS = 40
+MAX_ROWS = 40
 
 # How the command line begins the sentence that says why it failed.
 _SAID = "reobserve: "
@@ -284,7 +284,7 @@ class _Paper:
 
     def numbers(self, path: str, *step: str) -> Data | Gap:
         """The metrics of a figure, or all of the theory, and a link to their file."""
-        most = MOST_ROWS if step[1:] else None
+        most = MAX_ROWS if step[1:] else None
         known = meanings(self.parameters.paper)
         place, logged = self._place(step[-1]), self._log(*step)
         found: Data | Gap = self.build.read(place, path, logged, metrics_table, known, most)

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 LEAST_PARTS = 4  # for a fit of three numbers
 _NOTHING = 1e-12  # a part this small beside the others is rounding
-_MOST_SPREAD = 0.05  # estimates that differ by more say that the degree is too low
+_MAX_SPREAD = 0.05  # estimates that differ by more say that the degree is too low
 _LEAST_ERROR = 0.05  # what an estimate errs by, however well it repeats
 
 
@@ -90,7 +90,7 @@ def convergence(series: PolynomialMap) -> Convergence:
     scale, power, radius = _fit(degrees, sizes)
     others = [_fit(some, sizes)[2] for some in (degrees[1:], degrees[:-1])]
     spread = abs(others[1] - others[0]) / radius
-    if spread > _MOST_SPREAD:
+    if spread > _MAX_SPREAD:
         raise InputError(
             "degree",
             f"{series.degree} is too low for an estimate of the radius of convergence: "
