@@ -1,4 +1,4 @@
-"""Checks of parameters that need models and observers to be built, before a long build."""
+"""Checks of parameters that construct models and observers, done before a long build."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _observer(job: Job) -> None:
 
 
 def _study(job: Job) -> None:
-    """Steps that fit, and observers with a gain to vary."""
+    """Check that the steps fit the grid and that the observers have a gain to vary."""
     if isinstance(job.study, keys.Tradeoff):
         stride(job.plant, job.study.sampling_period)
         for name in job.observers:
@@ -29,10 +29,10 @@ def _study(job: Job) -> None:
 
 
 def _figure(job: Job) -> None:
-    """Observers must have the model of the figure's scenario, or none; some draw states."""
+    """Check that observers are for the model of the scenario and have what the layout plots."""
     model, layout = job.scenario.model, job.figure.layout
     for name, observer in job.observers.items():
-        # Estimators of the delay alone are for the scalar plant.
+        # Estimators of the delay alone have no key `model`; they are for the scalar plant.
         known = getattr(observer, "model", "lag")
         if known != model:
             problem = f"{name!r} is for the model {known}, the scenario has {model}"
@@ -40,7 +40,7 @@ def _figure(job: Job) -> None:
         if layout == "comparison" and isinstance(observer, keys.Standard):
             raise InputError("observers", f"{name!r} does not estimate the delay")
     if layout == "states" and model != "pendulum":
-        raise InputError("scenario", "must be of the pendulum, whose states are drawn")
+        raise InputError("scenario", "must be of the pendulum, whose states are plotted")
 
 
 def _theory(job: Job, _: Mapping[str, object]) -> None:

@@ -1,11 +1,11 @@
-"""Estimators of an input delay that Fig. 3 compares with: what they have in common.
+"""Base class of the delay estimators that Fig. 3 compares.
 
     x' = -a x + b u(t - tau(t)),    x known
 
-is the plant of the comparison, with a = b = 1 (Lechappe et al. 2018, (39)). The paper cites the
-estimators that it compares with and prints none of them, and we had none of the cited papers. The
-modules that build on this one are therefore reconstructions: each says what equations it has and
-how one comes to them, and what holds for it need not hold for the method that the paper ran.
+is the plant of the comparison, with a = b = 1 (Lechappe et al. 2018, (39)). The paper cites these
+estimators without printing them, and we had none of the cited papers. The modules that build on
+this one are therefore reconstructions. Each states and derives its equations; its results need not
+hold for the method that the paper used.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class DelayEstimator(ABC):
     decay, input_gain
         a and b [1/s].
     delay_bounds
-        [s], the least and the greatest delay, between which the estimate stays.
+        [s], the minimum and the maximum delay, between which the estimate stays.
     sampling_period
-        [s], and the step of the method.
+        [s], also the integration step.
     """
 
     decay: float
@@ -60,10 +60,10 @@ class DelayEstimator(ABC):
             x, or x and x' [1/s], at both ends and in the middle of each step, shape (2 k + 1, 1 or
             2).
         past, control
-            u and u' [1/s] at half steps, shapes (m, 2) and (2 k + 1, 2): from the greatest delay
-            before the start up to it, and from there on.
+            u and u' [1/s] at half steps, shapes (m, 2) and (2 k + 1, 2): over the maximum delay
+            before the start, and from the start on.
         start
-            What `start` gives.
+            The result of `start`.
 
         Raises
         ------

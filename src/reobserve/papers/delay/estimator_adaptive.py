@@ -1,9 +1,9 @@
 """Adaptive delay identification with filtered regressors: a RECONSTRUCTION.
 
 Lechappe et al. 2018 compare with the adaptive identification of their reference [26], which they
-do not print and which we did not have. What stands here is a gradient law with a memory on
-filtered signals, and not the one that they ran. With the estimate theta of the delay and F the
-filter 1 / (k s + 1), for the plant x' = -a x + b u(t - tau):
+do not print and which we did not have. This is not their method, but a gradient law with forgetting
+on filtered signals. With the estimate theta of the delay and the filter F = 1 / (k s + 1), for the
+plant x' = -a x + b u(t - tau):
 
     k x_f' = x - x_f                                        x_f = F x
     k g_f' = b [u(t - theta) + theta u'(t - theta)] - g_f
@@ -16,16 +16,17 @@ Derivation. To first order u(t - tau) = u(t - theta) - u'(t - theta) (tau - thet
 
     x' + a x - b [u(t - theta) + theta u'(t - theta)] = -b u'(t - theta) tau:
 
-linear in tau at each instant, whatever theta does meanwhile. x' is not known; but filtered it is,
-since F x' = (x - x_f) / k. Filtering both sides gives y_f = phi_f tau for a constant tau. The
-integral of exp(-l (t - s)) (y_f - phi_f theta)^2 / 2 ds has the gradient P theta - Q in theta,
-down which theta goes. The filters start so that both sides do: x_f = x(0), g_f = a x(0), phi_f = 0.
+which is linear in tau at each instant, for any motion of theta. x' is not known, but its filtered
+value is: F x' = (x - x_f) / k. Filtering both sides gives y_f = phi_f tau for a constant tau. The
+integral of exp(-l (t - s)) (y_f - phi_f theta)^2 / 2 ds has the gradient P theta - Q in theta, and
+theta follows the negative gradient. The initial values x_f = x(0), g_f = a x(0) and phi_f = 0 make
+both sides equal at the start.
 
-To first order Q = P tau, so that the error decays with the rate Gamma P: exactly for a ramp and a
-constant delay, by any history of P. The price of linearising at theta is a disturbance of second
-order, b u'' (tau - theta)^2 / 2, which P and Q remember for 1 / l. A delay that runs away at a
-rate r is followed r (k + 1 / l + 1 / (Gamma P)) behind. Without excitation P goes to zero, and the
-estimate stands still: unlike least squares with forgetting this law does not wind up.
+To first order Q = P tau, so the error decays at the rate Gamma P: exactly for a ramp and a constant
+delay, with any history of P. Linearising at theta causes a disturbance of second order,
+b u'' (tau - theta)^2 / 2, which P and Q forget with the time constant 1 / l. For a delay with a
+constant rate r the lag is r (k + 1 / l + 1 / (Gamma P)). Without excitation P goes to zero and the
+estimate stays constant: unlike least squares with forgetting this law does not wind up.
 """
 
 from __future__ import annotations
@@ -48,8 +49,7 @@ class AdaptiveDelayEstimator(DelayEstimator):
 
     Lechappe et al. 2018, after (39).
 
-    It is integrated by the classical Runge-Kutta
-    method.
+    It is integrated by the classical Runge-Kutta method.
 
     Parameters
     ----------

@@ -1,16 +1,16 @@
 """Delay estimation by output-error recursive least squares: a RECONSTRUCTION.
 
 Lechappe et al. 2018 compare with the continuous recursive least squares of their reference [9],
-which they do not print and which we did not have. What stands here is the plainest estimator of
-that kind, and not the one that they ran. With the estimate theta of the delay, for the plant
+which they do not print and which we did not have. This is not their method, but the simplest
+estimator of that kind. With the estimate theta of the delay, for the plant
 x' = -a x + b u(t - tau):
 
-    x_m' = -a x_m + b u(t - theta)                        a model beside the plant, x_m(0) = x(0)
+    x_m' = -a x_m + b u(t - theta)                        parallel model, x_m(0) = x(0)
     phi' = -a phi - b u'(t - theta)                       phi = d x_m / d theta, phi(0) = 0
-    R'   = -f R + phi^2,  R(0) = 1 / P(0)                 information, f the forgetting
+    R'   = -f R + phi^2,  R(0) = 1 / P(0)                 information; f: forgetting
     theta' = phi (x - x_m) / R
 
-Derivation. For a theta that does not move, u(t - tau) = u(t - theta) - u'(t - theta) (tau - theta)
+Derivation. For a constant theta, u(t - tau) = u(t - theta) - u'(t - theta) (tau - theta)
 to first order, so that the error e = x - x_m obeys e' = -a e - b u'(t - theta) (tau - theta). The
 same equation drives phi, hence e = phi (tau - theta): a linear regression on one unknown. Least
 squares with a weight that decays by f,
@@ -18,18 +18,18 @@ squares with a weight that decays by f,
     min over tau of  (tau - theta(0))^2 exp(-f t) / P(0)
                      + the integral of exp(-f (t - s)) (e + phi theta - phi tau)^2 ds,
 
-has the recursion above; with P = 1 / R it is the usual P' = f P - P^2 phi^2, theta' = P phi e. R is
-kept in place of P because its equation is linear and not stiff, however large P(0).
+has the recursion above; with P = 1 / R it is the usual P' = f P - P^2 phi^2, theta' = P phi e. R
+replaces P because its equation is linear and not stiff for any P(0).
 
-What the regression leaves out: a theta that moves adds phi theta' to the right-hand side of
-e - phi (tau - theta). For a ramp, where all else is exact, the error decays with the roots of
-s^2 + a s + a f = 0 once R is steady: with f for f far below a, but never faster than with a / 2,
-which f = a / 4 attains; and a delay that runs away at a rate r is followed r / f behind. Without
-forgetting, R only grows and the estimator falls asleep. With forgetting but an input that stands
-still, R goes to zero and the gain phi / R may grow without bound: the estimator winds up, noise
-moves it from one bound of the delay to the other, and in the end it diverges. The model has no
-correction: a wrong x_m(0) disturbs it until exp(-a t) has faded, and without forgetting for longer,
-which agrees with the paper's remark that [9] needs perfectly known initial conditions.
+The regression neglects the motion of theta, which adds phi theta' to the right-hand side of
+e - phi (tau - theta). For a ramp, where everything else is exact, the error decays with the roots
+of s^2 + a s + a f = 0 once R is steady: at the rate f if f is far below a, and at most at a / 2,
+with f = a / 4. For a delay with a constant rate r the lag is r / f. Without forgetting R only
+grows, and the estimator stops adapting. With forgetting and a constant input R goes to zero and
+the gain phi / R may grow without bound: the estimator winds up, noise moves it between the bounds of
+the delay, and finally it diverges. The model has no correction: a wrong x_m(0) disturbs it until
+exp(-a t) has decayed, and longer without forgetting. This agrees with the paper's remark that [9]
+needs exactly known initial conditions.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class LeastSquaresDelayEstimator(DelayEstimator):
     Parameters
     ----------
     initial_covariance
-        P(0) [s per squared x], greater than zero: how little the first estimate is trusted.
+        P(0) [s per squared x], greater than zero: the uncertainty of the initial estimate.
     forgetting
         f [1/s], zero or more.
 

@@ -1,10 +1,10 @@
-"""The compiled loop of the estimators of an input delay that are differential equations.
+"""The compiled loop of the delay estimators that are differential equations.
 
-The estimate of the delay, the first of the values, is projected: at a bound it is held as long as
-its law would take it out. Free and held are different right-hand sides, so a step that would run
-from one into the other is cut where that happens: the instant is found by bisection, and each part
-is a step of the classical Runge-Kutta method. This keeps the order, and the delay inside its
-bounds. In the parts of a cut step x is read from the parabola through its three samples.
+The estimate of the delay, the first of the values, is projected: at a bound it is held while its
+rate points outwards. The right-hand side differs between free and held, so a step in which the mode
+changes is split at that instant, which bisection finds, and each part is a step of the classical
+Runge-Kutta method. This keeps the order of the method and the delay inside its bounds. In the parts
+of a split step x is interpolated by the parabola through its three samples.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 # (values, parameters, x, u(t - tau^), u'(t - tau^), out): write the derivative of the values.
 _LAW = "void(float64[::1], float64[::1], float64, float64, float64, float64[::1])"
 
-# A delay comes to a bound and leaves it a few times in a run; there is no point in following a
-# law that turns more often than this within one step.
+# A delay reaches a bound and leaves it a few times in a run; more changes than this within one step
+# are not followed.
 MAX_CHANGES = 16
 BISECTIONS = 60
 
@@ -42,7 +42,7 @@ class Task(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room for four slopes, a point and the end of a part, so that no step asks for any."""
+    """Preallocated arrays: four slopes, a point and the end of a part."""
 
     slopes: Array
     point: Array
@@ -50,7 +50,7 @@ class Work(NamedTuple):
 
 
 def law(function: Any) -> FunctionPointer:
-    """The derivative of an estimator's values as the loop is handed it."""
+    """The derivative of an estimator's values in the form that the loop takes."""
     return FunctionPointer(_LAW, function)
 
 
@@ -63,7 +63,7 @@ def run_law(
     first: int,
     rows: Array,
 ) -> int:
-    """`DelayEstimator._fill` by a law that is handed ``parameters``."""
+    """`DelayEstimator._fill` for a law with ``parameters``."""
     bounds, step = estimator.delay_bounds, estimator.sampling_period
     return _run(law.compiled, Task(np.array(parameters), bounds, step, output, inputs, first), rows)
 
@@ -72,17 +72,17 @@ def run_law(
 def past_input(
     inputs: Array, now: int, fraction: float, lag: float, step: float
 ) -> tuple[float, float]:
-    """Values of u and u', ``lag`` steps before a part of the step that starts in row ``now``.
+    """Values of u and u', ``lag`` steps before a point of the step that starts in row ``now``.
 
     The inputs are samples of u and u' at both ends and in the middle of each step. Within a step
-    both are read from the polynomial of degree five through these, which gives u to order 6 and u'
-    to order 5 of the step: a cubic between two samples would cost the Runge-Kutta method its order.
+    the polynomial of degree five through these samples gives u to order 6 and u' to order 5 of the
+    step; a cubic between two samples would reduce the order of the Runge-Kutta method.
 
-    The part is ``fraction``, from 0 to 1; where the instant is not a number, the values are none.
-    It counts back from the present step, so that the same samples give the same bits wherever they
-    stand in the arrays. Before the first row and after the present step the polynomials are
-    continued by one step: an integrator looks a little beyond the bounds of a delay before it
-    finds that it must not.
+    ``fraction``, from 0 to 1, is the point in the step; if the instant is NaN, so are the values.
+    Steps are counted back from the present one, so that the same samples give bitwise identical
+    results at any place in the arrays. Before the first row and after the present step the
+    polynomials are extrapolated by up to one step, because the integrator may try delays slightly
+    outside the bounds.
     """
     place = fraction - lag
     if not np.isfinite(place):  # must not become an index
@@ -110,7 +110,7 @@ def past_input(
 
 @kernel
 def _slope(law: Any, task: Task, k: int, fraction: float, values: Array, out: Array) -> None:
-    """The derivative at a part of step ``k``, before the projection."""
+    """The derivative at a point of step ``k``, before the projection."""
     x = 2.0 * (fraction - 0.5) * (fraction - 1.0) * task.output[2 * k, 0]
     x += 4.0 * fraction * (1.0 - fraction) * task.output[2 * k + 1, 0]
     x += 2.0 * fraction * (fraction - 0.5) * task.output[2 * k + 2, 0]
@@ -151,7 +151,7 @@ def _rate(law: Any, task: Task, k: int, fraction: float, values: Array, work: Wo
 
 @kernel
 def _stays(law: Any, task: Task, k: int, fraction: float, held: int, work: Work) -> bool:
-    """Whether a mode still holds at the end of the part that it has led to."""
+    """Whether the mode still holds at the end of the part."""
     if held == 0:
         delay = work.after[0]
         return not (delay < task.bounds[0] or delay > task.bounds[1])
@@ -162,13 +162,13 @@ def _stays(law: Any, task: Task, k: int, fraction: float, held: int, work: Work)
 def _to_mode_end(
     law: Any, task: Task, k: int, start: float, held: int, values: Array, work: Work
 ) -> float:
-    """Go on from ``start`` to the end of the step, or to where the mode ends; returns where."""
+    """Integrate from ``start`` to the end of the step or of the mode; return the end."""
     _part(law, task, k, start, 1.0, held, values, work)
     high = 1.0
     stays = _stays(law, task, k, high, held, work)
     if stays and held == 0:
-        # A delay that turns round inside the step may have been outside on the way: beyond the
-        # bound that it starts towards, if at its first rate it would come so far.
+        # A delay whose rate changes its sign inside the step may leave the interval in between: at
+        # the bound that it moves towards, if its initial rate takes it that far.
         rate = work.slopes[0, 0]
         margin = task.bounds[1] - values[0] if rate > 0.0 else values[0] - task.bounds[0]
         if margin < abs(rate) * task.step:
@@ -196,20 +196,20 @@ def _to_mode_end(
 
 @kernel
 def _run(law: Any, task: Task, rows: Array) -> int:
-    """Fill ``rows`` from its first; return how many are finite."""
+    """Fill ``rows`` from its first one; return how many are finite."""
     n = rows.shape[1]
     work = Work(np.empty((4, n)), np.empty(n), np.empty(n))
     values = rows[0].copy()
-    least, greatest = task.bounds
+    low, high = task.bounds
     for k in range(len(rows) - 1):
         start = 0.0
         for change in range(MAX_CHANGES):
             held = 0
-            if values[0] <= least or values[0] >= greatest:
+            if values[0] <= low or values[0] >= high:
                 rate = _rate(law, task, k, start, values, work)
-                if values[0] <= least and rate < 0.0:
+                if values[0] <= low and rate < 0.0:
                     held = -1
-                elif values[0] >= greatest and rate > 0.0:
+                elif values[0] >= high and rate > 0.0:
                     held = 1
             if change == MAX_CHANGES - 1:
                 _part(law, task, k, start, 1.0, held, values, work)
@@ -222,7 +222,7 @@ def _run(law: Any, task: Task, rows: Array) -> int:
                 total += values[i]
             if not math.isfinite(total):
                 return k + 1
-            values[0] = min(max(values[0], least), greatest)
+            values[0] = min(max(values[0], low), high)
             if start == 1.0:
                 break
         for i in range(n):

@@ -1,37 +1,37 @@
 """Delay estimation by a relay (variable structure): a RECONSTRUCTION.
 
 Lechappe et al. 2018 compare with the variable-structure observer of their reference [12], which
-they do not print and which we did not have. Of it they say that it needs the whole state and its
-derivative, that it tracks a varying delay, and that it oscillates when the delay is constant, the
-more the larger the delay. What stands here is not the one that they ran. With the estimate
-theta, for the plant x' = -a x + b u(t - tau) with x and x' known:
+they do not print and which we did not have. They say that it needs the whole state and its
+derivative, that it tracks a varying delay, and that it oscillates while the delay is constant, more
+strongly for a larger delay. This is not their method. With the estimate theta, for the plant
+x' = -a x + b u(t - tau) with x and x' known:
 
     w = x' + a x = b u(t - tau)
     s = (w / b - u(t - theta)) u'(t - theta)
     relay on the delay:        theta' = -M sign(s)
     relay on its inverse:      v' = M sign(s),  v = 1 / theta;  hence theta' = -M theta^2 sign(s)
 
-Derivation. w / b - u(t - theta) = -u'(z) (tau - theta) for a z between t - tau and t - theta, so
-that, as long as u' keeps its sign in between, s has the sign of theta - tau: either law moves
-theta towards tau, reaches a constant tau in the finite time |tau - theta(0)| / M (or |1 / tau -
-1 / theta(0)| / M) and stays if the speed of theta, M or M theta^2, is above |tau'|.
+Derivation. w / b - u(t - theta) = -u'(z) (tau - theta) for a z between t - tau and t - theta. So
+s has the sign of theta - tau as long as u' keeps its sign in between, and both relays move theta
+towards tau. theta reaches a constant tau in the finite time |tau - theta(0)| / M (or |1 / tau -
+1 / theta(0)| / M) and stays there if its speed, M or M theta^2, is above |tau'|.
 
-The speed has an upper limit too. s goes down the slope of (w / b - u(t - theta))^2, and near an
-extremum of u there is a second valley: the mirror of tau. While t - tau passes the extremum,
-theta, chattering, may be on the wrong side and be drawn to the mirror, up to a bound of the delay.
-The ridge between the valleys moves through theta with speed 1, so that a slower relay cannot stay
-ahead of it and comes back at once. Hence |tau'| < M < 1, or |tau'| < M theta^2 < 1. A faster one
-loses the delay at some extrema and not at others: which, depends on the phase of its chatter.
+The speed also has an upper limit. The relay descends along (w / b - u(t - theta))^2, which has a
+second minimum near an extremum of u: the mirror image of tau. While t - tau passes the extremum,
+the chattering theta may be on the wrong side and move to the mirror image, up to a bound of the
+delay. The maximum between the two minima moves in theta with speed 1; it overtakes a slower relay,
+which then returns at once. Hence |tau'| < M < 1, or |tau'| < M theta^2 < 1. A faster relay loses
+the delay at some extrema, depending on the phase of its chatter.
 
 Sampled with the step h and held, as here, the relay does not slide but chatters around a constant
-delay: peak to peak by M h, whatever the delay, in the first form, by M theta^2 h in the second.
-Only the second has the growth with the delay that the paper's text tells of, and that is the one
-reason to prefer it for a comparison: it was chosen AFTER, and because, it matches. Nothing that
-agrees with the text for this reason is evidence for the text.
+delay: peak to peak by M h in the first form, for any delay, and by M theta^2 h in the second. Only
+the second grows with the delay, as the paper says. This is the only reason to use it for the
+comparison: it was chosen AFTER, and because, it matches. An agreement with the text that has this
+cause is no evidence for the text.
 
 The held relay is integrated exactly: theta, or v, is linear over a step, which is an explicit
-Euler step in that variable. A Runge-Kutta method makes no sense here: its order needs a smooth
-right-hand side, and its stages would average over the sign and blur the chatter that is the point.
+Euler step in that variable. A Runge-Kutta method is unsuitable: its order needs a smooth
+right-hand side, and its stages would average over the sign and hide the chatter.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class VariableStructureDelayEstimator(DelayEstimator):
 
     Lechappe et al. 2018, after (39).
 
-    It measures x and x' [1/s]. Its only value is theta. The relay reads measurement
-    and input at the start of each period and holds over it.
+    It measures x and x' [1/s]. Its only value is theta. The relay samples measurement and input
+    at the start of each period and is constant over it.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def _run(
         if not np.isfinite(s):
             return k + 1
         if inverse:
-            # Held, 1 / theta is linear; at or below 1 / tau_max it has met that bound on the way.
+            # 1 / theta is linear over a step; at or below 1 / tau_max theta is at its bound.
             v = 1.0 / theta + relay_gain * step * s
             theta = bounds[1] if v * bounds[1] <= 1.0 else 1.0 / v
         else:

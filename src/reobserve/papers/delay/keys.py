@@ -34,7 +34,7 @@ Model = Literal["pendulum", "lag"]
 
 
 def initial_matrix(place: str, value: Any) -> None:
-    """S_0 as a number or a matrix, or the word for the solution of the algebraic equation."""
+    """Check S_0: a number, a matrix, or `algebraic` for the solution of the algebraic equation."""
     if isinstance(value, str):
         if value != "algebraic":
             raise InputError(place, f"{shown(value)} must be algebraic, a number or a matrix")
@@ -113,7 +113,7 @@ class Extended:
 
 @dataclass(frozen=True)
 class Standard:
-    """The high-gain observer that takes the delay for a constant."""
+    """The high-gain observer with a constant delay."""
 
     algorithm: Literal["standard"]
     model: Model
@@ -190,7 +190,7 @@ Study = Tradeoff | Tuning
 
 @dataclass(frozen=True)
 class Metrics:
-    """The windows over which errors are computed."""
+    """The windows for errors."""
 
     start: NotNegative
     late: Positive
@@ -202,7 +202,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Theory:
-    """Settings of the numbers of the theory."""
+    """Settings of the theory stage."""
 
     ramp: Scalar
     sine: Scalar
@@ -226,14 +226,14 @@ class Estimation(job.Figure):
 
 @dataclass(frozen=True, kw_only=True)
 class TradeoffFigure(job.StudyFigure):
-    """The study of the gain."""
+    """A figure of the study of the gain."""
 
     layout: Literal["tradeoff"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TuningFigure(job.StudyFigure):
-    """The study of all methods."""
+    """A figure of the study of all methods."""
 
     layout: Literal["tuning"]
 

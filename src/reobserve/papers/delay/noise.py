@@ -1,4 +1,4 @@
-"""The noise on y and u: how large it is, and how it is drawn."""
+"""The noise on y and u: its size and its samples."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 
 def deviations(plant: keys.Plant, share: float, angle: Array, u: Array) -> tuple[float, float]:
-    """Standard deviations on y and u: a share of the amplitudes of the two without noise.
+    """Standard deviations of the noise on y and u: a share of their amplitudes without noise.
 
-    What counts as amplitude of the angle [rad], and whether the share is a standard deviation or
-    a peak, is chosen by the parameters ``noise_amplitude`` and ``noise_size``.
+    The parameter ``noise_amplitude`` defines the amplitude of the angle [rad]; ``noise_size``
+    states whether the share is a standard deviation or a peak.
     """
     if plant.noise_amplitude == "swing":
         amplitude = plant.swing
@@ -33,10 +33,10 @@ def deviations(plant: keys.Plant, share: float, angle: Array, u: Array) -> tuple
 def drawn(
     plant: keys.Plant, stream: np.random.Generator, samples: int
 ) -> tuple[Array, Array, Array]:
-    """Unit noise at the plant's samples: values, their limits from the left, and single readings.
+    """Unit noise at the plant's samples: values, their limits from the left, and single values.
 
     Noise that changes faster than every second sample, the shortest step of an observer, is
-    replaced by its mean over two samples. A differentiator reads single values of it.
+    replaced by its mean over two samples. The single values are for a differentiator.
 
     Raises
     ------
@@ -51,14 +51,14 @@ def drawn(
     fast = stream.standard_normal(int(np.ceil(ends[-1] / period)) + 1)
     area = np.concatenate([[0.0], np.cumsum(fast)]) * period
     means = np.diff(np.interp(ends, period * np.arange(len(area)), area)) / pair
-    readings = fast[np.floor(index * plant.step / period + 1e-9).astype(int)]
-    return means[index // 2], means[np.maximum(index - 1, 0) // 2], readings
+    single = fast[np.floor(index * plant.step / period + 1e-9).astype(int)]
+    return means[index // 2], means[np.maximum(index - 1, 0) // 2], single
 
 
 def on_top(control: Signal, noise: Array, step: float) -> Signal:
-    """The control with noise at the samples from t = 0 on added to it, each held for a step.
+    """The control plus noise at the samples from t = 0 on, each held for a step.
 
-    As straight lines that are as good as upright: unlike jumps these may arrive at any time.
+    Steep straight lines replace the jumps, because they may reach the plant at any time.
     """
     start = np.arange(len(noise)) * step
     instants = np.column_stack([start, start + (1 - 1e-6) * step]).ravel()

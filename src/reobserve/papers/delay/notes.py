@@ -1,4 +1,4 @@
-"""The note under a figure: the parameters that decide it."""
+"""The note under a figure: its main parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from reobserve.replication.parameters.job import Job
 
 _AMPLITUDES = {
     "wrapped": "half a turn for the angle",
-    "turns": "the largest angle, turns counted",
+    "turns": "the largest angle, including full turns",
 }
 
 
@@ -24,7 +24,7 @@ def note(job: Job) -> str:
 
 
 def gains(job: Job) -> str:
-    """The start of the gain, and the threshold below which it is switched off."""
+    """The initial gain, and the threshold below which it is switched off."""
     bodies = [body for body in job.observers.values() if isinstance(body, keys.Extended)]
     begun = _each(_beginning(body) for body in bodies)
     switched = [body for body in bodies if body.threshold > 0]
@@ -58,5 +58,5 @@ def _beginning(body: keys.Extended) -> str:
 
 
 def _each(said: Iterable[str]) -> str:
-    """The texts of all observers, each once."""
+    """Distinct texts of all observers."""
     return ", ".join(dict.fromkeys(said))

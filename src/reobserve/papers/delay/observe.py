@@ -12,7 +12,7 @@ from reobserve.core.matrices import as_vector
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.papers.delay import keys, readings
+from reobserve.papers.delay import keys, observer_inputs
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
@@ -25,7 +25,7 @@ from reobserve.signals.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series) -> Series:
-    """Estimated state and delay [s] at the ends of the observer's steps, as far as it has them.
+    """Estimates of state and delay [s] at the ends of the observer's steps, if it has them.
 
     ``off`` is the share of each step for which the gain is switched off, up to the row's time.
 
@@ -93,28 +93,28 @@ def build_estimator(job: Job) -> DelayEstimator:
 
 
 def build(settings: Settings) -> Any:
-    """Whatever observer a branch states, with what it starts from checked; `InputError` if not."""
+    """The observer of any branch, initial values checked; `InputError` if they are wrong."""
     job = read_job(keys.Parameters, settings)
     observer: keys.Observer = job.observer
     if isinstance(observer, keys.Extended):
         built = build_extended(job)
-        readings.check_derivatives(job, observer)
+        observer_inputs.check_derivatives(job, observer)
         return built
     if isinstance(observer, keys.Standard):
-        readings.check_mean_delay(job, observer.mean_delay)
+        observer_inputs.check_mean_delay(job, observer.mean_delay)
         return build_standard(job)
     _check_start(job)
     return build_estimator(job)
 
 
 def _check_start(job: Job, states: int = 0) -> None:
-    """The start of an observer of so many states, by the keys of its branch."""
-    observer, (least, most) = job.observer, delay_bounds(job.plant)
+    """Check the initial values of an observer with so many states."""
+    observer, (low, high) = job.observer, delay_bounds(job.plant)
     if states:
         as_vector("initial_estimate", observer.initial_estimate, states)
-    delay = getattr(observer, "initial_delay", least)
-    if not least <= delay <= most:
-        raise InputError("initial_delay", f"{delay:g} s must be from {least:g} to {most:g} s")
+    delay = getattr(observer, "initial_delay", low)
+    if not low <= delay <= high:
+        raise InputError("initial_delay", f"{delay:g} s must be from {low:g} to {high:g} s")
 
 
 Found = dict[str, Channel]
@@ -123,8 +123,8 @@ Found = dict[str, Channel]
 def _extended(job: Job, plant: Series, every: int) -> Found:
     observer = job.observer
     built = build_extended(job)
-    y, y_before = readings.output(plant)
-    u, u_before = readings.inputs(job, observer, plant)
+    y, y_before = observer_inputs.output(plant)
+    u, u_before = observer_inputs.inputs(job, observer, plant)
     run = run_on_halves(
         built, y[::every], u[::every],
         state=built.init(observer.initial_estimate, observer.initial_delay),
@@ -141,8 +141,8 @@ def _extended(job: Job, plant: Series, every: int) -> Found:
 def _standard(job: Job, plant: Series, every: int) -> Found:
     observer = job.observer
     built = build_standard(job)
-    y, y_before = readings.output(plant)
-    u, u_before = readings.delayed_input(job, plant, observer.mean_delay)
+    y, y_before = observer_inputs.output(plant)
+    u, u_before = observer_inputs.delayed_input(job, plant, observer.mean_delay)
     run = run_on_halves(
         built, y[::every], u[::every], state=built.init(observer.initial_estimate),
         y_before=y_before[::every], u_before=u_before[::every],
@@ -157,7 +157,7 @@ def _estimator(job: Job, plant: Series, every: int) -> Found:
     if built.measurements == 2:
         rate, gain = build_model(job.plant, "lag").parameters
         x = np.column_stack([x, gain * plant["delayed_input"] - rate * x[:, 0]])
-    past, control = readings.past_and_present(job, plant, every)
+    past, control = observer_inputs.past_and_present(job, plant, every)
     start = built.start(float(x[0, 0]), observer.initial_delay)
     run = built.run(x[::every], past, control, start)
     return {"delay": Channel(run[:, 0].copy(), "s")}

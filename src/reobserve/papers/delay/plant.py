@@ -1,4 +1,4 @@
-"""Stage plant: a system under a delayed input, and what is measured of it."""
+"""Stage plant: a system with a delayed input, and its measurements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Setup:
-    """A scenario, checked: the plant, u with its derivatives, tau, and the share of noise."""
+    """A checked scenario: the plant, u with its derivatives, tau, and the share of noise."""
 
     plant: DelayedInputPlant
     inputs: list[Signal]
@@ -38,7 +38,7 @@ class Setup:
 
 
 def build(settings: Settings) -> Setup:
-    """Everything a scenario states, checked against the grid.
+    """The contents of a scenario, checked against the grid.
 
     Raises
     ------
@@ -64,21 +64,20 @@ def build(settings: Settings) -> Setup:
 
 
 def _from_zero(control: Signal) -> Signal:
-    """The same from t = 0 on, and zero before."""
+    """The same input, but zero before t = 0."""
     terms = (replace(term, onset=max(term.onset, 0.0)) for term in control.terms)
     return Signal(control.axes, tuple(terms))
 
 
 def simulate(settings: Settings) -> Series:
-    """State, delay, input and what is measured, over the horizon.
+    """Simulate state, delay, input and measurements over the horizon.
 
     ``state`` is x, ``delay`` tau [s], ``delayed_input`` u(t - tau); ``input`` is u and
-    ``input_derivatives`` u' and u''.
-    ``past_input`` and ``past_derivatives`` are the same a greatest delay earlier, so that a
-    record holds the input before its start. ``measured`` and ``measured_input`` are y and u with
-    their noise, held; ``_before`` marks limits from the left. ``read_input`` is u as it is read at
-    single samples, where its noise is faster than the steps of observers. The event ``jumps`` lists
-    when the delay jumps.
+    ``input_derivatives`` u' and u''. ``past_input`` and ``past_derivatives`` are the same, earlier
+    by the maximum delay, so that the record has the input before its start. ``measured`` and
+    ``measured_input`` are y and u with their noise, held; ``_before`` marks limits from the left.
+    ``read_input`` is u at single samples, if its noise is faster than the steps of observers. The
+    event ``jumps`` lists the times at which the delay jumps.
 
     Raises
     ------

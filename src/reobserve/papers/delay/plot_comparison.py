@@ -20,11 +20,11 @@ from reobserve.plotting.figures import (
 from reobserve.replication.metrics.responses import error_of
 from reobserve.replication.parameters.figure_data import FigureData
 
-CLOSE = 4.0  # [s] before a jump, in which an oscillation can be seen
+CLOSE = 4.0  # [s] before a jump, to show an oscillation
 
 
 def draw(data: FigureData) -> Figure:
-    """The estimates, the size of their errors, and errors before a jump on a larger scale."""
+    """Plot the estimates, the absolute errors, and the errors before a jump on a larger scale."""
     plant = data.plant
     figure, (delay, error, close) = new_figure((2.5, 2.0, 1.5), share_time=False)
     delay.plot(*upright(plant), **TRUTH.line(), label="delay of the input")

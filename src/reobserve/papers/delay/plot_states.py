@@ -25,13 +25,13 @@ from reobserve.plotting.look import points, thick
 from reobserve.replication.parameters.figure_data import FigureData
 from reobserve.signals.series import Series
 
-BIN = 0.2  # [s], of which the largest error is drawn
-BELOW = 0.76  # of a panel's height, that its legend leaves to the lines
-STRIP = 0.06  # height of a bar that says where a gain is off, of the panel's
+BIN = 0.2  # [s], each drawn as its largest error
+BELOW = 0.76  # share of a panel's height below its legend
+STRIP = 0.06  # height of the bars that show where a gain is off, as a share of the panel's
 
 
 def draw(data: FigureData) -> Figure:
-    """Delay, both states, and the errors of all three."""
+    """Plot the delay, both states, and the errors of all three."""
     job, plant, estimates = data.job, data.plant, data.estimates
     figure, axes = new_figure((1.6, 1.2, 1.2, 1.35, 1.2, 1.2))
     delay, angle, rate, delay_error, *state_errors = axes
@@ -77,7 +77,7 @@ def draw(data: FigureData) -> Figure:
 
 
 def upright(plant: Series) -> tuple[Any, Any]:
-    """The delay with its jumps upright."""
+    """The delay with vertical jumps."""
     time = np.repeat(plant.time, 2)
     values = np.column_stack([plant["delay_before"], plant["delay"]]).ravel()
     values[0] = values[1]
@@ -91,7 +91,7 @@ def _around_jumps(plant: Series) -> Any:
 
 
 def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
-    """When the pendulum turns over; what comes after a late turn must not flatten all before."""
+    """Mark when the pendulum turns over; if late, scale the axes to the time before."""
     turned = turned_over_at(plant)
     if not np.isfinite(turned):
         return
@@ -113,7 +113,7 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
 
 
 def _mark_singular(first: Axes, others: tuple[Axes, ...], data: FigureData) -> None:
-    """Dotted: where the input does not change. Bars: where an observer's gain is off."""
+    """Mark the zeros of u' by dotted lines, and the times with the gain off by bars."""
     instants = singular_instants(data.plant)
     for axes in (first, *others):
         top = 1.0 if axes.get_legend() is None else BELOW
@@ -134,5 +134,5 @@ def _mark_singular(first: Axes, others: tuple[Axes, ...], data: FigureData) -> N
             color=style_of(data.job.observers[name]).color, transform=first.get_xaxis_transform(),
         )  # fmt: skip
         bars += 1
-    if bars:  # in words above the panel, since in a narrow one they would lie under a bar
+    if bars:  # explained in the title, since in a narrow panel a label would overlap a bar
         first.set_title(f"{first.get_title(loc='left')}; bars: its gain is off")

@@ -1,4 +1,4 @@
-"""Errors against rho: lag, Taylor remainder and noise, and the orders by each other."""
+"""Errors against rho: lag, Taylor remainder and noise, and the ratio of the two orders."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _KINDS = (("rho", "no noise", "none"), ("noise_rho", "noise", None))  # and how 
 
 
 def draw(data: FigureData) -> Figure:
-    """Without noise, and with noise the mean of the runs and the band from least to greatest."""
+    """Plot errors without noise, and with noise the mean and the range of the runs."""
     job, study = data.job, data.study
     figure, panels = new_figure((2.2, 2.0, 1.7), share_time=True)
     for axes, (quantity, unit, title) in zip(panels[:2], _PANELS, strict=True):
@@ -59,7 +59,7 @@ def draw(data: FigureData) -> Figure:
 
 
 def _compare(axes: Axes, data: FigureData) -> None:
-    """The error for m = 2 over that for m = 1, means over runs; and rho of the figure."""
+    """Plot the error of each order over that of the last one, and mark rho of the figure."""
     observers = {k: v for k, v in data.job.observers.items() if isinstance(v, keys.Extended)}
     *others, last = observers
     for name in others:

@@ -15,7 +15,7 @@ _SWEPT = {
     "adaptive": ("forgetting", "forgetting [1/s]"),
     "relay": ("relay_gain", "gain M [1/s²]"),
 }
-# What is drawn, and whether its markers are filled.
+# The plotted quantities, their labels, and whether the markers are filled.
 _QUANTITIES = (
     ("resting_rms_delay_error", "delay at rest", False),
     ("varying_rms_delay_error", "delay varying", True),
@@ -23,7 +23,7 @@ _QUANTITIES = (
 
 
 def draw(data: FigureData) -> Figure:
-    """One panel a method; the dotted line is the tuning of Fig. 3."""
+    """Plot one panel for each method; the dotted line is the tuning of Fig. 3."""
     job = data.job
     figure = blank(4.6)
     panels = figure.subplots(2, 2, sharey=True)

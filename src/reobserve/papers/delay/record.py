@@ -15,7 +15,7 @@ UNITS = {
 
 
 def plant(job: Job) -> dict[str, Shape]:
-    """The channels of a record of the scenario's model; what is measured where there is noise."""
+    """The channels of the plant's record; the measured ones are optional, for noise."""
     states, output, torque, rates = UNITS[job.scenario.model]
     size, inputs = states.count(",") + 1, rates.count(",") + 1
     noisy = {"measured": Shape(output, optional=True), "measured_input": Shape(torque, None, True)}

@@ -29,7 +29,7 @@ def errors(plant: Series, estimate: Series) -> dict[str, Array]:
 def rms_scores(
     rules: keys.Metrics, model: keys.Model, plant: Series, estimate: Series
 ) -> Iterator[Score]:
-    """RMS errors of the delay and of the pendulum's states, over three windows."""
+    """RMS errors of the delay and of the pendulum's states over three windows."""
     found, units = errors(plant, estimate), UNITS[model][0].split(", ")
     for name, span in {
         "rms_{}": (rules.start, np.inf),
@@ -40,7 +40,7 @@ def rms_scores(
         if "delay" in found:
             value = float(root_mean_square(found["delay"][chosen]))
             yield name.format("delay_error"), value, "s"
-        if "state" in found and model == "pendulum":  # that of the lag is measured
+        if "state" in found and model == "pendulum":  # the state of the lag is measured
             for i, value in enumerate(root_mean_square(found["state"][chosen])):
                 yield name.format(f"error_{i + 1}"), float(value), units[i]
 
@@ -52,7 +52,7 @@ def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float
 
 
 def ripple(time: Array, values: Array) -> float:
-    """From lowest to highest of what a straight line leaves; nan for less than three samples."""
+    """Peak-to-peak deviation from a straight line; nan for fewer than three samples."""
     if len(time) < 3:
         return float("nan")
     slope, offset = np.polyfit(time, values, 1)
@@ -60,13 +60,13 @@ def ripple(time: Array, values: Array) -> float:
 
 
 def turned_over_at(plant: Series) -> float:
-    """When the angle of the pendulum first leaves half a turn [s]; nan if it does not."""
+    """Time at which the angle of the pendulum first exceeds half a turn [s]; nan if never."""
     outside = np.flatnonzero(np.abs(plant["state"][:, 0]) > np.pi)
     return float(plant.time[outside[0]]) if outside.size else float("nan")
 
 
 def singular_instants(plant: Series) -> Array:
-    """When u' changes its sign [s], by straight lines between samples."""
+    """Times at which u' changes its sign [s], by linear interpolation."""
     time, rate = plant.time, plant["input_derivatives"][:, 0]
     last = np.flatnonzero(rate[:-1] * rate[1:] < 0)
     share = rate[last] / (rate[last] - rate[last + 1])
@@ -75,10 +75,10 @@ def singular_instants(plant: Series) -> Array:
 
 
 def half_periods(plant: Series, time: Array) -> Iterator[tuple[float, Mask]]:
-    """Each singular instant after the last jump, with the half of a period around it.
+    """Each singular instant after the last jump, with the half period around it.
 
-    The halves reach to the middle between neighbouring instants; of the first and the last instant
-    one side is unknown, so they are left out.
+    A half period extends to the middle between neighbouring instants. The first and the last
+    instant have one neighbour only, so they are left out.
     """
     instants = singular_instants(plant)
     middles = 0.5 * (instants[1:] + instants[:-1])
@@ -88,10 +88,10 @@ def half_periods(plant: Series, time: Array) -> Iterator[tuple[float, Mask]]:
 
 
 def peaks(plant: Series, time: Array, error: Array) -> tuple[float, float]:
-    """Of the largest errors in `half_periods`: their mean, and how far they are from the instant.
+    """Mean of the largest errors in `half_periods`, and their mean distance from the instant.
 
-    The distance is 0 at the singular instant and 1 in the middle between two. `nan` if there is no
-    such half of a period.
+    The distance is 0 at the singular instant and 1 in the middle between two. Both are `nan`
+    without a half period.
     """
     sizes, distances = [], []
     for at, chosen in half_periods(plant, time):

@@ -28,25 +28,26 @@ def build_model(plant: keys.Plant, name: keys.Model) -> TriangularModel:
 
 def delay_bounds(plant: keys.Plant) -> tuple[float, float]:
     """The interval of the delay [s]."""
-    least, most = plant.delay_bounds
-    return float(least), float(most)
+    low, high = plant.delay_bounds
+    return float(low), float(high)
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:
-    """The number of plant steps and the step [s]; the greatest delay is a multiple of it, too.
+    """The number of plant steps and the step [s]; the maximum delay is a multiple of it, too.
 
     Raises
     ------
     InputError
-        If horizon, step and greatest delay are not positive or do not fit.
+        If horizon, step and maximum delay are not positive or do not fit.
     """
-    most = delay_bounds(plant)[1]
+    longest = delay_bounds(plant)[1]
     steps, step = plant_grid(plant, MAX_STEPS)
-    if most > plant.horizon:
+    if longest > plant.horizon:
         raise InputError(
-            "plant.delay_bounds.1", f"{most:g} s must be {plant.horizon:g} s at most, the horizon"
+            "plant.delay_bounds.1",
+            f"{longest:g} s must be {plant.horizon:g} s at most, the horizon",
         )
-    multiple("plant.delay_bounds.1", most, step, "the step")
+    multiple("plant.delay_bounds.1", longest, step, "the step")
     return steps, step
 
 

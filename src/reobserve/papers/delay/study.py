@@ -1,10 +1,10 @@
-"""Stage study: many runs behind one figure, as one table.
+"""Stage study: a table of many runs for one figure.
 
 The ``method`` of a study in the parameter file is one of
 
     tradeoff    errors against rho, for both Taylor orders and the standard observer, without and
-                with noise; the observers are those of Fig. 2, so that the level of its rho shows
-                Fig. 2 over other noise
+                with noise; the observers are those of Fig. 2, so the level of its rho repeats
+                Fig. 2 with other noise
     tuning      errors of the four methods of Fig. 3 against the tuning of each
 """
 
@@ -71,7 +71,7 @@ def tradeoff(job: Job, plant: Series) -> Iterator[Row]:
                         yield name, sweep, rho, number, quantity, value, unit
 
 
-# What is swept of each observer: its kind, its parameter, and the study's levels.
+# For each observer: its type, the varied parameter, and the key of the study's levels.
 SWEEPS: dict[str, tuple[type, str, str]] = {
     "extended_lag": (keys.Extended, "rho", "rhos"),
     "least_squares": (keys.LeastSquares, "forgetting", "forgetting"),
@@ -94,7 +94,7 @@ def tuning(job: Job, plant: Series) -> Iterator[Row]:
         for level in getattr(study, levels):
             changed = {parameter: level}
             if name == "adaptive":
-                # In proportion, so that the forgetting decides, and through the tuning of Fig. 3.
+                # In proportion to the forgetting, including the tuning of Fig. 3.
                 changed["adaptation_gain"] = stated.adaptation_gain * level / stated.forgetting
             with located(f"studies.tuning.{levels}, {name}"):
                 found = estimate(Job(job.plant, observer=replace(stated, **changed)), plant)

@@ -1,4 +1,4 @@
-"""One colour and dash for each observer, in all figures: m = 1 is blue, as the paper has it."""
+"""One colour and dash pattern for each observer in all figures; m = 1 is blue as in the paper."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _RED = Style("#b3265e", (0, (3, 1, 1, 1, 1, 1)), 1.2, "p")
 
 
 def style_of(observer: keys.Observer) -> Style:
-    """The style of an observer, by what it is and not by where it stands in a figure."""
+    """The style of an observer, by its type, not by its place in a figure."""
     match observer:
         case keys.Extended(order=1):
             return _BLUE

@@ -1,4 +1,4 @@
-"""Stage theory: numbers on what the paper proves and says beside its figures."""
+"""Stage theory: numbers on the proofs and remarks of the paper."""
 
 from __future__ import annotations
 

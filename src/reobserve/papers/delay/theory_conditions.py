@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 SEED = 0
 ORDERS = (1, 2)
-DIFFERENCE = 1e-5  # of states and delay, where derivatives are taken by central differences
+DIFFERENCE = 1e-5  # of states and delay, for central differences
 
 
 @part
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
-    """Numbers on the conditions, and on the expansion.
+    """Metrics of the conditions and of the expansion.
 
     Lechappe et al. 2018, (3), (4), after (4), (6), Theorem 1, Assumptions 3 and 4.
     """
@@ -50,10 +50,10 @@ def _pendulum(job: Job) -> Iterator[Metric]:
     cases = int(job.theory.cases)
     points = stream.normal(scale=np.pi, size=(cases, model.states))
     u = input_and_derivatives("sine", _signal(job, "sine"), 1)
-    most = delay_bounds(job.plant)[1]
+    longest = delay_bounds(job.plant)[1]
     wrong = []
     for x in points:
-        t, tau = stream.uniform(0, job.plant.horizon), stream.uniform(0, most)
+        t, tau = stream.uniform(0, job.plant.horizon), stream.uniform(0, longest)
         slope = u[1](np.array([t - tau]))[0, 0]
         expected = -_gain(model, x[0]) * slope
         wrong.append(abs(_determinant(model, u[0], x, t, tau) - expected))
@@ -74,9 +74,9 @@ def _gain(model: TriangularModel, y: float) -> float:
 
 
 def _determinant(model: TriangularModel, u: Signal, x: Array, t: float, tau: float) -> float:
-    """Of the Jacobian of y, y' and y'' by x1, x2 and tau, by central differences (Theorem 1).
+    """Determinant of the Jacobian of y, y', y'' in x1, x2, tau by central differences (Theorem 1).
 
-    Without a drift in its first row the pendulum has y' = x2 and y'' = x2'.
+    The pendulum has no drift in its first row, so y' = x2 and y'' = x2'.
     """
 
     def outputs(z: Array) -> Array:
@@ -91,22 +91,22 @@ def _determinant(model: TriangularModel, u: Signal, x: Array, t: float, tau: flo
 
 
 def _input(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
-    """Smoothness and bounds of an input (Assumption 4), and instants without a change (4)."""
-    most = delay_bounds(job.plant)[1]
-    inside = {b for s in signals for b in s.breaks if -most + 1e-9 < b <= plant.time[-1]}
+    """Smoothness and bounds of an input (Assumption 4), and zeros of its rate (4)."""
+    longest = delay_bounds(job.plant)[1]
+    inside = {b for s in signals for b in s.breaks if -longest + 1e-9 < b <= plant.time[-1]}
     yield Metric(name, "breaks", float(len(inside)), "1")
-    time = np.concatenate([plant.time[plant.time < most] - most, plant.time])
+    time = np.concatenate([plant.time[plant.time < longest] - longest, plant.time])
     rate = signals[1](time)[:, 0]
     changes = np.count_nonzero(np.sign(rate[1:]) != np.sign(rate[:-1]))
-    least = 0.0 if changes else float(np.min(np.abs(rate)))
-    yield Metric(name, "minimum_rate", least, "N m/s")
+    minimum = 0.0 if changes else float(np.min(np.abs(rate)))
+    yield Metric(name, "minimum_rate", minimum, "N m/s")
     yield Metric(name, "singular_instants", float(changes), "1")
     still = np.abs(rate) < 1e-9 * np.max(np.abs(rate))
     yield Metric(name, "singular_share", float(np.mean(still)), "1")
 
 
 def _remainder(job: Job, signals: list[Signal], plant: Series) -> Iterator[Metric]:
-    """|gamma_m| of (6) at its largest."""
+    """Maximum of |gamma_m| of (6)."""
     time = np.linspace(0.0, plant.time[-1], 1201)
     values = [signal(time)[:, 0] for signal in signals]
     for order in ORDERS:

@@ -26,7 +26,7 @@ SEED = 0
 
 @part
 def measure(job: Job, sine: Series) -> Iterator[Metric]:
-    """Errors of derivatives, without noise and with it."""
+    """Errors of derivatives without and with noise."""
     body = named(job.observers, "order2_noise", keys.Extended).levant()
     period = body.sampling
     time = np.arange(0.0, sine.time[-1] + 0.5 * period, period)
@@ -35,7 +35,7 @@ def measure(job: Job, sine: Series) -> Iterator[Metric]:
         "sine", Signal.parse("sine", terms, 1), keys.MAX_DERIVATIVES + 1
     )
     truth = np.column_stack([s(time)[:, 0] for s in signals[:-1]])
-    late = time >= 0.5 * sine.time[-1]  # when any finite time after the start is over
+    late = time >= 0.5 * sine.time[-1]  # after the finite convergence time
     sizes = root_mean_square(truth[late])
     law = LevantDifferentiator(body.L, keys.MAX_DERIVATIVES, body.lambdas, sampling_period=period)
     run = law.run(truth[:, 0], state=law.init(np.zeros(keys.MAX_DERIVATIVES + 1)))
@@ -50,7 +50,7 @@ def measure(job: Job, sine: Series) -> Iterator[Metric]:
 def _in_noise(
     job: Job, body: keys.Levant, late: Any, signals: list[Signal], time: Array
 ) -> Iterator[Metric]:
-    """Errors over the derivatives, up to the third, of an input with the noise of Fig. 2."""
+    """Relative errors of the derivatives up to the third, of the input with the noise of Fig. 2."""
     truth = np.column_stack([s(time)[:, 0] for s in signals])
     size = noise.deviations(job.plant, job.theory.noise_share, truth[:, 0], truth[:, 0])[1]
     rows = np.floor(time / job.plant.noise_period + 1e-9).astype(int)

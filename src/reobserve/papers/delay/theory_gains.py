@@ -26,7 +26,7 @@ ORDERS = {1: "order1_noise", 2: "order2_noise"}  # those of Fig. 2, by m
 
 
 def measure(job: Job, ramp: Series) -> Iterator[Metric]:
-    """Poles, the lag behind a varying delay, and the radius of (16)."""
+    """Metrics: poles, the lag behind a varying delay, and the radius of (16)."""
     yield from _poles_and_lag(job, ramp)
     yield from _radii(job, ramp)
 
@@ -50,10 +50,10 @@ def _poles_and_lag(job: Job, ramp: Series) -> Iterator[Metric]:
 
 @part
 def _radii(job: Job, ramp: Series) -> Iterator[Metric]:
-    """Bound of ||e|| in (16) at rest: of the linear error system, |xi| at the threshold of Fig. 2.
+    """Ultimate bound of ||e|| in (16), by the linear error system with |xi| at the threshold.
 
-    The larger one of those hanging and upright, for the worst remainder and rate of the delay
-    within their bounds.
+    The larger one of the hanging and the upright pendulum, for the worst remainder and rate of the
+    delay within their bounds, with the numbers of Fig. 2.
     """
     g_over_l, friction, G = build_model(job.plant, "pendulum").parameters
     tau = delay_bounds(job.plant)[1]
@@ -64,19 +64,20 @@ def _radii(job: Job, ramp: Series) -> Iterator[Metric]:
     for m, name in ORDERS.items():
         xi = job.observers[name].threshold
         # G |gamma_m| by (7), and c_0 of (19)
-        left = G * tau ** (m + 1) / factorial(m + 1) * U[m + 1]
-        left += G * sum(tau**i / factorial(i) * U[i] for i in range(2, m + 1))
+        remainder = G * tau ** (m + 1) / factorial(m + 1) * U[m + 1]
+        remainder += G * sum(tau**i / factorial(i) * U[i] for i in range(2, m + 1))
         scale = np.array([1.0, 1.0, 1.0 / xi if xi else np.inf])  # lambda(xi)^-1
         for rho in job.theory.rhos:
             radii = []
             for turn in (1.0, -1.0):
                 gains = peak_gains(error_matrix(rho, turn * g_over_l, friction))
-                radii.append(np.linalg.norm(scale * (gains[:, 1] * left + gains[:, 2] * xi * eta)))
+                peak = gains[:, 1] * remainder + gains[:, 2] * xi * eta
+                radii.append(np.linalg.norm(scale * peak))
             yield Metric.at(f"order_{m}", ("ultimate_bound", float(max(radii)), "1"), rho=rho)
 
 
 def peak_gains(matrix: Array) -> Array:
-    """Peak of each state over the bound of each input of x' = M x + w; inf if M is not stable.
+    """Peak gains from each input to each state of x' = M x + w; inf if M is not stable.
 
     The integral of |exp(M t)| over all t >= 0, shape (n, n). Lechappe et al. 2018, Remark 3.6.
     """
@@ -94,7 +95,7 @@ def peak_gains(matrix: Array) -> Array:
 
 
 def error_matrix(rho: float, g_over_l: float, friction: float) -> Array:
-    """Of the errors of x1, x2 and xi tau, shape (3, 3), for a constant xi.
+    """Matrix of the error system of x1, x2 and xi tau, shape (3, 3), for a constant xi.
 
     Lechappe et al. 2018, (14).
 
@@ -107,5 +108,5 @@ def error_matrix(rho: float, g_over_l: float, friction: float) -> Array:
 
 
 def steady_ramp_error(rho: float, g_over_l: Any, friction: float) -> Any:
-    """The error of the delay over its rate [s], at rest: of the linear error system."""
+    """Steady-state error of the delay over its rate [s], by the linear error system."""
     return -(3 * rho * friction + 3 * rho**2 + g_over_l) / rho**3

@@ -1,4 +1,4 @@
-"""Runs behind what the paper says of its observer in words, without the noise of its figures."""
+"""Runs for statements on the observer that no figure shows, without noise."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SEED = 0
 
 
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
-    """Numbers from runs on the record of the ramp and on that of the sine, both without noise."""
+    """Metrics from runs on the records of the ramp and the sine, both without noise."""
     yield from _radius_on_the_ramp(job, ramp)
     yield from _random_starts(job, ramp)
     yield from _singular_peaks(job, sine)
@@ -39,7 +39,7 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     yield from _mean_delay(job, sine)
 
 
-# The observers that runs beside the figures are about, by name and form.
+# The observers of these runs, by name and type.
 NEEDED: dict[str, type] = {
     **dict.fromkeys((*ORDERS.values(), "order2", "order2_noise"), keys.Extended),
     "standard_noise": keys.Standard,
@@ -47,16 +47,16 @@ NEEDED: dict[str, type] = {
 
 
 def record(job: Job, terms: Any) -> Series:
-    """The pendulum's record under an input, without noise."""
+    """The pendulum's record for an input, without noise."""
     start = job.theory.initial_state
     return simulate(Job(job.plant, SEED, keys.Scenario("pendulum", start, terms, "continued", 0.0)))
 
 
 def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Array, Array]:
-    """Times and the error of the delay of an observer, some of its parameters changed.
+    """Times and error of the delay of an observer with some parameters changed.
 
-    What is made of the error comes long after the dynamic gain has come to rest at the algebraic
-    one, which is taken from the start.
+    It uses the algebraic gain from the start: the error is evaluated only long after the dynamic
+    gain has converged to it.
     """
     step = job.theory.sampling_period
     common = {"derivatives": "exact", "initial_matrix": "algebraic", "sampling_period": step}
@@ -76,8 +76,9 @@ def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
 
 @part
 def _faster(job: Job, sine: Series) -> Iterator[Metric]:
-    """Remark 4.1: the error with a faster input and a delay that is shorter by as much, over the
-    one without, for m = 2 and the gains of the figures, where the delay varies.
+    """Remark 4.1: the ratio of the errors with and without a faster input and a shorter delay.
+
+    For m = 2 and the gains of the figures, where the delay varies; one factor for both changes.
     """
     factor, name = job.theory.faster, ORDERS[2]
     short = [_scaled(term, 1 / factor, ("size", "amplitude")) for term in job.plant.delay]
@@ -97,16 +98,16 @@ def _faster(job: Job, sine: Series) -> Iterator[Metric]:
 
 
 def _scaled(term: dict[str, Any], factor: float, keys_: tuple[str, ...]) -> dict[str, Any]:
-    """A term of a signal with some of its numbers multiplied."""
+    """A term of a signal with the numbers of some keys multiplied."""
     return {key: factor * value if key in keys_ else value for key, value in term.items()}
 
 
 @part
 def _random_starts(job: Job, ramp: Series) -> Iterator[Metric]:
-    """Errors before the first jump from random starts with the gain of Fig. 1 (Theorem 2).
+    """Errors before the first jump from random initial estimates, gain of Fig. 1 (Theorem 2).
 
-    And of those that meet a bound of the delay on the way (Remark 3.2): the algebraic S is the one
-    that peaks most.
+    The metric `projection` takes only the runs that reach a bound of the delay (Remark 3.2). The
+    algebraic S is used because it has the largest peak.
     """
     stream = random_stream(SEED, "delay", "theory", "starts")
     bounds = delay_bounds(job.plant)

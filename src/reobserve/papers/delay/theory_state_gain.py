@@ -35,12 +35,12 @@ def measure(job: Job, ramp: Series) -> Iterator[Metric]:
 
 
 def simulate(job: Job, share: float, start: list[float], tau: float, end: float) -> Array:
-    """Pendulum and observer with G of the estimate: x, x^ and tau^ at steps, shape (k, 5).
+    """Simulate pendulum and observer with G(x^): x, x^ and tau^ at steps, shape (k, 5).
 
     Lechappe et al. 2018, Remark 3.4.
 
     G(x) is the pendulum's times 1 + share sin x2, bounded and globally Lipschitz. The delay is
-    constant, m = 1, which a ramp makes exact, S algebraic; nothing is projected.
+    constant, m = 1, which is exact for a ramp, and S is algebraic; there is no projection.
     """
     step = job.theory.sampling_period
     rho = named(job.observers, "order2", keys.Extended).rho

@@ -1,4 +1,4 @@
-"""Inputs of observers: the plant's record at their own step."""
+"""Inputs of observers from the plant's record."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Pair = tuple[Array, Array]
 
 
 def measured(plant: Series, name: str, clean: str) -> Pair:
-    """A measured channel and its limits from the left; the clean one where there is no noise."""
+    """A measured channel and its limits from the left; the clean one if there is no noise."""
     if name in plant.channels:
         return plant[name], plant[f"{name}_before"]
     values = plant[clean] if plant[clean].ndim == 1 else np.ascontiguousarray(plant[clean][:, 0])
@@ -26,14 +26,14 @@ def measured(plant: Series, name: str, clean: str) -> Pair:
 
 
 def output(plant: Series) -> Pair:
-    """y as it is measured, and its limits from the left."""
+    """The measured y and its limits from the left."""
     return measured(plant, "measured", "state")
 
 
 def inputs(job: Job, observer: keys.Extended, plant: Series) -> Pair:
-    """u as it is measured with its derivatives up to the observer's order, shape (k, m + 1).
+    """The measured u with its derivatives up to the observer's order, shape (k, m + 1).
 
-    The derivatives are exact or those of a differentiator on the measured u.
+    The derivatives are exact, or come from a differentiator on the measured u.
 
     Raises
     ------
@@ -46,13 +46,13 @@ def inputs(job: Job, observer: keys.Extended, plant: Series) -> Pair:
     if source == "exact":
         rates = plant["input_derivatives"][:, :order]
         return np.column_stack([u, rates]), np.column_stack([before, rates])
-    readings = plant["read_input"] if "read_input" in plant.channels else u
-    rates = _differentiated(job, observer, readings, plant)[:, :order]
+    sampled = plant["read_input"] if "read_input" in plant.channels else u
+    rates = _differentiated(job, observer, sampled, plant)[:, :order]
     return np.column_stack([u, rates]), np.column_stack([before, rates])
 
 
 def check_derivatives(job: Job, observer: keys.Extended) -> None:
-    """Build the differentiator of an observer that has one; `InputError` names what is wrong."""
+    """Check the differentiator of an observer that has one; `InputError` names the problem."""
     if observer.derivatives == "levant":
         differentiator(job, observer)
 
@@ -60,7 +60,7 @@ def check_derivatives(job: Job, observer: keys.Extended) -> None:
 def _differentiated(job: Job, observer: keys.Extended, u: Array, plant: Series) -> Array:
     """The estimates of u' and u'' at every sample of the plant, shape (k, 2).
 
-    Between two of its samples the differentiator runs on without correction: u' along u''.
+    Between samples of the differentiator u' is extrapolated with u''.
     """
     found = differentiator(job, observer)
     every = round(found.sampling_period / job.plant.step)
@@ -76,12 +76,12 @@ def _differentiated(job: Job, observer: keys.Extended, u: Array, plant: Series) 
 
 
 def differentiator(job: Job, observer: keys.Extended) -> LevantDifferentiator:
-    """The differentiator (37) of an observer, on every so many of the plant's samples.
+    """The differentiator (37) of an observer.
 
     Raises
     ------
     InputError
-        If one of its parameters is missing or cannot be used.
+        If a parameter is missing or cannot be used.
     """
     L, period, lambdas = observer.levant()
     multiple("sampling", period, job.plant.step, "plant.step")
@@ -91,10 +91,10 @@ def differentiator(job: Job, observer: keys.Extended) -> LevantDifferentiator:
 
 
 def check_mean_delay(job: Job, mean: float) -> None:
-    """A fixed delay [s] above 0 and at most the greatest one, a multiple of the plant's step."""
-    most = delay_bounds(job.plant)[1]
-    if not 0.0 < mean <= most:
-        raise InputError("mean_delay", f"{mean:g} s must be above 0 and at most {most:g} s")
+    """Check a fixed delay [s]: above 0, at most the maximum, a multiple of the plant's step."""
+    longest = delay_bounds(job.plant)[1]
+    if not 0.0 < mean <= longest:
+        raise InputError("mean_delay", f"{mean:g} s must be above 0 and at most {longest:g} s")
     multiple("mean_delay", mean, job.plant.step, "plant.step")
 
 
@@ -104,30 +104,30 @@ def delayed_input(job: Job, plant: Series, delay: float) -> Pair:
     Raises
     ------
     InputError
-        If the delay is above the greatest one or no multiple of the plant's step.
+        If the delay is above the maximum or no multiple of the plant's step.
     """
     check_mean_delay(job, delay)
-    most = delay_bounds(job.plant)[1]
+    longest = delay_bounds(job.plant)[1]
     shift = multiple("mean_delay", delay, plant.step, "plant.step")
-    first = multiple("mean_delay", most, plant.step, "plant.step")
+    first = multiple("mean_delay", longest, plant.step, "plant.step")
     past = plant["past_input"][first - shift : first]
     u, before = measured(plant, "measured_input", "input")
     right, left = (np.concatenate([past, part[: len(u) - shift]]) for part in (u, before))
     if shift < len(left):
-        left[shift] = plant["past_input"][first]  # what comes before the first measured sample
+        left[shift] = plant["past_input"][first]  # before the first measured sample
     return right, left
 
 
 def past_and_present(job: Job, plant: Series, every: int) -> Pair:
-    """u and u' from a greatest delay before the start up to it, and from there on; shapes (k, 2).
+    """u and u' over the maximum delay before the start, and from the start on; shapes (k, 2).
 
     Raises
     ------
     InputError
-        If the greatest delay is no multiple of the step of the observer, ``2 every`` samples.
+        If the maximum delay is no multiple of the step of the observer, ``2 every`` samples.
     """
-    most = delay_bounds(job.plant)[1]
-    first = multiple("sampling_period", most, 2 * every * plant.step, "the step") * 2 * every
+    longest = delay_bounds(job.plant)[1]
+    first = multiple("sampling_period", longest, 2 * every * plant.step, "the step") * 2 * every
     past = np.column_stack([plant["past_input"], plant["past_derivatives"][:, 0]])
     present = np.column_stack([plant["input"], plant["input_derivatives"][:, 0]])
     return past[: first + 1 : every], present[::every]
