@@ -4,15 +4,15 @@
     xi^ = G(y) sum over i = 1..m of (-1)^i tau^^(i-1) / i! u^(i)(t)                          (10)
 
 The last state is the delay: row n has xi^ tau^ + G(y) u, the Taylor expansion of the delayed input
-up to order m, and the delay itself moves by its gain over xi^. (The printed (34) lacks the C^T.)
-Its rate is projected (11): at a bound of its interval the delay is held as long as it would leave.
-Where |xi^| is below a threshold the delay cannot be seen, and gains are switched off: that of the
-delay alone, or all of them.
+up to order m, and the gain of the delay is divided by xi^. (The printed (34) lacks the C^T.)
+The rate of the delay is projected (11): at a bound of its interval the delay is held while its rate
+points outwards. Where |xi^| is below a threshold the delay is nearly unobservable, and gains are
+switched off: that of the delay alone, or all of them.
 
-Held and free, on and off are different right-hand sides, so a step that would run from one into
-another is cut where that happens: the instant is searched for, and each part is a step of
-the classical Runge-Kutta method. This keeps its order, and the delay inside its interval, also
-between the samples. Inside a step, inputs are taken from their three samples by a parabola.
+The right-hand side differs between held and free, on and off. A step in which the mode changes is
+therefore split at that instant, and each part is a step of the classical Runge-Kutta method. This
+keeps the order of the method, and the delay inside its interval, also between samples. Inside a
+step the inputs are interpolated by a parabola through their three samples.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ _FORGOTTEN = 100.0
 
 
 class SwitchedOffWarning(UserWarning):
-    """The threshold is above |xi^| for the whole record: the delay was never observed."""
+    """The threshold exceeds |xi^| over the whole record, so the delay was never observed."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class State(Value):
-    """All the observer remembers: a value that may be stored, copied and stepped again.
+    """The observer's state: a value that may be stored, copied and stepped again.
 
     ``values`` are x^ and tau^ in one vector, shape (n + 1,); ``recent`` is u at the latest m + 1
-    samples, the last one last; ``sample`` has y, u and all its derivatives, also those that were
-    found; the rest is as in `reobserve.observers.contract.ObserverState`.
+    samples, the last one last; ``sample`` has y, u and all its derivatives, including those that
+    were computed; the rest is as in `reobserve.observers.contract.ObserverState`.
     """
 
     values: Array
@@ -68,10 +68,10 @@ class ExtendedHighGainObserver(Observer[State]):
 
     Lechappe et al. 2018, (9) to (12), (34), (35), after (36) and Lemma 1.
 
-    It measures y and knows u and its derivatives up to the order m: rows of m + 1 numbers, or of
-    u alone, to which it finds the derivatives from the samples so far, as
-    `reobserve.observers.row_derivatives` says. The input is smooth, by assumption, so in between
-    u and its derivatives, as y, go in straight lines from row to row.
+    It takes y, and u with its derivatives up to order m: rows of m + 1 numbers, or u alone. From u
+    alone it computes the derivatives by the past samples, see
+    `reobserve.observers.row_derivatives`. The input is assumed to be smooth: between rows u, its
+    derivatives and y are interpolated linearly.
 
     Its estimates are ``state``, x^, shape (k, n), ``delay``, tau^ [s], shape (k,), and
     ``switched_off``, shape (k,): the share of the period before the row in which gains were
@@ -84,18 +84,18 @@ class ExtendedHighGainObserver(Observer[State]):
     rho
         The one tuning parameter of the gain [1/s].
     order
-        m, the order of the Taylor expansion: how many derivatives of u it takes.
+        m, the order of the Taylor expansion, which uses m derivatives of u.
     delay_bounds
-        The interval [s] in which the delay is known to be.
+        The known interval of the delay [s].
     threshold
-        Of |xi^|, below which gains are switched off; 0 for never.
+        Gains are switched off where |xi^| is below it; 0 for never.
     switched
-        Which: ``delay`` or ``all``.
+        Which gains are switched off: ``delay`` or ``all``.
     initial_matrix
         S(0), shape (n + 1, n + 1), of the dynamic equation of the gain; None for the algebraic
-        one, to whose solution it comes.
+        equation, to whose solution the dynamic one converges.
     sampling_period
-        [s], and the step of the method.
+        [s], also the integration step.
 
     Raises
     ------
@@ -127,10 +127,10 @@ class ExtendedHighGainObserver(Observer[State]):
                 "order",
                 f"{shown(self.order)} must be a whole number, 1 or more: order 0 holds no delay",
             )
-        least, most = as_vector("delay_bounds", self.delay_bounds, 2).tolist()
-        self._set("delay_bounds", (least, most))
-        if not 0.0 <= least < most:
-            raise InputError("delay_bounds", f"[{least:g}, {most:g}] s must be 0 or more, rising")
+        low, high = as_vector("delay_bounds", self.delay_bounds, 2).tolist()
+        self._set("delay_bounds", (low, high))
+        if not 0.0 <= low < high:
+            raise InputError("delay_bounds", f"[{low:g}, {high:g}] s must be 0 or more, rising")
         if self.threshold < 0:
             raise InputError("threshold", f"{self.threshold:g} must not be negative")
         size = self.model.states + 1
@@ -144,14 +144,14 @@ class ExtendedHighGainObserver(Observer[State]):
         size = self.model.states + 1
         gains = np.tile(high_gain(size, self.rho), (len(times), 1))
         if self.initial_matrix is not None:
-            # What the start has left by then, e^(-rho t), is far below rounding.
+            # The effect of S(0), e^(-rho t), is then far below rounding.
             early = np.asarray(times) < _FORGOTTEN / self.rho
             gains[early] = high_gain_over_time(size, self.rho, self.initial_matrix, times[early])
         return gains
 
     @property
     def inputs(self) -> int:
-        """m + 1; u alone will do."""
+        """m + 1; u alone is sufficient."""
         return self.order + 1
 
     def init(self, state: ArrayLike, delay: float) -> State:
@@ -165,11 +165,9 @@ class ExtendedHighGainObserver(Observer[State]):
             If a shape is wrong or the delay is outside its bounds (Assumption 6).
         """
         x, tau = as_vector("state", state, self.model.states), as_scalar("delay", delay)
-        least, most = self.delay_bounds
-        if not least <= tau <= most:
-            raise InputError(
-                "delay", f"{tau:g} s must be inside its bounds, [{least:g}, {most:g}] s"
-            )
+        low, high = self.delay_bounds
+        if not low <= tau <= high:
+            raise InputError("delay", f"{tau:g} s must be inside its bounds, [{low:g}, {high:g}] s")
         return State(np.append(x, tau), np.zeros(self.order + 1))
 
     def _checked(self, state: Any) -> State:
@@ -185,7 +183,7 @@ class ExtendedHighGainObserver(Observer[State]):
         return as_signal_rows(name, u, self.order, rows=rows)
 
     def _completed(self, state: State, record: Record) -> tuple[State, Record]:
-        """State and record with all derivatives, and with an input that need not be held."""
+        """State and record with all derivatives, and with an input that varies between rows."""
         begun = state.sample is not None
         last, u, before, middle = completed(
             record.u, record.before[1], record.middle[1],
@@ -200,7 +198,7 @@ class ExtendedHighGainObserver(Observer[State]):
     def _fill(self, state: State, record: Record) -> Rows:
         rows = super()._fill(state, record)
         off = rows.estimates["switched_off"][state.sample is None : rows.finite]
-        # A sample that is stepped is no record: each one at which the gain is off would warn.
+        # No warning in single steps: each one with the gain off would warn.
         if len(record.y) > 1 and len(off) and float(np.min(off)) >= 1.0:
             warnings.warn(
                 f"threshold: {self.threshold:g} is above |xi^| for 100 % of the record, so the "
@@ -241,7 +239,7 @@ class ExtendedHighGainObserver(Observer[State]):
         return Rows(estimates, finite, after)
 
     def _table(self, y: Array, u: Array, count: int) -> Array:
-        """y, u and its derivatives, and the gains, one row a sample, from step ``count`` on."""
+        """y, u and its derivatives, and the gains, one row per sample, from step ``count`` on."""
         half = np.arange(2 * count, 2 * count + len(y)) * (0.5 * self.sampling_period)
         table = np.empty((len(u), u.shape[1] + self.model.states + 2))
         table[:, 0], table[:, 1 : u.shape[1] + 1] = y, u

@@ -1,17 +1,16 @@
-"""The compiled loop of the extended high-gain observer: steps that are cut where modes change.
+"""The compiled loop of the extended high-gain observer: steps are split where modes change.
 
-A mode says which right-hand side holds: whether the delay is held at a bound (-1 lower, 0 free,
-1 upper) and whether its gain is switched off. Inputs stand in rows
+A mode selects the right-hand side: whether the delay is held at a bound (-1 lower, 0 free, 1 upper)
+and whether gains are switched off. The table ``at`` holds inputs in rows
 
     y, u, u', ..., u^(m), gain_1, ..., gain_(n+1), G(y)
 
-in the table ``at``: three of a step (its start, its middle and its end, the last as the limit from
-inside), and three of a part of it. Points stand in rows of a table, too.
+three for a step (start, middle and end, the end as the limit from the left) and three for a part of
+it. Points are rows of a table, too.
 
-What makes the loop fast: G is asked for once a row and not at each stage. ``size`` is a tuple of n
-zeros, whose length the compiler knows, so that it can write short loops out. Nothing on the usual
-way can raise, see `reobserve.core.direct_call`. Tables are passed with the number of a row, not
-by views of rows.
+For speed, G is evaluated once a row and not at each stage. ``size`` is a tuple of n zeros, whose
+length the compiler knows, so that it can unroll short loops. No call on the usual path can raise,
+see `reobserve.core.direct_call`. Tables are passed with row numbers instead of views of rows.
 """
 
 from __future__ import annotations
@@ -27,12 +26,11 @@ from reobserve.core.kernel import inlined_kernel, kernel
 
 Array = NDArray[np.float64]
 
-# Modes change a few times in a whole run; where an input jumps back and forth around the threshold
-# in one step, or the delay moves xi^ so that each of two modes leads back into the other, there is
-# no point in following every change.
+# Modes change a few times in a run. Not every change is followed if an input crosses the threshold
+# repeatedly in one step, or if the delay moves xi^ so that each of two modes leads to the other.
 MAX_CHANGES = 16
 MAX_TRIALS = 60
-NEAREST = 2.0**-50  # of a step: how near the end of a mode is found
+NEAREST = 2.0**-50  # of a step: the precision of the end of a mode
 
 # Rows of the table of inputs.
 _STEP, _PART = 0, 3
@@ -41,20 +39,19 @@ _FROM, _TO, _SUM = 0, 1, 2
 
 Size = tuple[int, ...]
 Bounds = tuple[float, float, float]
-# Whether the delay is held; 0, 1 if the gain of the delay is switched off, 2 if all gains are; and
-# xi^ where the mode began.
+# Whether the delay is held; which gains are off: 0 none, 1 that of the delay, 2 all; and xi^ at the
+# start of the mode.
 Mode = tuple[int, int, float]
-# The parameters of drift and input gain, then these two: a tuple that begins with a function makes
-# numba warn.
+# Parameters, drift and input gain; numba warns about a tuple that begins with a function.
 Model = tuple[Array, Any, Any]
-Work = tuple[Array, Array, Array, Array]  # for what they read and write: x, f, y and G
+Work = tuple[Array, Array, Array, Array]  # arguments and results of these: x, f, y and G
 
 
 @kernel
 def _add_gain(
     input_gain: Any, parameters: Array, at: Array, row: int, y: Array, gain: Array
 ) -> None:
-    """Put G(y) at the end of a row."""
+    """Write G(y) to the end of a row."""
     y[0] = at[row, 0]
     call(input_gain, (y, parameters, gain))
     at[row, at.shape[1] - 1] = gain[0]
@@ -62,7 +59,7 @@ def _add_gain(
 
 @kernel
 def _interpolate(model: Model, at: Array, theta: float, row: int, work: Work) -> None:
-    """Put the inputs at the part ``theta`` of the step into a row: a parabola through its three."""
+    """Write the inputs at the fraction ``theta`` of the step to a row, by a parabola."""
     first = 2.0 * (theta - 0.5) * (theta - 1.0)
     middle = 4.0 * theta * (1.0 - theta)
     last = 2.0 * theta * (theta - 0.5)
@@ -91,29 +88,29 @@ def _raw_rate(angle: float, xi: float, at: Array, row: int) -> float:
 
 @kernel
 def _mode(delay: float, rate: float, xi: float, bounds: Bounds) -> tuple[int, bool]:
-    """The mode that holds from here on, for a delay in its interval and its raw rate."""
-    least, most, threshold = bounds
+    """The mode that starts here, for a delay in its interval and its rate before projection."""
+    low, high, threshold = bounds
     off = abs(xi) < threshold or xi == 0.0
     held = 0
-    if not off and delay == most and rate > 0.0:
+    if not off and delay == high and rate > 0.0:
         held = 1
-    elif not off and delay == least and rate < 0.0:
+    elif not off and delay == low and rate < 0.0:
         held = -1
     return held, off
 
 
 @kernel
 def _margin(delay: float, rate: float, xi: float, bounds: Bounds, mode: Mode) -> float:
-    """How far a mode is from its end at a point that it has led to; it holds from zero on.
+    """The margin of a mode at a point that it has led to; the mode holds if it is zero or more.
 
-    Where xi^ changes its sign the delay runs away from one bound and back from the other.
+    Where xi^ changes its sign, the rate of the delay has a pole and changes its sign, too.
     """
-    (least, most, threshold), (held, off, before) = bounds, mode
+    (low, high, threshold), (held, off, before) = bounds, mode
     if off > 0:
         return threshold - abs(xi)
     margin = (xi if before > 0.0 else -xi) - threshold
     if held == 0:
-        return min(margin, delay - least, most - delay)
+        return min(margin, delay - low, high - delay)
     return min(margin, held * rate)
 
 
@@ -122,9 +119,9 @@ def _runge_kutta(
     model: Model, size: Size, order: int, at: Array, base: int, h: float, mode: Mode,
     points: Array, work: Work,
 ) -> None:  # fmt: skip
-    """One step of the method in one mode, with the three rows of inputs from ``base`` on.
+    """One Runge-Kutta step in one mode, with the three rows of inputs from ``base`` on.
 
-    It leads from the point in row _FROM to that in row _TO.
+    It starts at the point in row _FROM and writes its end to row _TO.
     """
     n, gains = len(size), 2 + order
     (parameters, drift, _), (x, f, _, _), (held, off, _) = model, work, mode
@@ -135,7 +132,7 @@ def _runge_kutta(
         ahead = h if stage == 2 else 0.5 * h
         weight = 2.0 if stage in (1, 2) else 1.0
         call(drift, (x, parameters, f))
-        # As `_seen`, whose call could raise for numba.
+        # The code of `_seen`: numba assumes that a call may raise.
         total, factor = 0.0, -1.0
         for i in range(1, order + 1):
             total += factor * at[row, 1 + i]
@@ -172,9 +169,9 @@ def _go(
     model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, end: float,
     step: float, mode: Mode, points: Array, work: Work,
 ) -> tuple[float, float]:  # fmt: skip
-    """Go on from ``start`` to ``end`` of the step in a mode; return its margin there, and the rate.
+    """Integrate from ``start`` to ``end`` of the step in a mode; return margin and rate there.
 
-    It leads from the point in row _FROM to that in row _TO.
+    It starts at the point in row _FROM and writes its end to row _TO.
     """
     n, base = len(size), _cut(model, at, start, end, work)
     _runge_kutta(model, size, order, at, base, (end - start) * step, mode, points, work)
@@ -188,11 +185,11 @@ def _to_mode_end(
     model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, above: float,
     below: float, here: float, step: float, mode: Mode, points: Array, work: Work,
 ) -> float:  # fmt: skip
-    """Go on from ``start`` to the first point beyond the end of a mode; returns where that is.
+    """Integrate from ``start`` to the first point beyond the end of a mode; return that point.
 
-    ``above`` and ``below`` are the mode's margins at the start and at the end of the step. It is
-    looked for ``here`` first: where the delay turns round, if the mode holds at the end, too. If it
-    holds there as well it is gone on to the end of the step.
+    ``above`` and ``below`` are the mode's margins at the start and at the end of the step. The
+    search begins at ``here``: if the mode also holds at the end, this is where the rate of the
+    delay changes its sign. If it holds there, too, the integration goes on to the end of the step.
     """
     newest, opposite = (start, above), (1.0, below)
     former = newest
@@ -230,15 +227,15 @@ def run(
 
     Lechappe et al. 2018, (9) to (11), after (8), before (9) and after (36).
 
-    ``bounds`` holds the least and the greatest delay and the threshold of |xi^|; ``switched`` is 1
-    if only the gain of the delay is switched off below it, 2 if all are. ``right`` and ``left``
-    hold the inputs, two rows a step, and their limits from the left. ``switched_off`` gets the
-    share of each step in which the gain is off.
+    ``bounds`` holds the minimum and the maximum delay and the threshold of |xi^|; ``switched`` is 1
+    if only the gain of the delay is switched off below it, 2 if all gains are. ``right`` and
+    ``left`` hold the inputs, two rows for each step, and their limits from the left. The share of
+    each step in which gains are off is written to ``switched_off``.
     """
     size = (0,) * (states.shape[1] - 1)
-    least, most, threshold = bounds.tolist()
+    low, high, threshold = bounds.tolist()
     return _run(
-        (parameters, drift, input_gain), size, order, switched, (least, most, threshold), step,
+        (parameters, drift, input_gain), size, order, switched, (low, high, threshold), step,
         right, left, states, switched_off,
     )  # fmt: skip
 
@@ -248,9 +245,9 @@ def _run(
     model: Model, size: Size, order: int, switched: int, bounds: Bounds, step: float,
     right: Array, left: Array, states: Array, switched_off: Array,
 ) -> int:  # fmt: skip
-    """The loop of `run`, for sizes that are known when it is compiled."""
+    """The loop of `run`, for sizes that are known at compile time."""
     n, channels = len(size), right.shape[1]
-    least, most, _ = bounds
+    low, high, _ = bounds
     at, points = np.empty((6, channels + 1)), np.empty((3, n + 1))
     _, _, y, gain = work = np.empty(n + 1), np.empty(n), np.empty(1), np.empty(1)
     parameters, _, input_gain = model
@@ -267,15 +264,15 @@ def _run(
         for change in range(MAX_CHANGES):
             xi = _seen(order, points[_FROM, n], at, here)
             rate = _raw_rate(points[_FROM, 0], xi, at, here)
-            points[_FROM, n] = min(max(points[_FROM, n], least), most)
+            points[_FROM, n] = min(max(points[_FROM, n], low), high)
             held, off = _mode(points[_FROM, n], rate, xi, bounds)
             mode, end = (held, switched if off else 0, xi), 1.0
             margin, after = _go(
                 model, size, order, bounds, at, start, end, step, mode, points, work
             )  # fmt: skip
             holds = margin >= 0.0
-            # A free delay whose rate changes its sign turns round inside the step, where it may
-            # have left its interval.
+            # If the rate of a free delay changes its sign inside the step, the delay may have left
+            # its interval in between.
             turns = holds and held == 0 and not off and rate != 0.0 and not rate * after >= 0.0
             if (turns or not holds) and change < MAX_CHANGES - 1:
                 above = _margin(points[_FROM, n], rate, xi, bounds, mode)
@@ -295,7 +292,7 @@ def _run(
             if end == 1.0:
                 break
             start, here = end, _PART + 2
-        points[_FROM, n] = min(max(points[_FROM, n], least), most)
+        points[_FROM, n] = min(max(points[_FROM, n], low), high)
         for i in range(n + 1):
             states[k + 1, i] = points[_FROM, i]
     return len(states)

@@ -2,9 +2,9 @@
 
     x^' = Lambda x^ + f(x^) + (0, ..., 0, G(y))^T u(t - tau_m) - S^-1 C^T (x^1 - y)
 
-It estimates the state alone and takes the delay to be a constant tau_m. The paper prints S^-1
-without C^T, in (34), too: that is a matrix times a number, not a vector. With C^T it is the first
-column of S^-1, the gains binom(n, i) rho^i.
+It estimates the state alone and assumes a constant delay tau_m. The paper prints S^-1 without C^T,
+here and in (34), which gives a matrix instead of a vector. With C^T the gain is the first column of
+S^-1, with the entries binom(n, i) rho^i.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 class Record(NamedTuple):
-    """What the loop reads, arrays of shape (2 m + 1,): y and u with their limits from the left."""
+    """Inputs of the loop, arrays of shape (2 m + 1,): y and u with their limits from the left."""
 
     output: Array
     output_before: Array
@@ -41,7 +41,7 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class State(Value):
-    """All the observer remembers: a value that may be stored, copied and stepped again.
+    """The observer's state: a value that may be stored, copied and stepped again.
 
     ``estimate`` is x^, shape (n,); the rest is as in `reobserve.observers.contract.ObserverState`.
     """
@@ -57,18 +57,17 @@ class HighGainObserver(Observer[State]):
 
     Lechappe et al. 2018, (36).
 
-    It measures y and knows u as it reaches the plant: in row k, u(t_k - tau_m). Its estimate is
-    ``state``, x^, shape (k, n). The method itself is stable only for rho times the sampling period
-    below 2.78.
+    It takes y and the input at the plant: in row k, u(t_k - tau_m). Its estimate is ``state``, x^,
+    shape (k, n). The integration is stable only for rho times the sampling period below 2.78.
 
     Parameters
     ----------
     model
-        The plant as the observer knows it; n is its number of states.
+        The model of the plant; n is its number of states.
     rho
         [1/s]; all eigenvalues of Lambda - S^-1 C^T C are -rho.
     sampling_period
-        [s], and the step of the method.
+        [s], also the integration step.
 
     Raises
     ------
@@ -85,7 +84,7 @@ class HighGainObserver(Observer[State]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _ = self.gain  # refuses what has no gain now and not at the first step
+        _ = self.gain  # raises here instead of at the first step
 
     @cached_property
     def gain(self) -> Array:

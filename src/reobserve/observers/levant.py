@@ -8,8 +8,8 @@ If the derivative of order n + 1 of u is bounded by L, then z0 to zn reach u and
 finite time, for lambdas that are large enough and lambdan above 1. The error of zi is of the order
 L T^(n+1-i) for samples at a period T, and L^(i/(n+1)) eps^((n+1-i)/(n+1)) for noise bounded by eps.
 
-The paper prints the last line without L, which is right for a bound of 1 alone: with L = 0.11 the
-last state is then driven nine times too hard for the others to follow.
+The paper prints the last line without L, which is correct for a bound of 1 only: with L = 0.11 the
+gain of the last line is then nine times too large for the other lines.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from reobserve.observers.contract import Observer, Record, Rows, check_state
 
 Array = NDArray[np.float64]
 
-# Levant's sequence, the last line of the differentiator at its end: order n takes the last n + 1.
+# Levant's sequence: order n uses the last n + 1, the last line of (37) the last one.
 _USUAL = (8.0, 5.0, 3.0, 2.0, 1.5, 1.1)
 
 
 class Law(NamedTuple):
-    """What the loop reads.
+    """Coefficients of the loop.
 
     ``factors`` are lambda_i L^(1/(n+1-i)), ``exponents`` (n-i)/(n+1-i), ``taylor`` T^j / j! with
     j from 0; all of shape (n+1,).
@@ -49,7 +49,7 @@ class Law(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class State(Value):
-    """All the differentiator remembers: a value that may be stored, copied and stepped again.
+    """The differentiator's state: a value that may be stored, copied and stepped again.
 
     ``derivatives`` holds z0 to zn, shape (n+1,), at the last sample, or at the first one if there
     was none; the rest is as in `reobserve.observers.contract.ObserverState`.
@@ -62,14 +62,14 @@ class State(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LevantDifferentiator(Observer[State]):
-    """For samples at a fixed period, in its homogeneous discretisation.
+    """The differentiator for samples at a fixed period, in its homogeneous discretisation.
 
     Lechappe et al. 2018, (37) and (38).
 
-    It measures u, the signal to differentiate, and has no known input; what the signal does
-    between samples it does not ask. Its estimate is ``derivatives``, shape (k, n+1), columns z0 to
-    zn. A row is made from the samples before its own, the first is what the run started from:
-    without a state, the first sample and derivatives of zero.
+    Its measurement is u, the signal to differentiate; it has no known input and uses no values
+    between samples. Its estimate is ``derivatives``, shape (k, n+1), columns z0 to zn. A row
+    depends on the samples before its own only. The first row is the initial state: without one, the
+    first sample and derivatives of zero.
 
     Parameters
     ----------
@@ -78,10 +78,10 @@ class LevantDifferentiator(Observer[State]):
     order
         n, the highest derivative to estimate.
     lambdas
-        lambda0 to lambdan, in the order of the lines of (37). Left out, they are the last n + 1
-        of Levant's 8, 5, 3, 2, 1.5, 1.1, which serve orders up to 5. The paper takes 3, 1.5, 1.
+        lambda0 to lambdan, in the order of the lines of (37). The default is the last n + 1 of
+        Levant's 8, 5, 3, 2, 1.5, 1.1, for orders up to 5. The paper uses 3, 1.5, 1.
     printed
-        Take the last line as the paper prints it, without L: to show that it fails.
+        Use the last line as printed in the paper, without L, to show that it fails.
     sampling_period
         [s].
 
@@ -89,7 +89,7 @@ class LevantDifferentiator(Observer[State]):
     ------
     InputError
         If the order is not a whole number above zero, L, the period or one of the lambdas is not
-        positive, there are not n + 1 of them, or there are none for an order above 5.
+        positive, there are not n + 1 lambdas, or none are given for an order above 5.
     """
 
     L: float = field(metadata=converter(as_positive))
@@ -146,7 +146,10 @@ class LevantDifferentiator(Observer[State]):
 
     def _fill(self, state: State, record: Record) -> Rows:
         last = np.empty(0) if state.sample is None else state.sample
-        samples, begun = np.append(last, record.y), len(last)  # the row of the last one is known
+        samples, begun = (
+            np.append(last, record.y),
+            len(last),
+        )  # the row of the last one is already computed
         steps = len(samples) - 1
         rows = np.empty((steps + 1, self.order + 1))
         rows[0] = state.derivatives
@@ -159,15 +162,15 @@ class LevantDifferentiator(Observer[State]):
 def _run(law: Law, samples: Array, rows: Array) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows.
 
-    The chain of integrators moves by its Taylor polynomial, exactly, and only the injection by
-    Euler's rule. Euler's rule for all leaves out T^2/2 z2 and so on, which do not vanish with the
-    error: then z1 is accurate to order 1 in T only, whatever n is (Livne & Levant 2014). With the
-    polynomial the steps scale as the differentiator does, and zi keeps its order n + 1 - i.
+    The chain of integrators is advanced exactly by its Taylor polynomial, and only the injection by
+    Euler's rule. Euler's rule for both omits T^2/2 z2 and so on, which do not vanish with the
+    error: z1 is then accurate to order 1 in T only, for any n (Livne & Levant 2014). With the
+    polynomial the steps keep the homogeneity of the differentiator, and zi its order n + 1 - i.
     """
     lines = rows.shape[1]
     for k in range(len(rows) - 1):
         z, after = rows[k], rows[k + 1]
-        # zi - v(i-1) is minus the injection one line above: no need to form v itself.
+        # zi - v(i-1) is minus the injection one line above, so v itself is not needed.
         error = z[0] - samples[k]
         sign = 0.0
         if error != 0.0:

@@ -16,15 +16,15 @@ with the polynomial (s + rho)^N has its coefficients in its first column, hence 
 S itself is the integral over s > 0 of e^(-rho s) v(s) v(s)^T, v(s) = e^(-A^T s) C^T, and
 v_j(s) = (-s)^j / j! with j from 0; each entry is a gamma function.
 
-An initial S(0) asks for the dynamic equation
+An initial value S(0) requires the dynamic equation
 
     S' = -rho S - A^T S - S A + C^T C,
 
-which ends at the same S. The variation of constants gives its solution in closed form, too:
+whose solution converges to the same S. Variation of constants gives it in closed form:
 
     S(t) = e^(-rho t) e^(-A^T t) S(0) e^(-A t) + integral over 0 < s < t of e^(-rho s) v(s) v(s)^T,
 
-a sum of a positive definite and a semidefinite matrix, so S(t) can always be inverted.
+a sum of a positive definite and a semidefinite matrix, so S(t) is always invertible.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def lyapunov_matrix(size: int, rho: float) -> Array:
     Raises
     ------
     InputError
-        If ``size`` is not a whole number above zero, or ``rho`` is not positive, or so small
-        that an entry is beyond floating-point numbers.
+        If ``size`` is not a whole number above zero, or ``rho`` is not positive or so small that
+        an entry is beyond the range of floating-point numbers.
     """
     size, rho = _as_size(size), as_positive("rho", rho)
     index = np.arange(size)
@@ -91,8 +91,8 @@ def high_gain(size: int, rho: float) -> Array:
     Raises
     ------
     InputError
-        If ``size`` is not a whole number above zero, or ``rho`` is not positive, or so large
-        that a gain is beyond floating-point numbers.
+        If ``size`` is not a whole number above zero, or ``rho`` is not positive or so large that
+        a gain is beyond the range of floating-point numbers.
     """
     size, rho = _as_size(size), as_positive("rho", rho)
     scale = _powers(size, rho, 1.0)
@@ -102,7 +102,7 @@ def high_gain(size: int, rho: float) -> Array:
 
 
 def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayLike) -> Array:
-    """S(t)^-1 C^T of the dynamic equation, at any times: exact, no integration.
+    """S(t)^-1 C^T of the dynamic equation at any times, exactly and without integration.
 
     Lechappe et al. 2018, (34).
 
@@ -114,14 +114,14 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
         [1/s].
     initial
         S(0), symmetric and positive definite: a number (times the identity), a diagonal or N x N.
-        The paper takes the identity.
+        The paper uses the identity.
     times
         [s], shape (m,), none below zero, in any order.
 
     Returns
     -------
     Array
-        Shape (m, N), a row a time.
+        Shape (m, N), one row for each time.
 
     Raises
     ------
@@ -139,8 +139,8 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
         raise InputError("times", f"has shape {instants.shape}, must be a list of times")
     if instants.size and instants.min() < 0:
         raise InputError("times", f"{instants.min():g} s must not be before the start at 0 s")
-    # In units of 1/rho for time and rho^-(i+1) for component i the equation is that of rho = 1:
-    # that keeps the numbers apart that a large rho would bring together.
+    # In units of 1/rho for time and rho^-(i+1) for component i the equation is that of rho = 1,
+    # which avoids a loss of precision for a large rho.
     scale = _powers(size, rho, 1.0)
     index = np.arange(size)
     with np.errstate(over="ignore", invalid="ignore"):

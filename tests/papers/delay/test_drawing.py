@@ -49,7 +49,7 @@ def test_the_curve_for_m_1_is_blue() -> None:
         ("fig2", {}, "ρ = 2.5. S from the dynamic equation, S(0) = 1 I; gain of the delay off"),
         ("fig2", {}, "standard deviation of 5 % of the amplitude (1 rad for the angle), held"),
         ("fig2", {"plant": {"noise_size": "peak"}}, "Noise with a peak of 5 %"),
-        ("fig2", {"plant": {"noise_amplitude": "turns"}}, "(the largest angle, including full turns)"),
+        ("fig2", {"plant": {"noise_amplitude": "turns"}}, "(the largest angle, with full turns)"),
         ("fig2", {"plant": {"noisy_input": "applied"}}, "that of the input also in the pendulum"),
         (
             "fig2", {"observers": {"order1_noise": {"initial_matrix": "algebraic"}}},

@@ -26,8 +26,8 @@ e - phi (tau - theta). For a ramp, where everything else is exact, the error dec
 of s^2 + a s + a f = 0 once R is steady: at the rate f if f is far below a, and at most at a / 2,
 with f = a / 4. For a delay with a constant rate r the lag is r / f. Without forgetting R only
 grows, and the estimator stops adapting. With forgetting and a constant input R goes to zero and
-the gain phi / R may grow without bound: the estimator winds up, noise moves it between the bounds of
-the delay, and finally it diverges. The model has no correction: a wrong x_m(0) disturbs it until
+the gain phi / R may grow without bound: the estimator winds up, noise moves it between the bounds
+of the delay, and finally it diverges. The model has no correction: a wrong x_m(0) disturbs it until
 exp(-a t) has decayed, and longer without forgetting. This agrees with the paper's remark that [9]
 needs exactly known initial conditions.
 """

@@ -9,7 +9,7 @@ from reobserve.replication.parameters.job import Job
 
 _AMPLITUDES = {
     "wrapped": "half a turn for the angle",
-    "turns": "the largest angle, including full turns",
+    "turns": "the largest angle, with full turns",
 }
 
 
