@@ -49,7 +49,7 @@ def draw(data: FigureData) -> Figure:
         figure,
         "Dotted: the tuning of Fig. 3 (left of the scale where there is no forgetting). "
         f"At rest: the last {job.metrics.late:g} s before each jump of the delay. The gain of the\n"
-        "adaptive method goes along with its forgetting, in proportion. The methods with a number "
-        "are reconstructions.",
+        "adaptive method is proportional to its forgetting. The methods with a number are "
+        "reconstructions.",
     )
     return figure
