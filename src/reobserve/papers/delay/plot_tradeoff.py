@@ -51,8 +51,9 @@ def draw(data: FigureData) -> Figure:
     add_note(
         figure,
         f"{noise(job)}.\n"
-        f"{job.study.runs:g} runs with noise: means, and bands from minimum to maximum. Errors where "
-        f"the delay varies, from {job.metrics.varying_from:g} to {job.metrics.varying_until:g} s.",
+        f"{job.study.runs:g} runs with noise: means, and bands from minimum to maximum. Errors "
+        f"where the delay varies, from {job.metrics.varying_from:g} to "
+        f"{job.metrics.varying_until:g} s.",
     )
     return figure
 
