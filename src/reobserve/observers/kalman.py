@@ -9,7 +9,7 @@ from reobserve.observers.linear_filter import LinearFilter
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KalmanFilter(LinearFilter):
-    """The linear filter of least variance: K = P C' S^-1.
+    """The linear filter of minimum variance: K = P C' S^-1.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class Check:
         `below`, `above` (a number, strictly), `within` (a closed interval), `falling`, `rising`
         (strictly, over the list) or `exists` (true: finite; false: nan, it never happens).
     share
-        The least part of the list that must satisfy the relation.
+        The minimum share of the list that must satisfy the relation.
     """
 
     value: tuple[Reference, ...]
@@ -148,9 +148,9 @@ class Check:
         return self.satisfied_by(self.deciding(numbers))
 
     def deciding(self, numbers: Numbers) -> float:
-        """The one number that decides: of those that must satisfy it, the worst.
+        """The deciding number: the worst of those that must satisfy the relation.
 
-        Of a sequence that must rise or fall it is the step that does so least.
+        For a sequence that must rise or fall it is the smallest step in that direction.
         """
         values = self.values(numbers)
         if self.relation in _OF_LISTS:

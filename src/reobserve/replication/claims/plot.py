@@ -34,10 +34,10 @@ _MARKS: dict[object, tuple[str, str, str]] = {
     False: ("claim fails", _FAILED, "x"),
     _OTHER: ("fails by another check", "0.5", "+"),
 }
-_WIDEST = 1e12  # the ratio of the ends of a logarithmic axis; what is less stands below it
+_WIDEST = 1e12  # maximum ratio of the ends of a logarithmic axis; smaller values are below it
 _SMALL = 6.3  # points
 _LEFT = 1.95  # inches, for the names of choices
-_MAX_BARS = 6  # the greatest; the others explain less, and seldom more than chance does
+_MAX_BARS = 6  # the largest; the others seldom explain more than chance does
 
 
 def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:

@@ -268,7 +268,7 @@ def assess(
 
 
 def _sample_all(inquiry: Inquiry, max_samples: int) -> None:
-    """Ask one reader after the other, each about all claims that are not yet decided."""
+    """Compute one sample after the other, each for all undecided claims."""
     found, known = inquiry.found, inquiry.known
     longest = max((one.length for one in known.values()), default=0)
     for number in range(max(max_samples, longest)):

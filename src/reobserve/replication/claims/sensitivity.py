@@ -43,10 +43,10 @@ def deciding_check(claim: Claim, robustness: Robustness) -> int:
 
 
 def influences(found: Iterable[Robustness]) -> list[list[Influence]]:
-    """For each claim: of every choice that is drawn from a range, greatest first.
+    """For each claim, the influence of every choice with a range, largest first.
 
-    None of a claim with too few samples, or one that holds in all of them or in none. The
-    probabilities are corrected for the number of choices of all the claims together.
+    Empty for a claim with too few samples, or one that holds in all of them or in none. The
+    probabilities are corrected for the number of choices of all claims together.
     """
     from scipy.stats import false_discovery_control
 

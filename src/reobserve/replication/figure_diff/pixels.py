@@ -1,11 +1,11 @@
-"""Two drawings of one figure, compared as a reader sees them: by decoded pixels on white.
+"""Comparison of two plots of one figure by decoded pixels on white.
 
-Two numbers count. The root mean square over all pixels sees what is spread out. The least local
+Two numbers count. The root mean square over all pixels shows large-area changes. The minimum local
 structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004, over windows of `_WINDOW` pixels)
-sees what is small: its mean over a page that is mostly white would hide a changed label.
+shows small changes; its mean over a page that is mostly white would hide a changed label.
 
-The tolerances lie between what must pass and what must not, and were chosen when both had been
-measured on the figures of this project:
+The tolerances separate changes that must pass from changes that must not. They were chosen after
+both had been measured on the figures of this project:
 
 - Another processor (builds without AVX2, FMA and AVX-512, in numpy, OpenBLAS, numba and the C
   library; 11 figures of the five papers): RMS up to 0.0053, similarity down to 0.9997. Nine of the
@@ -47,7 +47,7 @@ class PixelDifference:
     """How far a new figure is from the reference.
 
     ``rms`` is the root mean square over all pixels and channels in grey levels of 0 to 255,
-    ``similarity`` the least local structural similarity, and ``place`` where that is (column, row).
+    ``similarity`` the minimum local structural similarity, and ``place`` where (column, row).
     """
 
     rms: float
@@ -61,7 +61,7 @@ class PixelDifference:
 
     def __str__(self) -> str:
         """Both numbers in words."""
-        return f"RMS {self.rms:.3g} grey levels, least local similarity {self.similarity:.4f}"
+        return f"RMS {self.rms:.3g} grey levels, minimum local similarity {self.similarity:.4f}"
 
 
 def read_pixels(path: Path) -> Pixels:
@@ -119,7 +119,7 @@ def show_difference(reference: Pixels, new: Pixels, place: tuple[int, int] | Non
 
 
 def _least_similarity(reference: Pixels, new: Pixels) -> tuple[float, tuple[int, int]]:
-    """The least local structural similarity and its place, column and row."""
+    """The minimum local structural similarity and its place, column and row."""
     from skimage.metrics import structural_similarity
 
     # A margin of white, so that a window fits into the smallest picture.
