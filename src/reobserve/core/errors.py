@@ -107,9 +107,9 @@ def shown(value: Any, most: int = _VALUE) -> str:
 # Keys of files and options of builds that had another name.
 RENAMED = {
     "damping": "observer_gain", "draws": "samples", "drawn": "plot_only", "flips": "reversals",
-    "kept": "cached", "loose": "no_effect", "memory": "convergence_rate",
-    "identity_reading": "identity_variant", "obstacles": "limitations", "reading": "variant",
-    "says": "statement",
+    "identity_reading": "identity_variant", "judged": "averaging_time", "kept": "cached",
+    "loose": "no_effect", "memory": "convergence_rate", "obstacles": "limitations",
+    "reading": "variant", "says": "statement",
 }  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.papers.imm import keys, study, study_closeness, study_rows
-from reobserve.papers.imm.detection import Share, curve, enough_gap, judge, measure
+from reobserve.papers.imm.detection import Share, curve, detection_rates, enough_gap, measure
 from reobserve.papers.imm.detectors import (
     distances,
     likelihoods,
@@ -51,7 +51,7 @@ GRID = Grid(0.5, 10, 6, 2, 1)
     [
         (2, -1.5), (5, 0.0),  # the last rows before the fault moves anything
         (6, 0.5), (9, 2.0),
-        (1, np.nan), (None, np.nan),  # the start is not judged
+        (1, np.nan), (None, np.nan),  # the start is left out
     ],
 )  # fmt: skip
 def test_the_time_of_an_alarm(row: int | None, time: float) -> None:
@@ -64,12 +64,12 @@ def test_the_time_of_an_alarm(row: int | None, time: float) -> None:
 
 def test_what_alarms_say_of_a_detector() -> None:
     times = np.array([-0.3, 0.0, 0.1, 0.2, 0.4, np.nan, np.nan])
-    found = judge(0.02, times)
+    found = detection_rates(0.02, times)
     assert found.alarmed == Share(2, 7)
     assert found.detected == Share(3, 5)
     assert found.delay == pytest.approx(0.4)  # of 0.1, 0.2, 0.4, never, never
-    assert np.isnan(judge(0.02, np.array([0.1, np.nan, np.nan])).delay)
-    none = judge(0.02, np.array([-0.1, -0.2]))
+    assert np.isnan(detection_rates(0.02, np.array([0.1, np.nan, np.nan])).delay)
+    none = detection_rates(0.02, np.array([-0.1, -0.2]))
     assert none.alarmed.value == 1.0
     assert np.isnan(none.detected.value)
     assert none.detected.interval == (0.0, 1.0)
@@ -212,13 +212,15 @@ def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch
     assert repr(close()) == repr(few())  # nan is no other nan's equal
 
 
-def test_what_is_judged_must_be_over_before_the_run_is() -> None:
+def test_the_averaging_must_be_over_before_the_run_is() -> None:
     settings = deepcopy(parameters().settings("study", "closeness"))
     body = settings["study"]
-    body["horizon"] = body["onset"] + body["judged"]
+    body["horizon"] = body["onset"] + body["averaging_time"]
     study_closeness.check(read_job(keys.Parameters, settings))
     body["horizon"] -= read_job(keys.Parameters, settings).scenario.period
-    with pytest.raises(InputError, match=r"^judged: \S+ s must fit between onset and horizon, "):
+    with pytest.raises(
+        InputError, match=r"^averaging_time: \S+ s must fit between onset and horizon, "
+    ):
         study_closeness.check(read_job(keys.Parameters, settings))
 
 
@@ -254,7 +256,7 @@ def test_more_runs_leave_the_first_as_they_were() -> None:
     assert repr(fewer) == repr(kept)
 
 
-def test_records_without_a_fault_are_others_than_those_judged() -> None:
+def test_records_without_a_fault_are_others_than_those_with_one() -> None:
     """And each run has a noise and an input of its own."""
     job = read_job(keys.Parameters, deepcopy(parameters().settings("study", "closeness")))
     one = next(study_closeness._pairs(job))

@@ -553,12 +553,12 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "horizon of pairs between samples": (
         study("closeness", horizon=1.4005), "studies.closeness.horizon", "the scenario's period",
     ),
-    "judged before the fault": (
-        study("closeness", judged=0.7), "studies.closeness.judged",
+    "averaging before the fault": (
+        study("closeness", averaging_time=0.7), "studies.closeness.averaging_time",
         "0.7 s must fit between onset and horizon, 0.8 and 1.4 s",
     ),
-    "judged longer than healthy": (
-        study("closeness", judged=0.9), "studies.closeness.judged",
+    "averaging longer than healthy": (
+        study("closeness", averaging_time=0.9), "studies.closeness.averaging_time",
         "0.9 s must end before the onset at 0.8 s",
     ),
     "settling into the fault": (

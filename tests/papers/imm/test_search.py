@@ -119,7 +119,7 @@ def test_progress_is_reported_after_each_generation() -> None:
     assert lines == [f"{count} trials, best distance {best:.4f}" for count, best in one["history"]]
     assert len(lines) == 2
     counts, best = zip(*one["history"], strict=True)
-    # The first generation is judged with the start, 16 of Sobol's sequence for nine numbers.
+    # The first generation is evaluated with the start, 16 of Sobol's sequence for nine numbers.
     assert counts == (32, 48)
     assert one["trials"] == 48
     assert list(best) == sorted(best, reverse=True)
@@ -165,14 +165,14 @@ def test_another_seed_takes_another_way(tried: list[Array]) -> None:
     assert np.any(ways[0] != ways[1])
 
 
-def test_each_choice_is_judged_by_the_worst_of_itself_and_opposite_corners(
+def test_the_distance_of_a_choice_is_the_worst_of_itself_and_opposite_corners(
     tried: list[Array],
 ) -> None:
     one = found(neighbour_pairs=2, spread=0.25)
     # The last trials are of what was found alone, and of it with its neighbours.
     base = np.array(list(one["found"].values()))
-    judged = np.array(tried[:-6]).reshape(-1, 5, 9)
-    ratios = judged / judged[:, :1]
+    evaluated = np.array(tried[:-6]).reshape(-1, 5, 9)
+    ratios = evaluated / evaluated[:, :1]
     np.testing.assert_allclose(ratios[0, 0], 1.0)
     np.testing.assert_allclose(np.abs(np.log(ratios[0, 1:])), np.log(1.25), rtol=1e-9)
     np.testing.assert_allclose(ratios[0, 1:3] * ratios[0, 3:], 1.0, rtol=1e-9)

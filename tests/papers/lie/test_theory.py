@@ -79,7 +79,7 @@ def test_numbers_that_are_known() -> None:
 
 def test_what_is_exact_is_zero() -> None:
     value = theory()
-    for name in ("linear", "random", "hidden"):
+    for name in ("linear", "random", "unobservable"):
         assert value[name, "largest_residual"] == 0
     for name in ("linear", "random"):
         assert value[name, "largest_difference"] == 0
@@ -107,7 +107,7 @@ def test_the_errors_that_are_compared_are_those_of_the_ensemble() -> None:
     )  # fmt: skip
     found = theory()["identity", "share_better"], theory()["identity", "largest_improvement"]
     study = lookup(evaluator().figure("fig1_ensemble").numbers)
-    least = study.at("series", "least_ise_ratio", order=4)
+    least = study.at("series", "minimum_ise_ratio", order=4)
     wanted = study.at("series", "share_better", order=4), 1 - least
     assert found == pytest.approx(wanted, abs=1e-12)
     assert theory()["identity", "share_settled"] == 1
@@ -163,7 +163,9 @@ def test_decays_near_the_origin_are_those_of_the_slowest_mode() -> None:
     late, later = (error_decay(example.problem, example.T, 1e-4, end) for end in (50.0, 500.0))
     assert late == later < -0.3
     value = theory()
-    assert value["hidden", "error_decay"] == pytest.approx(value["hidden", "decay_rate"], rel=0.01)
+    assert value["unobservable", "error_decay"] == pytest.approx(
+        value["unobservable", "decay_rate"], rel=0.01
+    )
 
 
 def test_the_system_of_the_siegel_domain() -> None:
@@ -299,11 +301,11 @@ def test_the_least_ratio_is_over_initial_states() -> None:
     kinds = {name: KINDS[name] for name in study[0]}
     data = FigureData(Job(None), Series(np.zeros(1), {}), {}, StudyTable.of(study, kinds))
     found = lookup(metrics_stage._ensemble(data))
-    assert found.at("series", "least_ise_ratio", order=4) == 0.5
+    assert found.at("series", "minimum_ise_ratio", order=4) == 0.5
     assert found.at("series", "median_ise_ratio", order=4) == 0.75
-    assert found.at("series", "least_ise_ratio", order=2) == 0.75
+    assert found.at("series", "minimum_ise_ratio", order=2) == 0.75
     assert isnan(found.at("series", "median_ise_ratio", order=2))
-    assert found.at("constant", "least_ise_ratio", order=0) == 1.0
+    assert found.at("constant", "minimum_ise_ratio", order=0) == 1.0
 
 
 @pytest.mark.parametrize("degree", [2, 3])

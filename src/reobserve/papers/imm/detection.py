@@ -41,7 +41,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Judged:
+class DetectionRates:
     """A detector on one pair of models.
 
     ``detected`` are those of the runs without an alarm before the fault that have one after it;
@@ -55,12 +55,12 @@ class Judged:
     delay: float
 
 
-def judge(gap: float, alarm_times: Array) -> Judged:
+def detection_rates(gap: float, alarm_times: Array) -> DetectionRates:
     """From the times of first alarms, counted from the fault: up to zero false, nan for none."""
     false = alarm_times <= 0
     fair = alarm_times[~false]
     delay = float(np.median(np.where(np.isnan(fair), np.inf, fair))) if len(fair) else np.inf
-    return Judged(
+    return DetectionRates(
         gap,
         Share(int(np.count_nonzero(fair > 0)), len(fair)),
         Share(int(np.count_nonzero(false)), len(alarm_times)),
@@ -68,12 +68,12 @@ def judge(gap: float, alarm_times: Array) -> Judged:
     )
 
 
-def curve(study: StudyTable, name: str, sweep: str) -> list[Judged]:
+def curve(study: StudyTable, name: str, sweep: str) -> list[DetectionRates]:
     """A detector on all pairs of a sweep, from the closest on."""
     table = study.where(sweep=sweep)
     gaps = table.where(observer="models")
     found = [
-        judge(gaps.value(level=share), runs["value"])
+        detection_rates(gaps.value(level=share), runs["value"])
         for (share,), runs in table.where(observer=name, quantity="alarm_time").groups("level")
     ]
     return sorted(found, key=lambda one: one.gap)
@@ -94,7 +94,9 @@ def measure(study: StudyTable, enough: float) -> Iterator[Metric]:
             yield Metric.at(name, ("alarmed_share", one.alarmed.value, "1"), **at, share=share)
             yield Metric.at(name, ("median_delay", one.delay, "s"), **at, share=share)
         gaps = [one.gap for one in found]
-        yield from _least_gaps("least_gap", name, gaps, [one.detected for one in found], enough, at)
+        yield from _minimum_gaps(
+            "minimum_gap", name, gaps, [one.detected for one in found], enough, at
+        )
         false = [one.alarmed for one in found]
         all_runs = Share(sum(one.count for one in false), sum(one.runs for one in false))
         yield Metric.at(name, ("alarmed_share", all_runs.value, "1"), **at)
@@ -113,10 +115,10 @@ def _diagnoses(
         right.append((share, Share(correct, len(runs["value"]))))
     if right:
         shares = [one for _, one in sorted(right, key=lambda pair: pair[0])]
-        yield from _least_gaps("least_gap_of_diagnosis", name, gaps, shares, enough, at)
+        yield from _minimum_gaps("minimum_diagnosis_gap", name, gaps, shares, enough, at)
 
 
-def _least_gaps(
+def _minimum_gaps(
     metric: str,
     name: str,
     gaps: list[float],

@@ -177,7 +177,7 @@ class Closeness(job.Study):
     horizon: Positive
     onset: Positive
     settling: Positive
-    judged: Positive
+    averaging_time: Positive
     false_alarm_probability: Share
     enough: Share
     shares: Levels

@@ -55,9 +55,9 @@ MEANINGS = {
     "tuned": "number of tuned parameters",
     "targets": "number of quoted values that are targets",
     "distance": "remaining root mean square deviation over time and targets",
-    "least_factor": "minimum factor to a tuned parameter with which all quoted values are "
+    "minimum_factor": "minimum factor to a tuned parameter with which all quoted values are "
     "within the band",
-    "greatest_factor": "the maximum such factor",
+    "maximum_factor": "the maximum such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
     "nu_gap share=<share>": "between the normal model and its blend with the leakage model",
     "detected_share noise=<noise> plant=<plant> share=<share>": (
@@ -71,15 +71,15 @@ MEANINGS = {
     "median_delay noise=<noise> plant=<plant> share=<share>": (
         "from the fault to the alarm, over the runs without a false one; nan if most have none"
     ),
-    "least_gap noise=<noise> plant=<plant>": "minimum gap from which on 95 % of the faults "
+    "minimum_gap noise=<noise> plant=<plant>": "minimum gap from which on 95 % of the faults "
     "are detected",
-    "least_gap_low noise=<noise> plant=<plant>": "lower end of its interval of 95 % (bootstrap)",
-    "least_gap_high noise=<noise> plant=<plant>": "its upper end",
-    "least_gap_of_diagnosis noise=<noise> plant=<plant>": (
+    "minimum_gap_low noise=<noise> plant=<plant>": "lower end of its interval of 95 % (bootstrap)",
+    "minimum_gap_high noise=<noise> plant=<plant>": "its upper end",
+    "minimum_diagnosis_gap noise=<noise> plant=<plant>": (
         "gap from which on 95 % of the diagnoses at the end are correct"
     ),
-    "least_gap_of_diagnosis_low noise=<noise> plant=<plant>": "lower end of its interval",
-    "least_gap_of_diagnosis_high noise=<noise> plant=<plant>": "its upper end",
+    "minimum_diagnosis_gap_low noise=<noise> plant=<plant>": "lower end of its interval",
+    "minimum_diagnosis_gap_high noise=<noise> plant=<plant>": "its upper end",
     "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`",
     "fault_after variant=<variant>": "the same of the faulty mode",
     "saturation_fraction variant=whole": "of the innovations after the fault, outside the layers",
@@ -141,8 +141,8 @@ def _neighbourhood(data: FigureData) -> Iterator[Metric]:
         yield Metric(name, quantity, rows.value(), "1")
     for parameter in TUNED:
         low, high = reach(data.job, study, parameter)
-        yield Metric(parameter, "least_factor", low, "1")
-        yield Metric(parameter, "greatest_factor", high, "1")
+        yield Metric(parameter, "minimum_factor", low, "1")
+        yield Metric(parameter, "maximum_factor", high, "1")
 
 
 def reach(job: Job, study: StudyTable, parameter: str) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.detection import Judged, curve
+from reobserve.papers.imm.detection import DetectionRates, curve
 from reobserve.papers.imm.notes import style_of
 from reobserve.papers.imm.study_rows import CUSUM, DRIVEN, GLR, UNMIXED, sweep_kind, with_scales
 from reobserve.plotting.figures import STYLES, Style, add_note, blank
@@ -73,7 +73,7 @@ def draw(data: FigureData) -> Figure:
     return figure
 
 
-def _limits(found: list[Judged]) -> tuple[list[float], list[float]]:
+def _limits(found: list[DetectionRates]) -> tuple[list[float], list[float]]:
     low, high = zip(*(one.detected.interval for one in found), strict=True)
     return list(low), list(high)
 

@@ -34,8 +34,8 @@ def draw_neighbourhood(data: FigureData) -> Figure:
     job, numbers = data.job, data.metrics
     most = max(job.study.factors)
     for row, parameter in enumerate(TUNED):
-        low = numbers[parameter, "least_factor"]
-        high = numbers[parameter, "greatest_factor"]
+        low = numbers[parameter, "minimum_factor"]
+        high = numbers[parameter, "maximum_factor"]
         bars.plot((low, high), (row, row), color="0.35", linewidth=thick(5), solid_capstyle="butt")
         for end, side in ((low, -1), (high, 1)):
             open_end = abs(end - most ** float(side)) < 1e-9
@@ -49,7 +49,7 @@ def draw_neighbourhood(data: FigureData) -> Figure:
     bars.set_title(f"(a) factors that keep every quoted value within ±{band:g}")
     narrow = min(
         TUNED,
-        key=lambda name: numbers[name, "greatest_factor"] / numbers[name, "least_factor"],
+        key=lambda name: numbers[name, "maximum_factor"] / numbers[name, "minimum_factor"],
     )
     for name, body in job.observers.items():
         style = style_of(body)

@@ -49,13 +49,13 @@ THREADS = 2
 
 @dataclass(frozen=True)
 class Grid:
-    """Numbers of steps: of a record, of those before the fault, of the start, and of the judged."""
+    """Numbers of steps: of a record, before the fault, of the start, and of the averaged end."""
 
     period: float
     steps: int
     begin: int
     settling: int
-    judged: int
+    averaged: int
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def run(job: Job, plant: Series) -> list[Row]:
         If a setting cannot be used.
     """
     with ThreadPoolExecutor(THREADS) as pool:
-        return [row for pair in _pairs(job) for row in _judged(pair, job.study, pool)]
+        return [row for pair in _pairs(job) for row in _alarm_rows(pair, job.study, pool)]
 
 
 def _pairs(job: Job) -> Iterator[Pair]:
@@ -162,7 +162,7 @@ def _pairs(job: Job) -> Iterator[Pair]:
             )  # fmt: skip
 
 
-def _judged(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> Iterator[Row]:
+def _alarm_rows(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> Iterator[Row]:
     grid = pair.grid
     first = next(iter(pair.banks.values()))
     rest = rest_likelihoods(first, grid.steps)
@@ -196,7 +196,7 @@ def _judged(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> Iter
         for name, statistic in found.items():
             yield name, *at, number, "alarm_time", alarm_time(statistic, limits[name], grid), "s"
             if name in pair.banks:
-                mean = float(np.mean(expit(statistic[-grid.judged :])))
+                mean = float(np.mean(expit(statistic[-grid.averaged :])))
                 yield name, *at, number, "probability_after", mean, "1"
 
 
@@ -234,22 +234,22 @@ def check(job: Job) -> None:
 
 
 def _grid(study: keys.Closeness, period: float) -> Grid:
-    steps, begin, settling, judged = (
+    steps, begin, settling, averaged = (
         multiple(name, getattr(study, name), period, "the scenario's period")
-        for name in ("horizon", "onset", "settling", "judged")
+        for name in ("horizon", "onset", "settling", "averaging_time")
     )
-    for name, count in (("settling", settling), ("judged", judged)):
+    for name, count in (("settling", settling), ("averaging_time", averaged)):
         if count >= begin:
             raise InputError(
                 name, f"{count * period:g} s must end before the onset at {study.onset:g} s"
             )
-    if begin + judged > steps:
+    if begin + averaged > steps:
         raise InputError(
-            "judged",
-            f"{study.judged:g} s must fit between onset and horizon, {study.onset:g} and "
+            "averaging_time",
+            f"{study.averaging_time:g} s must fit between onset and horizon, {study.onset:g} and "
             f"{study.horizon:g} s",
         )
-    return Grid(period, steps, begin, settling, judged)
+    return Grid(period, steps, begin, settling, averaged)
 
 
 def _settings(study: keys.Closeness) -> Iterator[tuple[str, float]]:

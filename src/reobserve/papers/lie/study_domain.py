@@ -75,8 +75,8 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
 def _growth(form: str, growth: Array) -> list[Row]:
     """The least and the largest factor by which the parts of S grow with their degree."""
     return [
-        summary(form, 0, "least_growth", float(np.min(growth)), "1"),
-        summary(form, 0, "largest_growth", float(np.max(growth)), "1"),
+        summary(form, 0, "minimum_growth", float(np.min(growth)), "1"),
+        summary(form, 0, "maximum_growth", float(np.max(growth)), "1"),
     ]
 
 

@@ -154,12 +154,14 @@ def _random_systems(
     """Section 2.1, Proposition 3.10 and Remark 3.11 on systems with terms of all degrees."""
 
     def drawn(name: str, k: int, states: int, highest: int) -> NormalFormProblem:
-        stream = random_stream(seed, "lie", name, str(k))
-        return random_problem(stream, states, highest, terms, unobservable=name == "hidden")
+        unobservable = name == "unobservable"
+        label = "hidden" if unobservable else name  # of the stream: another one draws other systems
+        stream = random_stream(seed, "lie", label, str(k))
+        return random_problem(stream, states, highest, terms, unobservable=unobservable)
 
     systems = {
         "random": [drawn("random", k, 2 + k % 2, degree - k % 2) for k in range(cases)],
-        "hidden": [drawn("hidden", k, 3, degree - 1) for k in range(cases)],
+        "unobservable": [drawn("unobservable", k, 3, degree - 1) for k in range(cases)],
     }
     metrics = []
     for name, problems in systems.items():
@@ -176,8 +178,8 @@ def _random_systems(
         if name == "random":
             difference = max(one.difference() for one in found)
             metrics.append(Metric(name, "largest_difference", difference, "1"))
-    slowest = max(decay_rate(problem, start, duration) for problem in systems["hidden"])
-    return (*metrics, Metric("hidden", "decay_rate", slowest, "1/s"))
+    slowest = max(decay_rate(problem, start, duration) for problem in systems["unobservable"])
+    return (*metrics, Metric("unobservable", "decay_rate", slowest, "1/s"))
 
 
 @part
