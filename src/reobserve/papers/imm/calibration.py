@@ -1,9 +1,9 @@
-"""The numbers that a calibration moves, how far three banks are from the paper's, and two studies.
+"""Calibration of three banks to the quoted probabilities, and two studies of the result.
 
-Nine numbers of the banks are moved: the variances of the process noise of five states, of the
-measurement noise of three outputs, and the probability to leave a mode; all banks share them. The
-studies: how far each may move, alone, before a quoted value leaves its band; and the calibrated
-banks with one thing changed.
+Nine numbers are tuned: the variances of the process noise of five states and of the measurement
+noise of three outputs, and the probability to leave a mode. All banks share them. One study moves
+each number alone until a quoted value leaves its band. The other changes one setting of the
+calibrated banks at a time.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Change = tuple[str, float, dict[str, Any], dict[str, Any]]
 
 QUANTITIES = ("normal_after", "leakage_after", "normal_before")
 
-# The study's keys for what changes the scenario, where it is not the name of the change.
+# Keys of the study for changes of the scenario, where they differ from the name of the change.
 _KEYS = {"period": "periods", "share": "shares"}
 
 THREADS = 2
@@ -48,12 +48,12 @@ THREADS = 2
 
 @dataclass(frozen=True)
 class Trial:
-    """Results of one choice: mean probabilities after the fault, and before it.
+    """Results of one choice of the tuned numbers.
 
-    ``means`` holds for each observer the normal and the leakage mode's after the fault and the
-    normal mode's before; ``distance`` is from all quoted values, nan if a filter diverged.
-    ``outside`` is for each SVSF the share of the innovations after the fault that lie outside the
-    boundary layer.
+    ``means`` has three mean probabilities by observer: of the normal and the leakage mode after the
+    fault, and of the normal mode before it. ``distance`` is that from all quoted values, nan if a
+    filter diverged. ``outside`` is, by SVSF, the share of the innovations after the fault that lie
+    outside the boundary layer.
     """
 
     means: Mapping[str, tuple[float, float, float]]
@@ -63,7 +63,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Banks of several observers on one record, to be run with any of the tuned numbers."""
+    """Banks on one record, to run with any values of the tuned numbers."""
 
     plant: keys.Plant
     observers: Mapping[str, keys.Observer]
@@ -71,12 +71,12 @@ class Calibration:
     record: Series
 
     def stated(self) -> Array:
-        """The tuned numbers that the parameter file has, in the order of `TUNED`.
+        """The tuned numbers of the parameter file, in the order of `TUNED`.
 
         Raises
         ------
         InputError
-            If the observers do not share them, or have other realisations than ``motion``.
+            If the observers do not share them, or have a realisation other than ``motion``.
         """
         found = []
         for name, body in self.observers.items():
@@ -128,23 +128,23 @@ class Calibration:
         return run(chosen, observer, measured, self.record["input"][:-1])
 
 
-def switches(trial: Trial, observers: Mapping[str, keys.Observer], least: float) -> bool:
-    """Whether the thin layers, and these alone, are left by this share of the innovations."""
+def switches(trial: Trial, observers: Mapping[str, keys.Observer], minimum: float) -> bool:
+    """Whether at least a share of the innovations leaves the thin layers, and fewer the others."""
     for name, share in trial.outside.items():
         body = observers[name]
         thin = isinstance(body, keys.SmoothVariableStructure) and body.layer_factor < 1
-        if (share >= least) != thin:
+        if (share >= minimum) != thin:
             return False
     return bool(trial.outside)
 
 
 def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
-    """For each tuned number and factor the mean probabilities of all banks; and the search's count.
+    """Mean probabilities of all banks by tuned number and factor, and the results of the search.
 
     Raises
     ------
     InputError
-        If the search's kept result cannot be read.
+        If the stored result of the search cannot be read.
     """
     study = job.study
     kept = read_kept(Path(study.kept))
@@ -203,12 +203,12 @@ class _Stored:
 
 
 def read_kept(path: Path) -> KeptSearch:
-    """The result of a search, as it is kept.
+    """Read the stored result of a search.
 
     Raises
     ------
     InputError
-        If the file is missing or damaged, or none of a search's.
+        If the file is missing, damaged or not the result of a search.
     """
     kept = parse(_Stored, read_json(path), str(path)).search
     if set(kept.found) != set(TUNED):
@@ -231,7 +231,7 @@ def run_changes(job: Job, plant: Series) -> list[Row]:
 
 
 def _changes(study: keys.Changes) -> Iterator[Change]:
-    """Name, level, and what differs in the scenario and in the observers."""
+    """Name and level of each change, and the changed values of the scenario and the observers."""
     yield "as_stated", 1.0, {}, {}
     yield "unmixed", 1.0, {}, {"mixing": False}
     yield "prbs", 1.0, {"input": study.prbs}, {}
@@ -254,7 +254,7 @@ def _changes(study: keys.Changes) -> Iterator[Change]:
 
 
 def check_changes(job: Job) -> None:
-    """Build the plant of each change and run none.
+    """Build the plant of each change without running it.
 
     Raises
     ------
@@ -274,7 +274,7 @@ def check_changes(job: Job) -> None:
 
 
 def _changed(job: Job, scenario: dict[str, Any]) -> Job:
-    """The settings of the plant's stage, with something else in the scenario."""
+    """The settings of the plant stage, with other values in the scenario."""
     return replace(job, scenario=replace(job.scenario, **scenario))
 
 
@@ -291,7 +291,7 @@ def _rows(job: Job, plant: Series, change: Change) -> list[Row]:
 
 
 def _moved(body: keys.Observer, **changed: Any) -> keys.Observer:
-    """An observer with other values, of which a Kalman filter has no layer and no inverse."""
+    """The observer with other values; a Kalman filter ignores those of layer and inverse."""
     if not isinstance(body, keys.SmoothVariableStructure):
         shared = {key: changed[key] for key in changed if key not in ("layer_factor", "inverse")}
         return replace(body, **shared)

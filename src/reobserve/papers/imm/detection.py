@@ -19,19 +19,19 @@ RESAMPLES = 1000  # of the runs, for an interval
 
 @dataclass(frozen=True)
 class Share:
-    """Of so many runs so many, with Wilson's interval of 95 %."""
+    """A share of runs, with Wilson's interval of 95 %."""
 
     count: int
     runs: int
 
     @property
     def value(self) -> float:
-        """The share, nan of no runs."""
+        """The share; nan without runs."""
         return self.count / self.runs if self.runs else float("nan")
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Its limits; from 0 to 1 of no runs."""
+        """Limits of the interval; 0 and 1 without runs."""
         if not self.runs:
             return 0.0, 1.0
         from scipy.stats import binomtest
@@ -42,11 +42,11 @@ class Share:
 
 @dataclass(frozen=True)
 class DetectionRates:
-    """A detector on one pair of models.
+    """Detections, false alarms and delay of a detector on one pair of models.
 
-    ``detected`` are those of the runs without an alarm before the fault that have one after it;
-    ``alarmed`` those of all runs with a false alarm. ``delay`` [s] is the median over the former
-    runs, nan where half of them or more have no alarm.
+    ``detected`` is the share of the runs without a false alarm that have an alarm after the fault,
+    ``alarmed`` the share of all runs that have a false alarm. ``delay`` [s] is the median over the
+    runs without a false alarm, nan if half of them or more have no alarm.
     """
 
     gap: float
@@ -56,7 +56,7 @@ class DetectionRates:
 
 
 def detection_rates(gap: float, alarm_times: Array) -> DetectionRates:
-    """From the times of first alarms, counted from the fault: up to zero false, nan for none."""
+    """Rates from first alarms [s] after the fault: 0 or less is a false alarm, nan is none."""
     false = alarm_times <= 0
     fair = alarm_times[~false]
     delay = float(np.median(np.where(np.isnan(fair), np.inf, fair))) if len(fair) else np.inf
@@ -69,7 +69,7 @@ def detection_rates(gap: float, alarm_times: Array) -> DetectionRates:
 
 
 def curve(study: StudyTable, name: str, sweep: str) -> list[DetectionRates]:
-    """A detector on all pairs of a sweep, from the closest on."""
+    """The rates of a detector on all pairs of a sweep, from the smallest gap to the largest."""
     table = study.where(sweep=sweep)
     gaps = table.where(observer="models")
     found = [
@@ -80,7 +80,7 @@ def curve(study: StudyTable, name: str, sweep: str) -> list[DetectionRates]:
 
 
 def measure(study: StudyTable, enough: float) -> Iterator[Metric]:
-    """By detector, plant, noise and share; and the gaps from which on faults are detected."""
+    """Metrics by detector, plant, noise and share, and the minimum gaps for detection."""
     for (share,), rows in study.where(observer="models").groups("level"):
         yield Metric.at("models", ("nu_gap", float(rows["value"][0]), "1"), share=share)
     alarms = study.where(quantity="alarm_time")
@@ -108,7 +108,7 @@ def measure(study: StudyTable, enough: float) -> Iterator[Metric]:
 def _diagnoses(
     rows: StudyTable, name: str, gaps: list[float], enough: float, at: dict[str, float | str]
 ) -> Iterator[Metric]:
-    """Of banks: the gap from which on the faulty model is the more probable one after the fault."""
+    """The minimum gap at which a bank finds the faulty model more probable after the fault."""
     right: list[tuple[float, Share]] = []
     for (share,), runs in rows.where(quantity="probability_after").groups("level"):
         correct = int(np.count_nonzero(runs["value"] > 0.5))
@@ -126,15 +126,15 @@ def _minimum_gaps(
     enough: float,
     at: dict[str, float | str],
 ) -> Iterator[Metric]:
-    """The gap that is enough, and its interval of 95 %; nan if there is none."""
-    least = enough_gap(gaps, [one.value for one in shares], enough)
-    yield Metric.at(name, (metric, least, "1"), **at)
+    """The minimum sufficient gap and its interval of 95 %; nan if there is none."""
+    gap = enough_gap(gaps, [one.value for one in shares], enough)
+    yield Metric.at(name, (metric, gap, "1"), **at)
     for end, limit in zip(("low", "high"), gap_interval(gaps, shares, enough), strict=True):
         yield Metric.at(name, (f"{metric}_{end}", limit, "1"), **at)
 
 
 def gap_interval(gaps: list[float], shares: list[Share], wanted: float) -> tuple[float, float]:
-    """Bootstrap interval of 95 % of `enough_gap`, over the runs; nan for an end that is beyond."""
+    """Bootstrap interval of 95 % of `enough_gap`; an end beyond the widest gap is nan."""
     runs = np.array([one.runs for one in shares])
     stream = np.random.default_rng(0)
     counts = stream.binomial(runs, [one.value for one in shares], (RESAMPLES, len(shares)))
@@ -146,10 +146,10 @@ def gap_interval(gaps: list[float], shares: list[Share], wanted: float) -> tuple
 
 
 def enough_gap(gaps: list[float], right: list[float], wanted: float) -> float:
-    """The gap from which on the share is ``wanted`` or more.
+    """The minimum gap above which the share is ``wanted`` or more.
 
-    Between the last gap of the study with a smaller share and the next it is taken as linear over
-    the logarithm; nan if the widest gap is not enough, and the least one if all are.
+    It is interpolated between the last gap with a smaller share and the next, linearly over the
+    logarithm of the gap. It is nan if the widest gap is not enough, and the smallest if all are.
     """
     good = len(gaps)
     while good and right[good - 1] >= wanted:

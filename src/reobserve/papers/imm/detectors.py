@@ -1,11 +1,10 @@
 """Detectors of a change of the plant from one model to another: banks, and standard tests.
 
-Each makes of a record one number a sample, its statistic, and alarms where that exceeds a
-threshold, which records without a fault decide. Of a bank it is the logarithm of the odds of the
-faulty model. Beside the banks of the parameter file there are, on the first one's two filters,
-each for itself: a bank without mixing, Page's cumulative sum of the logarithms of their likelihood
-ratios, and, on the normal model's filter alone, the likelihood ratio for innovations that have
-become larger. The second half counts detected faults, false alarms and delays.
+A detector computes one statistic per sample and raises an alarm where it exceeds a threshold, which
+is set on records without a fault. The statistic of a bank is the log odds of the faulty model.
+Three more detectors use the two filters of the first bank, run alone: a bank without mixing, Page's
+cumulative sum of their log-likelihood ratios, and, with the normal model's filter only, the
+likelihood ratio for innovations that have become larger.
 """
 
 from __future__ import annotations
@@ -30,18 +29,18 @@ from reobserve.papers.imm.study_rows import CUSUM, GLR, UNMIXED
 Array = NDArray[np.float64]
 Bank = tuple[IMM, keys.Observer]
 
-LENGTHS = 2 ** np.arange(10)  # samples: how long ago the likelihood ratio takes a change to be
+LENGTHS = 2 ** np.arange(10)  # samples since a change, for the likelihood ratio
 
-FAR = 700.0  # of the logarithm of odds: exp(-FAR) is about the least probability
+FAR = 700.0  # limit of log odds: exp(-FAR) is about the smallest probability
 
 
 @dataclass(frozen=True)
 class Detectors:
-    """Banks of two models, the normal one first, by name; and the tests on the first one's filters.
+    """Banks of two models by name, the normal model first, and tests on the first bank's filters.
 
-    A record's first ``settling`` rows tell the tests nothing: the filters come from other states.
-    ``rest`` are `rest_likelihoods` of as many rows as a record has or more, and ``expected`` is the
-    mean of `distances` over records without a fault: m, if the model's noise is the plant's.
+    The tests skip the first ``settling`` rows of a record, where the filters start from other
+    states. ``rest`` are `rest_likelihoods` of at least as many rows as a record has. ``expected``
+    is the mean of `distances` over records without a fault: m, if the model has the plant's noise.
     """
 
     banks: Mapping[str, Bank]
@@ -50,9 +49,10 @@ class Detectors:
     expected: float
 
     def statistics(self, measured: Array, held: Array) -> dict[str, Array]:
-        """By detector, each shape (k,); -inf from where a bank diverged.
+        """Statistics by detector, each of shape (k,); -inf after a bank has diverged.
 
-        ``measured``, shape (k, m), are ends of steps and ``held``, (k,), the inputs over them.
+        ``measured``, (k, m), are the outputs at the ends of steps, and ``held``, (k,), the inputs
+        held over the steps.
         """
         found = {name: log_odds(bank, measured, held) for name, bank in self.banks.items()}
         first = next(iter(self.banks.values()))
@@ -68,7 +68,7 @@ class Detectors:
 
 
 def log_odds(bank: Bank, measured: Array, held: Array) -> Array:
-    """Of the faulty model, shape (k,), between -700 and 700; -inf from where the bank diverged."""
+    """Log odds of the faulty model, (k,), from -700 to 700; -inf after the bank has diverged."""
     found = run(*bank, measured, held)["probability"]
     known = np.log(np.maximum(found, math.exp(-FAR)))
     odds = np.full(len(measured), -np.inf)
@@ -77,7 +77,7 @@ def log_odds(bank: Bank, measured: Array, held: Array) -> Array:
 
 
 def likelihoods(bank: Bank, mode: int, measured: Array, held: Array) -> Array:
-    """Log-likelihoods of a record, shape (k,), by the filter of one mode, which runs alone."""
+    """Log-likelihoods of a record, shape (k,), by the filter of one mode, run alone."""
     one, observer = bank
     alone = cast(LinearFilter, one.filters[mode])
     begin = start_alone(alone, observer, held[0])
@@ -85,20 +85,20 @@ def likelihoods(bank: Bank, mode: int, measured: Array, held: Array) -> Array:
 
 
 def rest_likelihoods(bank: Bank, rows: int) -> Array:
-    """Those of a record at rest by the normal model's filter: no innovation, and the same S."""
+    """Log-likelihoods of a record at rest by the normal model's filter: no innovations, same S."""
     return likelihoods(bank, 0, np.zeros((rows, bank[0].measurements)), np.zeros(rows))
 
 
 def distances(rest: Array, found: Array) -> Array:
-    """e' S^-1 e, shape (k,): twice what a record's log-likelihoods fall short of those at rest."""
+    """e' S^-1 e, shape (k,): twice the log-likelihoods at rest minus those of the record."""
     return np.maximum(2.0 * (rest[: len(found)] - found), 0.0)
 
 
 @kernel
 def unmixed_log_odds(transition: Array, log_likelihoods: Array) -> Array:
-    """Of the second of two modes, shape (k,), from equal odds a sample before the first.
+    """Log odds of the second of two modes, shape (k,), from equal odds before the first sample.
 
-    ``log_likelihoods`` have shape (k, 2): only the probabilities follow the chain.
+    ``log_likelihoods`` have shape (k, 2). The chain acts on the probabilities only.
     """
     odds = np.empty(len(log_likelihoods))
     weights, predicted = np.empty((2, 2)), np.empty(2)

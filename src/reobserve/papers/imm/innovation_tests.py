@@ -1,14 +1,14 @@
 """Tests of a filter's innovations for a change: Page's cumulative sum, and a likelihood ratio.
 
-They read one number a sample, and make a statistic of it that stays low as long as the filter's
-model holds. Whoever uses them raises an alarm where it exceeds a threshold, which false alarms on
-records without a fault decide. A missing number (nan) tells nothing: the statistic stays.
+A test turns one number per sample into a statistic that stays low as long as the filter's model
+holds. An alarm is raised where the statistic exceeds a threshold, which is set by the false alarms
+on records without a fault. At a missing number (nan) the statistic keeps its value.
 
-- `cusum` sums log-likelihood ratios of two filters, of the healthy plant and of the faulty one: the
-  quickest test where both models are known (Page 1954; Lorden 1971).
-- `inflation_glr` knows the healthy model alone: it looks for innovations that have become larger by
-  an unknown factor at an unknown time (generalised likelihood ratio, Willsky & Jones 1976, here of
-  a covariance's size), over windows of some lengths only (Lai 1995).
+- `cusum` sums the log-likelihood ratios of two filters, one of the healthy and one of the faulty
+  plant. It is the quickest test if both models are known (Page 1954; Lorden 1971).
+- `inflation_glr` needs the healthy model only. It detects innovations that have become larger by an
+  unknown factor at an unknown time. It is a generalised likelihood ratio (Willsky & Jones 1976),
+  here for the scale of a covariance, over windows of a few lengths only (Lai 1995).
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ def cusum(increments: ArrayLike, start: float = 0.0) -> Array:
     Parameters
     ----------
     increments
-        s, shape (k,), nan where missing: of negative mean before a change and of positive mean
-        after it, as the logarithm of the likelihood after over that before has.
+        s, shape (k,), nan where missing. Their mean is negative before a change and positive after
+        it, as for the logarithm of the ratio of the likelihoods after and before.
     start
-        g before the first of them: zero, or the last one of the record that this one continues.
+        g before the first increment: zero, or the last value of the record that this one continues.
 
     Raises
     ------
@@ -54,20 +54,20 @@ def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Arr
     """Logarithm of the generalised likelihood ratio for larger innovations, shape (k,).
 
     Before the change an innovation has the covariance S, from the change on c S, with c > 1 and the
-    time of the change unknown. Over the last n samples, whose distances sum to Q, it is greatest
-    for c = Q / (n m), where it is [Q - n m - n m ln(Q / (n m))] / 2; or zero where Q < n m. The
-    largest over all lengths n that fit in the record so far is the statistic.
+    time of the change unknown. Over the last n samples, whose distances sum to Q, the maximum over
+    c is at c = Q / (n m) and is [Q - n m - n m ln(Q / (n m))] / 2, or zero if Q < n m. The
+    statistic is the maximum over all lengths n that fit in the record so far.
 
     Parameters
     ----------
     distances
-        d = e' S^-1 e of the innovations e, shape (k,), nan where missing: chi-squared with m
-        degrees of freedom, so of mean m, as long as the filter's model holds.
+        d = e' S^-1 e of the innovations e, shape (k,), nan where missing. They are chi-squared with
+        m degrees of freedom, so their mean is m, as long as the filter's model holds.
     outputs
         m, the number of entries of an innovation.
     lengths
-        n, whole numbers from 1 on: how many samples ago the change may have been. Some of them,
-        such as powers of two, are nearly as good as all (Lai 1995).
+        n, whole numbers from 1 on: the samples since a possible change. A few of them, such as
+        powers of two, are nearly as good as all (Lai 1995).
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _cusum(increments: Array, start: float) -> Array:
 
 @kernel
 def _inflation_glr(distances: Array, outputs: int, lengths: NDArray[np.int64]) -> Array:
-    """``totals`` of the distances that are not missing: of the first 0, 1, 2, ... of them."""
+    """``totals`` are the sums of the first 0, 1, 2, ... distances that are not missing."""
     statistic, totals = np.empty(len(distances)), np.zeros(len(distances) + 1)
     taken, last = 0, 0.0
     for k in range(len(distances)):

@@ -41,7 +41,7 @@ def variances(place: str, value: Any) -> None:
 
 
 def bounds(place: str, value: list[float]) -> None:
-    """Two positive numbers, the second one greater."""
+    """Two positive numbers, the second one larger."""
     low, high = value
     if not 0 < low < high:
         raise InputError(place, f"[{low:g}, {high:g}] must be above 0 and rise")
@@ -53,7 +53,7 @@ Bounds = Annotated[list[float], vector(2), checked(bounds)]
 
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 
-# The identified models, in the order of whatever has one component a mode.
+# The identified models, in the order of all arrays with one component per mode.
 MODES = ("normal", "friction", "leakage")
 
 
@@ -137,7 +137,7 @@ class Search:
     neighbour_pairs: Annotated[int, within(0, 1000)]
     spread: Annotated[float, within(0, 0.99)]
     generations: Annotated[int, within(1, 100_000)]
-    switching: Share | None = None  # not asked for without
+    switching: Share | None = None  # no condition if missing
     title: str = ""
 
 
@@ -154,7 +154,7 @@ class Neighbourhood(job.Study):
 
 @dataclass(frozen=True, kw_only=True)
 class Changes(job.Study):
-    """The calibrated banks with one thing changed."""
+    """The calibrated banks with one setting changed."""
 
     method: Literal["changes"]
     prbs: TestInput
@@ -169,7 +169,7 @@ class Changes(job.Study):
 
 @dataclass(frozen=True, kw_only=True)
 class Closeness(job.Study):
-    """Faults that are detected against how far apart the models are."""
+    """Detected faults against the nu-gap between the models."""
 
     method: Literal["closeness"]
     input: TestInput
@@ -190,7 +190,7 @@ class Closeness(job.Study):
 
 @dataclass(frozen=True, kw_only=True)
 class Causes(job.Study):
-    """Banks of SVSFs with one cause of what they do changed."""
+    """Banks of SVSFs with one possible cause of their probabilities changed."""
 
     method: Literal["causes"]
     scales: Changed

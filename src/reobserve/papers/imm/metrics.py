@@ -2,11 +2,11 @@
 
 Means over the last two seconds before the fault (`_before`) and over the last three of the run
 (`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
-What stands at a coordinate belongs to a study: of changes, at what is changed and its level, or of
-closeness, at the noise, the plant (`exact`, or `driven` by process noise) and the share of the
-leak, and the observer column holds a detector. For the neighbourhood the observer column holds
-the tuned number, `search`, or `all` banks. In `theory.metrics.csv` it holds a bank,
-or `model` for the normal one. `nan` means that it never happens.
+Metrics with coordinates belong to a study. Those of the changes have the change and its level.
+Those of the closeness have the noise, the plant (`exact`, or `driven` by process noise) and the
+share of the leak, and the observer column holds a detector. For the neighbourhood this column holds
+the tuned number, `search`, or `all` banks. In `theory.metrics.csv` it holds a bank, or `model` for
+the normal one. `nan` means that it never happens.
 """
 
 from __future__ import annotations
@@ -146,10 +146,10 @@ def _neighbourhood(data: FigureData) -> Iterator[Metric]:
 
 
 def reach(job: Job, study: StudyTable, parameter: str) -> tuple[float, float]:
-    """The least and the greatest factor that keep all quoted values within the band.
+    """Minimum and maximum factor that keep all quoted values within the band.
 
-    Moving outwards from 1, where the largest distance first leaves the band: between two factors
-    of the study it is taken as linear over the logarithm.
+    Outwards from 1, this is where the largest distance first leaves the band. Between two factors
+    of the study the distance is interpolated linearly over the logarithm.
     """
     worst: dict[float, float] = {}
     for sweep in (parameter, "stated"):
@@ -163,7 +163,7 @@ def reach(job: Job, study: StudyTable, parameter: str) -> tuple[float, float]:
 
 
 def _leaves(worst: dict[float, float], levels: list[float], band: float) -> float:
-    """Where the distance, at levels in their order, first exceeds the band; the last if nowhere."""
+    """The level at which the distance first exceeds the band; the last one if it never does."""
     if not worst[levels[0]] <= band:
         return levels[0]
     for level, further in pairwise(levels):
@@ -175,7 +175,7 @@ def _leaves(worst: dict[float, float], levels: list[float], band: float) -> floa
 
 
 def _off(job: Job, name: str, quantity: str, value: float) -> float:
-    """How far a mean probability is from the paper's; zero where the paper is silent."""
+    """Distance of a mean probability from the quoted one; zero if the paper quotes none."""
     if name not in job.observers:
         return 0.0 if np.isfinite(value) else np.inf
     observer = job.observers[name]
@@ -185,14 +185,14 @@ def _off(job: Job, name: str, quantity: str, value: float) -> float:
 
 
 def _changes(data: FigureData) -> Iterator[Metric]:
-    """Each mean probability with one thing changed, at the level to which."""
+    """Each mean probability with one setting changed, at its level."""
     coordinates = "observer", "quantity", "sweep", "level"
     for (name, quantity, sweep, level), rows in data.study.groups(*coordinates):
         yield Metric.at(name, (quantity, rows.value(), "1"), **{sweep: level})
 
 
 def _closeness(data: FigureData) -> Iterator[Metric]:
-    """Detected faults and false alarms by detector, plant, noise and share; the least gaps."""
+    """Detected faults and false alarms by detector, plant, noise and share; the minimum gaps."""
     yield from detection.measure(data.study, data.job.study.enough)
 
 

@@ -1,4 +1,4 @@
-"""Notes under a figure over time, with the settings that decide it, and the style of each bank."""
+"""Notes with the settings under a figure over time, and the style of each bank."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def layers(job: Job) -> str:
 
 
 def _digits(value: float) -> str:
-    """Three of them, and no power of ten where none is needed."""
+    """The number with three digits, without a power of ten if possible."""
     return f"{float(f'{value:.3g}'):g}"
 
 

@@ -1,9 +1,9 @@
 """The nu-gap between two linear plants with one input and one output (Vinnicombe 1993).
 
-It says how differently two plants can behave in closed loop: a controller that stabilises one of
-them with a margin above the gap stabilises the other, too (Zhou & Doyle 1998, chapter 17).
+It measures how differently two plants can behave in closed loop: a controller that stabilises one
+of them with a margin above the gap also stabilises the other (Zhou & Doyle 1998, chapter 17).
 
-For P_i = n_i / d_i of order m_i it is, if a winding condition holds, the greatest chordal distance
+For P_i = n_i / d_i of order m_i it is, if a winding condition holds, the maximum chordal distance
 of P_1(j omega) and P_2(j omega) on the Riemann sphere, over all omega,
 
     kappa = |n_1 d_2 - n_2 d_1| / (|g_1| |g_2|),    |g_i|^2 = |n_i|^2 + |d_i|^2,
@@ -45,8 +45,8 @@ def nu_gap(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLik
     ----------
     first, second
         Numerator and denominator of a proper transfer function in continuous time [s in 1/s]: real
-        coefficients from the highest power down. They are taken as exact, as far as they decide
-        about common factors and the winding condition.
+        coefficients from the highest power down. Common factors and the winding condition are
+        computed from them exactly.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def nu_gap(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLik
     plants = _plant("first", first), _plant("second", second)
     if not _winding_condition(*plants):
         return 1.0
-    return _greatest_distance(*_scaled(*plants))
+    return _maximum_distance(*_scaled(*plants))
 
 
 def _plant(name: str, pair: tuple[ArrayLike, ArrayLike]) -> Plant:
@@ -98,7 +98,7 @@ def _polynomial(name: str, coefficients: ArrayLike) -> Array:
 def _winding_condition(first: Plant, second: Plant) -> bool:
     """Whether the phase of phi(j omega) rises by (m_1 - m_2) pi, but for roots on the axis.
 
-    Rounded, a phi of lightly damped plants could have its roots on the wrong side of the axis.
+    Exact, because rounding could move roots of phi of lightly damped plants across the axis.
     """
     phi = [Fraction(0)] * (len(first[1]) + len(second[1]) - 1)
     for one, other in zip(first, second, strict=True):
@@ -145,13 +145,13 @@ def _trimmed(polynomial: Sequence[Fraction]) -> Exact:
     return list(polynomial[start:])
 
 
-# --- The greatest chordal distance --------------------------------------------------------------
+# --- The maximum chordal distance ---------------------------------------------------------------
 
 
 def _scaled(first: Plant, second: Plant) -> tuple[Plant, Plant]:
     """The plants with frequency in units of the geometric mean of the roots of g_1 and g_2.
 
-    It makes no difference to a supremum over all frequencies, and coefficients of a similar size.
+    This leaves a supremum over all frequencies as it is, and makes coefficients similar in size.
     """
     plants = first, second
     order = sum(len(d) - 1 for _, d in plants)
@@ -166,26 +166,26 @@ def _scaled(first: Plant, second: Plant) -> tuple[Plant, Plant]:
     return scale(*first), scale(*second)
 
 
-def _greatest_distance(first: Plant, second: Plant) -> float:
+def _maximum_distance(first: Plant, second: Plant) -> float:
     """The supremum of kappa over omega = tan(angle), for angles from 0 to pi/2.
 
-    Between neighbours among its stationary points kappa is monotone. They are roots of a polynomial
-    and so rounded: the search goes on around each, as far as its neighbours on both sides.
+    Between neighbouring stationary points kappa is monotone. They are roots of a polynomial and
+    thus rounded, so each is refined by a search up to its neighbours on both sides.
     """
     stationary = np.arctan(_stationary_frequencies(first, second))
     angles = np.concatenate([[0.0], np.sort(stationary), [np.pi / 2]])
     low = np.concatenate([angles[:1], angles[:-1]])
     high = np.concatenate([angles[1:], angles[-1:]])
-    greatest = float(np.max(_distance(first, second, angles)))
+    maximum = float(np.max(_distance(first, second, angles)))
     columns = np.arange(len(angles))
     for _ in range(12):  # each narrows the intervals by 16
         grid = np.linspace(low, high, 33)
         distance = _distance(first, second, grid)
-        greatest = max(greatest, float(np.max(distance)))
+        maximum = max(maximum, float(np.max(distance)))
         best = np.argmax(distance, axis=0)
         low = grid[np.maximum(best - 1, 0), columns]
         high = grid[np.minimum(best + 1, 32), columns]
-    return min(greatest, 1.0)
+    return min(maximum, 1.0)
 
 
 def _stationary_frequencies(first: Plant, second: Plant) -> Array:

@@ -22,7 +22,7 @@ from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings, period: float) -> IMM:
-    """The bank that an observer's settings state, for samples at a period [s]."""
+    """The bank of an observer's settings, for a sampling period [s]."""
     job = read_job(keys.Parameters, settings)
     return bank(job.plant, job.observer, period)
 
@@ -30,10 +30,10 @@ def build(settings: Settings, period: float) -> IMM:
 def estimate(settings: Settings, plant: Series) -> Series:
     """Probabilities of the modes and the estimate of the velocity, from t = 0 on.
 
-    ``probability`` has one component a mode, in the order of `MODES`. For an SVSF ``saturated`` is
-    the share of all innovations that lie outside the boundary layer, and ``chattering`` that of
-    those there that have changed their sign since the sample before; ``chattering_correction`` is
-    how far these move the estimate of the velocity.
+    ``probability`` has one component per mode, in the order of `MODES`. For an SVSF ``saturated``
+    is the share of the innovations outside the boundary layer, and ``chattering`` the share that is
+    outside and has changed its sign since the sample before. ``chattering_correction`` is how far
+    the latter move the estimate of the velocity.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
         raise DivergenceError(observer.algorithm, found.diverged_at)
     start = np.full((1, len(MODES)), 1.0 / len(MODES))
     channels = {"probability": Channel(np.vstack([start, found["probability"]]), "1")}
-    # It has no share of the input in it: the same row of C in all modes.
+    # The velocity has no feedthrough, and the same row of C in all modes.
     row = chosen.filters[0].model.C[REALISATIONS[observer.realisation].index("velocity")]
     velocity = np.concatenate([[0.0], found["state"] @ row])
     channels["velocity"] = Channel(velocity, UNITS["velocity"])

@@ -15,7 +15,7 @@ from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings) -> Experiment:
-    """Everything a scenario states, checked; see `experiment`."""
+    """The scenario, checked; see `experiment`."""
     job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)
 
@@ -23,9 +23,8 @@ def build(settings: Settings) -> Experiment:
 def simulate(settings: Settings) -> Series:
     """The motion, and what is measured of it, over the horizon.
 
-    ``motion`` has the components of `MOTION`, ``measured`` the same with their noise, ``input``
-    is what is held from each sample on, ``mode`` 0 or 1, and the event ``fault`` says when it
-    changes.
+    ``motion`` has the components of `MOTION`, ``measured`` the same with noise. ``input`` is held
+    from each sample on. ``mode`` is 0 or 1, and the event ``fault`` is the time of its change.
 
     Raises
     ------

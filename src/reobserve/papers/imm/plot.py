@@ -1,4 +1,4 @@
-"""Stage plot: probabilities of the modes over time, and what the studies say of them."""
+"""Stage plot: probabilities of the modes over time, and the studies of them."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ ROWS = ("detected share", "false alarms", "median delay [ms]")
 
 
 def draw(data: FigureData) -> Figure:
-    """A column a plant and noise: detected faults, false alarms, and median delays."""
+    """Detected faults, false alarms and median delays, one column per plant and noise level."""
     job, study = data.job, data.study
     styles, labels = _detectors(with_scales(job.observers, job.study.layer_scales))
     sweeps = study.levels("sweep")
@@ -81,7 +81,7 @@ def _limits(found: list[DetectionRates]) -> tuple[list[float], list[float]]:
 def _detectors(
     observers: Mapping[str, keys.Observer],
 ) -> tuple[dict[str, Style], dict[str, str]]:
-    """Style and label of each detector: banks as everywhere."""
+    """Style and label of each detector; banks have those of the other figures."""
     styles: dict[str, Style] = {}
     labels: dict[str, str] = {}
     for name, body in observers.items():

@@ -37,7 +37,7 @@ def draw(data: FigureData) -> Figure:
 
 
 def draw_switching(data: FigureData) -> Figure:
-    """Normal and leakage mode, and which share of the innovations lies outside the layers."""
+    """Normal and leakage mode, and the share of the innovations outside the layers."""
     figure, (normal, leakage, outside) = new_figure((2.0, 2.0, 1.3))
     for axes, mode, letter in ((normal, "normal", "a"), (leakage, "leakage", "b")):
         _probabilities(axes, data, mode, letter)
@@ -66,7 +66,7 @@ def _probabilities(axes: Axes, data: FigureData, mode: str, letter: str) -> None
 
 
 def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
-    """What the paper quotes of each bank: a pale bar where it is compared, and in the margin."""
+    """The quoted value of each bank: a pale bar where it is compared, and a mark in the margin."""
     start, end = data.job.metrics.after
     for name in data.estimates:
         body = data.job.observers[name]
@@ -98,7 +98,7 @@ def _finished(figure: PaperFigure, data: FigureData) -> Figure:
 
 
 def binned(time: Array, values: Array, width: float = 0.03) -> tuple[Array, Array, Array, Array]:
-    """Time, and least, mean and greatest value of each bin of ``width`` seconds.
+    """Time, and minimum, mean and maximum of each bin of ``width`` seconds.
 
     A probability that flips from sample to sample shows as a band with its mean in it.
     """

@@ -1,4 +1,4 @@
-"""Studies of the calibration: how far its numbers may move, what else changes, and causes."""
+"""Figures of the studies: margins of the tuned numbers, changes of one setting, and causes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NUMBERS = {
 
 
 def draw_neighbourhood(data: FigureData) -> Figure:
-    """A bar a number, and below the mean probabilities while one number moves."""
+    """Bars of the margins, and mean probabilities over the number with the smallest margin."""
     figure, (bars, curves) = new_figure((2.5, 2.3), share_time=True)
     job, numbers = data.job, data.metrics
     most = max(job.study.factors)
@@ -104,7 +104,7 @@ _CHANGES = {
 
 
 def draw_changes(data: FigureData) -> Figure:
-    """All modes, one row a change."""
+    """Mean probabilities of all modes, one row per change."""
     study, observers = data.study, data.job.observers
     changes = [change for change, _ in study.groups("sweep", "level")]
     figure = blank(0.9 + 0.24 * len(changes))
@@ -142,8 +142,8 @@ def _name(sweep: str, level: float) -> str:
     return _CHANGES[sweep].format(level=level, ms=1000 * level, share=level)
 
 
-# In the order in which they are drawn: what is like the whole SVSF-IMM lies on it, smaller. The
-# probabilities jump from scale to scale, so that no lines join them.
+# In drawing order: variants that agree with the SVSF-IMM lie on it with smaller markers. No lines
+# join the points, because the probabilities jump from scale to scale.
 _CURVES = {
     INTACT: (SVSF, 6.5, "SVSF-IMM"),
     FROZEN: (STYLES[4], 4.0, "gains frozen at their means: nothing switches"),
@@ -160,7 +160,7 @@ def draw_causes(data: FigureData) -> Figure:
     job = data.job
     study = data.study.where(run=SCANNED)
     figure, (mode, outside) = new_figure((3.4, 1.3))
-    # It has no layers: the same at all scales.
+    # The KF-IMM has no layers and is the same at all scales.
     kalman = study.where(sweep=KALMAN, quantity="fault_after")["value"][0]
     mode.axhline(kalman, **KALMAN_STYLE.line(), label="KF-IMM")
     for variant, (style, size, label) in _CURVES.items():

@@ -8,7 +8,7 @@ from reobserve.signals.series import Shape
 
 EVENTS = ("fault",)
 
-# The components of the motion; y is a velocity, not stated.
+# The components of the motion; y is the unit of the velocity, which the paper does not state.
 UNITS = {"position": "y s", "velocity": "y", "acceleration": "y/s", "jerk": "y/s^2"}
 
 

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def check_rules(rules: keys.Metrics, horizon: float) -> None:
-    """Refuse windows that no sample up to the horizon [s] is in."""
+    """Refuse windows that start at the horizon [s] or later."""
     with located("metrics"):
         for name in ("before", "after", "overshoot"):
             first = getattr(rules, name)[0]
@@ -33,9 +33,9 @@ def probabilities(
 ) -> Iterator[Score]:
     """Means over the windows, their spread, the alarm, the diagnosis and the overshoot.
 
-    That is how far the normal mode is at most from its later mean, above or below. There is no
-    alarm for the fault (nan) where one rang before, from the begin of the window before it on.
-    ``fault`` is the index of the mode that begins at ``onset`` [s].
+    The overshoot is the maximum deviation of the normal mode from its later mean, above or below.
+    The alarm is nan if there was a false one before the fault, from the start of the window
+    ``before`` on. ``fault`` is the index of the mode that begins at ``onset`` [s].
     """
     first = probability[window(time, *rules.before, closed="right")]
     early = probability[window(time, *rules.overshoot, closed="right")]
@@ -61,9 +61,9 @@ def quoted_distance(
 ) -> float:
     """Root mean square distance from the values that the paper quotes, over time.
 
-    ``quoted`` are the probabilities of the normal and of the leakage mode after the fault; with
-    ``high`` that of the normal mode before it is compared with one, too. Over time and not of the
-    means, so that a probability that jumps between 0 and 1 does not pass for one in between.
+    ``quoted`` are the probabilities of the normal and of the leakage mode after the fault. With
+    ``high`` that of the normal mode before it is also compared with one. The mean is over time, so
+    that a probability that jumps between 0 and 1 does not pass for one in between.
     """
     late = probability[window(time, *rules.after, closed="right")]
     squares = [np.mean((late[:, mode] - quoted[place]) ** 2) for place, mode in enumerate((0, 2))]

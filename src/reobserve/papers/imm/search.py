@@ -1,14 +1,14 @@
 """Search: the unstated noise and transition with which three banks come nearest to the paper.
 
 Differential evolution (Storn & Price 1997) over the logarithms of the numbers of
-`study_rows.TUNED`, seeded, so that the same settings find the same numbers, on one core or two.
+`study_rows.TUNED`. It is seeded: the same settings find the same numbers, on one core or two.
 
-A choice is judged by the worst of itself and a few neighbours, the same for all choices: the banks
-have more than one state of rest, and where one of them ends the quoted values can be had to the
-last digit, by numbers that must not move by a hundredth.
+The distance of a choice is the largest over itself and a few neighbours, which lie in the same
+directions for all choices. The banks have more than one steady state. Where one of them ends, the
+quoted values can be met to the last digit, but by numbers that must not move by a hundredth.
 
 With ``switching`` a choice in which the thin layers do not switch, or the nominal ones do, counts
-as farther away than any that is right: see `calibration.switches`.
+as farther away than any that meets this condition: see `calibration.switches`.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from reobserve.signals.series import Series
 Array = NDArray[np.float64]
 
 WORST = 10.0  # the distance of a bank that diverges: worse than any other
-STILL = 1.0  # more where the wrong layers switch: no distance between probabilities is larger
+STILL = 1.0  # added where the wrong layers switch: no distance between probabilities is larger
 DIGITS = 3  # to which the numbers found are rounded
 THREADS = 2
 
 
 def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> dict[str, Any]:
-    """The numbers found, the distance that is left, and how it came to that.
+    """Run the search: the numbers found, the remaining distance, and its history.
 
     ``progress`` is called with a line whenever a generation is over.
 
@@ -104,16 +104,16 @@ def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> d
 
 
 def _nearby(seed: int, pairs: int, spread: float) -> Array:
-    """One, and pairs of opposite steps: factors to the tuned numbers, shape (1 + 2 pairs, q)."""
+    """Factors to the tuned numbers: one, and pairs of opposite steps; shape (1 + 2 pairs, q)."""
     stream = random_stream(seed, "imm", "search", "neighbours")
-    # Corners of the cube and not points inside: all numbers move by as much.
+    # Corners of the cube, so that all numbers move by the same factor.
     steps = np.log1p(spread) * (2.0 * stream.integers(0, 2, (pairs, len(TUNED))) - 1.0)
     found: Array = np.exp(np.vstack([np.zeros((1, len(TUNED))), steps, -steps]))
     return found
 
 
 def bounds(body: keys.Search) -> tuple[Array, Array]:
-    """The logarithms of the least and the greatest of the numbers of `TUNED`."""
+    """Logarithms of the lower and upper bounds of the numbers of `TUNED`."""
     found = []
     for (low, high), places in (
         (body.process_noise, STATES),
@@ -129,6 +129,6 @@ def bounds(body: keys.Search) -> tuple[Array, Array]:
 
 def check(body: keys.Search) -> None:
     """Refuse a probability to leave a mode that may reach one."""
-    most = body.leave[1] * (1 + body.spread)
-    if most >= 1:
-        raise InputError("leave", f"is up to {most:g} with the spread, must stay below 1")
+    maximum = body.leave[1] * (1 + body.spread)
+    if maximum >= 1:
+        raise InputError("leave", f"is up to {maximum:g} with the spread, must stay below 1")

@@ -1,4 +1,4 @@
-"""From the parameter file's values to models, signals and banks of filters."""
+"""Models, signals and banks of filters from the values of the parameter file."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 5_000_000  # of a plant's record
 
-# [rad/s] States are divided by its powers. Q and P0 are given in these units, so that it is no
-# choice: with both in other units a bank gives the same probabilities.
+# [rad/s] States are divided by its powers. Q and P0 are given in these units. The value does not
+# matter: with both converted to other units a bank gives the same probabilities.
 STATE_FREQUENCY = 200.0
 
-# The parameter file's keys for what the library calls otherwise.
+# Keys of the parameter file for parameters with other names in the library.
 _KEYS = {
     "Q": "process_noise",
     "R": "measurement_noise",
@@ -57,7 +57,7 @@ def modes(plant: keys.Plant) -> list[ActuatorModel]:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A scenario, checked: the input and the mode of each step, and the deviations of the noise.
+    """A checked scenario: input and mode of each step, and standard deviations of the noise.
 
     ``models`` are two, before and after the fault; ``mode`` is the index of one, shape (k,), and
     ``control``, (k,), the input; ``noise``, (4,), of `MOTION`; ``onset`` [s];
@@ -112,7 +112,7 @@ def bank(
     period: float,
     models: list[ActuatorModel] | None = None,
 ) -> IMM:
-    """The filters on all modes, or on ``models``, and the chain.
+    """The bank of filters on all modes, or on ``models``, with its Markov chain.
 
     Raises
     ------
@@ -152,21 +152,21 @@ def _model(one: Sampled, Q: Any, R: Any, period: float) -> LinearModel:
 def stacked_inputs(held: Array) -> Array:
     """The input from each row on, and that held up to it, shape (k, 2).
 
-    Measured acceleration and jerk are limits from the left: they depend on the latter. ``held``,
-    shape (k,), are the inputs held up to the rows; nothing reads what follows the last one.
+    Measured acceleration and jerk are limits from the left, so they depend on the second. ``held``,
+    shape (k,), are the inputs held up to the rows; the input after the last row is not used.
     """
     return np.stack([np.append(held[1:], held[-1:]), held], axis=1)
 
 
 def _picked(variances: Any, all_of: Sequence[Any], places: Sequence[int]) -> Any:
-    """Of a list of variances for all states or all of the motion, those that a realisation has."""
+    """From a list of variances of all states or all of the motion, those of a realisation."""
     if isinstance(variances, list) and len(variances) == len(all_of):
         return [variances[place] for place in places]
     return variances
 
 
 def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Array:
-    """Psi of each output, the first of those printed; `InputError` if it cannot be used."""
+    """psi of each output, from the first printed widths; `InputError` if it cannot be used."""
     printed = as_vector("boundary_layer", observer.boundary_layer[:outputs], outputs)
     return observer.layer_factor * observer.layer_scale * printed
 
@@ -176,8 +176,8 @@ def saturation(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which innovations, (k, r, m), lie outside the boundary layer, and which of these chatter.
 
-    A gain is saturated outside of the layer; it chatters where the innovation has another sign than
-    the sample before.
+    A gain is saturated outside the layer. It chatters where the innovation has changed its sign
+    since the sample before.
     """
     saturated = np.abs(innovation) > boundary_layer(observer, innovation.shape[-1])
     before = np.concatenate([np.zeros_like(innovation[:1]), innovation[:-1]])
@@ -187,9 +187,9 @@ def saturation(
 def chattering_correction(
     observer: keys.Observer, innovation: Array, chattering: NDArray[np.bool_], probability: Array
 ) -> Array:
-    """The part of the combined estimate's correction that chatters, of the velocity, (k,).
+    """The chattering part of the correction of the combined velocity estimate, shape (k,).
 
-    Outside of the layer an innovation is corrected in full, but for gamma.
+    Outside the layer an innovation is corrected in full, apart from gamma.
     """
     velocity = REALISATIONS[observer.realisation].index("velocity")
     # sum_j mu_j e_j, over the filters that chatter
@@ -199,7 +199,7 @@ def chattering_correction(
 
 
 def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
-    """Filter a record, from rest, as far as it goes.
+    """Filter a record from rest, up to its end or to divergence.
 
     ``measured``, shape (k, m), are the ends of steps, ``held``, (k,), the inputs held over them.
     """
@@ -208,14 +208,14 @@ def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> R
 
 
 def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
-    """Rest a step before the first row, up to which an input is held.
+    """The bank at rest, one step before the first row; ``held`` is the input over this step.
 
-    All modes are as probable, or the first is certain, as the observer's initial mode is.
+    By the observer's initial mode, all modes are equally probable or the normal mode is certain.
 
     Raises
     ------
     InputError
-        If the covariance is none.
+        If the covariance is invalid.
     """
     with _parameter_keys():
         rest = np.zeros(chosen.filters[0].model.states)
@@ -224,13 +224,13 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
 
 
 def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> FilterState:
-    """The same of one filter of a bank, which runs alone."""
+    """The same for one filter of a bank, run alone."""
     return one.init(np.zeros(one.model.states), observer.initial_covariance, u=[held, 0.0])
 
 
 @contextmanager
 def _parameter_keys() -> Iterator[None]:
-    """Name a parameter of the library as the parameter file does."""
+    """Report parameters of the library by their keys in the parameter file."""
     try:
         yield
     except InputError as error:
@@ -242,8 +242,8 @@ def measured_columns(observer: keys.Observer) -> list[int]:
     return [MOTION.index(name) for name in REALISATIONS[observer.realisation]]
 
 
-def _transition(kept: float, size: int) -> Array:
-    """Each mode stays with one probability, and goes to each other with the same."""
-    rows = np.full((size, size), (1.0 - kept) / max(size - 1, 1))
-    np.fill_diagonal(rows, kept)
+def _transition(self_transition: float, size: int) -> Array:
+    """All modes have one self-transition probability; the other modes share the rest equally."""
+    rows = np.full((size, size), (1.0 - self_transition) / max(size - 1, 1))
+    np.fill_diagonal(rows, self_transition)
     return rows

@@ -3,9 +3,9 @@
 The ``method`` of a study in the parameter file is one of
 
     neighbourhood    how far each tuned number may move before a quoted value leaves its band
-    changes          the calibrated banks with one thing changed
-    closeness        detected faults against how far apart the models are
-    causes           SVSFs with one cause of what they do changed
+    changes          the calibrated banks with one setting changed
+    closeness        detected faults against the nu-gap between the models
+    causes           SVSF-IMMs with one possible cause of their probabilities changed
 """
 
 from __future__ import annotations

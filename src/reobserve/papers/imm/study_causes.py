@@ -1,8 +1,8 @@
 """Why the SVSF-IMM's probabilities differ from the KF-IMM's: one cause changed at a time.
 
-The gains of an SVSF-IMM are frozen where they are on average while its probabilities are judged, so
-that nothing switches; or gamma is zero; or it is a KF-IMM. All that for each SVSF as it is
-stated, and for the first one with its layers at other scales.
+The gains of an SVSF-IMM are frozen at their means over the time in which probabilities are
+compared, so that nothing switches; or gamma is zero; or the bank is a KF-IMM. This is done for each
+SVSF with its own layers, and for the first one with layers at other scales.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ THREADS = 2
 
 
 def run(job: Job, plant: Series) -> list[Row]:
-    """For each SVSF and scale: mean probabilities after the fault by variant, and the saturation.
+    """Rows by SVSF and scale: mean probabilities after the fault by variant, and the saturation.
 
     Raises
     ------
     InputError
-        If there is no SVSF, or one has another inverse than the pseudo-inverse.
+        If there is no SVSF, or one has an inverse other than the pseudo-inverse.
     """
     tasks = list(_tasks(job))
     with ThreadPoolExecutor(THREADS) as pool:
@@ -95,7 +95,7 @@ def _rows(
                 for one, gain in zip(banks[INTACT].filters, gains, strict=True)
             ]
             banks[FROZEN] = IMM(filters, banks[INTACT].transition, banks[INTACT].mixing)
-        except InputError:  # its error would not decay
+        except InputError:  # the error would not decay
             pass
     for variant in (INTACT, KALMAN, FROZEN, ZERO_RATE):
         found = whole if variant == INTACT else None
@@ -116,7 +116,7 @@ def _rows(
 
 
 def variants(whole: IMM) -> dict[str, IMM]:
-    """A bank of SVSFs, and those that differ from it in one cause and need no run of it."""
+    """A bank of SVSFs, and its variants that can be built without running it."""
     filters = [cast(SmoothVariableStructureFilter, one) for one in whole.filters]
     changed: dict[str, list[ModeFilter]] = {
         KALMAN: [KalmanFilter(one.model) for one in filters],
@@ -131,7 +131,7 @@ def variants(whole: IMM) -> dict[str, IMM]:
 def mean_gains(bank: IMM, innovation: Array, rows: NDArray[np.bool_]) -> list[Array]:
     """The mean gain of each filter over some rows, (r, n, m), from all its innovations, (k, r, m).
 
-    (15) with the pseudo-inverse corrects the share s of an innovation, which leaves (1 - s) e.
+    (15) with the pseudo-inverse corrects the share s of an innovation and leaves (1 - s) e.
     """
     found = []
     for j, one in enumerate(bank.filters):

@@ -1,10 +1,10 @@
 """Distinguishable models: detected faults against the nu-gap between two models.
 
-The plant changes from the normal mode to one whose coefficients lie a share of the way to the
-leakage mode, and detectors that know the two models must notice. All get thresholds for the same
-share of false alarms, on records of their own without a fault. The plant is one of the models
-exactly, or has the process noise that the filters' Q states. The runs are compiled loops that let
-go of the interpreter, so two threads make use of two cores; rows come in a fixed order.
+The plant changes from the normal mode to a mode between this and the leakage mode, and detectors
+with the two models must detect the change. Their thresholds give all of them the same share of
+false alarms, on separate records without a fault. The plant is exactly one of the models, or has
+the process noise Q of the filters. The runs are compiled loops that release the interpreter, so two
+threads use two cores. The order of the rows is fixed.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two models with what must tell them apart, and records of a plant that goes to the second."""
+    """Two models, the banks that must distinguish them, and the plant that changes between them."""
 
     sweep: str
     share: float
@@ -78,8 +78,8 @@ class Pair:
     def record(self, kind: str, number: int, rows: int) -> tuple[Array, Array]:
         """The first rows of a record, (k, m), and the inputs held up to them, (k,).
 
-        Of each a noise of its own, and an input that starts anywhere in the sequence: the fault
-        comes at any moment of it.
+        Each record has its own noise. Its input starts at a random place of the sequence, so that
+        the fault occurs at any point of it.
         """
         names = self.sweep, f"{self.share:g}", kind, str(number)
         stream = random_stream(self.seed, "imm", "closeness", *names)
@@ -99,15 +99,15 @@ class Pair:
 
 @kernel
 def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Array:
-    """The outputs due to noise of the states, at the ends of steps: shape (k, m).
+    """The outputs due to process noise, at the ends of steps: shape (k, m).
 
-    ``kicks``, (k, n), enter over each step. From step ``begin`` on the other model moves the
-    states, which go on as they are.
+    ``kicks``, (k, n), are the process noise of each step. From step ``begin`` on the other model
+    applies, and the states are continuous.
     """
     n, m = kicks.shape[1], len(one.C)
     states, moved, outputs = np.zeros(n), np.empty(n), np.zeros((len(kicks), m))
     for k in range(len(kicks)):
-        # Products written out: those of matrices take the compiler seconds, for their refusals.
+        # Products are written out, because matrix products take seconds to compile.
         model = one if k < begin else other
         for a in range(n):
             moved[a] = kicks[k, a]
@@ -121,10 +121,10 @@ def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Ar
 
 
 def run(job: Job, plant: Series) -> list[Row]:
-    """For each pair: its gap, thresholds, and by run and detector the time of its alarm [s].
+    """Rows of each pair: its gap, thresholds, and alarm times [s] by run and detector.
 
-    The time counts from the fault: up to zero it is that of a false alarm, and nan is none. Of
-    banks there is the faulty model's mean probability at the end.
+    Times count from the fault: 0 or less is a false alarm, and nan is none. For banks there is also
+    the mean probability of the faulty model at the end.
 
     Raises
     ------
@@ -176,14 +176,14 @@ def _alarm_rows(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> 
     expected = float(np.mean(list(pool.map(far, faultless))))
     detectors = Detectors(pair.banks, grid.settling, rest, expected)
 
-    def greatest(record: tuple[Array, Array]) -> dict[str, float]:
+    def maxima(record: tuple[Array, Array]) -> dict[str, float]:
         found = detectors.statistics(*record)
         return {name: float(row[grid.settling :].max()) for name, row in found.items()}
 
     def statistics(number: int) -> dict[str, Array]:
         return detectors.statistics(*pair.record("judged", number, grid.steps))
 
-    peaks = list(pool.map(greatest, faultless))
+    peaks = list(pool.map(maxima, faultless))
     limits = {
         name: false_alarm_threshold([one[name] for one in peaks], study.false_alarm_probability)
         for name in peaks[0]
@@ -201,9 +201,10 @@ def _alarm_rows(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> 
 
 
 def alarm_time(statistic: Array, limit: float, grid: Grid) -> float:
-    """From the fault to the first statistic above the limit [s], the start left out; nan for none.
+    """Time from the fault to the first statistic above the limit [s], without the start.
 
-    Up to zero it is the time of a false alarm: the first row that a fault moves ends a step of it.
+    It is nan if there is none. False alarms have 0 or less: the first row that the fault affects is
+    the end of its first step.
     """
     above = statistic[grid.settling :] > limit
     if not above.any():
@@ -212,7 +213,7 @@ def alarm_time(statistic: Array, limit: float, grid: Grid) -> float:
 
 
 def check(job: Job) -> None:
-    """Refuse times that do not fit, an input that is none, and models that cannot be had.
+    """Refuse times that do not fit, an invalid input, and invalid models.
 
     Raises
     ------
@@ -253,7 +254,7 @@ def _grid(study: keys.Closeness, period: float) -> Grid:
 
 
 def _settings(study: keys.Closeness) -> Iterator[tuple[str, float]]:
-    """Of the plant: without process noise or with it, and the noise of its outputs."""
+    """Kinds of the plant, without or with process noise, and levels of its measurement noise."""
     for kind, levels in ((EXACT, study.noise_levels), (DRIVEN, study.driven_levels)):
         for level in levels:
             yield kind, level

@@ -1,4 +1,4 @@
-"""The table of a study: its columns, and the words that those who write and read its rows share."""
+"""The table of a study: its columns, and the names used in its rows."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ KINDS = {
     "level": NUMBER, "run": WHOLE, "value": SCORE, "unit": UNIT,
 }  # fmt: skip
 
-# Of neighbourhood: the numbers that a calibration moves.
+# Neighbourhood: the tuned numbers.
 STATES, OUTPUTS = 5, 3
 TUNED = (
     *(f"process_noise_{i + 1}" for i in range(STATES)),
@@ -22,13 +22,13 @@ TUNED = (
     "leave",
 )
 
-# Of causes: variants; in the column of runs, whether the scale of the layers is the parameter
-# file's or the study's.
+# Causes: variants, and whether the scale of the layers, in the column of runs, is that of the
+# parameter file or of the study.
 INTACT, KALMAN, FROZEN, ZERO_RATE = "whole", "kalman", "frozen", "zero_rate"
 STATED, SCANNED = 0, 1
 
-# Of closeness: detectors beside the banks, and plants without process noise and with that of the
-# filters' Q.
+# Closeness: detectors besides the banks, and plants without process noise or with the Q of the
+# filters.
 UNMIXED, CUSUM, GLR = "unmixed", "cusum", "glr"
 EXACT, DRIVEN = "exact", "driven"
 

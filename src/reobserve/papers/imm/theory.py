@@ -1,8 +1,8 @@
 """Stage theory: claims on filters and equations that no figure shows.
 
-Whether the SVSF's full correction is stable; what a wrong model does to a filter alone and to a
-bank; whether the SVSF comes to its layers, and what it makes of one that is as wide as the model is
-wrong.
+They test whether the full correction of the SVSF is stable, how a wrong model affects a single
+filter and a bank, whether the SVSF's output errors come to lie within its layers, and how accurate
+it is with layers as wide as the error of its model.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
 
 
 def check(theory: keys.Theory, observers: Mapping[str, keys.Observer]) -> Observers:
-    """The banks that the theory names; `InputError` for one that there is not, or for its times."""
+    """The banks that the theory names; `InputError` for unknown names or invalid times."""
     for name in theory.observers:
         if name not in observers:
             raise InputError("observers", f"there is no {name!r}{nearest(name, observers)}")
@@ -85,11 +85,11 @@ def _grid(theory: keys.Theory) -> tuple[int, int, Signal]:
 
 
 def corrected_radius(model: LinearModel, inverse: str) -> float:
-    """Spectral radius of (I - W C) A: outside the layers errors move so, but for gamma.
+    """Spectral radius of (I - W C) A, which moves errors outside the layers, apart from gamma.
 
-    Where every output is corrected in full, by the right inverse W of C, what is left of the error
-    is what no output sees. Above one it grows, however the layers are chosen. W is the
-    pseudo-inverse, or the one weighted by the covariance that full correction comes to.
+    Full correction of every output, by the right inverse W of C, leaves the part of the error that
+    no output shows. Above one this part grows, however the layers are chosen. W is the
+    pseudo-inverse, or the inverse weighted by the steady-state covariance of full correction.
     """
     A, _, C, _, Q, R = model.arrays
     W = np.linalg.pinv(C)
@@ -187,14 +187,14 @@ def _prediction_error(body: keys.Observer, leak: _Leak, found: Run[State], filte
 
 @part
 def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """The first SVSF with layers that are narrower than its model is wrong, and as wide.
+    """The first SVSF with layers narrower than the error of its model, and as wide.
 
-    The filter of the normal model runs alone on the leaking actuator, whose outputs are up to b
-    apart from those of the model. Layers of a share of b are left by the model where nothing
-    corrects it. ``layer_ratio`` is the largest a priori output error over such a layer in the
-    second half of the leak: the existence subspace is where it is one or less. A posteriori it is a
-    quarter or so by construction. With layers of b, an upper bound on the dynamics that are not
-    modelled, errors of the velocity are compared with those of the model.
+    The filter of the normal model runs alone on the leaking actuator, whose outputs differ from
+    those of the model by up to b. Without correction the model leaves layers of a share of b.
+    ``layer_ratio`` is the maximum a priori output error in the second half of the leak, divided by
+    such a layer; the existence subspace is where it is one or less. A posteriori it is about a
+    quarter by construction. Layers of b are an upper bound on the unmodelled dynamics. With them
+    the errors of the velocity are compared with those of the model.
     """
     leak, velocity = _leak(job), MOTION.index("velocity")
     apart = np.abs(leak.motion - leak.healthy)[leak.begin :]

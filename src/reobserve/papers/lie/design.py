@@ -11,7 +11,7 @@ from reobserve.synthesis.normal_form.design import normal_form
 
 
 def compute(settings: Settings) -> dict[str, Any]:
-    """Coefficients of S, T and the gain, one row a component.
+    """Coefficients of S, T and the gain, one row per component.
 
     The order of the monomials is that of `reobserve.polynomials.monomials`.
 

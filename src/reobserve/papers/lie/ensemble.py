@@ -1,4 +1,4 @@
-"""Observers over a grid of initial states, all from the same estimate, against the constant gain.
+"""Observers compared with the constant gain over initial states, all from the same estimate.
 
 `run` is the study of every order in both forms, `run_injections` that of cubic injections.
 All runs are compiled: a plant and an observer over twenty seconds take some milliseconds.
@@ -36,13 +36,13 @@ from reobserve.synthesis.normal_form.design import normal_form
 
 Array = NDArray[np.float64]
 
-# The gain composed of truncated T and S is a polynomial of degree 110 at order 10: at any step of
-# use here whether it diverges is a matter of the step.
+# Without the gain composed of truncated T and S. At order 10 it is a polynomial of degree 110, and
+# with any step used here it depends on the step whether it diverges.
 GAINS = ("series", "jacobian")
 
 
 class Outcome(NamedTuple):
-    """Of one run: the integrals of the squared errors [s], and when e settles [s]; nan if never."""
+    """Outcome of a run: integrals of squared errors [s], and settling time [s]; nan if never."""
 
     squares: tuple[float, ...]
     settling_time: float
@@ -54,7 +54,7 @@ class Outcome(NamedTuple):
         return float(sum(self.squares))
 
     def ise_of(self, error: str) -> float:
-        """That of the whole error, ``x``, or of one component alone, ``x1`` or ``x2``."""
+        """The integral for the whole error, ``x``, or for one component, ``x1`` or ``x2``."""
         return self.ise if error == "x" else self.squares[int(error[1:]) - 1]
 
     @property
@@ -65,7 +65,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """The plant from one initial state: its states and outputs in halves of a ``step`` [s]."""
+    """The plant from one initial state: its states and outputs in half steps of ``step`` [s]."""
 
     start: Array
     states: Array
@@ -73,7 +73,7 @@ class Record:
     step: float
 
     def outcome(self, observer: NormalFormObserver, estimate: ArrayLike, band: float) -> Outcome:
-        """Scores of an observer that starts from ``estimate``; it settles into ``band``."""
+        """The outcome of an observer that starts from ``estimate``, with the settling ``band``."""
         state = observer.init(estimate)
         run = run_on_halves(observer, self.output, state=state, on_divergence="return")
         if run.diverged_at is not None:
@@ -86,7 +86,7 @@ class Record:
 def records(
     plant: PolynomialPlant, axis: Array, estimate: ArrayLike, steps: int, step: float
 ) -> Iterator[Record]:
-    """The plant from all states whose coordinates are on ``axis``, but for the estimate itself.
+    """Records from all states with coordinates on ``axis``, except the estimate itself.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def records(
     for point in product(axis, repeat=plant.system.states):
         start = np.array(point)
         if np.array_equal(start, estimate):
-            continue  # no error to begin with
+            continue  # no initial error
         try:
             states = plant.simulate(start, 0.5 * step, 2 * steps)
         except DivergenceError as problem:
@@ -105,7 +105,7 @@ def records(
 
 
 def axis(half_width: float, points: int) -> Array:
-    """So many numbers from -``half_width`` to ``half_width``."""
+    """Evenly spaced numbers from -``half_width`` to ``half_width``."""
     found = np.linspace(-1.0, 1.0, points)
     found *= half_width
     return found
@@ -114,8 +114,8 @@ def axis(half_width: float, points: int) -> Array:
 def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
     """For each initial state and observer: ``ise`` [s], and ``settled`` and ``diverged`` (0, 1).
 
-    The identity form goes by the kind of its gain, the other is called ``transformed``;
-    observers of the study go by their names. The plant's own record is not used.
+    The name of a row is the kind of gain of the identity form, ``transformed``, or the name of an
+    observer of the study. The plant's own record is not used.
 
     Raises
     ------
@@ -138,13 +138,13 @@ def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
 
 
 def run_injections(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
-    """Share of initial states that a pair of coefficients of y^3 betters, and the median, by pair.
+    """Share of better initial states and median ratio, by pair of coefficients of y^3.
 
     Thomas, Kwatny & Chang, Remark 3.13.
 
-    ``share_better`` counts those with an integral of the squared error below that of the constant
-    gain, and ``median_ise_ratio`` is over all of them, nan where most runs diverge. The same for
-    the observers of the study. Order and gain are those of ``cubic4``.
+    ``share_better`` is the share of initial states with an integral of the squared error below that
+    of the constant gain. ``median_ise_ratio`` is over all of them, nan if most runs diverge. There
+    are also rows of the observers of the study. Order and gain are those of ``cubic4``.
 
     Raises
     ------
@@ -202,12 +202,12 @@ def _records(job: Job, step: float) -> Iterator[Record]:
 
 
 def _estimate(job: Job) -> Array:
-    """That of the first observer, from which all start."""
+    """The initial estimate of the first observer, which is used for all."""
     return np.array(next(iter(job.observers.values())).initial_estimate)
 
 
 def _stated(job: Job, design: Mapping[str, Any], step: float) -> dict[str, NormalFormObserver]:
-    """The observers of the study in steps of ``step``."""
+    """The observers of the study, with the sampling period ``step``."""
     known, found = forms(job, design), {}
     for name, body in job.observers.items():
         with located(f"observers.{name}"):

@@ -30,7 +30,7 @@ class LimitCycle:
     start: Array
 
     def points(self, count: int) -> Array:
-        """So many points, evenly spaced in time, from the start on; shape (count, n)."""
+        """``count`` points, evenly spaced in time, from the start on; shape (count, n)."""
         from scipy.integrate import solve_ivp
 
         time = np.arange(count) * (self.period / count)
@@ -43,12 +43,12 @@ class LimitCycle:
 
 @np.errstate(over="ignore", invalid="ignore")  # a state that is not finite leads to none
 def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: float) -> LimitCycle:
-    """The limit cycle that a trajectory has come to after ``settle`` seconds.
+    """The limit cycle that a trajectory has reached after ``settle`` seconds.
 
     Raises
     ------
     InputError
-        If the trajectory comes to rest, or does not return to where it then is within another
+        If the trajectory comes to rest, or does not return to the same point within another
         ``settle`` seconds.
     """
     from scipy.integrate import solve_ivp
@@ -65,7 +65,7 @@ def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: floa
 
     section.direction = 1.0  # type: ignore[attr-defined]
     again = solve_ivp(slope, (0, settle), start, events=section, **_SOLVER)
-    # A state that rests has crept nowhere, beside how far it is from the origin.
+    # A state at rest moves little, compared with its distance from the origin.
     extent = float(np.max(np.ptp(again.y, axis=1)))
     resting = extent < 1e-6 * float(np.linalg.norm(start)) or extent < 1e-9
     for time, state in zip(again.t_events[0], again.y_events[0], strict=True):

@@ -32,7 +32,7 @@ Power = Annotated[int, Field(ge=0)]
 
 
 def decimal(place: str, text: str) -> None:
-    """A number as it is printed."""
+    """Refuse a text that is not a printed decimal number."""
     if not re.fullmatch(r"[-+]?[0-9]{1,40}(\.[0-9]{1,40})?", text):
         raise InputError(place, f"{shown(text)} must be the digits of a number")
 
@@ -55,7 +55,7 @@ class PrintedCoefficient:
     text: Annotated[str, checked(decimal)]
 
 
-# Lists of terms, which stay plain data.
+# Lists of terms, which remain lists of mappings.
 Polynomial = Annotated[
     Terms, items(), checked(lambda place, value: parse(list[Monomial], value, place))
 ]
@@ -92,7 +92,7 @@ class Plant:
 
 @dataclass(frozen=True)
 class Scenario:
-    """From where the plant starts."""
+    """The initial state of the plant."""
 
     initial_state: State
     title: str = ""
@@ -151,7 +151,7 @@ class OrdersStudy:
 
 @dataclass(frozen=True)
 class EnsembleStudy:
-    """Every order against the constant gain over a grid of initial states."""
+    """Every order compared with the constant gain over a grid of initial states."""
 
     method: Literal["ensemble"]
     scenario: str
@@ -180,7 +180,7 @@ class DomainStudy:
 
 @dataclass(frozen=True)
 class InjectionsStudy:
-    """Injections with a cubic term against the constant gain, over a square of coefficients."""
+    """Injections with a cubic term compared with the constant gain, by their coefficients."""
 
     method: Literal["injections"]
     scenario: str
@@ -199,7 +199,7 @@ Study = OrdersStudy | EnsembleStudy | DomainStudy | InjectionsStudy
 
 @dataclass(frozen=True)
 class Table:
-    """Coefficients as printed, beside the exact ones."""
+    """Printed coefficients, for comparison with the exact ones."""
 
     design: str
     printed: Printed

@@ -6,8 +6,8 @@ parts U_0, U_1, ..., where U_i has degree i + 2. The parts of (8) are
 
     f_k / k! = F_(k+1) + w_(k+1) + L_1 w_k + ... + L_k w_1,
 
-so f_k holds the unknown L_k, which is the part of degree k of dT/dz at z = S(x). Where the paper
-leaves its coefficients open to the end, they are eliminated here. By the triangle (22)
+so f_k contains the unknown L_k, which is the part of degree k of dT/dz at z = S(x). The paper
+leaves its coefficients open to the end; here they are eliminated. By the triangle (22)
 
     T_(k+1) = (U_(k-1) + q_k) / k!,      L_k = T_(k+1)' + c_k,
 
@@ -17,11 +17,11 @@ terms known before. Then (20), whose ad_{Ax} U = U' A x - A U holds A = F + L0 H
     U_(k-1)' F x - A U_(k-1) = R_k + q_k' L0 H x + k! c_k L0 H x,
 
 with the known terms R_k = k! (F_(k+1) + w_(k+1) + ... + L_(k-1) w_2) - sum C ad_{f} U of (20):
-the equation of all methods. The bracket is ad_f U = U' f - f' U, and in (22) L_p U must be read as
-p' U, the derivative of p along U.
+the equation of all methods. The bracket is ad_f U = U' f - f' U, and in (22) L_p U means p' U, the
+derivative of p along U.
 
-The code divides that by (k - 1)! and keeps f_k / k!, U_i / i! and p_i^(m) / i!, so that no
-binomials are left and a sum over indices is one product of series.
+The code divides this by (k - 1)! and stores f_k / k!, U_i / i! and p_i^(m) / i!. No binomials
+remain then, and a sum over indices is one product of series.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Stage metrics: size and decay of the error by observer, and a summary of the study.
 
-e is the estimate minus the state. `ise` and what follows stand for each observer of a figure; those
-at an order or a degree summarise the study behind it, where the observer column holds the kind
-of the gain, `transformed`, the series, `cubic` for a set of injections, or `cycle` for the limit
-cycle. From `radius_ratio` on they are those of the theory, where it holds the injection, the
-form, or the kind of systems. `nan` means that it never happens.
+e is the estimate minus the state. The first metrics, from `ise` on, belong to an observer of a
+figure. Those at an order or a degree summarise the study of the figure. There the observer column
+holds the kind of the gain, `transformed`, the series, `cubic` for a set of injections, or `cycle`
+for the limit cycle. From `radius_ratio` on they belong to the theory, where it holds the injection,
+the form, or the kind of systems. `nan` means that it never happens.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
 
 
 def _orders(data: FigureData) -> Iterator[Metric]:
-    """All of the study where a figure draws it; else the exponents of the figure's observers."""
+    """The whole study if the figure shows it, else the exponents of the figure's observers."""
     study, job = data.study, data.job
     yield Metric("cycle", "period", study.value(form="cycle", quantity="period"), "s")
     if job.figure.layout == "orders":
@@ -118,7 +118,7 @@ def _domain(data: FigureData) -> Iterator[Metric]:
 
 
 def _ensemble(data: FigureData) -> Iterator[Metric]:
-    """Over all initial states: which share is better than the constant gain, settles, diverges."""
+    """Shares of initial states: better than the constant gain, settled, diverged."""
     study = data.study
     reference = study.where(form="constant", quantity="ise")["value"]
     for (form, order), rows in study.groups("form", "order"):
@@ -139,7 +139,7 @@ def _ensemble(data: FigureData) -> Iterator[Metric]:
 
 
 def _injections(data: FigureData) -> Iterator[Metric]:
-    """The study's observers; of the cubic injections the share that mostly wins, and the best."""
+    """The study's observers; share of mostly better cubic injections, and the best median."""
     study = data.study
     for name in data.job.study.observers:
         for (quantity,), rows in study.where(form=name).groups("quantity"):

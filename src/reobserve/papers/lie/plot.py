@@ -1,4 +1,4 @@
-"""Stage plot: error responses, and what the studies say of orders, injections and convergence."""
+"""Stage plot: error responses, and studies of orders, injections and convergence."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def responses(data: FigureData) -> Figure:
 
 
 def forms(data: FigureData) -> Figure:
-    """The second state as every observer sees it, and the size of its error."""
+    """Estimates of the second state, and the size of every observer's error."""
     figure, (state, size) = new_figure((2.4, 2.2))
     true = thin(data.plant.time, data.plant["state"][:, 1])
     state.plot(*true, **TRUTH.line(), label="Van der Pol's oscillator")
@@ -76,8 +76,8 @@ def draw_sizes(axes: Axes, data: FigureData) -> None:
         np.linalg.norm(error, axis=1)[time <= data.job.figure.shown]
         for time, error, _ in errors(data)
     ]
-    least, most = (float(f([f(size) for size in seen])) for f in (np.min, np.max))
-    axes.set_ylim(max(0.5 * least, LOWEST), 2.0 * most)
+    low, high = (float(f([f(size) for size in seen])) for f in (np.min, np.max))
+    axes.set_ylim(max(0.5 * low, LOWEST), 2.0 * high)
     decades(axes.yaxis)
 
 

@@ -79,7 +79,7 @@ def _by_level(study: StudyTable, form: str, quantity: str) -> tuple[Any, Any]:
 
 
 def draw_ensemble(data: FigureData) -> Figure:
-    """Shares by order that settle and that are better, and where the order of Fig. 1 is better."""
+    """Shares that settle and that are better by order; where the order of Fig. 1 is better."""
     job = data.job
     mapped, estimate = job.observers["order4"].order, job.observers["order4"].initial_estimate
     figure, axes = mosaic(
@@ -136,8 +136,8 @@ def _compare(study: StudyTable, order: int) -> tuple[Any, Any]:
     return states, mapped["value"] < constant["value"]
 
 
-# Of the median ratio, up and down. Where it is more, dS/dx becomes singular on the way, and in
-# fixed steps what comes out is not determined: such injections are as dark as it gets.
+# Limit of the median ratio, up and down. Above it dS/dx becomes singular along the run, and the
+# result depends on the step: such injections are black.
 _DOUBLINGS = 1.0
 
 

@@ -18,7 +18,7 @@ def integral_of_squares(error: Array, step: float) -> Array:
 
 
 def settling_time(error: Array, step: float, band: float) -> float:
-    """When |e| comes within ``band`` times its first value for good [s]; nan if it does not."""
+    """Time after which |e| stays within ``band`` times its initial value [s]; nan if never."""
     size = np.linalg.norm(error, axis=1)
     # Each sample stands for the step that begins with it.
     time = np.arange(len(size) + 1, dtype=np.float64) * step
@@ -37,7 +37,7 @@ def decay_rate(error: Array, step: float, start: float, end: float) -> float:
 
 
 def share_better(ise: ArrayLike, reference: ArrayLike) -> float:
-    """Of runs, with a smaller squared error than the reference; one that diverged is not better."""
+    """Share of runs with a smaller squared error than the reference; not of diverged runs."""
     with np.errstate(invalid="ignore"):
         return float(np.mean(np.asarray(ise) < np.asarray(reference)))
 

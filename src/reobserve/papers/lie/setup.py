@@ -46,7 +46,7 @@ def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
 def build_problem(
     plant: keys.Plant, design: keys.Design, *, degree: int | None = None, exact: bool = False
 ) -> NormalFormProblem:
-    """The normal-form problem of a ``designs`` branch, of its own degree or another.
+    """The normal-form problem of a design, of its own degree or another.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def build_problem(
 
 @dataclass(frozen=True, eq=False)
 class StoredSeries:
-    """A design as its stage keeps it: monomials, and their coefficients, one row a component."""
+    """A stored design: monomials, and their coefficients, one row per component."""
 
     monomials: Array
     S: Array
@@ -77,7 +77,7 @@ def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any
     Raises
     ------
     InputError
-        If they are no series, or not those of this plant and this design.
+        If they are not series, or not those of this plant and this design.
     """
     stored, problem = parse(StoredSeries, series, "design"), build_problem(plant, design)
     basis = problem.basis
@@ -94,7 +94,7 @@ def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any
 
 
 def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
-    """The normal forms of a study by design: its own as stored, those of its observers solved."""
+    """The normal forms of a study by design: its own is read, those of observers are solved."""
     own = job.study.design
     found = {own: stored_form(job.plant, job.designs[own], design)}
     for name, body in job.designs.items():
@@ -108,7 +108,7 @@ def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
 
 
 def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObserver:
-    """The observer of an ``observers`` branch.
+    """The observer of an entry of ``observers``.
 
     Raises
     ------

@@ -3,9 +3,9 @@
 The ``method`` of a study is one of
 
     orders      errors of the identity form over order and gain, and its Floquet exponents
-    ensemble    every order against the constant gain over a grid of initial states
-    injections  cubic injections against the constant gain over such a grid
-    domain      where the series converge, and what they are worth on the limit cycle
+    ensemble    every order compared with the constant gain over a grid of initial states
+    injections  cubic injections compared with the constant gain over such a grid
+    domain      where the series converge, and their errors on the limit cycle
 """
 
 from __future__ import annotations

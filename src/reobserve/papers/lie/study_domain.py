@@ -1,7 +1,7 @@
 """Domains where the series of S and T converge, and their errors on the limit cycle.
 
 On the limit cycle the true z = S(x) is known without any series: it is the periodic solution of
-z' = A z - l(h(x(t))), to which every solution comes, because A is stable.
+z' = A z - l(h(x(t))), to which every solution converges, because A is stable.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from reobserve.synthesis.normal_form.solver import solver_for
 
 Array = NDArray[np.float64]
 
-_FORGOTTEN = 1e-15  # of the start of z is left when the true z is read
+_FORGOTTEN = 1e-15  # share of the initial z that is left when the true z is taken
 
 
 def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
@@ -73,7 +73,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
 
 
 def _growth(form: str, growth: Array) -> list[Row]:
-    """The least and the largest factor by which the parts of S grow with their degree."""
+    """Minimum and maximum factor by which the parts of S grow with their degree."""
     return [
         summary(form, 0, "minimum_growth", float(np.min(growth)), "1"),
         summary(form, 0, "maximum_growth", float(np.max(growth)), "1"),
@@ -81,7 +81,7 @@ def _growth(form: str, growth: Array) -> list[Row]:
 
 
 def _points(form: str, order: int, quantity: str, points: Array) -> list[Row]:
-    """One row a point of the plane, numbered from 0."""
+    """One row per point of the plane, numbered from 0."""
     return [
         Row(form, order, float(x1), float(x2), quantity, float(k), "1")
         for k, (x1, x2) in enumerate(points)

@@ -1,7 +1,7 @@
 """The identity form over the order and the kind of its gain, and why its errors decay.
 
 Along the limit cycle a small error obeys e' = (f'(x) + L(x) (l(h))'(x)) e. Its Floquet exponents
-say how fast it decays there, which is where every trajectory of the example ends.
+are the rates at which it decays there. All trajectories of the example end on the limit cycle.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _errors(
 
 
 def _exponent(cycle: LimitCycle, x: Any, form: NormalForm, gain: str, order: int, name: str) -> Row:
-    """The largest Floquet exponent; -0.5 is what the normal form is designed for."""
+    """The largest Floquet exponent; the normal form is designed for -0.5."""
     problem, n = form.problem, form.problem.system.states
     injected = problem.injection.after(
         problem.system.output, problem.injection.degree * problem.system.output.degree

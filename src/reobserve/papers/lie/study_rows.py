@@ -1,4 +1,4 @@
-"""The columns of the table of a study, and what their cells must be."""
+"""The columns of the table of a study, and the kinds of their cells."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from reobserve.core.files import GAP, NAME, SCORE, UNIT, WHOLE
 
 
 class Row(NamedTuple):
-    """One number: of which form (or observer, or series), order or degree, and state."""
+    """A number by form (or observer, or series), order or degree, and state."""
 
     form: str
     order: int

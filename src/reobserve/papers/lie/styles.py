@@ -29,9 +29,9 @@ OBSERVERS = {
     "cubic4": Style("#b0305c", (0, (1, 0.8)), 2.0, "*"),
 }
 
-EDGE = Style("#00796b", (0, (5, 1.5)), 1.2, "s")  # of a domain, and of what belongs to no observer
+EDGE = Style("#00796b", (0, (5, 1.5)), 1.2, "s")  # of a domain, and of curves without an observer
 
-# Over orders: the kinds of gain of the identity form. Over initial states: the other form, too.
+# Over orders: kinds of gain of the identity form. Over initial states: both forms.
 GAINS = {
     "series": (SERIES, "series of L"),
     "jacobian": (JACOBIAN, "(∂S/∂x)⁻¹"),
@@ -43,12 +43,12 @@ FORMS = {
     "transformed": (TRANSFORMED, "transformed form"),
 }
 
-# Observers that are added take these in turn.
+# For added observers, in turn.
 OTHERS = (Style("0.45", "-", 1.1, "x"), Style("0.6", (0, (2, 2)), 1.1, "+"))
 
 
 def style_of(observer: str, index: int = 0) -> Style:
-    """The style of an observer; of one of the ``index``-th place that none is kept for."""
+    """The style of an observer; one without its own takes the next by its ``index``."""
     return OBSERVERS.get(observer, OTHERS[index % len(OTHERS)])
 
 

@@ -24,7 +24,7 @@ KINDS = {
 
 
 def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One row a term of T and of its inverse S, up to the degree that the paper prints.
+    """One row per term of T and of its inverse S, up to the degree that the paper prints.
 
     Thomas, Kwatny & Chang, Section 5, T(z).
 
@@ -35,7 +35,7 @@ def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     Raises
     ------
     InputError
-        If the injection is resonant, or the design is none of this plant.
+        If the injection is resonant, or the design does not belong to this plant.
     """
     job = read_job(keys.Parameters, settings)
     degree = job.table.degree

@@ -1,6 +1,6 @@
-"""Stage theory: what the paper states of series, equations, eigenvalues and orders, in numbers.
+"""Stage theory: metrics that test the paper's statements on series, eigenvalues and orders.
 
-Statements about all systems are tried on random ones; everything is exact where it can be.
+Statements about all systems are tested on random ones, in rational arithmetic where possible.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
 
 @part
 def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
-    """Section 5 and Remark 4.23: eigenvalues, coefficients as printed, and what is imaginary."""
+    """Section 5 and Remark 4.23: eigenvalues, printed coefficients, and imaginary parts."""
     theory, body = job.theory, job.designs["linear"]
     problem = build_problem(job.plant, body)
     A = problem.A
@@ -192,7 +192,7 @@ def _siegel_domain(theory: keys.Theory) -> Iterator[Metric]:
 
 
 def siegel(theory: keys.Theory) -> NormalFormProblem:
-    """The system of two states, y = x1, of the Siegel domain; `InputError` for terms of none.
+    """The test system in the Siegel domain, with y = x1; `InputError` for invalid terms.
 
     Thomas, Kwatny & Chang, Proposition 3.9.
     """
@@ -204,9 +204,9 @@ def siegel(theory: keys.Theory) -> NormalFormProblem:
 
 @part
 def _nonresonant(theory: keys.Theory) -> Iterator[Metric]:
-    """Of random linear parts of two states, with a pair of real poles that keeps divisors large.
+    """Share of random linear parts of two states with real poles that keep divisors large.
 
-    So many pairs are tried for each.
+    Up to ``tries`` pairs of poles are drawn for each.
     """
     stream = random_stream(theory.seed, "lie", "poles")
     basis = monomials(2, theory.printed_degree)
@@ -223,7 +223,7 @@ def _nonresonant(theory: keys.Theory) -> Iterator[Metric]:
 
 @part
 def _settled(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
-    """Section 6: from which share of initial states an order settles, in both forms."""
+    """Section 6: share of initial states from which an order settles, in both forms."""
     for name, outcomes in _outcomes(job, design, "identity", "transformed").items():
         settled = float(np.mean([one.settled for one in outcomes]))
         yield Metric(name, "share_settled", settled, "1")
@@ -246,12 +246,12 @@ def _better(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
         for name in ("identity", "constant")
     )
     yield Metric("identity", "share_better", share_better(ise, reference), "1")
-    most = 1.0 - float(np.min(ratios(ise, reference)))
-    yield Metric("identity", "largest_improvement", max(0.0, most), "1")
+    improvement = 1.0 - float(np.min(ratios(ise, reference)))
+    yield Metric("identity", "largest_improvement", max(0.0, improvement), "1")
 
 
 def _outcomes(job: Job, design: Mapping[str, Any], *names: str) -> dict[str, list[Outcome]]:
-    """Of the constant gain, and of an order in identity and in transformed form, over a grid."""
+    """Outcomes over a grid, of the constant gain and of an order in both forms."""
     theory, body = job.theory, named(job.observers, "constant", keys.Identity)
     form = stored_form(job.plant, job.designs["linear"], design)
     step, order = theory.compared_period, theory.compared_order
@@ -277,9 +277,9 @@ def _form(problem: NormalFormProblem) -> NormalForm:
 
 
 def _inverse_radius(job: Job, design: keys.Design, degree: int) -> float:
-    """Of convergence of S; 0 for a series that ends, nan if its degree is too low to tell."""
+    """Inverse of the radius of convergence of S; 0 if it ends, nan if its degree is too low."""
     found = float("nan")
-    # Of a series that ends the high degrees are rounding: the low degree is asked first.
+    # The high degrees of a series that ends are rounding, so the low degree is tried first.
     for each in (design.degree, degree):
         problem = build_problem(job.plant, design, degree=each)
         S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))

@@ -40,7 +40,7 @@ class Case(NamedTuple):
 
 
 def deviation_from_linear(form: NormalForm, order: int, case: Case) -> float:
-    """The largest distance of e = z - S(x) from e^(A t) e(0), relative to |e(0)|.
+    """Maximum distance of e = z - S(x) from e^(A t) e(0), relative to |e(0)|.
 
     Thomas, Kwatny & Chang, Remark 2.3.
 
@@ -64,7 +64,7 @@ def deviation_from_linear(form: NormalForm, order: int, case: Case) -> float:
 
 
 def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
-    """The largest distance between the estimates of the transformed and of the identity form.
+    """Maximum distance between the estimates of the transformed and of the identity form.
 
     The gain of the identity form is the inverse of dS/dx; nan if one of them diverges.
     """
@@ -103,8 +103,8 @@ def error_decay(
 
     Thomas, Kwatny & Chang, Proposition 3.10.
 
-    Each state of the plant begins at ``start``. The run ends before ``duration`` where the state
-    has left the neighbourhood of the origin: the observer is a local one.
+    Each state of the plant begins at ``start``. The run ends before ``duration`` if the state
+    leaves the neighbourhood of the origin, because the observer is local.
     """
     system, n = problem.system, problem.system.states
     A = problem.A.astype(np.float64)
@@ -124,7 +124,7 @@ def _mean_slope(
     error: Callable[[Array], Array],
     states: int = 0,
 ) -> float:
-    """The mean slope of log |error|; the first ``states`` may grow by `_GROWTH`, then it ends."""
+    """The mean slope of log |error|, until the first ``states`` have grown by `_GROWTH`."""
     from scipy.integrate import solve_ivp
 
     def right(time: float, values: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Series by three methods, the operator ad_Ax, and random systems over fractions to try them on."""
+"""Series by three methods, the operator ad_Ax, and random rational systems to test them."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ class Solutions:
 
     @cached_property
     def S(self) -> Coefficients:
-        """S by its own equation."""
+        """S from its own equation."""
         return solve_s(self.problem, solver_for(self.problem))
 
     @cached_property
     def T(self) -> Coefficients:
-        """T by its own equation."""
+        """T from its own equation."""
         return solve_t(self.problem, solver_for(self.problem))
 
     @cached_property
     def lie(self) -> LieTransform:
-        """U, T, S and the gain by the Lie transform."""
+        """U, T, S and the gain from the Lie transform."""
         return lie_transform(self.problem, solver_for(self.problem))
 
     def difference(self) -> float:
-        """By how much S, T and the gain of the Lie transform differ from the direct ones."""
+        """Maximum difference of S, T and the gain between the Lie transform and direct methods."""
         gain = gain_series(PolynomialMap(self.problem.basis, self.S)).coefficients
         return max(
             largest(self.lie.S - self.S),
@@ -62,7 +62,7 @@ class Solutions:
         )
 
     def residual(self) -> float:
-        """The largest coefficient left of S' f = A S - l(h) and of T(S(x)) = x, to the degree."""
+        """Maximum residual of S' f = A S - l(h) and of T(S(x)) = x, up to the degree."""
         problem, basis = self.problem, self.problem.basis
         left = problem.injected - problem.A @ self.S
         for d in range(1, problem.degree + 1):
@@ -72,7 +72,7 @@ class Solutions:
 
 
 def ad_matrix(A: Array, degree: int) -> Array:
-    """ad_Ax U = U' A x - A U on the homogeneous maps of a degree, component after component.
+    """ad_Ax U = U' A x - A U on the homogeneous maps of a degree, component by component.
 
     Thomas, Kwatny & Chang, Lemma 4.17.
     """
@@ -105,7 +105,7 @@ def sums_of_eigenvalues(A: Array, degree: int) -> NDArray[np.complex128]:
 
 
 def spectrum_difference(A: Array, degree: int) -> float:
-    """The largest distance from an eigenvalue of ad_Ax to the nearest of those of the lemma.
+    """Maximum distance from an eigenvalue of ad_Ax to the nearest one of the lemma.
 
     Thomas, Kwatny & Chang, Lemma 4.17.
     """
@@ -152,7 +152,7 @@ def _fractions(stream: np.random.Generator, shape: tuple[int, ...], below: int) 
 
 
 def _higher(stream: np.random.Generator, rows: int, basis: Monomials) -> Coefficients:
-    """Coefficients of degree 2 and above: two of five are drawn, and always that of x1^2."""
+    """Coefficients of degree 2 and above: each with probability 0.4, that of x1^2 always."""
     shape = rows, len(basis.exponents)
     kept = stream.random(shape) < 0.4
     kept[:, : basis.first[2]] = False
