@@ -25,7 +25,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_a_command_is_there(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_named_command_exists(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     first, *rest = words
     if first == "make":
         makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
@@ -46,14 +46,14 @@ def test_a_command_is_there(words: list[str], capsys: pytest.CaptureFixture[str]
         assert capsys.readouterr().err == ""
 
 
-def test_places_are_there() -> None:
+def test_named_places_exist() -> None:
     named = {word for code in (*INLINE, *BLOCKS) for word in re.findall(r"[\w.]+/[\w./]+", code)}
     named -= {".venv/bin/activate"}
     assert "src/reobserve/cli/stage_commands.py" in named
     assert {name for name in named if not (ROOT / name).exists()} == set()
 
 
-def test_sub_commands_and_rules_that_other_files_name_are_there() -> None:
+def test_named_subcommands_and_rules_exist() -> None:
     """Those of the Makefile and the workflows of CI, and the rules of the profile for Slurm."""
     files = (ROOT / "Makefile", *(ROOT / ".github/workflows").glob("*.yml"))
     text = "\n".join(path.read_text(encoding="utf-8") for path in files)

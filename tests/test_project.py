@@ -24,7 +24,7 @@ from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.provenance import import_closure
 
 from . import FIVE
-from .found import golden_metrics
+from .published_numbers import golden_metrics
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "reobserve"
@@ -94,7 +94,7 @@ def test_tests_mirror_the_packages() -> None:
 DRAWING = ("look", "figures", "fitting", "formats", "pgf")
 
 
-def test_heavy_packages_stay_where_they_belong() -> None:
+def test_heavy_packages_are_imported_only_where_needed() -> None:
     for path in files("."):
         names = imports(path)
         assert not inside(names, "snakemake"), path
@@ -108,7 +108,7 @@ def test_heavy_packages_stay_where_they_belong() -> None:
             assert not inside(names, "cvxpy", "clarabel"), path
 
 
-def test_a_short_job_imports_little() -> None:
+def test_short_job_imports_no_heavy_packages() -> None:
     """Looking around needs neither numpy's friends nor a plot."""
     command = (
         "import sys; from reobserve.cli.main import main; main(['list']); "
@@ -121,7 +121,7 @@ def test_a_short_job_imports_little() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_files_can_be_held_in_the_head() -> None:
+def test_files_have_at_most_400_lines() -> None:
     long = {p.name: n for p in files(".") if (n := len(p.read_text().splitlines())) > 400}
     assert long == {}
 
@@ -130,7 +130,7 @@ def test_files_can_be_held_in_the_head() -> None:
     "name",
     [f"requirements{kind}.lock" for kind in ("", "-build", "-docs", "-mutation", "-package")],
 )
-def test_the_locks_pin_by_hash_and_name_no_host(name: str) -> None:
+def test_lock_files_pin_by_hash_and_name_no_host(name: str) -> None:
     text = (ROOT / name).read_text()
     assert "://" not in text
     assert "--index" not in text
@@ -151,13 +151,13 @@ def tracked() -> Iterator[tuple[str, str]]:
             yield name, path.read_text(encoding="utf-8")
 
 
-def test_nothing_tracked_names_a_place_of_one_machine() -> None:
+def test_tracked_files_name_no_local_paths() -> None:
     absolute = re.compile(r"(?<![\w.$}/:-])/(?:home|root|work|tmp|Users)/\w")
     for name, text in tracked():
         assert ROOT / name == Path(__file__) or not absolute.search(text), name
 
 
-def test_files_that_comments_and_texts_name_are_there() -> None:
+def test_files_named_in_comments_and_texts_exist() -> None:
     """Tests are left out: they name files of projects that they make."""
     folders = r"\.ci|\.github|benchmarks|config|profiles|src|tests|workflow"
     kinds = "md|py|rst|sh|smk|toml|yaml|yml"
@@ -176,7 +176,7 @@ def test_files_that_comments_and_texts_name_are_there() -> None:
     assert {(n, p) for n, p in missing if not any((ROOT / "examples").glob(f"*/{p}"))} == set()
 
 
-def test_the_rules_are_short_and_know_the_package_by_its_commands() -> None:
+def test_workflow_rules_are_short_and_use_only_commands() -> None:
     """A reader sees paths, wildcards and commands; what is computed stands in the package."""
     rules = [ROOT / "Snakefile", ROOT / "workflow/Snakefile", *ROOT.glob("workflow/rules/*.smk")]
     lines = [line for path in rules for line in path.read_text().splitlines()]
@@ -208,7 +208,7 @@ def test_metadata_agrees() -> None:
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
-def test_the_metrics_are_those_that_are_explained(paper: str) -> None:
+def test_all_metrics_are_explained(paper: str) -> None:
     """All that are kept, and no others."""
     reported = [pattern for pattern, _ in meanings(paper)]
     tree = Parameters.load(ROOT, paper).tree
@@ -218,7 +218,7 @@ def test_the_metrics_are_those_that_are_explained(paper: str) -> None:
     assert {p.pattern for p in reported if not any(map(p.fullmatch, metrics))} == set()
 
 
-def test_the_lists_of_metrics_are_those_of_the_papers(tmp_path: Path) -> None:
+def test_lists_of_metrics_agree_with_the_papers(tmp_path: Path) -> None:
     """As `reobserve readme` writes them."""
     for folder in ("config/papers", "results"):
         (tmp_path / folder).mkdir(parents=True)
@@ -245,7 +245,7 @@ WORDS = {
 HISTORY = ("CHANGELOG.md", "tests/golden/REASONS.md", "tests/test_project.py")
 
 
-def test_words_that_the_field_does_not_use_stay_out() -> None:
+def test_unusual_terms_do_not_appear() -> None:
     listed = subprocess.run(
         ["git", "ls-files", "*.py", "*.md", "*.yaml", "*.yml", "*.smk", "*.rst", "*.jinja"],
         cwd=ROOT, capture_output=True, text=True, check=True,
@@ -271,7 +271,7 @@ def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParse
 
 
 @pytest.mark.parametrize("parser", commands(command_parser()), ids=lambda parser: parser.prog)
-def test_a_command_passes_the_arguments_that_its_function_takes(
+def test_command_passes_the_arguments_of_its_function(
     parser: argparse.ArgumentParser,
 ) -> None:
     module, name = parser.get_default("run").split(":")

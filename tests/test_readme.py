@@ -25,14 +25,14 @@ from reobserve.replication.parameters.parameter_file import Configuration
 from reobserve.replication.parameters.parameters import Parameters
 
 from . import FIVE
-from .found import numbers_left, squeezed
+from .published_numbers import numbers_left, squeezed
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LIBRARY = (ROOT / "docs/pages/start/library.md").read_text(encoding="utf-8")
 
 
-def test_the_python_of_the_readme_and_of_the_library_s_page_runs(
+def test_python_examples_of_readme_and_library_page_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -75,7 +75,7 @@ def python_of(text: str) -> list[str]:
     return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
 
 
-def test_the_python_is_typed(tmp_path: Path) -> None:
+def test_python_examples_pass_mypy(tmp_path: Path) -> None:
     """As strictly as the library itself: a reader's checker knows what a call gives."""
     (tmp_path / "reported.py").write_text("".join(python_of(LIBRARY)), encoding="utf-8")
     strict = ("--strict", "--config-file", str(ROOT / "pyproject.toml"))
@@ -119,11 +119,11 @@ NUMBERS = [
 
 
 @pytest.mark.parametrize("text", NUMBERS)
-def test_the_numbers_of_the_readme_are_those_of_the_build(text: str) -> None:
+def test_numbers_in_the_readme_agree_with_the_build(text: str) -> None:
     assert text in squeezed(README)
 
 
-def test_the_readme_has_no_other_numbers() -> None:
+def test_readme_has_no_other_numbers() -> None:
     """Without code, names and what is compared above, no digit is left."""
     before, _, rest = README.partition("<!-- verdicts -->")
     verdicts, _, after = rest.partition("<!-- end -->")
@@ -131,7 +131,7 @@ def test_the_readme_has_no_other_numbers() -> None:
     assert numbers_left(before + verdicts + after, reported) == []
 
 
-def test_the_options_of_a_build_are_in_the_table_of_config() -> None:
+def test_build_options_are_listed_in_the_config_table() -> None:
     text = (ROOT / "config/README.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| .* \| (?:`(.*)`)? ?\|$", text, re.MULTILINE))
     defaults = read_yaml(ROOT / "config/config.yaml")

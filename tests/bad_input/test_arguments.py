@@ -143,7 +143,7 @@ def odd_argument(draw: st.DrawFn, valid: Any) -> tuple[str, Any]:
 
 @settings(max_examples=8 * settings().max_examples)
 @given(st.data())
-def test_odd_arguments(data: st.DataObject) -> None:
+def test_arguments_of_odd_type_shape_or_value_are_accepted_or_refused(data: st.DataObject) -> None:
     call: Call = data.draw(st.sampled_from([one for one in calls().values() if one.arguments]))
     arguments = [one.copy() if type(one) is np.ndarray else one for one in call.arguments]
     never = False
@@ -156,7 +156,7 @@ def test_odd_arguments(data: st.DataObject) -> None:
     assert not (accepted and never), "took for a number what is none"
 
 
-def test_everything_that_the_package_offers_is_called() -> None:
+def test_every_public_name_has_a_call() -> None:
     called = {name.partition(",")[0].rpartition(".")[2] for name in calls()}
     results = {"DivergenceError", "Estimate", "InputError", "Run"}  # nobody constructs them
     assert set(reobserve.__all__) - called - results == {"replicate"}  # tests/replication
@@ -182,6 +182,6 @@ REFUSED: dict[str, Callable[[], object]] = {
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("case", REFUSED)
-def test_numbers_that_ended_in_a_traceback(case: str) -> None:
+def test_values_that_once_raised_other_errors_are_refused(case: str) -> None:
     with pytest.raises(InputError, match=f"^{case.partition(':')[0]}: "):
         REFUSED[case]()

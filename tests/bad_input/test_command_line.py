@@ -86,7 +86,7 @@ odd_words = st.sampled_from(PATHS + OPTIONS) | words | st.sampled_from(NUMBERS).
 
 
 @given(st.data())
-def test_odd_lines(data: st.DataObject) -> None:
+def test_odd_command_lines_are_accepted_or_refused(data: st.DataObject) -> None:
     line = list(data.draw(st.sampled_from(lines())))
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.integers(0, len(line)))
@@ -95,7 +95,7 @@ def test_odd_lines(data: st.DataObject) -> None:
 
 
 @given(st.sampled_from(valid.PAPERS), st.data())
-def test_odd_overrides(paper: str, data: st.DataObject) -> None:
+def test_odd_overrides_are_accepted_or_refused(paper: str, data: st.DataObject) -> None:
     tree = valid.paper(paper)
     section = data.draw(st.sampled_from([key for key in tree if isinstance(tree[key], dict)]))
     name = data.draw(st.sampled_from(list(tree[section])))
@@ -109,7 +109,7 @@ def test_odd_overrides(paper: str, data: st.DataObject) -> None:
     is_accepted(lambda: command(*line, "--project", ROOT, "--output", "out.json"))
 
 
-def test_an_override_says_something() -> None:
+def test_empty_override_is_refused() -> None:
     with pytest.raises(InputError, match=r"^eso\.plant\.inertia: \{\} must be a value"):
         Parameters.load(ROOT, "eso", {"plant": {"inertia": {}}})
 
@@ -158,7 +158,7 @@ KINDS = ["folder/", "fifo", "socket", "link", "nowhere", "kept", "file/inside", 
 
 
 @pytest.mark.parametrize("place", [*KINDS, "/proc/self/mem"])
-def test_a_result_goes_to_no_other_kind_of_thing(
+def test_output_to_anything_but_a_regular_file_is_refused(
     places: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(places)
@@ -172,7 +172,7 @@ def test_a_result_goes_to_no_other_kind_of_thing(
 @pytest.mark.parametrize(
     "name", ["ü\u202ename".encode(), b"\xff\xfe", b"a\nb; touch $HOME", b"\xf0\x9f\x98\x80"]
 )
-def test_a_result_may_have_any_name(places: Path, name: bytes) -> None:
+def test_output_file_may_have_any_name(places: Path, name: bytes) -> None:
     line = ("stage", "parameters", "ilo", "--project", os.fspath(ROOT), "--output", name)
     done = reobserve(places, *line, locale="C")
     assert done.returncode == 0, done.stderr.decode()
@@ -188,18 +188,18 @@ def test_a_result_may_have_any_name(places: Path, name: bytes) -> None:
         ["list", "ilo", "--project", "x" * 300],
     ],
 )
-def test_only_files_are_read(places: Path, line: list[str]) -> None:
+def test_input_that_is_not_a_file_is_refused(places: Path, line: list[str]) -> None:
     assert not is_accepted(lambda: (os.chdir(places), command(*line)))
     assert not (places / "out.parquet").exists()
 
 
-def test_a_full_disk(places: Path) -> None:
+def test_full_disk_is_reported_in_one_sentence(places: Path) -> None:
     with open("/dev/full", "wb") as full:
         done = reobserve(places, "list", "--project", os.fspath(ROOT), output=full.fileno())
     assert "No space left" in refusal(done)
 
 
-def test_a_reader_that_leaves_is_no_fault(places: Path) -> None:
+def test_closed_pipe_is_not_an_error(places: Path) -> None:
     reading, writing = os.pipe()
     os.close(reading)
     done = reobserve(places, "list", "--project", os.fspath(ROOT), output=writing)
@@ -207,7 +207,7 @@ def test_a_reader_that_leaves_is_no_fault(places: Path) -> None:
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_closed_output_is_no_fault(places: Path) -> None:
+def test_closed_standard_output_is_not_an_error(places: Path) -> None:
     shell = ["sh", "-c", 'exec "$@" >&-', "sh", *RUN, "list", "--project", os.fspath(ROOT)]
     done = subprocess.run(shell, cwd=places, capture_output=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, b"")

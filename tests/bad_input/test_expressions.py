@@ -55,25 +55,27 @@ def accepts(**changes: Any) -> bool:
 
 
 @pytest.mark.parametrize("text", HOSTILE)
-def test_texts_that_were_tried_before(text: str) -> None:
+def test_listed_expressions_are_accepted_or_refused(text: str) -> None:
     accepts(dynamics=["w", text])
     accepts(dynamics=["w", f"-sin(a) - w/10 + a**2*({text})"])
 
 
 @pytest.mark.parametrize("text", ["1e-308/0.0", "1/0.0**0.5", "0.0/0.0", "0.5**(1/0)"])
-def test_what_sympy_cannot_compute_is_refused(text: str) -> None:
+def test_expressions_that_sympy_cannot_compute_are_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^dynamics\[1\]: .*(without a value|no Taylor series)"):
         normal_form_observer(**{**VALID, "dynamics": ["w", text]})
 
 
 @pytest.mark.parametrize("text", ["atan(1/0)", "sin(atanh(1))", "atan(log(0))", "a*atan(1/0)"])
-def test_a_constant_without_value_is_no_coefficient(text: str) -> None:
+def test_constant_without_a_value_is_refused_as_coefficient(text: str) -> None:
     with pytest.raises(InputError, match=r"^dynamics\[1\]: .* has no Taylor series at the origin"):
         normal_form_observer(**{**VALID, "dynamics": ["w", text]})
 
 
 @given(grown, st.none() | words, st.integers(0, 40))
-def test_grown_texts(text: str, piece: str | None, at: int) -> None:
+def test_generated_expressions_are_accepted_or_refused(
+    text: str, piece: str | None, at: int
+) -> None:
     assert accepts()
     broken = text if piece is None else text[:at] + piece[:50] + text[at:]
     accepts(dynamics=["w", f"-sin(a) - w/10 + a**2*({broken})"])
@@ -86,5 +88,5 @@ ODD = [
 
 
 @given(st.sampled_from([*VALID, "degree", "form", "gain", "inputs"]), st.sampled_from(ODD) | values)
-def test_other_arguments_of_a_normal_form(name: str, value: Any) -> None:
+def test_odd_normal_form_arguments_are_accepted_or_refused(name: str, value: Any) -> None:
     accepts(**{name: value})

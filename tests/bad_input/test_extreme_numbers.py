@@ -41,7 +41,7 @@ def replaced(valid: Any) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_extreme_number_gives_a_result_or_a_sentence(name: str) -> None:
+def test_extreme_numbers_give_a_result_or_one_sentence(name: str) -> None:
     call: Call = calls()[name]
     for place, valid in enumerate(call.arguments):
         for argument in replaced(valid) if is_numeric(valid) else ():
@@ -60,7 +60,7 @@ def test_poles_far_from_all_eigenvalues_are_refused_without_a_warning(poles: lis
 
 
 @pytest.mark.filterwarnings("error")
-def test_results_that_are_not_finite_are_refused_by_the_argument() -> None:
+def test_non_finite_results_are_refused_naming_the_argument() -> None:
     for function, argument in (
         (lambda x: np.float64(x) * x, 1e200),
         (lambda x: (x, np.array([1.0, x / 0.0])), np.float64(1.0)),

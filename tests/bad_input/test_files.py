@@ -218,7 +218,7 @@ def made(reader: Callable[..., Reader], arguments: Any) -> Reader:
 
 
 @pytest.mark.parametrize("reader", READERS)
-def test_changed_files(reader: Callable[..., Reader]) -> None:
+def test_changed_files_are_accepted_or_refused(reader: Callable[..., Reader]) -> None:
     every = [made(reader, one) for one in READERS[reader] or [()]]
     for one in every:
         assert one.accepts(one.valid)
@@ -241,7 +241,7 @@ def bomb(width: int, depth: int) -> bytes:
 
 
 @pytest.mark.parametrize("token", [*YAML, *(bomb(*size) for size in ((2, 30), (9, 9), (9, 30)))])
-def test_yaml_that_was_refused_once_badly(token: bytes) -> None:
+def test_yaml_that_once_raised_other_errors_is_refused(token: bytes) -> None:
     for reader in (parameter_file("ilo"), specification("kalman"), user_model("kalman")):
         for content in (token, b"a: " + token, reader.valid + token, b"a: 1\nb: &b " + token):
             reader.accepts(content)

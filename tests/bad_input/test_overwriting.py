@@ -59,16 +59,18 @@ def refused(line: list[str], capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("what", LINES)
-def test_an_input_is_not_overwritten(what: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_input_file_is_not_overwritten(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     refused(LINES[what].split(), capsys)
 
 
-def test_another_name_of_an_input_is_not_written_either(capsys: pytest.CaptureFixture[str]) -> None:
+def test_input_file_is_not_overwritten_under_another_name(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     os.link("table.csv", "same.tex")
     refused(["latex", "table.csv", "--output", "same.tex"], capsys)
 
 
-def test_the_design_in_a_specification_is_not_overwritten(
+def test_design_named_in_specification_is_not_overwritten(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     tree = valid.specification("kalman")

@@ -92,13 +92,13 @@ def estimated(name: str, content: bytes) -> bool:
 
 
 @pytest.mark.parametrize("options", [{"compression": one} for one in ("none", "snappy", "gzip")])
-def test_a_record_may_be_compressed(options: dict[str, Any]) -> None:
+def test_compressed_record_is_accepted(options: dict[str, Any]) -> None:
     assert observed("imm", written(parquet.read_table(valid.record("imm")), **options))
     assert observed("imm", written(parquet.read_table(valid.record("imm")), row_group_size=100))
 
 
 @given(st.data())
-def test_other_columns(data: st.DataObject) -> None:
+def test_changed_columns_are_accepted_or_refused(data: st.DataObject) -> None:
     paper = data.draw(st.sampled_from([*valid.PAPERS, "kalman", "levant"]))
     if paper in valid.PAPERS:
         table = parquet.read_table(valid.record(paper)).slice(0, ROWS)
@@ -117,7 +117,7 @@ def test_other_columns(data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("name", ["levant", "eso", "extended-high-gain"])
-def test_a_reading_near_the_largest_number_warns_of_nothing(name: str) -> None:
+def test_measurement_near_the_largest_float_gives_no_warning(name: str) -> None:
     rows = valid.csv_record(name).decode().splitlines()
     time, _, *others = rows[5].split(",")
     rows[5] = ",".join([time, "1e308", *others])
@@ -131,7 +131,7 @@ def test_a_reading_near_the_largest_number_warns_of_nothing(name: str) -> None:
 
 
 @given(st.data())
-def test_other_metadata(data: st.DataObject) -> None:
+def test_changed_metadata_is_accepted_or_refused(data: st.DataObject) -> None:
     paper = data.draw(st.sampled_from(valid.PAPERS))
     table = parquet.read_table(valid.record(paper)).slice(0, ROWS)
     about = json.loads(table.schema.metadata[KEY])

@@ -28,7 +28,7 @@ def quiet(classes: list[str], levels: list[float], seed: int, **changed: float) 
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_record_is_that_of_an_adaptive_integrator(seed: int) -> None:
+def test_record_agrees_with_an_adaptive_integrator(seed: int) -> None:
     """With ramps, whose straight lines are known between samples, and u by its derivatives."""
     record = quiet(["ramp"], PLANT.levels, seed)
     u = CubicHermiteSpline(record.time, record.inputs[:, 0], record.inputs[:, 1])
@@ -45,7 +45,7 @@ def test_a_record_is_that_of_an_adaptive_integrator(seed: int) -> None:
     assert found.y[0] == pytest.approx(record.measurements[first:, 0], abs=1e-6)
 
 
-def test_inputs_are_lines_and_their_derivatives() -> None:
+def test_inputs_come_with_their_derivatives() -> None:
     record = quiet(["step"], PLANT.levels, 3)
     u, rate, bend = record.inputs.T
     assert np.gradient(u, T, edge_order=2)[1:-1] == pytest.approx(rate[1:-1], abs=2e-3)
@@ -55,7 +55,7 @@ def test_inputs_are_lines_and_their_derivatives() -> None:
     assert slow.inputs[::2, 0] == pytest.approx(u[: len(u) // 2 + 1], abs=1e-12)
 
 
-def test_the_delay_steps_ramps_and_swings() -> None:
+def test_delay_has_steps_ramps_and_oscillations() -> None:
     for seed in range(1, 9):
         steps = np.diff(quiet(["step"], PLANT.levels, seed).truth[:, 0])
         assert np.count_nonzero(np.abs(steps) > 1e-9) == 3
@@ -89,13 +89,13 @@ FOUND = {
 }
 
 
-def test_all_methods_are_checked() -> None:
+def test_every_method_has_a_constant_delay_test() -> None:
     assert set(FOUND) == set(TASK.methods)
 
 
 @pytest.mark.parametrize("every", [1, 2])
 @pytest.mark.parametrize("method", FOUND)
-def test_a_constant_delay_is_found(method: str, every: int) -> None:
+def test_methods_find_a_constant_delay(method: str, every: int) -> None:
     settings, speed, median, most = FOUND[method]
     delay = 0.8 if method == "imm" else 0.63  # on its grid
     for seed in (1, 2, 3):
@@ -111,7 +111,7 @@ def test_a_constant_delay_is_found(method: str, every: int) -> None:
         assert wrong.max() < most * every**2
 
 
-def test_a_class_that_is_unknown_is_reported(tmp_path: Path) -> None:
+def test_unknown_class_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "delay.yaml"
     path.write_text(PATH.read_text().replace("classes: [step]}", "classes: [stop]}"))
     with pytest.raises(InputError, match=r"conditions\.steps\.plant\.classes.*'stop'"):

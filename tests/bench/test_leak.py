@@ -34,7 +34,7 @@ def filters(plant: leak.Plant, settings: Any) -> tuple[KalmanFilter, KalmanFilte
     return next(made), next(made)
 
 
-def test_healthy_records_are_those_of_the_normal_model() -> None:
+def test_healthy_records_follow_the_normal_model() -> None:
     plant = replace(EXACT, noise=1e-12)
     record = leak.simulate(plant, Condition("nominal"), 4, PERIOD)
     system = cont2discrete(tf2ss(plant.normal[0], [1.0, *plant.normal[1]]), PERIOD)
@@ -50,7 +50,7 @@ def test_healthy_records_are_those_of_the_normal_model() -> None:
     assert plant.share[0] <= record.truth[-1, 0] <= plant.share[1]
 
 
-def test_what_a_record_is_beside_has_noise_of_its_own() -> None:
+def test_healthy_records_have_independent_noise() -> None:
     record = TASK.record("nominal", 4)
     noise = [one.measurements - record.measurements for one in record.healthy()]  # type: ignore[attr-defined]
     before = slice(0, int(np.argmax(record.truth > 0)))
@@ -58,7 +58,7 @@ def test_what_a_record_is_beside_has_noise_of_its_own() -> None:
         assert one[before].std() > 1.2 * PLANT.noise  # sqrt 2 of it, and the voltages
 
 
-def test_the_power_of_innovations_is_chi_squared() -> None:
+def test_normalised_innovations_are_chi_squared() -> None:
     size = 20
     settings = {"process": 1e-4, "window": size * PERIOD}
     statistic = leak.power(EXACT, settings, PERIOD, EXACT.noise)
@@ -93,7 +93,7 @@ def by_hand(one: KalmanFilter, other: KalmanFilter, y: Array, u: Array) -> Array
     return np.array(found)
 
 
-def test_the_restarted_sum_is_that_by_hand() -> None:
+def test_restarted_sum_agrees_with_matrix_recursion() -> None:
     one, other = filters(PLANT, SETTINGS)
     record = leak.simulate(replace(PLANT, share=(0.9, 1.0)), Condition("nominal"), 5, PERIOD)
     y, u = record.measurements, record.inputs
@@ -104,7 +104,7 @@ def test_the_restarted_sum_is_that_by_hand() -> None:
     assert found[-1] > 50
 
 
-def test_a_restart_helps_where_the_models_are_far_apart() -> None:
+def test_restart_shortens_delay_for_distant_models() -> None:
     """Towards the identified leak: with a model of half of it the other sum is the earlier one."""
 
     def delay(restarts: bool, share: float) -> float:
@@ -118,7 +118,7 @@ def test_a_restart_helps_where_the_models_are_far_apart() -> None:
     assert delay(False, 0.5) < delay(True, 0.5) < delay(True, 1.0)
 
 
-def test_scores_are_delays_misses_and_false_alarms() -> None:
+def test_scores_count_delays_misses_and_false_alarms() -> None:
     record: Any = TASK.record("nominal", 6)
     onset, rows = int(np.argmax(record.truth > 0)), len(record.time)
 
@@ -141,7 +141,7 @@ def test_scores_are_delays_misses_and_false_alarms() -> None:
 
 
 @pytest.mark.parametrize("method", ["glr", "cusum"])
-def test_a_threshold_is_that_of_healthy_records(method: str) -> None:
+def test_threshold_comes_from_healthy_records(method: str) -> None:
     """So many of these very records exceed it, and kept it is that of the nominal condition."""
     make: Any = {"glr": leak.glr, "cusum": partial(leak.sum_of_ratios, True)}[method]
     level = leak.NOMINAL
@@ -158,7 +158,7 @@ def test_a_threshold_is_that_of_healthy_records(method: str) -> None:
     assert (renewed != (statistic(record) > limit)).any()
 
 
-def test_delays_are_drawn_over_the_shares_of_false_alarms() -> None:
+def test_figure_shows_delay_over_false_alarm_rate() -> None:
     shares = {"nominal": 0.1, "rate_5": 0.05, "rate_2": 0.02, "rate_50": 0.6}
     cells = [
         {"condition": condition, "method": name, "training": "nominal", "given_noise": "no",

@@ -44,7 +44,7 @@ def recorded(seed: int, plant: Any, **condition: Any) -> Record:
     return motor.simulate(plant, Condition("c", **condition), seed, PERIOD)
 
 
-def test_a_record_is_the_solution_of_the_differential_equation() -> None:
+def test_record_solves_the_differential_equation() -> None:
     """By an adaptive method, without what is random; sines bend least between samples."""
     record = recorded(5, quiet(faults=["sine"]))
     J, b, K, R, L = 0.01, 0.1, 0.01, 1.0, 0.5
@@ -60,7 +60,7 @@ def test_a_record_is_the_solution_of_the_differential_equation() -> None:
     assert record.measurements == pytest.approx(expected, abs=1e-4)  # lines in place of sines
 
 
-def test_a_wrong_model_changes_what_is_measured_and_nothing_else() -> None:
+def test_wrong_model_changes_the_measurements_only() -> None:
     right, wrong = recorded(5, quiet()), recorded(5, quiet(), model=0.1)
     assert (right.truth == wrong.truth).all()
     assert (right.inputs == wrong.inputs).all()
@@ -89,7 +89,7 @@ def test_methods_find_constant_faults_exactly(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", FAST)
-def test_jumps_of_the_voltage_do_not_show_in_estimates(method: str) -> None:
+def test_estimates_do_not_react_to_voltage_jumps(method: str) -> None:
     """Not at all in discrete time; little where measurements go in straight lines in between."""
     plant = quiet(faults=["ramp"], onset=(9.0, 9.5))
     record = recorded(2, plant)
@@ -98,7 +98,7 @@ def test_jumps_of_the_voltage_do_not_show_in_estimates(method: str) -> None:
     assert np.abs(estimate[record.time < 9.0]).max() < bound
 
 
-def test_gains_by_riccati_are_those_of_another_solver() -> None:
+def test_riccati_gains_agree_with_another_solver() -> None:
     plant = task().plant_in("nominal")
     settings = {"actuator": 0.3, "sensor": 0.2, "process": 0.5, "filter_rate": 20.0}
     found = motor.by_riccati(plant, settings, PERIOD, 0.01)
@@ -113,7 +113,7 @@ def test_gains_by_riccati_are_those_of_another_solver() -> None:
     assert found(record) == pytest.approx(expected(record), abs=1e-6)
 
 
-def test_settings_in_between_share_a_design() -> None:
+def test_nearby_settings_share_a_design() -> None:
     found = [motor.preferred(one, 10) for one in (1.0, 0.05, 0.0012, 9.45, 400.0)]
     assert found == [1.0, 0.05, 0.0013, 10.0, 400.0]
     assert [motor.preferred(1.1 * 10 ** (k / 5), 5) for k in range(6)] == [1, 1.6, 2.5, 4, 6.3, 10]
@@ -124,7 +124,7 @@ def test_settings_in_between_share_a_design() -> None:
     assert (one(record) == other(record)).all()
 
 
-def test_construction_is_timed_with_the_design(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_construction_time_includes_the_design(monkeypatch: pytest.MonkeyPatch) -> None:
     forgotten = []
     monkeypatch.setattr(motor, "forget", lambda: forgotten.append(motor.designed.cache_clear()))
     _cost(task(), "inverted", FAST["inverted"])
@@ -132,7 +132,7 @@ def test_construction_is_timed_with_the_design(monkeypatch: pytest.MonkeyPatch) 
     assert motor.designed.cache_info().currsize == 0
 
 
-def test_constants_that_are_no_motor_are_reported() -> None:
+def test_invalid_motor_constants_are_reported() -> None:
     tree = {**task().plant, "motor": {**task().plant["motor"], "inertia": -1.0}}
     with pytest.raises(InputError, match=r"inertia"):
         replace(task(), plant=tree).plant_in("nominal")

@@ -59,7 +59,7 @@ def results(tmp_path: Path) -> Results:
     return Results(task, cells, {"share": tuned, "reported": tuned})
 
 
-def test_the_heat_map_has_a_cell_for_each_number(results: Results) -> None:
+def test_heat_map_has_one_cell_per_number(results: Results) -> None:
     axes = heat_map(results).axes[0]
     rows = [label.get_text() for label in axes.get_yticklabels()]
     assert rows == ["Share", "Share, the paper's settings", "Given", "Given, given R"]
@@ -78,7 +78,7 @@ def test_the_heat_map_has_a_cell_for_each_number(results: Results) -> None:
     assert shades[0, 2][0] > shades[0, 0][0] > shades[0, 1][0]
 
 
-def test_levels_are_lines_crosses_and_rings(results: Results) -> None:
+def test_level_figure_marks_tuned_given_and_retuned_settings(results: Results) -> None:
     noise, model, level = levels(results).axes
     drawn = [
         (line.get_marker(), *map(list, zip(*line.get_xydata().tolist(), strict=True)))
@@ -96,12 +96,12 @@ def test_levels_are_lines_crosses_and_rings(results: Results) -> None:
     assert level.lines[0].get_xydata().tolist() == [[1.0, 0.25], [2.0, 0.15]]
 
 
-def test_errors_over_evaluations_are_medians_of_repeats(results: Results) -> None:
+def test_error_curve_shows_the_median_of_repeats(results: Results) -> None:
     (line, *_) = evaluations(results).axes[0].lines
     assert line.get_xydata().tolist() == [[10.0, 0.5], [25.0, 0.21], [40.0, 0.2]]
 
 
-def test_the_table_says_what_a_method_needs_and_costs(results: Results) -> None:
+def test_table_lists_requirements_and_cost_of_each_method(results: Results) -> None:
     lines = summary(results).splitlines()
     assert lines[4] == (
         "| Share | k | g | 1 | 25 | 0.250 [0.100 0.300] | **0.750** [0.100 0.300] | 12 ms | 0.50 "

@@ -21,7 +21,7 @@ def wave(delay: float = 0.0) -> Array:
     return np.column_stack([np.sin(2.0 * t), np.cos(3.0 * t)])
 
 
-def test_zero_earns_one_and_the_truth_nothing() -> None:
+def test_zero_estimate_scores_one_and_exact_estimate_scores_zero() -> None:
     assert score(lambda _: 0.0 * wave(), record(wave()), 0.0).error == pytest.approx(1.0, abs=1e-12)
     exact = score(lambda _: wave(), record(wave()), 0.0)
     assert (exact.error, exact.lag, exact.quantile) == (0.0, 0.0, 0.0)
@@ -31,7 +31,7 @@ def test_zero_earns_one_and_the_truth_nothing() -> None:
     assert score(lambda _: -99.0 * wave(), record(wave()), 0.0).error == WORST
 
 
-def test_a_share_of_the_truth_is_the_error() -> None:
+def test_score_of_a_scaled_truth_is_the_scaling_error() -> None:
     found = score(lambda _: 0.8 * wave(), record(wave()), 3.0)
     assert found.error == pytest.approx(0.2, rel=1e-12)
     late = TIME >= 3.0
@@ -41,7 +41,7 @@ def test_a_share_of_the_truth_is_the_error() -> None:
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.037, 0.12])
-def test_a_delay_is_the_lag(delay: float) -> None:
+def test_delayed_estimate_scores_its_delay_as_lag(delay: float) -> None:
     found = score(lambda _: wave(delay), record(wave()), 1.0)
     assert found.lag == pytest.approx(delay, abs=2e-4)
     # |sin(2 (t - d)) - sin(2 t)| has the rms sqrt 2 |sin d|, |cos 3 ..| that of sqrt 2 |sin 1.5 d|
@@ -49,7 +49,7 @@ def test_a_delay_is_the_lag(delay: float) -> None:
     assert found.error == pytest.approx(expected, rel=0.05)
 
 
-def test_intervals_of_normal_logs_are_those_of_the_mean() -> None:
+def test_confidence_interval_of_lognormal_errors_is_that_of_the_mean_log() -> None:
     logs = np.random.default_rng(3).normal(np.log(0.2), 0.3, 64)
     mean, low, high = interval(logs)
     assert mean == pytest.approx(np.exp(logs.mean()), rel=1e-12)

@@ -36,7 +36,7 @@ def error(share: float, deviation: float, seed: int) -> float:
     return abs(share * (1.0 + deviation * off(seed)) - 1.0)
 
 
-def test_scores_are_those_by_hand(tmp_path: Path) -> None:
+def test_scores_agree_with_hand_calculation(tmp_path: Path) -> None:
     task = toy(tmp_path)
     row = Row("share", "nominal", (("share", 0.9),))
     for condition, deviation in (("nominal", 0.1), ("noise", 0.5)):
@@ -44,7 +44,7 @@ def test_scores_are_those_by_hand(tmp_path: Path) -> None:
         assert found == pytest.approx([error(0.9, deviation, 1001 + k) for k in range(20)])
 
 
-def test_a_tuning_is_on_its_own_records_and_stored_with_its_objective(tmp_path: Path) -> None:
+def test_tuning_uses_separate_records_and_stores_its_objective(tmp_path: Path) -> None:
     task = toy(tmp_path)
     tuned = kept(task, tmp_path / "tuned")
     for name, deviation in (("nominal", 0.1), ("noise", 0.5)):
@@ -61,7 +61,7 @@ def test_a_tuning_is_on_its_own_records_and_stored_with_its_objective(tmp_path: 
     assert len(tuned["share"].training["nominal"].repeats) == 3
 
 
-def test_cells_are_geometric_means_with_the_median_repeat(tmp_path: Path) -> None:
+def test_cells_hold_geometric_means_of_the_median_repeat(tmp_path: Path) -> None:
     task = toy(tmp_path)
     tuned = kept(task, tmp_path / "tuned")
     cells = score_task(task, tuned)
@@ -102,7 +102,7 @@ def test_cells_are_geometric_means_with_the_median_repeat(tmp_path: Path) -> Non
     assert {len(c.scores) for c in cells if c.condition == "high"} == {16}
 
 
-def test_a_comparison_ends_when_it_is_decided(tmp_path: Path) -> None:
+def test_comparison_stops_when_decided(tmp_path: Path) -> None:
     scorer = Scorer(toy(tmp_path))
     same = [Row("share", "nominal", (("share", value),)) for value in (0.5, 0.500001)]
     far = [Row("share", "nominal", (("share", value),)) for value in (0.5, 0.1)]
@@ -114,7 +114,7 @@ def test_a_comparison_ends_when_it_is_decided(tmp_path: Path) -> None:
     assert {len(cell.scores) for cell in scorer.compared(close, "nominal")} == {64}
 
 
-def test_failures_are_errors_unless_they_are_stated(tmp_path: Path) -> None:
+def test_unexpected_failures_raise_an_error(tmp_path: Path) -> None:
     tree = {**stated(), "shown": ["fragile"]}
     tree["methods"] = {"fragile": method()}
     task = Task.read(write(tmp_path, tree))
@@ -135,7 +135,7 @@ def test_failures_are_errors_unless_they_are_stated(tmp_path: Path) -> None:
     assert [one.failed for one in paper] == failed
 
 
-def test_settings_that_moved_are_found(tmp_path: Path) -> None:
+def test_changed_settings_are_detected(tmp_path: Path) -> None:
     task = toy(tmp_path)
     tuned = kept(task, tmp_path / "tuned")
     assert all(one.ratio == one.low == one.high == 1.0 for one in moved(task, tuned, tuned))
@@ -154,7 +154,7 @@ def test_settings_that_moved_are_found(tmp_path: Path) -> None:
     assert found["share", "nominal"].ratio == pytest.approx(math.exp(np.mean(logs)))
 
 
-def test_files_of_results_are_read_back(tmp_path: Path) -> None:
+def test_result_files_round_trip(tmp_path: Path) -> None:
     task = toy(tmp_path)
     cells = score_task(task, kept(task, tmp_path / "tuned"))
     paths = [tmp_path / f"{name}.csv" for name in ("scores", "table")]
@@ -176,7 +176,7 @@ def test_files_of_results_are_read_back(tmp_path: Path) -> None:
     assert results.evaluations_needed("share") == [50, 50, 50]
 
 
-def test_settings_that_were_tuned_for_something_else_are_refused(tmp_path: Path) -> None:
+def test_settings_tuned_for_another_task_are_refused(tmp_path: Path) -> None:
     task = toy(tmp_path)
     kept(task, tmp_path / "tuned")
     changes: list[dict[str, Any]] = [

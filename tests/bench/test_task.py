@@ -51,20 +51,20 @@ def changed(*path: str, to: Any) -> dict[str, Any]:
         (changed("seeds", to={"training": 0}), r"seeds\.training: 0 must be 1 or more"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_reported(tree: dict[str, Any], said: str, tmp_path: Path) -> None:
+def test_invalid_value_is_reported(tree: dict[str, Any], said: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=said) as caught:
         Task.read(write(tmp_path, tree))
     assert "toy.yaml" in str(caught.value)
 
 
-def test_a_task_without_a_module_is_reported(tmp_path: Path) -> None:
+def test_task_without_a_module_is_reported(tmp_path: Path) -> None:
     path = write(tmp_path, stated())
     (tmp_path / "toy.py").unlink()
     with pytest.raises(InputError, match=r"toy\.yaml: needs a module toy\.py beside it, or in"):
         Task.read(path)
 
 
-def test_methods_are_made_of_what_they_are_reported(tmp_path: Path) -> None:
+def test_method_is_constructed_from_noise_and_settings(tmp_path: Path) -> None:
     task = toy(tmp_path)
     record = task.record("noise", 5)
     for given, noise in ((False, 0.1), (True, 0.5)):
@@ -74,7 +74,7 @@ def test_methods_are_made_of_what_they_are_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
-def test_records_of_a_task_are_paired_between_conditions(path: Path) -> None:
+def test_records_are_paired_across_conditions(path: Path) -> None:
     """The same faults and the same unit noise in all conditions of a seed."""
     task = Task.read(path)
     nominal = task.record("nominal", 3)

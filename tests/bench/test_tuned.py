@@ -32,7 +32,7 @@ def tuned(name: str) -> Any:
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_settings_have_the_objective_that_they_were_kept_with(name: str) -> None:
+def test_stored_settings_reproduce_their_objective(name: str) -> None:
     """If not, records or methods have changed since: run `snakemake bench_tune` and keep those."""
     main = task(name).main
     for method, kept in tuned(name).items():
@@ -54,7 +54,7 @@ def scored(as_built: Project) -> Any:
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_the_comparison_is_the_golden_one(name: str, as_built: Project) -> None:
+def test_comparison_agrees_with_golden_numbers(name: str, as_built: Project) -> None:
     moved = compare_task(ROOT, as_built.folder / "results", name)
     assert not moved, "\n".join(map(str, moved))
 
@@ -88,7 +88,7 @@ def test_augmented_filter_and_learning_observers_tie_on_torque(scored: Any) -> N
     ("name", "method"),
     [("torque", "random_walk"), ("vdp", "ekf"), ("delay", "ekf"), ("motor", "random_walk_stated")],
 )
-def test_a_filter_that_is_given_the_noise_is_as_good_as_re_tuned(
+def test_filter_with_known_noise_matches_retuned_filter(
     name: str, method: str, scored: Any
 ) -> None:
     """The gain depends on the ratio of both covariances, which tuning found."""
@@ -105,7 +105,7 @@ def test_filters_beat_normal_forms_on_van_der_pol(scored: Any) -> None:
     assert found["ukf"] == pytest.approx(found["ekf"], rel=1e-3)
 
 
-def test_a_filter_that_is_given_the_noise_needs_the_disturbances_too(scored: Any) -> None:
+def test_filter_with_known_noise_also_needs_the_disturbance_variance(scored: Any) -> None:
     """On the motor: tuning three variances for one noise finds the gain, not their ratios."""
     found = scored("motor")
     reported = error(found, "noise", "random_walk", "", True)
@@ -115,7 +115,7 @@ def test_a_filter_that_is_given_the_noise_needs_the_disturbances_too(scored: Any
     )
 
 
-def test_derivative_action_is_worth_a_few_percent_on_the_motor(scored: Any) -> None:
+def test_derivative_action_gains_a_few_percent_on_the_motor(scored: Any) -> None:
     """By the same criterion; and with the paper's factor and filter rate, nothing."""
     tuned, own = (
         error(scored("motor"), "nominal", "pi", one, False)
@@ -137,7 +137,7 @@ def false_alarms(results: Results, condition: str, method: str, given: bool) -> 
     return float(cell["quantile"])
 
 
-def test_thresholds_do_not_survive_a_change_unless_the_statistic_is_normalised(scored: Any) -> None:
+def test_thresholds_transfer_only_with_a_normalised_statistic(scored: Any) -> None:
     """59 records leave 1.1 to 11.7 % of false alarms; 72 more of each condition count them."""
     found = scored("leak")
     for method in task("leak").methods:
@@ -150,7 +150,7 @@ def test_thresholds_do_not_survive_a_change_unless_the_statistic_is_normalised(s
     assert false_alarms(found, "kept_noise", "augmented", True) > 0.7
 
 
-def test_slow_inputs_suit_taylor_series_of_the_delay(scored: Any) -> None:
+def test_taylor_methods_improve_with_slower_inputs(scored: Any) -> None:
     """The more the higher its order; the extended filter, which has none, is better throughout."""
     delay = scored("delay")
     first, second = (
@@ -167,7 +167,7 @@ def test_slow_inputs_suit_taylor_series_of_the_delay(scored: Any) -> None:
         assert filtered < error(delay, condition, "extended_2", "paper", False)
 
 
-def test_many_delays_are_better_after_jumps_and_one_between_them(scored: Any) -> None:
+def test_delay_bank_is_better_after_jumps_and_single_filter_between(scored: Any) -> None:
     """Beyond half a period of the input an extended filter goes the wrong way."""
     found = {(condition, method): error(scored("delay"), condition, method, "", False)
              for condition in ("steps", "swings") for method in ("ekf", "imm")}  # fmt: skip
@@ -180,7 +180,7 @@ def test_many_delays_are_better_after_jumps_and_one_between_them(scored: Any) ->
     ("name", "method"),
     [("torque", "random_walk"), ("torque", "adaptive"), ("vdp", "ekf"), ("vdp", "normal_4")],
 )
-def test_a_second_optimiser_finds_the_same_error(name: str, method: str) -> None:
+def test_second_optimiser_finds_the_same_error(name: str, method: str) -> None:
     one = tuned(name)[method].training[task(name).main].repeats[0]
     other = tune_once(task(name), method, task(name).main, 0, optimiser="nelder_mead")
     assert other.score == pytest.approx(math.exp(one.objective), rel=0.02)

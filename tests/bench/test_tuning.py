@@ -32,7 +32,7 @@ def tuned(budget: int = 200, **options: Any) -> Tuned:
 
 
 @pytest.mark.parametrize("optimiser", ["differential_evolution", "nelder_mead"])
-def test_the_minimum_of_a_paraboloid_is_found(optimiser: str) -> None:
+def test_minimum_of_a_paraboloid_is_found(optimiser: str) -> None:
     found = tuned(optimiser=optimiser)
     assert len(found.history) == 200
     assert found.objective == pytest.approx(LEAST, abs=5e-3)
@@ -42,7 +42,7 @@ def test_the_minimum_of_a_paraboloid_is_found(optimiser: str) -> None:
     assert found.edges == {}
 
 
-def test_a_score_of_a_single_setting_is_found_to_a_permille() -> None:
+def test_one_dimensional_minimum_is_found_within_0_1_percent() -> None:
     found = tune(lambda one: one["gain"], {"gain": (1e-4, 1e4)}, [1.0],
                  lambda gain, _: 0.1 + math.log(gain / 0.02) ** 2, 200, 1)  # fmt: skip
     assert found.settings["gain"] == pytest.approx(0.02, rel=1e-3)
@@ -50,9 +50,7 @@ def test_a_score_of_a_single_setting_is_found_to_a_permille() -> None:
 
 @pytest.mark.parametrize("optimiser", ["differential_evolution", "nelder_mead"])
 @pytest.mark.parametrize("budget", [3, 16, 45])
-def test_the_history_is_the_same_for_any_workers_and_begins_that_of_a_larger_budget(
-    optimiser: str, budget: int
-) -> None:
+def test_history_does_not_depend_on_workers_or_budget(optimiser: str, budget: int) -> None:
     one, two = (tuned(60, optimiser=optimiser, workers=workers) for workers in (1, 2))
     assert one == two
     assert tuned(budget, optimiser=optimiser).history == one.history[:budget]
@@ -68,7 +66,7 @@ def test_the_history_is_the_same_for_any_workers_and_begins_that_of_a_larger_bud
     assert one.after(20) == min(one.history[:20], key=lambda t: t.objective).settings
 
 
-def test_a_log_spares_what_was_evaluated(tmp_path: Path) -> None:
+def test_log_avoids_repeated_evaluations(tmp_path: Path) -> None:
     log, made = tmp_path / "log.jsonl", []
 
     def make(settings: Settings) -> Settings:
@@ -94,7 +92,7 @@ def test_a_log_spares_what_was_evaluated(tmp_path: Path) -> None:
         tune(make, RANGES, RECORDS, score, 40, 7, log=log)
 
 
-def test_edges_are_flagged() -> None:
+def test_settings_at_range_limits_are_flagged() -> None:
     ranges = {"low": (1.0, 10.0), "high": (-3.0, 5.0, "linear"), "free": (0.1, 10.0)}
     found = tune(
         lambda one: one, ranges, [1.0],
@@ -104,7 +102,7 @@ def test_edges_are_flagged() -> None:
     assert found.edges == {"low": "low", "high": "high"}
 
 
-def test_failures_count_as_the_worst_score_and_are_counted() -> None:
+def test_failures_get_the_worst_score_and_are_counted() -> None:
     def make(settings: Settings) -> Settings:
         if settings["gain"] > 100:
             raise InputError("gain", "is unstable")
@@ -125,7 +123,7 @@ def test_failures_count_as_the_worst_score_and_are_counted() -> None:
     assert {trial.failures for trial in history} == {0, 1, 2}
 
 
-def test_settings_that_never_work_are_reported() -> None:
+def test_settings_that_always_fail_are_reported() -> None:
     def make(settings: Settings) -> Settings:
         raise InputError("gain", "is refused")
 
@@ -156,7 +154,7 @@ def test_settings_that_never_work_are_reported() -> None:
         ({"score": lambda *_: -0.1}, "score: returned -0.1, must return zero or more"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_used_is_refused_in_a_sentence(changed: dict[str, Any], said: str) -> None:
+def test_invalid_search_arguments_are_refused(changed: dict[str, Any], said: str) -> None:
     given: dict[str, Any] = {
         "make": lambda one: one, "ranges": RANGES, "records": RECORDS, "score": score, "budget": 20,
         **changed,
@@ -165,14 +163,14 @@ def test_what_cannot_be_used_is_refused_in_a_sentence(changed: dict[str, Any], s
         tune(**given)
 
 
-def test_errors_of_a_users_own_are_not_hidden() -> None:
+def test_errors_in_user_code_are_raised() -> None:
     with pytest.raises(TypeError, match="unsupported operand"):
         tune(lambda one: one, RANGES, RECORDS, lambda one, _: one + 1, 20)  # type: ignore[operator]
     with pytest.raises(KeyError):
         tune(lambda one: one["other"], RANGES, RECORDS, score, 40)
 
 
-def test_places_of_a_range() -> None:
+def test_range_maps_positions_to_values_and_back() -> None:
     log, linear = Range(0.01, 100.0), Range(-2.0, 2.0, "linear")
     assert [log.at(p) for p in (0.0, 0.25, 0.5, 1.0)] == [0.01, 0.1, 1.0, 100.0]
     assert [linear.at(p) for p in (0.0, 0.25, 0.5, 1.0)] == [-2.0, -1.0, 0.0, 2.0]

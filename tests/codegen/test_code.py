@@ -68,7 +68,7 @@ def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 @pytest.mark.parametrize("name", NAMES)
-def test_c_compiles_without_a_warning_and_agrees(name: str, folder: Path) -> None:
+def test_c_code_compiles_without_warning_and_agrees(name: str, folder: Path) -> None:
     write(name, folder)
     c = name.replace("-", "_")
     command = c_test.COMPILE.format(name=c).split()
@@ -82,7 +82,7 @@ def test_c_compiles_without_a_warning_and_agrees(name: str, folder: Path) -> Non
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
-def test_a_row_that_every_mode_finds_hardly_possible_still_tells_them_apart(folder: Path) -> None:
+def test_c_imm_probabilities_survive_underflowing_likelihoods(folder: Path) -> None:
     """All likelihoods are below the smallest number there is: only their ratios can be had."""
     observer, *_ = write("imm", folder)
     rows = [[1.0, 2.0], [0.9, 1.6], [0.8, 1.3], [3000.0, -2000.0], [1.1, 1.9]]
@@ -112,7 +112,7 @@ def test_a_row_that_every_mode_finds_hardly_possible_still_tells_them_apart(fold
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
-def test_the_test_in_c_notices_a_digit(folder: Path) -> None:
+def test_generated_c_test_detects_a_changed_digit(folder: Path) -> None:
     """A compared number changed in its tenth digit, a gain in its eleventh."""
     write("kalman", folder)
     source = (folder / "kalman.c").read_text()
@@ -126,7 +126,7 @@ def test_the_test_in_c_notices_a_digit(folder: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
-def test_c_tells_that_it_left_the_range_of_numbers(folder: Path) -> None:
+def test_c_code_reports_overflow(folder: Path) -> None:
     write("identity", folder)
     (folder / "far.c").write_text(
         '#include "identity.h"\n'
@@ -143,7 +143,7 @@ def test_c_tells_that_it_left_the_range_of_numbers(folder: Path) -> None:
     assert ran(folder, "./far").returncode == 1
 
 
-def test_an_observer_whose_steps_are_not_fixed_is_refused_with_the_reason() -> None:
+def test_observer_without_fixed_steps_is_refused_with_the_reason() -> None:
     high_gain = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 10.0, sampling_period=0.01)
     with pytest.raises(InputError, match=r"a model of compiled functions cannot be exported"):
         program_of(high_gain, high_gain.init([0.0, 0.0]))

@@ -65,7 +65,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_exported_is_reported(case: str) -> None:
+def test_observer_that_cannot_be_exported_is_reported(case: str) -> None:
     call, said = REFUSED[case]
     with pytest.raises(InputError) as error:
         call()

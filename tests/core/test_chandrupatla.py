@@ -59,7 +59,7 @@ def trials_of_scipy(function: Callable[[float], float]) -> list[float]:
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_it_goes_the_way_of_scipys(name: str) -> None:
+def test_search_evaluates_the_same_points_as_scipy(name: str) -> None:
     function, where = SMOOTH[name]
     places, known = trials(function), trials_of_scipy(function)
     assert places[-1] == pytest.approx(where, abs=1e-15)
@@ -69,7 +69,7 @@ def test_it_goes_the_way_of_scipys(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", HARD)
-def test_a_sign_that_changes_where_no_parabola_helps(name: str) -> None:
+def test_sign_change_is_found_where_interpolation_fails(name: str) -> None:
     function, where = HARD[name]
     places = trials(function)
     assert places[-1] == pytest.approx(where, abs=2.0 * APART)

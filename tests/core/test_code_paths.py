@@ -34,18 +34,18 @@ def run(code: str, **variables: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_numpy_dispatches_nothing_and_nothing_warns() -> None:
+def test_numpy_dispatch_is_disabled_without_warnings() -> None:
     show = f"import os; print(pinned, os.environ['{KERNEL}'], os.environ['{THREADS[0]}'])"
     assert run(PIN + LOOK + show) == ["[]", "True Nehalem 1"]
 
 
-def test_these_tests_run_with_what_they_pin() -> None:
+def test_test_process_uses_the_pinned_code_paths() -> None:
     """No plugin has imported numpy before; unless something is set outside."""
     found = [name for name in simd.__cpu_dispatch__ if simd.__cpu_features__[name]]
     assert found == [] or os.environ.get(ENABLED) != " "
 
 
-def test_what_the_user_has_set_wins() -> None:
+def test_user_environment_takes_precedence() -> None:
     show = f"import os; print(pinned, os.environ['{KERNEL}'])"
     assert run(PIN + show, **{KERNEL: "Haswell"}) == ["False Haswell"]
     # numpy refuses to start where features are enabled and disabled by name.
@@ -56,16 +56,16 @@ def test_what_the_user_has_set_wins() -> None:
     assert run(PIN + LOOK + "print(pinned)", **{ENABLED: ""}) == [*everything, "False"]
 
 
-def test_numpy_that_is_there_already_is_said() -> None:
+def test_numpy_imported_too_early_is_reported() -> None:
     assert run(f"import numpy; {PIN} print(pinned)") == ["False"]
 
 
-def test_the_library_pins_nothing() -> None:
+def test_importing_the_library_pins_nothing() -> None:
     code = "import os; before = dict(os.environ); import reobserve.observers.imm; "
     assert run(f"{code} print(dict(os.environ) == before)") == ["True"]
 
 
-def test_the_kernel_is_the_one_that_was_asked_for() -> None:
+def test_matrix_product_uses_the_pinned_kernel() -> None:
     """A product of matrices, whose sums each kernel orders in its own way, is the pinned one."""
     code = (
         "import numpy as np; rng = np.random.default_rng(0); a = rng.standard_normal((40, 40)); "

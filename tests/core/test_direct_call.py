@@ -30,14 +30,14 @@ def _ask(function: Any, rows: Any, factor: float, out: Any) -> None:
 ROWS = np.array([[1.0, -2.0], [0.5, 3.0]])
 
 
-def test_a_loop_calls_a_function_with_views_and_numbers() -> None:
+def test_compiled_loop_passes_views_and_numbers_to_a_function() -> None:
     function = compiled_with_signature("void(float64[::1], float64, float64[::1])", _scaled)
     out = np.full_like(ROWS, np.nan)
     _ask(function, ROWS, 3.0, out)
     assert np.array_equal(out, 3.0 * ROWS)
 
 
-def test_other_arguments_than_the_function_takes_are_not_compiled() -> None:
+def test_call_with_mismatched_types_does_not_compile() -> None:
     """An address knows no types: what does not fit would be read as something else."""
     function = compiled_with_signature("void(float64[::1], float64, float64[::1])", _scaled)
     with pytest.raises(TypingError):

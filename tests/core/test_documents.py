@@ -53,7 +53,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_yaml_that_is_no_bounded_plain_data_is_refused(tmp_path: Path, case: str) -> None:
+def test_yaml_beyond_bounded_plain_data_is_refused(tmp_path: Path, case: str) -> None:
     content, said = REFUSED[case]
     path = tmp_path / "mine.yaml"
     path.write_bytes(content)
@@ -64,7 +64,7 @@ def test_yaml_that_is_no_bounded_plain_data_is_refused(tmp_path: Path, case: str
     assert len(str(caught.value)) < 1000
 
 
-def test_yaml_that_is_plain_is_read_as_it_stands(tmp_path: Path) -> None:
+def test_plain_yaml_is_read_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
         "a: [1, -2.5, 1e-3, 1.e3, true, null, née, 2007-05-01, yes, 1:30]\nb: &b {c: []}\nd: *b\n"
@@ -76,7 +76,7 @@ def test_yaml_that_is_plain_is_read_as_it_stands(tmp_path: Path) -> None:
     assert tree["d"] == {"c": []}, "an alias is a copy"
 
 
-def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
+def test_non_regular_file_is_refused_without_waiting(tmp_path: Path) -> None:
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
     for path, kind in ((fifo, "a fifo"), (Path("/dev/zero"), "a device"), (tmp_path, "a folder")):
@@ -88,7 +88,7 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["[]", "1", '"text"', "null"])
-def test_a_file_of_a_stage_holds_a_mapping(text: str, tmp_path: Path) -> None:
+def test_stage_file_must_hold_a_mapping(text: str, tmp_path: Path) -> None:
     path = tmp_path / "file.json"
     path.write_text(text)
     with pytest.raises(InputError, match=r"file\.json: must be a mapping of keys to values$"):
@@ -102,7 +102,7 @@ def nested(depth: int) -> Any:
     return tree
 
 
-def test_trees_that_others_parsed_are_checked() -> None:
+def test_already_parsed_data_is_checked() -> None:
     """Snakemake reads --configfile and --config itself, and hands over what came of it."""
     import datetime
 
@@ -147,12 +147,12 @@ def test_trees_that_others_parsed_are_checked() -> None:
         ("{", r"^o: is not JSON: Expecting property name"),
     ],
 )
-def test_json_that_is_no_bounded_plain_data_is_refused(text: str, said: str) -> None:
+def test_json_beyond_bounded_plain_data_is_refused(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         parse_json(text, "o")
 
 
-def test_messages_repeat_little_of_what_they_are_about() -> None:
+def test_messages_quote_only_a_short_excerpt() -> None:
     error = InputError(
         "a\n" * 5000, f"{shown('x' * 20_000)} is\nlong, " + "y" * 20_000 + " must end"
     )

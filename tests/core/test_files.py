@@ -43,7 +43,7 @@ Capture = pytest.CaptureFixture[str]
 # --- Outputs ------------------------------------------------------------------------------------
 
 
-def test_outputs_replace_regular_files_only(tmp_path: Path) -> None:
+def test_outputs_replace_only_regular_files(tmp_path: Path) -> None:
     target = tmp_path / "target"
     target.write_text("kept")
     (tmp_path / "link").symlink_to(target)
@@ -75,7 +75,7 @@ def test_outputs_replace_regular_files_only(tmp_path: Path) -> None:
     assert target.read_text() == read_only.read_text() == "kept"
 
 
-def test_the_file_beside_does_not_follow_a_link(tmp_path: Path) -> None:
+def test_temporary_file_does_not_follow_a_link(tmp_path: Path) -> None:
     """What stands under the name of the half-written file is replaced, not written through."""
     elsewhere = tmp_path / "elsewhere"
     elsewhere.write_text("kept")
@@ -90,7 +90,7 @@ def test_the_file_beside_does_not_follow_a_link(tmp_path: Path) -> None:
     assert (tmp_path / "a.txt").read_text() == "new"
 
 
-def test_two_that_write_one_file_at_once_take_turns(tmp_path: Path) -> None:
+def test_concurrent_writers_of_one_file_take_turns(tmp_path: Path) -> None:
     """One ended with "No such file": the other had moved what it was writing."""
     path, begun, go_on = tmp_path / "a.txt", Event(), Event()
 
@@ -113,7 +113,7 @@ def test_two_that_write_one_file_at_once_take_turns(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("output", ["", ".", "/", "..", "a\0b", "x" * 300])
-def test_an_output_that_is_no_file_is_one_sentence(
+def test_output_that_is_not_a_file_is_refused(
     output: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -150,7 +150,7 @@ KINDS = {"run": WHOLE, "level": GAP, "value": SCORE}
         ("a" * 200_000 + ",1,1,1\n", r"cannot be read \(field larger than field limit"),
     ],
 )
-def test_a_table_is_checked_whole(tmp_path: Path, text: str, said: str) -> None:
+def test_table_is_checked_completely(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "table.csv"
     path.write_text(",".join(HEADER) + "\n" + text)
     if not said:
@@ -189,12 +189,12 @@ ALLOWED: dict[str, tuple[Kind, set[str]]] = {
 
 
 @pytest.mark.parametrize("kind", ALLOWED)
-def test_what_cells_of_a_kind_may_be(kind: str) -> None:
+def test_cell_values_are_checked_by_kind(kind: str) -> None:
     found, allowed = ALLOWED[kind]
     assert {cell for cell in CELLS if found.allows(cell)} == allowed
 
 
-def test_a_table_that_is_not_utf8_or_empty_is_refused(tmp_path: Path) -> None:
+def test_table_that_is_empty_or_not_utf8_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     for content, said in (
         (b"name\nn\xe9e\n", r"cannot be read \(byte 7 is not UTF-8\)$"),
@@ -216,7 +216,7 @@ def test_a_table_that_is_not_utf8_or_empty_is_refused(tmp_path: Path) -> None:
         ("a,rms,1,V\na,rms,2,V", r"line 3 repeats 'a, rms'$"),
     ],
 )
-def test_metrics_are_numbers_with_units_each_once(tmp_path: Path, row: str, said: str) -> None:
+def test_metrics_table_has_unique_numbers_with_units(tmp_path: Path, row: str, said: str) -> None:
     path = tmp_path / "metrics.csv"
     path.write_text(f"observer,metric,value,unit\n{row}\n")
     with pytest.raises(InputError, match=said):
@@ -242,7 +242,7 @@ def test_metrics_are_numbers_with_units_each_once(tmp_path: Path, row: str, said
         (b"\0\0\0", r"cannot be read|must be"),
     ],
 )
-def test_columns_of_a_user_are_numbers(tmp_path: Path, content: bytes, said: str) -> None:
+def test_csv_columns_must_be_numeric(tmp_path: Path, content: bytes, said: str) -> None:
     path = tmp_path / "torque.csv"
     path.write_bytes(content)
     with pytest.raises(InputError, match=said) as caught:
@@ -251,7 +251,7 @@ def test_columns_of_a_user_are_numbers(tmp_path: Path, content: bytes, said: str
     assert "\n" not in str(caught.value)
 
 
-def test_columns_of_a_parquet_file_are_numbers(tmp_path: Path) -> None:
+def test_parquet_columns_must_be_numeric(tmp_path: Path) -> None:
     path = tmp_path / "torque.parquet"
     for column, said in (
         (pa.array([1.0, None]), "row 2 is empty"),
@@ -285,7 +285,7 @@ def png(width: int, height: int, *rows: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("size", [5_000, 12_000, 60_000, 2**31 - 1])
-def test_a_picture_too_large_to_decode_is_refused(tmp_path: Path, size: int) -> None:
+def test_image_too_large_to_decode_is_refused(tmp_path: Path, size: int) -> None:
     path = tmp_path / "bomb.png"
     path.write_bytes(png(size, size))
     with pytest.raises(InputError, match=r"bomb.png: (has \d+ x \d+ pixels|is damaged)") as caught:
@@ -293,7 +293,7 @@ def test_a_picture_too_large_to_decode_is_refused(tmp_path: Path, size: int) -> 
     assert "\n" not in str(caught.value)
 
 
-def test_a_small_picture_is_read_and_what_is_no_png_is_not(tmp_path: Path) -> None:
+def test_small_png_is_read_and_other_content_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "small.png"
     path.write_bytes(png(3, 2, b"\0\x80\xff", b"\x10\x20\x30"))
     expected = np.array([[0, 128, 255], [16, 32, 48]])
@@ -340,7 +340,7 @@ def test_a_small_picture_is_read_and_what_is_no_png_is_not(tmp_path: Path) -> No
         ),
     ],
 )
-def test_odd_arguments_are_refused_when_they_are_parsed(
+def test_invalid_command_line_arguments_are_refused_by_the_parser(
     arguments: list[str], said: str, tmp_path: Path, capsys: Capture
 ) -> None:
     with pytest.raises(SystemExit) as caught:
@@ -352,7 +352,7 @@ def test_odd_arguments_are_refused_when_they_are_parsed(
     assert os.listdir(tmp_path) == []
 
 
-def test_claims_of_a_paper_that_there_is_not(tmp_path: Path, capsys: Capture) -> None:
+def test_claims_of_an_unknown_paper_are_refused(tmp_path: Path, capsys: Capture) -> None:
     arguments = [
         "stage",
         "claims",
@@ -367,7 +367,7 @@ def test_claims_of_a_paper_that_there_is_not(tmp_path: Path, capsys: Capture) ->
     assert os.listdir(tmp_path) == []
 
 
-def test_standard_output_on_a_full_device_is_one_sentence() -> None:
+def test_standard_output_on_a_full_device_is_reported() -> None:
     command = [sys.executable, "-m", "reobserve", "list", "--project", str(ROOT)]
     with open("/dev/full", "w", encoding="utf-8") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
@@ -377,7 +377,7 @@ def test_standard_output_on_a_full_device_is_one_sentence() -> None:
     )
 
 
-def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
+def test_names_beyond_the_terminal_encoding_are_printed(tmp_path: Path) -> None:
     """The list has names with accents, and a path has some that the locale does not know."""
     ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
     reported = {**os.environ, **ascii_only, "PYTHONCOERCECLOCALE": "0"}

@@ -55,18 +55,18 @@ def run(folder: Path, program: str = RUN, **environment: str) -> str:
     return done.stdout
 
 
-def test_a_second_process_loads_the_machine_code(package: Path) -> None:
+def test_second_process_loads_cached_machine_code(package: Path) -> None:
     assert run(package) == "2.0 0\n"
     assert run(package) == "2.0 1\n"
 
 
-def test_an_edit_of_a_kernel_that_is_called_from_another_file_is_compiled(package: Path) -> None:
+def test_edited_kernel_is_recompiled_in_its_callers(package: Path) -> None:
     assert run(package) == "2.0 0\n"
     (package / "reobserve/core/halves.py").write_text(HALF.format(divisor=4))
     assert run(package) == "1.0 0\n"
 
 
-def test_folders_that_cannot_be_written_cost_time_only(package: Path) -> None:
+def test_unwritable_cache_folder_only_costs_time(package: Path) -> None:
     for name in ("", "core/"):
         # A file where a folder must be stops root, too.
         (package / f"reobserve/{name}__pycache__").write_text("")
@@ -78,12 +78,12 @@ def test_folders_that_cannot_be_written_cost_time_only(package: Path) -> None:
         assert run(package, NUMBA_CACHE_DIR=f"{blocked}/cache", HOME=blocked) == "2.0 0\n"
 
 
-def test_a_user_without_a_home_compiles_nevertheless(package: Path) -> None:
+def test_compilation_works_without_a_home_folder(package: Path) -> None:
     program = f"import os.path; os.path.expanduser = lambda path: path; {RUN}"
     assert run(package, program) == "2.0 0\n"
 
 
-def test_importing_the_library_leaves_warnings_and_the_cache_of_others_alone() -> None:
+def test_importing_the_library_does_not_change_warnings_or_other_caches() -> None:
     program = (
         "import warnings, numba, scipy.linalg, scipy.integrate\n"
         "before = list(warnings.filters), numba.config.CACHE_DIR\n"
@@ -94,7 +94,7 @@ def test_importing_the_library_leaves_warnings_and_the_cache_of_others_alone() -
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_no_module_imports_what_numba_does_not_publish() -> None:
+def test_modules_import_only_public_numba_names() -> None:
     """What its manual documents stands at the top, or in ``numba.extending``."""
     import reobserve
 
@@ -107,7 +107,7 @@ INLINED = HALF.replace("import kernel", "import inlined_kernel as kernel")
 CALLED = "from reobserve.core.halves import half; print(half(3.0), half(5.0)); " + RUN
 
 
-def test_python_may_call_what_is_inlined_into_kernels(package: Path) -> None:
+def test_inlined_functions_can_be_called_from_python(package: Path) -> None:
     (package / "reobserve/core/halves.py").write_text(INLINED.format(divisor=2))
     assert run(package, CALLED) == "1.5 2.5\n2.0 0\n"
     assert run(package, CALLED) == "1.5 2.5\n2.0 1\n", "both from the cache"

@@ -135,7 +135,7 @@ RECORDS: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize("case", RECORDS)
-def test_a_record_is_checked_against_the_parameters(
+def test_record_is_checked_against_the_parameters(
     case: str,
     made: Path,
     parameters: Parameters,
@@ -154,9 +154,7 @@ def test_a_record_is_checked_against_the_parameters(
     assert not output.exists()
 
 
-def test_records_and_estimates_as_they_were_made_are_taken(
-    made: Path, parameters: Parameters
-) -> None:
+def test_unchanged_records_and_estimates_are_accepted(made: Path, parameters: Parameters) -> None:
     plant = read_record(made / "plant.parquet", parameters, "constant")
     observers = {"sampled": parameters.section("observers", "sampled")}
     found = read_estimates(observers, [made / "sampled.parquet"], parameters, plant)
@@ -168,7 +166,7 @@ def test_records_and_estimates_as_they_were_made_are_taken(
         read_estimates(others, [made / "sampled.parquet"], parameters, plant)
 
 
-def test_estimates_are_on_the_time_of_their_record(
+def test_estimates_must_match_the_time_of_their_record(
     made: Path, parameters: Parameters, tmp_path: Path
 ) -> None:
     plant = read_record(made / "plant.parquet", parameters)
@@ -188,7 +186,7 @@ def test_estimates_are_on_the_time_of_their_record(
             read_estimates(observers, [path], parameters, plant)
 
 
-def test_coordinates_of_lie_may_be_in_a_file_and_need_not(tmp_path: Path) -> None:
+def test_lie_coordinates_are_optional_in_a_file(tmp_path: Path) -> None:
     parameters, path = Parameters.load(ROOT, "lie"), tmp_path / "e.parquet"
     time, reported = np.arange(21) * 0.1, {"paper": "lie", "stage": "observe", **MADE}
     plant = Series(time, {})
@@ -213,7 +211,7 @@ def small() -> Series:
     return Series(time, channels, {"onsets": (0.5,)}, {"seed": 1})
 
 
-def test_a_flipped_bit_is_refused_or_changes_nothing(tmp_path: Path) -> None:
+def test_flipped_bit_is_refused_or_has_no_effect(tmp_path: Path) -> None:
     """Every 23rd bit of a small file: what is read is what was written, or nothing is."""
     path, series = tmp_path / "run.parquet", small()
     series.write(path)
@@ -274,7 +272,7 @@ COLUMNS = {"time": [0.0, 1.0], "x": [1.0, 2.0]}
         (ABOUT, COLUMNS, "is damaged: its values are not those that were written"),
     ],
 )  # fmt: skip
-def test_a_file_that_others_made_is_refused(
+def test_file_from_another_program_is_refused(
     about: Any, columns: dict[str, list[Any]], said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.parquet"
@@ -290,7 +288,7 @@ def test_a_file_that_others_made_is_refused(
         Series.read(path)
 
 
-def test_the_time_of_a_series_is_finite() -> None:
+def test_series_with_non_finite_time_is_refused() -> None:
     for end in (np.inf, np.nan):
         with pytest.raises(InputError, match=r"^time: must be one column of increasing numbers$"):
             Series(np.array([0.0, 1.0, end]), {})
@@ -311,7 +309,7 @@ def eso_plant() -> eso_keys.Plant:
     return parse(eso_keys.Plant, Parameters.load(ROOT, "eso").section("plant"))
 
 
-def test_a_design_of_eso_is_read_into_its_type() -> None:
+def test_eso_design_is_read_into_its_type() -> None:
     system, found = stored_design(eso_plant(), ESO)
     assert found.gains.L.shape == (system.size, 2)
     assert found.certificate.poles == ((-1.0, 0.0),)
@@ -345,7 +343,7 @@ def test_a_design_of_eso_is_read_into_its_type() -> None:
         ({"more": 1}, "^design.more: unknown key"),
     ],
 )
-def test_a_design_of_eso_that_is_none_is_refused(change: dict[str, Any], said: str) -> None:
+def test_invalid_eso_design_is_refused(change: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         stored_design(eso_plant(), {**ESO, **change})
     for name in ESO.keys() - {"lower", "radius"}:
@@ -355,15 +353,13 @@ def test_a_design_of_eso_that_is_none_is_refused(change: dict[str, Any], said: s
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_design_that_is_not_finite_is_refused(
-    value: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_non_finite_design_is_refused(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(common, "compute", lambda *_: {"gain": [[1.0, value]]})
     with pytest.raises(InputError, match=r"^lie.designs.linear: gives a number that is not finite"):
         compute_design(Parameters.load(ROOT, "lie"), "linear")
 
 
-def test_a_design_of_lie_that_is_none_is_refused() -> None:
+def test_invalid_lie_design_is_refused() -> None:
     parameters = Parameters.load(ROOT, "lie")
     settings, design = parameters.settings("design", "linear"), compute_design(parameters, "linear")
     job = read_job(lie_keys.Parameters, settings)
@@ -385,7 +381,7 @@ def test_a_design_of_lie_that_is_none_is_refused() -> None:
         table_rows(table, design)
 
 
-def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
+def test_design_for_another_observer_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gains.design.json"
     reported = {"paper": "eso", "stage": "design", "job": "pi", **MADE}
     path.write_text(json.dumps({"design": ESO, "provenance": reported}))
@@ -436,7 +432,7 @@ DRAWN = {
         ({"names": [1]}, r"claims.one.names.0: 1 must be a word$"),
     ],
 )
-def test_robustness_that_is_none_is_refused(
+def test_invalid_robustness_file_is_refused(
     change: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "robustness.json"
@@ -494,7 +490,7 @@ def test_robustness_that_is_none_is_refused(
         ),
     ],
 )
-def test_a_parameter_that_is_none_is_refused(
+def test_invalid_parameter_file_is_refused(
     change: Callable[[Any], Any], said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "parameters.json"
@@ -505,7 +501,7 @@ def test_a_parameter_that_is_none_is_refused(
         Parameters.read(path)
 
 
-def test_a_figure_that_misses_rows_of_its_study_names_the_file() -> None:
+def test_missing_study_rows_are_reported_with_the_file() -> None:
     found: dict[str, int] = {}
     with pytest.raises(InputError, match=r"^a.csv: has not the rows"), rows_from(Path("a.csv")):
         _ = found["x"]

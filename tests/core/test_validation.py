@@ -69,7 +69,7 @@ TREE = {
 }
 
 
-def test_a_tree_becomes_its_types_and_keeps_its_values() -> None:
+def test_tree_is_parsed_into_types_and_keeps_its_values() -> None:
     found = parse(Whole, TREE)
     assert found == Whole(
         Plant(0.5, 0, [1, 2.5, 3]), {"a": Kalman("kalman", 0.9), "b": SlidingMode("relay", 2)}
@@ -155,7 +155,7 @@ BAD: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_what_is_wrong_is_reported_with_its_key(case: str) -> None:
+def test_invalid_value_is_reported_with_its_key(case: str) -> None:
     tree, said = BAD[case]
     with pytest.raises(InputError) as caught:
         parse(Whole, tree, "x")
@@ -182,14 +182,14 @@ CONDITIONS: dict[str, tuple[Any, Any, str]] = {
 
 
 @pytest.mark.parametrize("case", CONDITIONS)
-def test_conditions_say_what_is_allowed(case: str) -> None:
+def test_failed_condition_reports_what_is_allowed(case: str) -> None:
     kind, value, said = CONDITIONS[case]
     with pytest.raises(InputError) as caught:
         parse(kind, value, "x")
     assert str(caught.value).startswith(said)
 
 
-def test_conditions_take_what_meets_them() -> None:
+def test_conditions_accept_valid_values() -> None:
     for kind, value in (
         (Names, ["a", "b"]),
         (Window, [0, 1e-9]),
@@ -203,14 +203,14 @@ def test_conditions_take_what_meets_them() -> None:
         assert parse(kind, value) == value
 
 
-def test_one_word_is_no_choice() -> None:
+def test_message_for_a_single_allowed_word_omits_one_of() -> None:
     with pytest.raises(InputError, match=r"^x: 'relay' must be kalman$"):
         parse(Literal["kalman"], "relay", "x")
     with pytest.raises(InputError, match=r"^x: 'relay' must be one of kalman, sliding$"):
         parse(Literal["kalman", "sliding"], "relay", "x")
 
 
-def test_an_echo_is_bounded() -> None:
+def test_quoted_values_are_shortened() -> None:
     with pytest.raises(InputError) as caught:
         parse(Plant, {**PLANT, "step": "y" * 20_000})
     assert len(str(caught.value)) < 300
@@ -237,7 +237,7 @@ Form = Annotated[
 ]
 
 
-def test_forms_are_distinguished_by_a_key() -> None:
+def test_union_members_are_distinguished_by_a_key() -> None:
     assert parse(Form, {"first": 1, "second": 2}, "it") == Long(1, 2)
     assert parse(Form, {"first": 1, "note": "a"}, "it") == Short(1, "a")
     with pytest.raises(
@@ -260,11 +260,11 @@ def test_numbers_keep_all_their_digits() -> None:
     assert parse(float, 2**53 - 1) == 2**53 - 1
 
 
-def test_infinity_is_taken_where_it_is_asked_for() -> None:
+def test_infinity_is_accepted_only_where_allowed() -> None:
     assert parse(list[float], [1, float("inf")], finite=False) == [1, float("inf")]
 
 
-def test_a_schema_says_what_is_allowed() -> None:
+def test_schema_describes_the_conditions() -> None:
     found = schema(Plant)
     assert found["additionalProperties"] is False
     assert found["required"] == ["step", "noise", "start"]

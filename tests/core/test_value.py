@@ -74,5 +74,5 @@ class Plain:
         (object(), "an object of type object"),
     ],
 )  # fmt: skip
-def test_represented(value: Any, reported: str) -> None:
+def test_repr_of_values(value: Any, reported: str) -> None:
     assert represented(value) == reported

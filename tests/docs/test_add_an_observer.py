@@ -53,7 +53,7 @@ def installed(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("place", [copied, installed])
-def test_the_page_adds_an_observer_to_all_commands(
+def test_following_the_page_adds_an_observer_to_all_commands(
     place: Callable[[Path], Path], tmp_path: Path
 ) -> None:
     path = os.pathsep.join([str(place(tmp_path)), str(ROOT / "src")])

@@ -18,7 +18,7 @@ TYPED = [line[2:] for block in blocks(PAGE) if block.language == "console"
          for line in block.text.splitlines()]  # fmt: skip
 
 
-def test_the_page_adds_a_task_and_a_method(tmp_path: Path) -> None:
+def test_following_the_page_adds_a_task_and_a_method(tmp_path: Path) -> None:
     path = os.pathsep.join([str(tmp_path), str(ROOT / "src")])
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_OPT": "1"}
 

@@ -64,7 +64,7 @@ def finish(opened: Watched, address: str) -> None:
     assert [url for url in opened.requests if not url.startswith((address, "data:"))] == []
 
 
-def test_text_stands_out_and_nothing_is_too_wide(browser: Browser, address: str) -> None:
+def test_text_has_contrast_and_nothing_overflows(browser: Browser, address: str) -> None:
     """In light and in the dark; on a phone what is wide scrolls in itself, not the page."""
     opened = Watched(browser, address, viewport=WIDE)
     page = opened.page
@@ -87,7 +87,9 @@ def test_text_stands_out_and_nothing_is_too_wide(browser: Browser, address: str)
     finish(opened, address)
 
 
-def test_figures_are_seen_and_lead_to_themselves(browser: Browser, address: str) -> None:
+def test_gallery_figures_are_visible_and_link_to_their_section(
+    browser: Browser, address: str
+) -> None:
     opened = Watched(browser, f"{address}gallery/", viewport=WIDE)
     page = opened.page
     first = page.locator(".gallery img").first
@@ -101,7 +103,7 @@ def test_figures_are_seen_and_lead_to_themselves(browser: Browser, address: str)
     finish(opened, address)
 
 
-def test_the_search_finds_an_observer(browser: Browser, address: str) -> None:
+def test_site_search_finds_an_observer(browser: Browser, address: str) -> None:
     opened = Watched(browser, address, viewport=WIDE)
     page = opened.page
     page.locator("input[name=query]").click()
@@ -113,7 +115,7 @@ def test_the_search_finds_an_observer(browser: Browser, address: str) -> None:
     finish(opened, address)
 
 
-def test_the_scheme_is_the_readers(browser: Browser, address: str) -> None:
+def test_colour_scheme_follows_the_system_until_chosen(browser: Browser, address: str) -> None:
     """That of the system, until another is chosen, which then stays."""
     scheme = "data-md-color-scheme"
     opened = Watched(browser, f"{address}findings/", viewport=PHONE, color_scheme="dark")

@@ -30,7 +30,7 @@ def test_every_python_block_compiles(page: Path) -> None:
 
 
 @every_page
-def test_code_that_is_shown_is_not_wider_than_a_page(page: Path) -> None:
+def test_code_blocks_fit_the_page_width(page: Path) -> None:
     shown = [
         line
         for block in blocks(page)
@@ -41,14 +41,14 @@ def test_code_that_is_shown_is_not_wider_than_a_page(page: Path) -> None:
 
 
 @any_page
-def test_every_reference_leads_to_a_file_where_there_is_no_site(page: Path) -> None:
+def test_every_reference_resolves_to_a_file_without_the_site(page: Path) -> None:
     text = prose(page)
     leading = set(re.findall(r"^\[(reobserve[\w.]*)\]: ", text, flags=re.M))
     assert set(re.findall(r"\]\[(reobserve[\w.]*)\]", text)) == leading
 
 
 @every_page
-def test_every_reference_is_an_object_where_it_is_defined(page: Path) -> None:
+def test_every_reference_names_an_object_where_it_is_defined(page: Path) -> None:
     for dotted in re.findall(r"\]\[(reobserve[\w.]*)\]", prose(page)):
         parts = dotted.split(".")
         for length in range(len(parts), 0, -1):
@@ -65,7 +65,7 @@ def test_every_reference_is_an_object_where_it_is_defined(page: Path) -> None:
 
 
 @any_page
-def test_every_link_leads_somewhere_in_the_repository(page: Path) -> None:
+def test_every_link_resolves_in_the_repository(page: Path) -> None:
     for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", prose(page)):
         there = (page.parent / target).resolve() if target else page
         if target.startswith("http"):
@@ -98,7 +98,7 @@ def test_front_matter_names_and_orders_pages() -> None:
     assert all(sorted(found) == list(range(1, len(found) + 1)) for found in places.values())
 
 
-def test_pictures_have_words_for_those_who_do_not_see_them() -> None:
+def test_images_have_alternative_text() -> None:
     shown = [
         (page.parent / file, words)
         for page in PAGES.rglob("*.md")
@@ -111,7 +111,7 @@ def test_pictures_have_words_for_those_who_do_not_see_them() -> None:
 
 
 @every_page
-def test_commands_are_commands(page: Path) -> None:
+def test_commands_on_pages_can_be_parsed(page: Path) -> None:
     """What a page tells to type is parsed, if it is a command of the project with arguments."""
     for block in blocks(page):
         text = block.text.replace("\n    ", " ")  # a long line goes on

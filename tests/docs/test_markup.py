@@ -16,19 +16,19 @@ from docs.mathematics import mathml
 OPEN = '<math xmlns="http://www.w3.org/1998/Math/MathML">'
 
 
-def test_an_index_stands_beside_a_letter_with_an_accent() -> None:
+def test_subscript_follows_an_accented_letter() -> None:
     hat = '<mover accent="true"><mi>x</mi><mo stretchy="false">ˆ</mo></mover>'
     index = "<mrow><mi>k</mi><mo>+</mo><mn>1</mn></mrow>"
     assert mathml(r"\hat{x}_{k+1}") == f"{OPEN}<msub>{hat}{index}</msub></math>"
 
 
-def test_rows_are_aligned() -> None:
+def test_matrix_rows_are_aligned() -> None:
     found = mathml(r"\begin{aligned} a &= b \\ c &= d \end{aligned}", block=True)
     assert found.count("<mtr>") == 2
     assert found.count("<mtd>") == 4
 
 
-def test_what_is_no_formula_is_refused() -> None:
+def test_invalid_formula_is_refused() -> None:
     with pytest.raises(
         ValueError, match=r'\$\\fooo\$ is no formula: Unknown LaTeX command "\\fooo"'
     ):
@@ -44,7 +44,7 @@ def test_formulas_are_distinguished_from_dollars_and_code() -> None:
     assert "costs 5$ or <code>$y$</code>, not $z$." in found
 
 
-def test_text_is_shown_as_it_stands() -> None:
+def test_text_is_shown_unchanged() -> None:
     odd = "a_b* c|d [e](f) <g> `h` $i$ #j &amp; \\k"
     page = table(("one", "two"), [(plain(odd), code(odd))])
     found = markdown(page, extensions=["tables", "docs.mathematics"])
@@ -52,7 +52,7 @@ def test_text_is_shown_as_it_stands() -> None:
     assert [html.unescape(cell) for cell in cells] == [odd, f"<code>{odd}</code>"]
 
 
-def test_names_in_docstrings_are_linked_but_not_in_code() -> None:
+def test_names_in_docstrings_are_linked_except_in_code() -> None:
     pytest.importorskip("griffe")
     from docs.docstrings import with_links
 
@@ -65,7 +65,7 @@ def test_names_in_docstrings_are_linked_but_not_in_code() -> None:
     )
 
 
-def test_code_and_formulas_within_text() -> None:
+def test_inline_code_and_formulas_are_rendered() -> None:
     assert ticks("a_b *`c_d`") == "a_b &#42;`c_d`"
     assert code("a|b") == "<code>a&#124;b</code>"
     assert prose(r"if $x|y$ and `z`") == r"if $x\vert y$ and `z`"

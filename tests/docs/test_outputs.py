@@ -52,7 +52,7 @@ def runs(page: Path) -> bool:
         for page in with_outputs()
     ],
 )
-def test_a_page_shows_what_its_code_prints_and_draws(page: Path, tmp_path: Path) -> None:
+def test_page_shows_what_its_code_prints_and_plots(page: Path, tmp_path: Path) -> None:
     found = renewed(page, tmp_path)
     assert changed(page.read_text(encoding="utf-8"), found) == [], "make pages renews it"
     for drawn in tmp_path.iterdir():
@@ -60,7 +60,7 @@ def test_a_page_shows_what_its_code_prints_and_draws(page: Path, tmp_path: Path)
         assert not compare(*pixels, drawn.name).exceeded, "make pages draws it again"
 
 
-def test_numbers_are_compared_by_their_last_digit() -> None:
+def test_numbers_may_differ_by_one_in_the_last_digit() -> None:
     assert changed("a 1.20 of 3e-05", "a  1.21 of 4e-05") == []
     assert changed("9.99 m", "10.00 m") == []
     assert changed("at -0.00 V", "at 0.01 V") == []
@@ -102,7 +102,7 @@ what was printed before
 """
 
 
-def test_code_runs_once_and_in_order_and_its_output_stands_below(tmp_path: Path) -> None:
+def test_code_runs_once_in_order_and_its_output_follows(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(PAGE)
     text = renewed(page)
@@ -117,14 +117,14 @@ def test_code_runs_once_and_in_order_and_its_output_stands_below(tmp_path: Path)
     assert "x is 2.0" not in by_hand(text)
 
 
-def test_an_error_names_the_line_of_the_page(tmp_path: Path) -> None:
+def test_error_names_the_line_of_the_page(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(PAGE.replace("x = 3", "x = 1 / 0"))
     with pytest.raises(outputs.CogError, match=r"page\.md.*line 16[\s\S]*ZeroDivisionError"):
         renewed(page)
 
 
-def test_the_site_has_no_code_for_cog_and_links_of_its_own(tmp_path: Path) -> None:
+def test_site_hides_cog_code_and_rewrites_links(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(
         '## <a id="claim-a"></a>One\n\n<!-- [[[cog page.run() ]]] -->\n\nText\n\n'

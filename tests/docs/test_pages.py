@@ -13,23 +13,23 @@ from docs.outputs import PAGES, ROOT, by_hand
 from reobserve.core.errors import InputError
 from reobserve.replication.claims.registry import read_claims
 from reobserve.replication.golden.claims import read_golden
-from tests import FIVE, found
+from tests import FIVE, published_numbers
 from tests.test_project import PACKAGES
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
+def test_numbers_in_findings_agree_with_the_build(paper: str) -> None:
     text = by_hand((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
-    reported = list(getattr(found, f"of_{paper}")())
-    assert [one for one in reported if one not in found.squeezed(text)] == []
-    assert found.numbers_left(text, reported) == []
+    reported = list(getattr(published_numbers, f"of_{paper}")())
+    assert [one for one in reported if one not in published_numbers.squeezed(text)] == []
+    assert published_numbers.numbers_left(text, reported) == []
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_the_verdicts_of_findings_are_those_that_were_accepted(paper: str) -> None:
+def test_verdicts_in_findings_agree_with_the_accepted_ones(paper: str) -> None:
     """Each link to a claim has its verdict as text, and each claim that is promised has a link."""
     text = by_hand((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
-    text = found.squeezed(text)
+    text = published_numbers.squeezed(text)
     reported = {claim: word for word, claim in re.findall(r"\[([^\]]*)\]\(#claim-(\w+)\)", text)}
     accepted = {claim: one["verdict"] for claim, one in read_golden(ROOT)[paper].items()}
     assert reported == {claim: accepted.get(claim) for claim in reported}
@@ -37,14 +37,14 @@ def test_the_verdicts_of_findings_are_those_that_were_accepted(paper: str) -> No
     assert promised <= set(reported)
 
 
-def test_the_list_of_packages_is_complete_and_in_order_of_dependency() -> None:
+def test_list_of_packages_is_complete_and_in_dependency_order() -> None:
     text = (PAGES / "project/index.md").read_text(encoding="utf-8")
     plan = re.findall(r"```text\n(.*?)```", text, re.DOTALL)[-1]
     listed = [line.partition("  ")[0] for line in plan.splitlines()]
     assert listed == [name for name in PACKAGES[::-1] if not name.startswith("__")]
 
 
-def test_the_folders_that_are_reported_are_there() -> None:
+def test_listed_folders_exist() -> None:
     text = (PAGES / "project/index.md").read_text(encoding="utf-8")
     folders = re.findall(r"```text\n(.*?)```", text, re.DOTALL)[0]
     # Two columns of names, each with what they hold.
@@ -54,7 +54,7 @@ def test_the_folders_that_are_reported_are_there() -> None:
     assert [name for name in named if not (ROOT / name).exists()] == []
 
 
-def test_pages_stand_in_their_order_and_an_index_first() -> None:
+def test_pages_are_ordered_with_the_index_first() -> None:
     files = ("start/b.md", "index.md", "start/index.md", "start/a.md", "start/more/index.md")
     pages = [Page(name, name, "") for name in files]
     assert navigation(pages) == [
@@ -80,6 +80,6 @@ def test_titles_and_order_are_read() -> None:
         navigation([Page("odd/a.md", "A", "")])
 
 
-def test_a_part_that_there_is_not_is_refused() -> None:
+def test_unknown_part_is_refused() -> None:
     with pytest.raises(InputError, match=r"'verdict': is no part of a page.*verdicts"):
         part(ROOT, "verdict")

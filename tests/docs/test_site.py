@@ -41,11 +41,11 @@ def anchors(page: Path) -> set[str]:
     return {html.unescape(one) for one in re.findall(r'\s(?:id|name)="([^"]+)"', text)}
 
 
-def test_the_build_has_nothing_to_say(site: Site) -> None:
+def test_site_build_prints_no_warnings(site: Site) -> None:
     assert [line for line in site.printed.splitlines() if "WARN" in line or "ERROR" in line] == []
 
 
-def test_every_link_leads_somewhere(site: Site) -> None:
+def test_every_link_resolves(site: Site) -> None:
     dead = set()
     for page in pages(site):
         if page.name == "404.html":  # its links are the server's
@@ -67,7 +67,7 @@ def test_every_link_leads_somewhere(site: Site) -> None:
     assert dead == set()
 
 
-def test_no_page_asks_a_network_for_anything(site: Site) -> None:
+def test_no_page_requests_anything_from_the_network(site: Site) -> None:
     outside = {
         (page.name, asked)
         for page in pages(site)
@@ -80,7 +80,7 @@ def test_no_page_asks_a_network_for_anything(site: Site) -> None:
         assert not re.search(r"@import|url\(\s*[\"']?(?:https?:)?//", text), sheet
 
 
-def test_every_public_name_has_a_place(site: Site) -> None:
+def test_every_public_name_has_a_reference_entry(site: Site) -> None:
     listed = site.page("reference/library")
     for name in reobserve.__all__:
         home = f"reobserve.{reobserve._HOME[name]}"
@@ -90,13 +90,13 @@ def test_every_public_name_has_a_place(site: Site) -> None:
         assert f'{path}/#{home}.{name}"' in listed
 
 
-def test_a_method_that_is_inherited_is_shown_where_it_is_used(site: Site) -> None:
+def test_inherited_method_is_shown_in_the_subclass(site: Site) -> None:
     name = "reobserve.observers.ilo_sampled.SampledILO"
     shown = anchors(site.folder / "reference/library/observers/ilo_sampled/index.html")
     assert {f"{name}.run", f"{name}.step", f"{name}.init"} <= shown
 
 
-def test_every_command_has_its_help(site: Site) -> None:
+def test_every_command_shows_its_help(site: Site) -> None:
     text = html.unescape(re.sub(r"<[^>]+>", "", site.page("reference/commands")))
     squeezed = " ".join(text.split())
     reported = [" ".join(line.split()) for line in command_parser().format_help().split("\n\n")]
@@ -107,7 +107,7 @@ def test_every_command_has_its_help(site: Site) -> None:
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_every_equation_has_a_row_that_leads_to_code(site: Site, paper: str) -> None:
+def test_every_equation_has_a_row_with_a_link_to_code(site: Site, paper: str) -> None:
     text = site.page("reference/equations")
     found = read_equations(ROOT, paper).equations
     assert {anchor(paper, one) for one in found} <= anchors(
@@ -120,7 +120,7 @@ def test_every_equation_has_a_row_that_leads_to_code(site: Site, paper: str) -> 
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_what_git_holds_of_a_paper_is_reported(site: Site, paper: str) -> None:
+def test_paper_page_shows_claims_errata_figures_and_parameters(site: Site, paper: str) -> None:
     """Each claim and erratum, each figure as it was accepted, each key of the parameter file."""
     found = anchors(site.folder / f"findings/{paper}/index.html")
     claims = yaml.safe_load((ROOT / f"config/claims/{paper}.yaml").read_text())["claims"]
@@ -143,7 +143,7 @@ def test_what_git_holds_of_a_paper_is_reported(site: Site, paper: str) -> None:
     assert keys <= anchors(site.folder / f"reference/parameters/{paper}/index.html")
 
 
-def test_a_claim_is_reported_with_its_numbers(site: Site) -> None:
+def test_claim_is_shown_with_its_numbers(site: Site) -> None:
     """By hand, from the golden number, the registry and the cached samples."""
     text = site.page("findings/lie")
     part = text.partition('id="claim-eigenvalues"')[2].partition("<h3")[0]
@@ -158,7 +158,7 @@ def test_a_claim_is_reported_with_its_numbers(site: Site) -> None:
     assert "Depends on plant.output" in reported
 
 
-def test_evidence_that_does_not_fit_together_is_refused() -> None:
+def test_inconsistent_evidence_is_refused() -> None:
     (paper,) = (one for one in papers(ROOT) if one.name == "lie")
     row = paper.accepted["eigenvalues"]
     accepted = {**paper.accepted, "eigenvalues": {**row, "verdict": "contradicted"}}
@@ -166,7 +166,7 @@ def test_evidence_that_does_not_fit_together_is_refused() -> None:
         type(paper)(ROOT, "lie", accepted, paper.seed).claims  # noqa: B018  # it is a property
 
 
-def test_what_is_said_is_found(site: Site) -> None:
+def test_search_index_contains_objects_and_findings(site: Site) -> None:
     index = json.loads((site.folder / "search/search_index.json").read_text(encoding="utf-8"))
     places = {entry["location"]: entry["text"] for entry in index["docs"]}
     assert any("SampledILO" in where for where in places)

@@ -39,7 +39,7 @@ def followed(values: Array, sigmas: Array | None = None, **rule: Any) -> AlarmRe
     return reports[0]
 
 
-def test_an_interval_has_its_ends_its_size_and_its_peak() -> None:
+def test_interval_has_ends_size_and_peak() -> None:
     values = np.zeros(60)
     values[10:20] = np.linspace(2.0, -3.0, 10)
     sigmas = np.full(60, 0.5)
@@ -54,7 +54,7 @@ def test_an_interval_has_its_ends_its_size_and_its_peak() -> None:
     assert (one["sigma"], one["peak"]) == (pytest.approx(0.5), -3.0)
 
 
-def test_short_interruptions_belong_to_an_interval_and_long_ones_end_it() -> None:
+def test_only_long_interruptions_end_an_interval() -> None:
     values = np.zeros(80)
     values[[10, 20, 21, 32, 60]] = 2.0  # nine, none, ten and 27 rows in between
     found = followed(values).summary()
@@ -64,20 +64,20 @@ def test_short_interruptions_belong_to_an_interval_and_long_ones_end_it() -> Non
     assert found["intervals"][1]["standard_deviation"] is None
 
 
-def test_more_intervals_than_are_listed_are_counted() -> None:
+def test_unlisted_intervals_are_counted() -> None:
     values = np.zeros(20 * 70)
     values[::20] = 2.0
     found = followed(values).summary()
     assert (found["interval_count"], len(found["intervals"]), found["rows"]) == (70, 50, 70)
 
 
-def test_nothing_is_raised_in_the_start_up() -> None:
+def test_no_alarm_is_raised_during_start_up() -> None:
     values = np.full(40, 2.0)
     assert followed(values, start_up=1.5).first == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize("pole", [0.5, 0.9, 0.99, -0.8])
-def test_the_start_up_is_that_of_the_closed_form(pole: float) -> None:
+def test_start_up_time_agrees_with_closed_form(pole: float) -> None:
     """Of an error that goes by powers of a pole: to a hundredth of what it was."""
 
     def run(y: Array) -> Array:
@@ -103,7 +103,7 @@ def luenberger(alarm: dict[str, Any]) -> Specification:
 
 
 @pytest.mark.parametrize("stated", [None, 2.0, 0.0])
-def test_a_start_far_off_raises_no_alarm_and_a_step_does(
+def test_wrong_initial_state_raises_no_alarm_but_a_step_does(
     stated: float | None, tmp_path: Path
 ) -> None:
     """An observer with its pole at 0.9 that starts 5 m off; the level steps by 1 m at 20 s."""
@@ -134,7 +134,7 @@ def test_a_start_far_off_raises_no_alarm_and_a_step_does(
         assert reported["first"] == pytest.approx(stated)
 
 
-def test_only_alarms_without_a_start_up_need_it_derived() -> None:
+def test_start_up_is_derived_only_if_not_specified() -> None:
     made = Estimation(luenberger({"start_up": 1.0}), ["t", "level"], "r")
     assert made.start_up is None
     assert Estimation(luenberger({}), ["t", "level"], "r").start_up == pytest.approx([4.5] * 2)

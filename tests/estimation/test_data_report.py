@@ -11,7 +11,7 @@ from reobserve.estimation.data_report import (
 )
 
 
-def test_a_whole_record_takes_four_lines() -> None:
+def test_report_of_a_complete_record_has_four_lines() -> None:
     report = DataReport(rows=101, first=0.0, last=1.0, intervals=100, estimates=101)
     assert as_table(report, 0.01).splitlines() == [
         "  rows read        101",
@@ -21,7 +21,7 @@ def test_a_whole_record_takes_four_lines() -> None:
     ]
 
 
-def test_of_many_gaps_the_first_are_listed_and_all_are_counted() -> None:
+def test_first_gaps_are_listed_and_all_are_counted() -> None:
     report = DataReport(rows=700, first=0.0, last=9.9, intervals=690, lost=300, estimates=690)
     for k in range(MOST_LISTED + 10):
         report.open_gap(float(k))
@@ -39,7 +39,7 @@ def test_of_many_gaps_the_first_are_listed_and_all_are_counted() -> None:
     ]  # fmt: skip
 
 
-def test_what_an_alarm_found() -> None:
+def test_report_lists_alarms() -> None:
     odd = AlarmReport("rad/s", 0.5, True, 0.75, rows=4, first=1.5, learned=40, mean=0.25)
     odd.current = Interval(1.5, 1.8)
     for value in (1.0, 2.0, -3.0, 2.0):
@@ -60,7 +60,7 @@ def test_what_an_alarm_found() -> None:
     ]
 
 
-def test_stamps_since_1970_are_reported_to_the_millisecond() -> None:
+def test_epoch_timestamps_are_reported_in_milliseconds() -> None:
     report = DataReport(rows=2, first=1774749598.25, last=1774749599.75)
     report.open_gap(1774749598.5)
     reported = as_table(report, 0.1)

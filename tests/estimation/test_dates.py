@@ -67,7 +67,9 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.mark.parametrize("spelling", SPELLINGS)
-def test_dates_give_the_bits_of_seconds(spelling: str, expected: bytes, tmp_path: Path) -> None:
+def test_dates_and_seconds_give_bitwise_identical_results(
+    spelling: str, expected: bytes, tmp_path: Path
+) -> None:
     (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(SPELLINGS[spelling])))
     made = estimate_file(
         chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv", report=tmp_path / "r.json",
@@ -80,7 +82,7 @@ def test_dates_give_the_bits_of_seconds(spelling: str, expected: bytes, tmp_path
 
 
 @pytest.mark.parametrize("kind", ["timestamps", "texts"])
-def test_parquet_holds_dates_too(kind: str, expected: bytes, tmp_path: Path) -> None:
+def test_parquet_dates_are_read(kind: str, expected: bytes, tmp_path: Path) -> None:
     places = [k for k in range(ROWS) if not 100 <= k < 120]
     timestamps = pa.array(moments()) if kind == "timestamps" else pa.array(SPELLINGS["UTC"])
     table = pa.table({"t": timestamps, "v": VALUES[places]})
@@ -89,7 +91,7 @@ def test_parquet_holds_dates_too(kind: str, expected: bytes, tmp_path: Path) -> 
     assert (tmp_path / "e.csv").read_bytes() == expected
 
 
-def test_a_stream_of_dates_stops_and_goes_on(expected: bytes, tmp_path: Path) -> None:
+def test_stream_of_dates_can_be_resumed(expected: bytes, tmp_path: Path) -> None:
     estimation = Estimation(chosen("iso8601"), ["t", "v"], "r")
     reader, out = RowByRow(estimation, ["t", "v"]), header(estimation.titles)
     for k, line in enumerate(rows(SPELLINGS["summer time comes"])):
@@ -103,7 +105,7 @@ def test_a_stream_of_dates_stops_and_goes_on(expected: bytes, tmp_path: Path) ->
     assert (out + reader.finish()).encode() == expected
 
 
-def test_a_stream_tells_at_once_what_its_times_count_from(
+def test_stream_reports_its_time_origin_immediately(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = rows(SPELLINGS["summer time comes"])
@@ -117,7 +119,7 @@ def test_a_stream_tells_at_once_what_its_times_count_from(
     assert not any(said[3:])
 
 
-def test_a_header_may_say_that_they_are_dates(expected: bytes, tmp_path: Path) -> None:
+def test_header_may_declare_dates(expected: bytes, tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("t [iso8601],v\n" + "".join(rows(SPELLINGS["UTC"])))
     estimate_file(chosen(""), tmp_path / "r.csv", tmp_path / "e.csv")
     assert (tmp_path / "e.csv").read_bytes() == expected
@@ -126,7 +128,7 @@ def test_a_header_may_say_that_they_are_dates(expected: bytes, tmp_path: Path) -
 @pytest.mark.parametrize(
     "cell", ["12.5", "yesterday", "2026-02-30T00:00:00Z", "99999-01-01", "20260329"]
 )
-def test_what_is_no_date_is_refused(cell: str, tmp_path: Path) -> None:
+def test_invalid_date_is_refused(cell: str, tmp_path: Path) -> None:
     timestamps = SPELLINGS["UTC"][:30]
     text = "t,v\n" + "".join(f"{timestamp},1.0\n" for timestamp in [*timestamps, cell])
     (tmp_path / "r.csv").write_text(text)
@@ -142,7 +144,7 @@ def test_what_is_no_date_is_refused(cell: str, tmp_path: Path) -> None:
         reader.read(bad)
 
 
-def test_fifty_kilohertz_are_even() -> None:
+def test_dates_at_50_khz_are_evenly_spaced() -> None:
     report = DataReport()
     moments = [START + timedelta(microseconds=20 * k) for k in range(1000)]
     times = [report.clock(nanoseconds(moment.isoformat())) for moment in moments]
@@ -150,13 +152,13 @@ def test_fifty_kilohertz_are_even() -> None:
     assert report.clock(None) != report.clock(None)  # nan
 
 
-def test_nanoseconds_since_1970() -> None:
+def test_epoch_nanoseconds_are_read() -> None:
     assert nanoseconds("1970-01-02T00:00:00.5+00:00") == 86_400_500_000_000
     assert nanoseconds("20000101T010000+0100") == 946_684_800 * 10**9  # by `date -d ... +%s`
     assert spelled(946_684_800) == "2000-01-01T00:00:00Z"
 
 
-def test_whoever_forgets_the_unit_is_reported(tmp_path: Path) -> None:
+def test_missing_time_unit_is_reported(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("t,v\n0.5,1.0\n" + "".join(rows(SPELLINGS["UTC"])))
     with pytest.raises(InputError, match=r"row 2 is '2026-.*Z', must be a number; of dates the un"):
         estimate_file(chosen("s"), tmp_path / "r.csv", tmp_path / "e.csv")
@@ -169,7 +171,7 @@ def test_whoever_forgets_the_unit_is_reported(tmp_path: Path) -> None:
         estimate_file(chosen("ms"), tmp_path / "r.parquet", tmp_path / "e.csv")
 
 
-def test_a_clock_that_goes_back_is_reported(tmp_path: Path) -> None:
+def test_clock_running_backwards_is_reported(tmp_path: Path) -> None:
     timestamps = [moment.astimezone(CHANGE[moment.hour >= 1]) for moment in moments()]
     texts = [timestamp.replace(tzinfo=None).isoformat() for timestamp in timestamps]
     (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(texts)))

@@ -50,7 +50,7 @@ def chosen(**columns: Any) -> Specification:
     return parse(Specification, tree)
 
 
-def test_a_dialect_that_is_stated_is_read_in_files_and_streams(
+def test_specified_dialect_is_read_from_files_and_streams(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "r.csv").write_bytes(record())
@@ -77,7 +77,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("columns", "said"), REFUSED)
-def test_a_dialect_that_is_not_stated_is_refused_by_its_key(
+def test_unspecified_dialect_is_refused_naming_the_key(
     columns: dict[str, Any], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "r.csv").write_bytes(record())
@@ -91,14 +91,14 @@ def test_a_dialect_that_is_not_stated_is_refused_by_its_key(
     assert re.search(said, reported) or "is not UTF-8, see columns.encoding" in reported, reported
 
 
-def test_another_delimiter_without_its_line_is_named(tmp_path: Path) -> None:
+def test_unspecified_delimiter_is_named(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_bytes(record().partition(b"\r\n")[2])
     with pytest.raises(InputError, match=r"columns.delimiter: ',' is not in .* may be ';'"):
         estimate_file(chosen(delimiter=",", decimal="."), tmp_path / "r.csv", tmp_path / "e.csv")
 
 
 @pytest.mark.parametrize("form", ["%d.%m.%Y", "%H:%M:%S", "now", "%Q", "%Y-%m-%d %I:%M"])
-def test_a_format_has_the_day_and_the_time_of_day(form: str) -> None:
+def test_date_format_must_have_day_and_time(form: str) -> None:
     with pytest.raises(InputError, match=r"columns.time.format: .* must have the day and the time"):
         chosen(time={"column": "Zeit", "format": form})
     with pytest.raises(InputError, match=r"columns.time.unit: must be left out where there is a"):

@@ -31,17 +31,17 @@ ERRORS = {
 }  # fmt: skip
 
 
-def test_the_names_of_all_examples_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_of_all_examples_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["estimate", "--example", "list"]) == 0
     assert capsys.readouterr().out.split() == [*NAMES]
     assert set(NAMES) == set(BY_HAND)
 
 
-def test_every_estimate_of_an_example_has_its_truth() -> None:
+def test_every_example_estimate_has_a_true_value() -> None:
     assert set().union(*(simulated(name).truth(np.zeros(1)) for name in NAMES)) == set(ERRORS)
 
 
-def test_a_plant_that_is_pushed_is_followed_to_the_fourth_order() -> None:
+def test_driven_plant_is_integrated_to_fourth_order() -> None:
     """Of time alone the rule is Simpson's, exact for cubics; of the state it is exp(h)'s series."""
     time = np.array([0.0, 0.4, 1.0])
     pushed = _followed(lambda t, x: np.array([4 * t**3]), np.array([1.0]), time)
@@ -52,7 +52,7 @@ def test_a_plant_that_is_pushed_is_followed_to_the_fourth_order() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_record_is_sampled_as_its_specification_says(name: str) -> None:
+def test_record_is_sampled_as_specified(name: str) -> None:
     made, stated = simulated(name), specification(name).sampling.period
     assert made.period == stated
     assert np.diff(made.record()["t"]) == pytest.approx(1000.0 * stated, rel=1e-9)
@@ -63,7 +63,9 @@ def test_a_record_is_sampled_as_its_specification_says(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_without_a_policy_at_work_it_is_the_library_to_the_bit(name: str, tmp_path: Path) -> None:
+def test_estimates_are_bitwise_identical_to_the_library_without_policies(
+    name: str, tmp_path: Path
+) -> None:
     columns = {title: values[:400] for title, values in simulated(name).record().items()}
     made = estimate_file(
         specification(name), write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv"
@@ -96,7 +98,7 @@ def errors(name: str, path: Path) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_even_records_lead_to_the_truth(name: str, tmp_path: Path) -> None:
+def test_estimates_converge_on_evenly_sampled_records(name: str, tmp_path: Path) -> None:
     record = write_record(tmp_path / "r.csv", simulated(name).record())
     made = estimate_file(specification(name), record, tmp_path / "e.csv")
     for column, error in errors(name, tmp_path / "e.csv").items():
@@ -105,7 +107,7 @@ def test_even_records_lead_to_the_truth(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_jitter_a_gap_and_a_dead_sensor_do_not_lead_away(name: str, tmp_path: Path) -> None:
+def test_estimates_converge_despite_jitter_gap_and_dead_sensor(name: str, tmp_path: Path) -> None:
     """Timestamps off by a third of a period, a gap of half a second, and a silent sensor."""
     plant = simulated(name)
     random = np.random.default_rng(5)

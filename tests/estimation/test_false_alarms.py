@@ -14,7 +14,7 @@ from reobserve.estimation.false_alarms import false_alarm_threshold
     ("count", "false_alarm_probability", "place"),
     [(19, 0.05, 19), (39, 0.05, 38), (99, 0.05, 95), (20, 0.05, 20), (9, 0.3, 7)],
 )
-def test_the_threshold_is_the_one_that_so_many_new_records_exceed(
+def test_threshold_has_the_expected_exceedance_rate(
     count: int, false_alarm_probability: float, place: int
 ) -> None:
     """Of uniform numbers the j-th of n is j / (n + 1) on average, exceeded by the rest."""
@@ -30,7 +30,7 @@ def test_the_threshold_is_the_one_that_so_many_new_records_exceed(
     assert exceeded.mean() == pytest.approx(wanted, abs=4 * exceeded.std() / np.sqrt(len(drawn)))
 
 
-def test_too_few_records_for_a_probability() -> None:
+def test_too_few_records_are_refused() -> None:
     with pytest.raises(
         InputError,
         match=r"^false_alarm_probability: 0.05 needs 19 .*, there are 18$",
@@ -39,14 +39,14 @@ def test_too_few_records_for_a_probability() -> None:
     assert false_alarm_threshold(np.zeros(19), 0.05) == 0.0
 
 
-def test_the_probability_of_one_choice_of_records_is_beta_distributed() -> None:
+def test_false_alarm_probability_is_beta_distributed() -> None:
     drawn = np.random.default_rng(3).uniform(size=(4000, 79))
     exceeded = [1.0 - false_alarm_threshold(row, 0.05) for row in drawn]
     assert kstest(exceeded, beta(4, 76).cdf).pvalue > 0.01
     assert beta(4, 76).ppf([0.025, 0.975]) == pytest.approx([0.014, 0.107], abs=5e-4)
 
 
-def test_a_diverged_statistic_is_the_smallest() -> None:
+def test_diverged_statistic_counts_as_the_smallest() -> None:
     assert false_alarm_threshold([-np.inf, 1.0, 2.0, 3.0], 0.5) == 2.0
 
 
@@ -60,6 +60,6 @@ def test_a_diverged_statistic_is_the_smallest() -> None:
         ([], 0.5, "false_alarm_probability: 0.5 needs 1 records .* there are 0"),
     ],
 )
-def test_what_is_wrong_is_reported(maxima: object, probability: float, said: str) -> None:
+def test_invalid_value_is_reported(maxima: object, probability: float, said: str) -> None:
     with pytest.raises(InputError, match=said):
         false_alarm_threshold(maxima, probability)  # type: ignore[arg-type]

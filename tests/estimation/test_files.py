@@ -45,7 +45,9 @@ def as_parquet(path: Path) -> Path:
     return path
 
 
-def test_each_format_in_gives_the_same_bits_and_pieces_too(expected: bytes, tmp_path: Path) -> None:
+def test_all_input_formats_and_block_sizes_give_identical_bits(
+    expected: bytes, tmp_path: Path
+) -> None:
     text = write_record(tmp_path / "r.csv", EVEN)
     packed = tmp_path / "r.csv.gz"
     packed.write_bytes(gzip.compress(text.read_bytes()))
@@ -56,7 +58,7 @@ def test_each_format_in_gives_the_same_bits_and_pieces_too(expected: bytes, tmp_
             assert made.report.rows == 300
 
 
-def test_each_format_out_holds_the_same_numbers(expected: bytes, tmp_path: Path) -> None:
+def test_all_output_formats_hold_the_same_numbers(expected: bytes, tmp_path: Path) -> None:
     record = write_record(tmp_path / "r.csv", EVEN)
     estimate_file(specification("kalman"), record, tmp_path / "e.csv.gz")
     assert gzip.decompress((tmp_path / "e.csv.gz").read_bytes()) == expected
@@ -73,7 +75,7 @@ def test_each_format_out_holds_the_same_numbers(expected: bytes, tmp_path: Path)
     assert json.loads(about[KEY])["rows"] == 300
 
 
-def test_a_file_larger_than_its_blocks_is_never_whole_in_memory(tmp_path: Path) -> None:
+def test_large_file_is_never_completely_in_memory(tmp_path: Path) -> None:
     columns = {name: np.tile(values, 200) for name, values in EVEN.items()}
     record = write_record(tmp_path / "r.csv", columns)
     block = 2**14
@@ -83,9 +85,7 @@ def test_a_file_larger_than_its_blocks_is_never_whole_in_memory(tmp_path: Path) 
     assert record.stat().st_size > 50 * block
 
 
-def test_units_may_stand_in_the_header_and_what_comes_out_can_go_in(
-    expected: bytes, tmp_path: Path
-) -> None:
+def test_header_units_are_read_and_output_can_be_input(expected: bytes, tmp_path: Path) -> None:
     titles = {"t": "t [ms]", "speed": "speed [rpm]", "current": "current[mA]"}
     columns = {titles.get(name, name): values for name, values in EVEN.items()}
     tree = {
@@ -123,7 +123,7 @@ def test_semicolons_and_decimal_commas_are_read(expected: bytes, tmp_path: Path)
     assert (tmp_path / "e.csv").read_bytes() == expected
 
 
-def test_the_report_tells_what_became_of_the_record(tmp_path: Path) -> None:
+def test_report_describes_the_processing_of_the_record(tmp_path: Path) -> None:
     columns = {name: values.copy() for name, values in EVEN.items()}
     columns["speed"][10] = np.nan
     record = write_record(tmp_path / "r.csv", columns)
@@ -141,7 +141,7 @@ def test_the_report_tells_what_became_of_the_record(tmp_path: Path) -> None:
     assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_an_alarm_has_the_threshold_that_was_said_or_learned(tmp_path: Path) -> None:
+def test_alarm_uses_the_specified_or_learned_threshold(tmp_path: Path) -> None:
     record = write_record(tmp_path / "r.csv", simulated("ilo-sampled").record())
     made = estimate_file(specification("ilo-sampled"), record, tmp_path / "e.csv")
     found, _ = read_results(tmp_path / "e.csv")
@@ -164,7 +164,7 @@ def test_an_alarm_has_the_threshold_that_was_said_or_learned(tmp_path: Path) -> 
         assert made.report.alarms[name].rows == (found[f"alarm {name}"] == 1.0).sum() > 0
 
 
-def test_what_would_mislead_is_reported(tmp_path: Path) -> None:
+def test_misleading_settings_are_reported(tmp_path: Path) -> None:
     tree = {"kind": "levant", "gains": {"L": 1e3, "order": 2}}
     columns = simulated("levant").record()
     columns["voltage"] += np.random.default_rng(1).normal(size=len(columns["t"]))
@@ -187,7 +187,7 @@ def test_what_would_mislead_is_reported(tmp_path: Path) -> None:
     assert any("fault_matrix has rank 2 of 3" in reported for reported in made.report.warnings)
 
 
-def test_a_mode_that_the_measurements_never_show_is_reported() -> None:
+def test_unobservable_mode_is_reported() -> None:
     """Two states on their own: the first is seen, the second stays as it starts."""
     tree: dict[str, Any] = {
         "time": "discrete", "A": [[0.5, 0.0], [0.0, 1.0]], "B": [[0.0], [0.0]],
@@ -204,7 +204,7 @@ def test_a_mode_that_the_measurements_never_show_is_reported() -> None:
     assert not seen_too.report.warnings
 
 
-def test_a_threshold_is_learned_from_the_first_estimate_on_unless_said() -> None:
+def test_threshold_is_learned_from_the_first_estimate_by_default() -> None:
     rule = {"name": "odd", "of": "residual speed", "sigma": 5, "until": 4.0}
     (read,) = specification("kalman", alarms=[rule]).alarms
     assert isinstance(read, LearnedThreshold)
@@ -225,7 +225,7 @@ UNFORESEEN = "is wrong, or there is a fault from early on"
         ("eso", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
     ],
 )
-def test_a_record_that_contradicts_the_model_is_reported(
+def test_record_contradicting_the_model_is_reported(
     name: str, column: str, factor: float, said: str, tmp_path: Path
 ) -> None:
     """Another unit (degrees a second for turns a minute), a sensor that is dead or turned round."""
@@ -242,7 +242,7 @@ def test_a_record_that_contradicts_the_model_is_reported(
     )
 
 
-def test_a_residual_that_dies_away_over_a_sensor_at_rest_is_no_contradiction(
+def test_decaying_residual_of_a_constant_sensor_is_not_reported(
     tmp_path: Path,
 ) -> None:
     columns = {name: values[:400] for name, values in simulated("luenberger").record().items()}
@@ -256,7 +256,7 @@ def test_a_residual_that_dies_away_over_a_sensor_at_rest_is_no_contradiction(
     assert not any(UNFORESEEN in reported for reported in made.report.warnings)
 
 
-def test_a_threshold_that_was_learned_from_few_values_is_reported(tmp_path: Path) -> None:
+def test_threshold_learned_from_few_values_is_reported(tmp_path: Path) -> None:
     columns = simulated("kalman").record()
     columns["speed"][101:390] = np.nan
     alarm = [{"name": "odd", "of": "residual speed", "sigma": 5, "since": 1.0, "until": 4.0}]
@@ -283,7 +283,9 @@ def test_a_threshold_that_was_learned_from_few_values_is_reported(tmp_path: Path
         (b"t,speed,current,voltage\n0,1e999,1,1\n", "must be a number"),
     ],
 )
-def test_bad_records_are_refused_in_a_sentence(content: bytes, said: str, tmp_path: Path) -> None:
+def test_invalid_records_are_refused_in_one_sentence(
+    content: bytes, said: str, tmp_path: Path
+) -> None:
     (tmp_path / "r.csv").write_bytes(content)
     with pytest.raises(InputError, match=said):
         estimate_file(specification("kalman"), tmp_path / "r.csv", tmp_path / "e.csv")
@@ -309,7 +311,7 @@ def test_bad_records_are_refused_in_a_sentence(content: bytes, said: str, tmp_pa
         ("until: 4}>until: 1}", "alarms.0.until: 1 s must be after since, 1 s"),
     ],
 )  # fmt: skip
-def test_bad_specifications_are_refused_by_their_key(
+def test_invalid_specifications_are_refused_naming_the_key(
     change: str, said: str, tmp_path: Path
 ) -> None:
     from reobserve.estimation.families.examples import specification_text
@@ -327,7 +329,7 @@ def test_bad_specifications_are_refused_by_their_key(
     "kind",
     ["luenberger", "high-gain", "extended-high-gain"],
 )
-def test_a_design_file_brings_observer_names_and_units(kind: str, tmp_path: Path) -> None:
+def test_design_file_provides_observer_names_and_units(kind: str, tmp_path: Path) -> None:
     """That of an example, on a record of its signals."""
     design = tmp_path / "design.json"
     for arguments in (
@@ -366,7 +368,7 @@ def test_a_design_file_brings_observer_names_and_units(kind: str, tmp_path: Path
         estimate_file(parse(Specification, tree), record, tmp_path / "e.csv")
 
 
-def test_an_observer_that_predicts_no_measurement_has_no_residual(
+def test_observer_without_predicted_measurement_has_no_residual(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     columns = {name: values[:200] for name, values in simulated("levant").record().items()}
@@ -382,7 +384,7 @@ def test_an_observer_that_predicts_no_measurement_has_no_residual(
     assert streamed(specification("levant"), record) == rows
 
 
-def test_observers_that_cannot_predict_say_so(tmp_path: Path) -> None:
+def test_observers_that_cannot_predict_report_it(tmp_path: Path) -> None:
     record = write_record(tmp_path / "r.csv", simulated("levant").record())
     for sampling in ({"missing": "skip"}, {"at_gap": "coast"}):
         with pytest.raises(InputError, match="is for observers that predict without measurements"):
@@ -392,7 +394,7 @@ def test_observers_that_cannot_predict_say_so(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("reading", [1e308, -1e308, 1e200])
 @pytest.mark.parametrize("name", ["kalman", "luenberger", "imm-kalman", "levant"])
-def test_a_reading_near_the_largest_number_leaks_no_warning(
+def test_measurement_near_the_largest_float_gives_no_warning(
     name: str, reading: float, tmp_path: Path
 ) -> None:
     columns = {title: values[:200].copy() for title, values in simulated(name).record().items()}

@@ -42,33 +42,33 @@ def ask_to_stop() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def test_the_last_line_of_a_pipe_may_lack_its_end() -> None:
+def test_last_line_of_a_pipe_may_lack_a_newline() -> None:
     assert reported(b"a,b\n1,2\n3,4") == ["a,b\n", "1,2\n", "3,4"]
     assert reported(b"") == []
 
 
-def test_a_mark_of_utf_8_counts_at_the_very_beginning_only() -> None:
+def test_utf8_byte_order_mark_is_skipped_only_at_the_start() -> None:
     mark = "\ufeff"
     assert reported(f"{mark}a\n{mark}b\n".encode()) == ["a\n", f"{mark}b\n"]
     with pytest.raises(InputError, match=r"^the pipe: .*xe9.* is not UTF-8, see columns.encoding$"):
         reported(b"a\n\xe9\n")
 
 
-def test_a_line_without_end_is_refused() -> None:
+def test_endless_line_is_refused() -> None:
     longest = b"1" * (LONGEST - 1) + b"\n"
     assert reported(2 * longest) == [longest.decode()] * 2
     with pytest.raises(InputError, match=f"^the pipe: has a line of more than {LONGEST} bytes$"):
         reported(b"a\n" + b"1" * (LONGEST + 1))
 
 
-def test_a_stream_that_cannot_be_read_is_named() -> None:
+def test_unreadable_stream_is_named() -> None:
     stream = io.BytesIO(b"a\n")
     stream.close()
     with pytest.raises(InputError, match=r"^the pipe: cannot be read \(.*closed file.*\)$"):
         next(iter(Lines(stream, Stop(), "the pipe")))
 
 
-def test_a_signal_ends_the_wait_for_a_line_and_goes_to_its_owner_afterwards() -> None:
+def test_signal_ends_the_wait_for_a_line_and_handler_is_restored() -> None:
     reading, writing = os.pipe()
     before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     stop = Stop()
@@ -82,7 +82,7 @@ def test_a_signal_ends_the_wait_for_a_line_and_goes_to_its_owner_afterwards() ->
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_within_the_work_on_a_line_waits_for_its_end(number: signal.Signals) -> None:
+def test_signal_during_processing_waits_for_the_end_of_the_line(number: signal.Signals) -> None:
     stop = Stop()
     lines = Lines(io.BytesIO(b"a\nb\nc\n"), stop, "the pipe")
     with stop.listening():
@@ -103,7 +103,7 @@ def followed(path: Path, idle: float, *acts: Any, offset: int = 0) -> tuple[list
         return found, lines.offset, time.monotonic() - since
 
 
-def test_a_followed_file_ends_once_it_is_silent_and_keeps_what_is_no_line_yet(
+def test_followed_file_ends_after_silence_and_keeps_the_incomplete_line(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "log.csv"
@@ -122,7 +122,7 @@ def test_a_followed_file_ends_once_it_is_silent_and_keeps_what_is_no_line_yet(
     open_file(path, 17).close()
 
 
-def test_a_signal_ends_the_wait_for_a_file_that_does_not_grow(tmp_path: Path) -> None:
+def test_signal_ends_the_wait_for_a_file_that_stops_growing(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(b"a\nbegun")
     found, offset, taken = followed(path, 5.0, ask_to_stop)

@@ -41,7 +41,7 @@ def estimated(name: str, logs: Path, specification: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("name", "alarm", "column", "begin", "size", "delay"), FAULTS)
-def test_a_log_leads_to_the_right_answer(
+def test_log_yields_the_correct_fault(
     name: str, alarm: str, column: str, begin: float, size: float, delay: float, logs: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
@@ -61,7 +61,7 @@ def test_a_log_leads_to_the_right_answer(
     assert f"mean {one['mean']:.4g}" in said
 
 
-def test_a_leak_is_too_large_where_the_operating_point_is_not_stated(logs: Path) -> None:
+def test_leak_is_overestimated_without_the_operating_point(logs: Path) -> None:
     """What the outflow at 2 m is more than the linear model of the whole level has it."""
     text = (LOGS / "leak.yaml").read_text(encoding="utf-8")
     (logs / "leak.yaml").write_text(

@@ -17,7 +17,7 @@ from tests.estimation.records import read_results
 MEASURED = Path(__file__).parents[2] / "examples/measured"
 
 
-def test_a_compass_tells_when_the_sensor_turns(tmp_path: Path) -> None:
+def test_compass_bank_detects_sensor_rotation(tmp_path: Path) -> None:
     estimates, report = tmp_path / "estimates.csv", tmp_path / "report.json"
     record = [str(MEASURED / f"turning.{kind}") for kind in ("yaml", "csv")]
     assert main(["estimate", *record, "--out", str(estimates), "--report", str(report)]) == 0

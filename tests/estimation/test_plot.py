@@ -40,7 +40,7 @@ def drawn(
     return figures[0].axes, read_results(folder / "e.csv")[0], made.report
 
 
-def test_curves_break_at_a_gap_which_is_grey_and_bands_are_of_two_deviations(
+def test_curves_break_at_grey_gaps_and_bands_are_two_sigma(
     tmp_path: Path, figures: list[Any]
 ) -> None:
     kept = np.r_[0:100, 160:300]
@@ -69,9 +69,7 @@ def test_curves_break_at_a_gap_which_is_grey_and_bands_are_of_two_deviations(
     assert [ax.get_xlabel() for ax in axes[:-1]] == [""] * (len(axes) - 1)
 
 
-def test_a_gap_that_does_not_end_is_grey_up_to_the_last_estimate(
-    tmp_path: Path, figures: list[Any]
-) -> None:
+def test_open_gap_is_grey_up_to_the_last_estimate(tmp_path: Path, figures: list[Any]) -> None:
     columns = {title: values[:200].copy() for title, values in simulated("kalman").record().items()}
     for title in ("speed", "current"):
         columns[title][100:] = np.nan
@@ -82,9 +80,7 @@ def test_a_gap_that_does_not_end_is_grey_up_to_the_last_estimate(
     assert [grey.get_x(), grey.get_x() + grey.get_width()] == pytest.approx([0.99, 1.99])
 
 
-def test_alarms_are_bars_and_their_thresholds_are_lines_where_they_are_looked_for(
-    tmp_path: Path, figures: list[Any]
-) -> None:
+def test_alarms_are_bars_and_thresholds_are_lines(tmp_path: Path, figures: list[Any]) -> None:
     axes, found, report = drawn(
         "ilo-sampled", simulated("ilo-sampled").record(), tmp_path, figures
     )  # fmt: skip
@@ -117,7 +113,7 @@ def test_alarms_are_bars_and_their_thresholds_are_lines_where_they_are_looked_fo
     assert dashed["fault"]
 
 
-def test_a_probability_has_a_bound_above_only(tmp_path: Path, figures: list[Any]) -> None:
+def test_probability_has_an_upper_threshold_only(tmp_path: Path, figures: list[Any]) -> None:
     axes, *_ = drawn("imm-kalman", simulated("imm-kalman").record(), tmp_path, figures)
     dashed = {
         ax.get_ylabel().partition("\n")[0]: [
@@ -128,9 +124,7 @@ def test_a_probability_has_a_bound_above_only(tmp_path: Path, figures: list[Any]
     assert dashed["probability"] == [0.9]
 
 
-def test_of_a_long_record_each_point_is_the_least_and_the_greatest_of_its_rows(
-    tmp_path: Path, figures: list[Any]
-) -> None:
+def test_long_record_is_plotted_by_minimum_and_maximum(tmp_path: Path, figures: list[Any]) -> None:
     columns = {
         "t": 0.01 * np.arange(20_001),
         "voltage": np.random.default_rng(4).normal(size=20_001),

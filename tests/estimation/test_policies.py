@@ -44,7 +44,7 @@ def without(columns: dict[str, Array], rows: slice) -> dict[str, Array]:
     return {name: values[kept] for name, values in columns.items()}
 
 
-def test_lost_samples_are_predicted_over_as_by_hand(tmp_path: Path) -> None:
+def test_lost_samples_are_bridged_by_prediction(tmp_path: Path) -> None:
     import reobserve as ro
 
     report, found, status = kalman(without(EVEN, slice(50, 53)), tmp_path, missing="skip")
@@ -61,7 +61,7 @@ def test_lost_samples_are_predicted_over_as_by_hand(tmp_path: Path) -> None:
     assert found["time"][49:54] == pytest.approx([0.49, 0.5, 0.51, 0.52, 0.53], abs=1e-12)
 
 
-def test_a_dead_sensor_leaves_the_other(tmp_path: Path) -> None:
+def test_estimation_continues_with_the_remaining_sensor(tmp_path: Path) -> None:
     import reobserve as ro
 
     columns = {name: values.copy() for name, values in EVEN.items()}
@@ -76,7 +76,7 @@ def test_a_dead_sensor_leaves_the_other(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("at_gap", ["restart", "coast"])
-def test_a_gap_is_what_is_longer_than_was_said(at_gap: str, tmp_path: Path) -> None:
+def test_gap_is_longer_than_the_specified_limit(at_gap: str, tmp_path: Path) -> None:
     columns = without(EVEN, slice(300, 360))
     report, found, status = kalman(columns, tmp_path, missing="skip", gap=0.1, at_gap=at_gap)
     assert report.gaps == [[pytest.approx(2.99), pytest.approx(3.6)]]
@@ -96,7 +96,7 @@ def test_a_gap_is_what_is_longer_than_was_said(at_gap: str, tmp_path: Path) -> N
         assert np.array_equal(found["speed"][310:], alone["speed"])
 
 
-def test_rows_of_dead_sensors_are_dropped_once_they_are_no_longer_bridged(tmp_path: Path) -> None:
+def test_rows_without_sensors_are_dropped_after_the_bridging_limit(tmp_path: Path) -> None:
     columns = {name: values.copy() for name, values in EVEN.items()}
     for title in ("speed", "current"):
         columns[title][300:360] = np.nan
@@ -105,7 +105,7 @@ def test_rows_of_dead_sensors_are_dropped_once_they_are_no_longer_bridged(tmp_pa
     assert (status.count("predicted"), len(status)) == (10, 1001 - 50)
 
 
-def test_straight_lines_fill_what_was_lost(tmp_path: Path) -> None:
+def test_lost_samples_are_filled_by_linear_interpolation(tmp_path: Path) -> None:
     columns = simulated("levant").record()
     lost = without(columns, slice(100, 104))
     report, time, read, status = signal(lost, tmp_path, missing="interpolate", gap=0.1)
@@ -117,7 +117,7 @@ def test_straight_lines_fill_what_was_lost(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("method", ["linear", "previous", "pchip"])
-def test_uneven_stamps_are_resampled_by_the_method_that_was_said(
+def test_uneven_timestamps_are_resampled_by_the_specified_method(
     method: str, tmp_path: Path
 ) -> None:
     random = np.random.default_rng(3)
@@ -149,7 +149,7 @@ def test_uneven_stamps_are_resampled_by_the_method_that_was_said(
         ("extended-high-gain", {"uneven": "previous", "missing": "interpolate"}),
     ],
 )  # fmt: skip
-def test_however_a_record_is_cut_the_bits_are_the_same(name: str, sampling: dict[str, Any]) -> None:
+def test_block_size_does_not_change_a_bit(name: str, sampling: dict[str, Any]) -> None:
     """Rows one by one, in odd blocks, and all at once; timestamps, gaps and sensors are bad."""
     chosen = specification(name, sampling=sampling)
     random = np.random.default_rng(8)
@@ -211,7 +211,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("columns", "sampling", "said"), REFUSED)
-def test_what_no_policy_allows_is_refused_and_nothing_is_written(
+def test_records_beyond_all_policies_are_refused_without_output(
     columns: dict[str, Array], sampling: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     name = {**sampling}.pop("kind", "kalman")
@@ -248,7 +248,7 @@ STARTS = [
 
 
 @pytest.mark.parametrize(("name", "start", "said"), STARTS)
-def test_a_wrong_start_is_refused_by_its_key_before_any_row(
+def test_invalid_initial_state_is_refused_before_the_first_row(
     name: str, start: dict[str, Any], said: str
 ) -> None:
     changed = {f"initial_{key}": value for key, value in start.items()}
@@ -258,7 +258,7 @@ def test_a_wrong_start_is_refused_by_its_key_before_any_row(
 
 
 @pytest.mark.parametrize("block", [2**10, 2**20])
-def test_a_divergence_has_the_time_of_the_record(block: int, tmp_path: Path) -> None:
+def test_divergence_is_reported_in_record_time(block: int, tmp_path: Path) -> None:
     columns = simulated("ilo-sampled").record()
     columns["t"] = columns["t"] + 5000.0
     columns["wx"][300] = 1e200
@@ -269,7 +269,7 @@ def test_a_divergence_has_the_time_of_the_record(block: int, tmp_path: Path) -> 
         )  # fmt: skip
 
 
-def test_a_delay_that_is_never_seen_is_reported(tmp_path: Path) -> None:
+def test_unobservable_delay_is_reported(tmp_path: Path) -> None:
     columns = simulated("extended-high-gain").record()
     columns["valve"] = np.full(len(columns["t"]), 30.0)
     record = write_record(tmp_path / "r.csv", columns)
@@ -279,7 +279,7 @@ def test_a_delay_that_is_never_seen_is_reported(tmp_path: Path) -> None:
     )
 
 
-def test_saturated_values_are_counted_and_may_be_missing(tmp_path: Path) -> None:
+def test_saturated_values_are_counted_and_can_be_treated_as_missing(tmp_path: Path) -> None:
     columns = {name: values.copy() for name, values in EVEN.items()}
     high = columns["speed"] >= 350.0
     columns["speed"][high] = 350.0
@@ -301,7 +301,7 @@ def test_saturated_values_are_counted_and_may_be_missing(tmp_path: Path) -> None
     assert np.abs(found["speed"] - truth)[high].max() < 0.2  # 350 rpm are 0.9 rad/s off
 
 
-def test_deviations_from_an_operating_point_are_what_an_observer_reads(tmp_path: Path) -> None:
+def test_observer_receives_deviations_from_the_operating_point(tmp_path: Path) -> None:
     """Columns with offsets give the bits of a record of deviations; residuals as of levels."""
     at = {"speed": 1500.0, "current": 250.0, "voltage": 24.0}
     levels = {name: values + at.get(name, 0.0) for name, values in EVEN.items()}
@@ -324,7 +324,7 @@ def test_deviations_from_an_operating_point_are_what_an_observer_reads(tmp_path:
     assert streamed(chosen, tmp_path / "r.csv") == (tmp_path / "e.csv").read_text()
 
 
-def test_the_zero_of_a_scale_cancels_in_a_deviation(tmp_path: Path) -> None:
+def test_unit_offset_cancels_in_a_deviation(tmp_path: Path) -> None:
     columns = {
         "time": {"column": "t"},
         "measurements": [

@@ -67,7 +67,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("name", "changed", "said"), REFUSED)
-def test_a_specification_is_refused_by_its_key(
+def test_invalid_specification_is_refused_naming_the_key(
     name: str, changed: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(InputError) as error:
@@ -108,7 +108,7 @@ OPTIONS: list[tuple[list[str], str]] = [
 
 
 @pytest.mark.parametrize(("options", "said"), OPTIONS)
-def test_options_that_do_not_go_together_are_refused_and_nothing_is_written(
+def test_conflicting_options_are_refused_without_output(
     options: list[str],
     said: str,
     tmp_path: Path,

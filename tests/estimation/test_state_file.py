@@ -107,7 +107,7 @@ def fresh_again(name: str) -> Estimation:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_state_goes_on_where_it_was_however_it_is_formatted(name: str, tmp_path: Path) -> None:
+def test_state_file_resumes_in_any_formatting(name: str, tmp_path: Path) -> None:
     tree = json.loads(saved(name))
     found = read(dict(sorted(tree.items())), name, tmp_path)
     assert found is not None
@@ -124,7 +124,7 @@ REPLACED = st.sampled_from(
 
 @given(data=st.data())
 @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_mutated_state_is_refused_or_has_an_equal_meaning(data: Any, tmp_path: Path) -> None:
+def test_mutated_state_is_refused_or_equivalent(data: Any, tmp_path: Path) -> None:
     """A part removed, replaced or renamed; with the old digest or one that goes with it."""
     name = data.draw(st.sampled_from(NAMES))
     tree = json.loads(saved(name))
@@ -194,7 +194,7 @@ DAMAGED: list[tuple[str, Any, str]] = [
 
 
 @pytest.mark.parametrize(("key", "value", "said"), DAMAGED)
-def test_the_sentence_names_file_and_key(key: str, value: Any, said: str, tmp_path: Path) -> None:
+def test_message_names_file_and_key(key: str, value: Any, said: str, tmp_path: Path) -> None:
     """With a digest that goes with the content, or else that alone would be reported."""
     tree = json.loads(saved("kalman"))
     *path, last = key.split(".")

@@ -37,9 +37,7 @@ def record(path: Path, name: str, rows: int = 240) -> Path:
 
 
 @pytest.mark.parametrize("name", examples())
-def test_streams_give_the_bits_of_files_also_when_they_stop_on_the_way(
-    name: str, tmp_path: Path
-) -> None:
+def test_streams_and_files_give_identical_bits_also_after_a_stop(name: str, tmp_path: Path) -> None:
     chosen = specification(name)
     text = record(tmp_path / "r.csv", name)
     whole = estimate_file(chosen, text, tmp_path / "e.csv")
@@ -63,7 +61,7 @@ def test_streams_give_the_bits_of_files_also_when_they_stop_on_the_way(
     assert {n: v for n, v in vars(estimation.report).items() if n not in kept} == counted
 
 
-def test_a_unit_with_an_offset_of_a_stream_is_converted_as_that_of_a_file(tmp_path: Path) -> None:
+def test_stream_converts_units_with_offset_like_a_file(tmp_path: Path) -> None:
     columns = {
         "time": {"column": "t", "unit": "s"},
         "measurements": [{"column": "warm", "unit": "degC", "model_unit": "kelvin"}],
@@ -78,7 +76,7 @@ def test_a_unit_with_an_offset_of_a_stream_is_converted_as_that_of_a_file(tmp_pa
     assert float(first["derivatives_1 [kelvin]"]) == pytest.approx(293.15), first
 
 
-def test_a_stream_is_saturated_where_a_file_is(tmp_path: Path) -> None:
+def test_stream_and_file_detect_the_same_saturation(tmp_path: Path) -> None:
     columns = {
         "time": {"column": "t", "unit": "ms"},
         "measurements": [
@@ -94,7 +92,7 @@ def test_a_stream_is_saturated_where_a_file_is(tmp_path: Path) -> None:
     assert whole.report.statuses["partial"] > 50
 
 
-def test_a_stream_without_stamps_takes_no_measurement_for_one(tmp_path: Path) -> None:
+def test_stream_without_timestamps_does_not_mistake_a_measurement_for_time(tmp_path: Path) -> None:
     """Not even a ramp that goes on by a sampling period from row to row."""
     chosen = specification("levant", columns={"time": {}, "measurements": [{"column": "ramp"}]})
     text = write_record(tmp_path / "r.csv", {"ramp": 0.01 * np.arange(60)})
@@ -118,7 +116,7 @@ def run(
     return code, said.out, said.err
 
 
-def test_the_commands_stream_stop_and_go_on(
+def test_command_streams_stops_and_resumes(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spec = tmp_path / "s.yaml"
@@ -147,7 +145,7 @@ def test_the_commands_stream_stop_and_go_on(
     )
 
 
-def test_all_is_compiled_before_there_is_a_record(
+def test_everything_is_compiled_before_the_first_row(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spec = tmp_path / "s.yaml"
@@ -155,7 +153,7 @@ def test_all_is_compiled_before_there_is_a_record(
     assert run(["estimate", spec, "--warm"], capsys, monkeypatch) == (0, "", "reobserve: ready\n")
 
 
-def test_lines_that_waited_are_reported_when_a_stream_ends(
+def test_pending_lines_are_reported_at_the_end_of_a_stream(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a sensor that is silent at the end, what is between its rows is never known."""
@@ -172,7 +170,7 @@ def test_lines_that_waited_are_reported_when_a_stream_ends(
     assert "60: 57 measured, 3 partial" in reported
 
 
-def test_what_a_pipe_left_goes_on_with_a_file_and_the_other_way_round(
+def test_stream_state_resumes_with_a_file_and_vice_versa(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A pipe has no place in a file, so all that a file holds then comes after it."""
@@ -189,7 +187,7 @@ def test_what_a_pipe_left_goes_on_with_a_file_and_the_other_way_round(
     assert out == (tmp_path / "e.csv").read_text()
 
 
-def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
+def test_growing_file_is_followed(tmp_path: Path) -> None:
     """Each line is there before the next one is written; a signal ends it, and it goes on."""
     spec, log = tmp_path / "s.yaml", tmp_path / "log.csv"
     spec.write_text(specification_text("levant"))
@@ -236,7 +234,7 @@ def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
         ("230,1,2,3", "the timestamp goes back"),
     ],
 )
-def test_a_bad_line_is_refused(line: str, said: str) -> None:
+def test_invalid_line_is_refused(line: str, said: str) -> None:
     columns = ["t", "speed", "current", "voltage"]
     rows = RowByRow(Estimation(specification("kalman"), columns, "r"), columns)
     for k in range(25):
@@ -245,7 +243,7 @@ def test_a_bad_line_is_refused(line: str, said: str) -> None:
         rows.read(line)
 
 
-def test_a_step_takes_no_longer_than_the_next_sample() -> None:
+def test_step_takes_less_than_a_sampling_period() -> None:
     """A loose bound, for busy machines; the benchmark measures it."""
     name = "imm-kalman"
     columns = list(simulated(name).record())

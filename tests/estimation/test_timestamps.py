@@ -42,7 +42,7 @@ def jittered(seed: int, most: float, rows: int = 2000) -> Array:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_timestamps_are_accepted_as_far_off_as_jitter_says(seed: int) -> None:
+def test_timestamps_are_accepted_up_to_the_jitter(seed: int) -> None:
     """Whatever the offset of the first one, from which no grid can be reported."""
     time = jittered(seed, 0.38)
     slots, report = read(time, jitter=0.4)
@@ -54,7 +54,7 @@ def test_timestamps_are_accepted_as_far_off_as_jitter_says(seed: int) -> None:
     assert least_jitter([time[:100], time[100:]], PERIOD)[0] == 0.38
 
 
-def test_an_offset_of_a_single_timestamp_is_counted_once() -> None:
+def test_single_shifted_timestamp_is_counted_once() -> None:
     """Not in both intervals beside it."""
     time = PERIOD * np.arange(100.0)
     time[50] += 0.3 * PERIOD
@@ -74,7 +74,7 @@ def test_lost_rows_are_counted_between_jittered_ones() -> None:
     assert np.rint((slots - 3.0) / PERIOD).astype(int).tolist() == list(range(len(time)))
 
 
-def test_a_clock_may_drift_by_less_than_a_thousandth() -> None:
+def test_clock_drift_below_0_1_percent_is_accepted() -> None:
     slots, report = read(PERIOD * 1.0008 * np.arange(5000.0))
     assert (len(slots), report.lost) == (5000, 0)
     with pytest.raises(UnevenError):
@@ -90,7 +90,7 @@ def refused(time: Array, tmp_path: Path, **sampling: Any) -> str:
     return str(error.value)
 
 
-def test_the_refusal_names_the_jitter_that_accepts_the_whole_record(tmp_path: Path) -> None:
+def test_refusal_names_the_jitter_that_would_accept_the_record(tmp_path: Path) -> None:
     time = jittered(4, 0.38, 900) - 3.0
     time[0] = 0.0
     said = refused(time, tmp_path)
@@ -106,14 +106,14 @@ def test_the_refusal_names_the_jitter_that_accepts_the_whole_record(tmp_path: Pa
         estimate_file(lower, record, out)
 
 
-def test_a_record_without_a_grid_is_refused_with_the_advice_to_resample(tmp_path: Path) -> None:
+def test_record_without_a_time_grid_is_refused_suggesting_resampling(tmp_path: Path) -> None:
     steps = np.random.default_rng(1).uniform(0.2, 1.8, 500)
     said = refused(PERIOD * np.cumsum(steps), tmp_path)
     assert "no jitter below 0.5 accepts the record" in said
     assert "sampling.uneven: linear, previous or pchip resamples them" in said
 
 
-def test_a_period_that_is_a_little_off_is_named(tmp_path: Path) -> None:
+def test_slightly_wrong_period_is_reported(tmp_path: Path) -> None:
     said = refused(1.003 * PERIOD * np.arange(900.0), tmp_path)
     assert said.startswith("sampling.period: 0.01 s disagrees with the timestamps of ")
     assert said.endswith("which go on by 0.01003 s on average")

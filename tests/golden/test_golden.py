@@ -15,12 +15,12 @@ PARTS = [(paper, part) for paper in PAPERS for part in part_names(PARAMETER_FILE
 
 
 @pytest.mark.parametrize(("paper", "part"), PARTS)
-def test_the_numbers_are_golden(as_built: Project, paper: str, part: str) -> None:
+def test_numbers_agree_with_golden_files(as_built: Project, paper: str, part: str) -> None:
     results = as_built.folder / "results" / paper
     moved = compare_built(ROOT, results, PARAMETER_FILES[paper].tree, paper, part)
     assert not moved, "\n".join(map(str, moved))
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_nothing_else_has_golden_numbers(paper: str) -> None:
+def test_golden_files_belong_to_built_results(paper: str) -> None:
     assert set(golden_files(ROOT, paper)) == set(part_names(PARAMETER_FILES[paper].tree))

@@ -47,7 +47,7 @@ def evaluators() -> dict[str, Outcomes]:
 
 
 @pytest.mark.parametrize(("paper", "keys"), SETTINGS)
-def test_a_refined_setting_turns_no_claim_over(
+def test_refined_settings_reverse_no_claim(
     paper: str, keys: list[str], evaluators: dict[str, Outcomes]
 ) -> None:
     parameters = PARAMETER_FILES[paper]

@@ -129,13 +129,15 @@ def check_one_per_cent(paper: str, key: str, place: Place) -> None:
         ("lie", "designs.linear.injection", (0, "coefficient")),
     ],
 )
-def test_one_per_cent_of_a_constant_is_noticed(paper: str, key: str, place: Place) -> None:
+def test_one_per_cent_change_of_a_constant_is_detected(paper: str, key: str, place: Place) -> None:
     check_one_per_cent(paper, key, place)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(("paper", "key", "place"), CONSTANTS)
-def test_one_per_cent_of_any_constant_is_noticed(paper: str, key: str, place: Place) -> None:
+def test_one_per_cent_change_of_any_constant_is_detected(
+    paper: str, key: str, place: Place
+) -> None:
     check_one_per_cent(paper, key, place)
 
 
@@ -149,13 +151,13 @@ def test_one_per_cent_of_any_constant_is_noticed(paper: str, key: str, place: Pl
         ("plant.noise_period", 1.25),
     ],
 )
-def test_one_step_more_of_an_interval_is_noticed(key: str, factor: float) -> None:
+def test_one_step_longer_interval_is_detected(key: str, factor: float) -> None:
     said = noticed("ilo", key, (), factor)
     assert said
     assert not said.startswith("refused")
 
 
-def test_the_list_of_constants_is_long_enough() -> None:
+def test_constants_include_the_expected_keys() -> None:
     keys = [key for paper, key, _ in CONSTANTS if paper == "ilo"]
     assert {"observers.sampled.K2", "observers.matched.integral_gain"} < set(keys)
     assert len(set(keys)) > 30

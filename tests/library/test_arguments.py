@@ -55,7 +55,7 @@ NUMBERS = {
 
 
 @pytest.mark.parametrize("kind", NUMBERS)
-def test_whatever_holds_numbers_becomes_what_loops_take(kind: str) -> None:
+def test_array_likes_are_converted_for_compiled_loops(kind: str) -> None:
     found = as_numbers("x", NUMBERS[kind])
     assert np.array_equal(found, ROWS)
     assert type(found) is np.ndarray
@@ -65,7 +65,7 @@ def test_whatever_holds_numbers_becomes_what_loops_take(kind: str) -> None:
     assert found.flags.writeable
 
 
-def test_an_array_that_is_right_is_not_copied_and_a_parameter_is() -> None:
+def test_valid_record_is_not_copied_but_a_parameter_is() -> None:
     assert as_numbers("x", ROWS) is ROWS
     assert not np.shares_memory(as_floats("x", ROWS), ROWS)
 
@@ -92,7 +92,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("kind", OTHERS)
-def test_what_is_no_array_of_numbers_is_refused(kind: str) -> None:
+def test_non_numeric_array_is_refused(kind: str) -> None:
     with pytest.raises(
         InputError, match=r"^x: .+ is not a number or an array of numbers$"
     ) as reported:
@@ -122,14 +122,14 @@ REFUSED: list[tuple[Any, str]] = [
 
 
 @pytest.mark.parametrize(("call", "said"), REFUSED)
-def test_arrays_of_another_shape_are_refused(call: Any, said: str) -> None:
+def test_arrays_of_wrong_shape_are_refused(call: Any, said: str) -> None:
     with pytest.raises(InputError) as reported:
         call()
     assert reported.value.parameter == "x"
     assert reported.value.problem.startswith(said)
 
 
-def test_what_holds_and_times_cannot_be() -> None:
+def test_invalid_hold_period_and_time_are_refused() -> None:
     calls: list[tuple[Any, str]] = [
         (lambda: zero_order_hold([[1e3]], [[1.0]], 1.0), "period"),
         (lambda: Signal.parse("fault", [], 1)([0.0, -1.0]), "time"),
@@ -139,7 +139,7 @@ def test_what_holds_and_times_cannot_be() -> None:
             call()
 
 
-def test_messages_are_short_whatever_was_given() -> None:
+def test_messages_are_short_for_any_argument() -> None:
     for value in (
         np.zeros(10**6),
         "x" * 10**6,
@@ -152,7 +152,7 @@ def test_messages_are_short_whatever_was_given() -> None:
     assert "\n" not in str(InputError("x", "y\nz"))
 
 
-def test_records_of_other_kinds_compile_nothing_and_give_the_same_bits() -> None:
+def test_record_types_do_not_affect_compilation_or_bits() -> None:
     kalman = KalmanFilter(PLAIN)
     start = kalman.init([0, 0], 1)
     z, u = np.arange(12.0)[:, None] % 5, np.ones((12, 1))
@@ -193,18 +193,18 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         assert len(str(reported.value)) < 300
 
 
-def test_what_cannot_be_compiled_is_reported_with_the_first_words_of_the_compiler() -> None:
+def test_compilation_failure_quotes_the_compiler() -> None:
     with pytest.raises(InputError, match=r"<lambda> cannot be compiled: Failed in nopython mode"):
         vector_field(lambda x, p, f: open("y", encoding="utf-8"))  # noqa: SIM115
 
 
-def test_an_array_beyond_memory_is_reported_with_its_shape() -> None:
+def test_array_beyond_memory_is_reported_with_its_shape() -> None:
     large = np.broadcast_to(0.0, (10**6, 10**6))
     with pytest.raises(InputError, match=r"^x: of shape \(1000000, 1000000\) does not fit "):
         as_numbers("x", large)
 
 
-def test_an_estimate_is_asked_for_by_its_name() -> None:
+def test_unknown_estimate_name_is_refused() -> None:
     kalman = KalmanFilter(PLAIN)
     run = kalman.run([[1.0]], [[0.0]], state=kalman.init([0.0, 0.0], 1.0))
     for name in ("sate", 0, [1], None):
@@ -212,7 +212,7 @@ def test_an_estimate_is_asked_for_by_its_name() -> None:
             run[name]  # type: ignore[index]
 
 
-def test_a_signal_beyond_numbers_is_refused() -> None:
+def test_signal_that_overflows_is_refused() -> None:
     terms = [{"kind": "ramp", "axis": 1, "slope": 1e308}]
     with pytest.raises(InputError, match=r"^signal: is not finite at t = 2 s$"):
         Signal.parse("fault", terms, 1)(np.array([0.0, 1.0, 2.0]))

@@ -85,7 +85,7 @@ def continuous(tolerance: float) -> Any:
 
 
 @pytest.mark.parametrize("step", [1e-2, 2e-3, 1e-4])
-def test_a_step_too_long_for_a_series_gain_is_not_called_divergence(step: float) -> None:
+def test_too_long_step_for_a_series_gain_is_not_reported_as_divergence(step: float) -> None:
     """The continuous observer converges from there: two tolerances agree, and the error is gone."""
     truth = [continuous(tolerance) for tolerance in (1e-8, 1e-10)]
     assert all(one.success for one in truth)
@@ -104,7 +104,7 @@ def test_a_step_too_long_for_a_series_gain_is_not_called_divergence(step: float)
     assert ("; its step" in str(caught.value)) == (step > 1e-4)
 
 
-def test_with_the_step_that_the_message_names_the_run_is_that_of_the_continuous_observer() -> None:
+def test_step_named_in_the_message_reproduces_the_continuous_observer() -> None:
     observer = reversed_oscillator(2e-3)
     with pytest.raises(DivergenceError, match="with 1/256 of it"):
         run_on_halves(observer, its_output(2e-3, 200), state=observer.init([0.0, 0.0]))
@@ -114,7 +114,7 @@ def test_with_the_step_that_the_message_names_the_run_is_that_of_the_continuous_
     assert run["state"][-1] == pytest.approx(continuous(1e-10).sol(0.4)[2:4], abs=0.02)
 
 
-def test_an_observer_that_diverges_itself_is_called_that() -> None:
+def test_diverging_observer_is_reported_as_such() -> None:
     """Order 2 on the oscillator of the paper escapes at 9.736 s, by error control, too."""
     observer = normal_form_observer(
         ["b", "-a + (1 - a**2)*b"], ["a"], ["a", "b"],
@@ -191,7 +191,7 @@ GROWING: dict[str, Callable[[], Any]] = {
 
 
 @pytest.mark.parametrize("name", STIFF)
-def test_a_method_that_is_unstable_with_its_step_is_reported(name: str) -> None:
+def test_numerically_unstable_step_is_reported(name: str) -> None:
     """Rates of 300 1/s and more with steps of 0.01 s: beyond 2.78, where Runge-Kutta ends."""
     with pytest.raises(DivergenceError, match=TOO_LONG) as caught:
         STIFF[name]()
@@ -200,13 +200,13 @@ def test_a_method_that_is_unstable_with_its_step_is_reported(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", GROWING)
-def test_a_law_that_grows_is_reported(name: str) -> None:
+def test_unstable_learning_law_is_reported(name: str) -> None:
     """K1 = 3 makes v three times as large an interval, whatever the step."""
     with pytest.raises(DivergenceError, match=ITSELF):
         GROWING[name]()
 
 
-def test_a_halved_learning_observer_goes_on_as_the_whole_one_did() -> None:
+def test_learning_observer_with_halved_steps_agrees() -> None:
     """A record that is a parabola in each step: then nothing is lost by halving, to order 4."""
     step, steps, interval = 0.01, 40, 0.1
     observer = ILO(BODY, 0.9, 5.0, 10.0, interval, sampling_period=step)
@@ -224,7 +224,7 @@ def test_a_halved_learning_observer_goes_on_as_the_whole_one_did() -> None:
     assert rows.state.count == 2 * whole.state.count
 
 
-def test_samples_between_are_those_of_the_parabola() -> None:
+def test_intermediate_samples_lie_on_the_parabola() -> None:
     time = np.arange(9) / 4.0
     right = 1 + time - 3 * time**2
     left = right.copy()
@@ -240,7 +240,7 @@ def test_samples_between_are_those_of_the_parabola() -> None:
 
 
 @pytest.mark.parametrize(("short", "reached"), [(0, True), (1, False)])
-def test_a_last_row_that_the_loop_did_not_reach_is_no_end(short: int, reached: bool) -> None:
+def test_unwritten_last_row_is_not_taken_as_the_end(short: int, reached: bool) -> None:
     """What stands in it may be any number, as the loop wrote nothing."""
 
     class Loop:
@@ -304,7 +304,7 @@ RUNS: dict[str, Callable[..., Any]] = {
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_a_run_raises_unless_it_is_to_return_what_it_had(name: str) -> None:
+def test_diverging_run_raises_unless_partial_results_are_requested(name: str) -> None:
     run = RUNS[name](on_divergence="return")
     assert run.diverged_at is not None
     with pytest.raises(DivergenceError, match="diverged") as caught:
@@ -315,7 +315,7 @@ def test_a_run_raises_unless_it_is_to_return_what_it_had(name: str) -> None:
 
 
 @pytest.mark.parametrize("taken", [0.3, np.nan])
-def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(taken: float) -> None:
+def test_stepped_filter_stops_at_the_same_sample_as_its_run(taken: float) -> None:
     kalman = KalmanFilter(UNSEEN)
     state = kalman.init([1.0, 1.0], 1.0)
     run = of_filter(bool(np.isnan(taken)))(on_divergence="return")
@@ -330,7 +330,7 @@ def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(take
         unchecked_step(kalman, state, np.array([[taken]]), np.empty((1, 0)))
 
 
-def test_a_rate_near_the_end_of_numbers_gives_no_infinite_fault() -> None:
+def test_rate_near_overflow_gives_finite_fault() -> None:
     observer = SampledILO(BODY, 0.9, 10.0, 10.0, 0.1, sampling_period=0.01)
     rate = np.full((5, 3), 1e308)
     with pytest.raises(DivergenceError, match=r"^SampledILO diverged"):
@@ -342,7 +342,7 @@ def test_a_rate_near_the_end_of_numbers_gives_no_infinite_fault() -> None:
     assert run.diverged_at == 0.0
 
 
-def test_a_step_says_what_a_run_says() -> None:
+def test_step_and_run_report_the_same_divergence() -> None:
     observer = AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)
     start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
     quiet = observer.run(rest, rest, state=start, on_divergence="return")
@@ -365,7 +365,7 @@ def test_a_step_says_what_a_run_says() -> None:
             call()
 
 
-def test_a_divergence_is_reported_in_the_time_of_the_record() -> None:
+def test_divergence_is_reported_in_record_time() -> None:
     observer = AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)
     start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
     time = 20.0 + 0.01 * np.arange(4001)

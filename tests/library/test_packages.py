@@ -68,7 +68,7 @@ NEEDS: dict[str, list[Callable[[], object]]] = {
 @pytest.mark.parametrize(
     ("name", "call"), [(name, call) for name, calls in NEEDS.items() for call in calls]
 )
-def test_a_missing_package_is_named(
+def test_missing_package_is_named(
     name: str, call: Callable[[], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, name, None)
@@ -80,7 +80,7 @@ def test_a_missing_package_is_named(
         call()
 
 
-def test_a_map_needs_none_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_polynomial_map_needs_no_optional_package(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in NEEDS:
         monkeypatch.setitem(sys.modules, name, None)
     field = PolynomialMap.linear(np.array([[0.0, 1.0], [-2.0, -3.0]]))
@@ -112,7 +112,7 @@ assert not compiled, compiled
 
 
 @pytest.mark.parametrize("name", reobserve.__all__)
-def test_a_public_name_needs_numpy_scipy_and_numba_alone(name: str, tmp_path: Path) -> None:
+def test_public_names_need_only_numpy_scipy_and_numba(name: str, tmp_path: Path) -> None:
     words, cold = [sys.executable, "-c", BARE, name], {"NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         words, capture_output=True, text=True, check=False, env={**os.environ, **cold}
@@ -133,7 +133,7 @@ for module in modules:
 """
 
 
-def test_modules_that_know_a_package_for_its_types_import_it_late() -> None:
+def test_packages_used_for_types_are_imported_late() -> None:
     """In one process: what stands under ``TYPE_CHECKING`` is for readers and checkers."""
     package = Path(str(reobserve.__file__)).parent
     modules = []
@@ -147,7 +147,7 @@ def test_modules_that_know_a_package_for_its_types_import_it_late() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_public_names_are_listed_where_people_and_checkers_look() -> None:
+def test_public_names_are_listed_for_dir_and_type_checkers() -> None:
     tree = ast.parse(Path(str(reobserve.__file__)).read_text(encoding="utf-8"))
     typed = {
         (str(node.module).removeprefix("reobserve."), alias.name)
@@ -162,7 +162,7 @@ def test_public_names_are_listed_where_people_and_checkers_look() -> None:
     assert set(reobserve.__all__) <= set(dir(reobserve))
 
 
-def test_a_name_that_is_not_there_is_answered_with_the_nearest() -> None:
+def test_unknown_name_suggests_the_nearest() -> None:
     with pytest.raises(AttributeError, match=r"'SampledIlo'; did you mean 'SampledILO'\?$"):
         reobserve.SampledIlo  # noqa: B018
     assert not hasattr(reobserve, "nothing")

@@ -54,11 +54,11 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
 
 
 @pytest.mark.parametrize(("call", "said"), REFUSED)
-def test_a_value_is_refused_by_its_argument(call: Callable[[], Any], said: str) -> None:
+def test_invalid_value_is_refused_naming_the_argument(call: Callable[[], Any], said: str) -> None:
     with pytest.raises(InputError) as error:
         call()
     assert str(error.value).startswith(said)
 
 
-def test_the_largest_high_gain_is_one() -> None:
+def test_largest_high_gain_is_accepted() -> None:
     assert np.isfinite(lyapunov_matrix(500, 1.0)).all()

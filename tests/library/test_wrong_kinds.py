@@ -59,7 +59,7 @@ def refused(call: Call, place: int, parameter: str) -> bool:
     return False
 
 
-def test_an_argument_of_another_kind_is_refused_by_its_name(
+def test_argument_of_wrong_type_is_refused_naming_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In one test, since what stands ready for all of them is made once."""

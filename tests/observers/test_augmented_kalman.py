@@ -43,7 +43,7 @@ def inputs(rows: int) -> tuple[Array, Array]:
     return np.sin(time), np.where(time < 4.0, 0.5, 0.5 + 0.3 * np.sin(1.3 * time))
 
 
-def test_without_noise_the_unknown_input_of_the_row_before_is_found_exactly() -> None:
+def test_unknown_input_is_exact_without_noise_one_row_later() -> None:
     u, force = inputs(120)
     states = moved(u, force)
     model = LinearModel(*HELD, np.eye(2), Q=0.0, R=1e-14, sampling_period=PERIOD)
@@ -56,7 +56,7 @@ def test_without_noise_the_unknown_input_of_the_row_before_is_found_exactly() ->
     assert np.abs(other["innovation"][5:]).max() > 0.01, "it knows of no force"
 
 
-def test_a_bias_of_a_sensor_is_distinguished_from_the_state_by_the_other_one() -> None:
+def test_sensor_bias_is_identified_by_the_second_sensor() -> None:
     u, none = inputs(400)[0], np.zeros((400, 1))
     states = moved(u, none)
     y = states[:, [0, 0]] + np.array([0.0, 0.7])
@@ -68,7 +68,7 @@ def test_a_bias_of_a_sensor_is_distinguished_from_the_state_by_the_other_one() -
     assert run["unknown_input_variance"][-1, 0] < 1e-8
 
 
-def test_it_agrees_with_filterpy_on_the_augmented_model() -> None:
+def test_augmented_filter_agrees_with_filterpy() -> None:
     u, force = inputs(200)
     y = moved(u, force)[:, :1] + 0.01 * ripple(200)
     observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)
@@ -133,13 +133,13 @@ def test_unknown_inputs_that_cannot_be_estimated_are_refused(arguments: Any, sai
         ({"unknown_input_covariance": -1.0}, "unknown_input_covariance: must be positive semi"),
     ],
 )
-def test_starts_that_cannot_be(changed: dict[str, Any], said: str) -> None:
+def test_invalid_initial_states_are_refused(changed: dict[str, Any], said: str) -> None:
     given: dict[str, Any] = {"mean": [0.0, 0.0], "covariance": 1.0, **changed}
     with pytest.raises(InputError, match=f"^{said}"):
         AugmentedKalmanFilter(mass(), FORCE, 1.0).init(**given)
 
 
-def test_noise_that_changes_is_that_of_the_kalman_filter_on_the_augmented_model() -> None:
+def test_time_varying_noise_agrees_with_the_augmented_kalman_filter() -> None:
     u, force = inputs(80)
     y = moved(u, force)[:, :1] + 0.01 * np.random.default_rng(3).standard_normal((80, 1))
     observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)

@@ -52,7 +52,7 @@ LOOPS = {"rigid bodies": RIGID_BODY_CASES, "filters": FILTER_CASES, "delays": DE
 
 
 @pytest.mark.parametrize("family", LOOPS)
-def test_no_loop_leaves_its_arrays(family: str, tmp_path: Path) -> None:
+def test_compiled_loops_stay_within_array_bounds(family: str, tmp_path: Path) -> None:
     """Code with checks is kept apart from that without, and not optimised: it runs for moments."""
     settings = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_OPT": "0", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(

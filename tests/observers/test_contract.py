@@ -112,7 +112,7 @@ def same_rows(run: Any, other: Any, rows: slice = slice(None)) -> bool:
 
 
 @pytest.mark.parametrize("record_of", [plain, detailed])
-def test_stepping_gives_the_bits_of_a_run(case: Case, record_of: RecordOf) -> None:
+def test_stepping_and_run_are_bitwise_identical(case: Case, record_of: RecordOf) -> None:
     record = record_of(case)
     run, state = case.observer.run(**record, state=case.state), case.state
     for row in range(SHORT):
@@ -127,7 +127,7 @@ def test_stepping_gives_the_bits_of_a_run(case: Case, record_of: RecordOf) -> No
 
 @pytest.mark.parametrize("at", [1, 2, 5, 7, 21, SHORT - 1])
 @pytest.mark.parametrize("record_of", [plain, detailed])
-def test_two_runs_in_a_row_are_one(case: Case, record_of: RecordOf, at: int) -> None:
+def test_two_consecutive_runs_equal_one(case: Case, record_of: RecordOf, at: int) -> None:
     record, run = record_of(case), case.observer.run
     whole, first = run(**record, state=case.state), run(**cut(record, slice(at)), state=case.state)
     second = run(**cut(record, slice(at, None)), state=first.state)
@@ -138,7 +138,7 @@ def test_two_runs_in_a_row_are_one(case: Case, record_of: RecordOf, at: int) -> 
     assert same(second.state, whole.state)
 
 
-def test_limits_and_midpoints_are_read(case: Case) -> None:
+def test_limits_and_midpoints_are_used(case: Case) -> None:
     record = detailed(case)
     if case.observer.reads_between and case.notices_midpoints:
         run = case.observer.run(**record, state=case.state)
@@ -151,7 +151,7 @@ def test_limits_and_midpoints_are_read(case: Case) -> None:
 
 
 @pytest.mark.parametrize("rows", [1, 2, SHORT])
-def test_as_many_rows_come_out_as_go_in(case: Case, rows: int) -> None:
+def test_run_returns_one_row_per_input_row(case: Case, rows: int) -> None:
     run = part(case, 0, rows, case.state)
     assert len(run) == len(run.time) == rows
     assert set(run.units) == set(run.estimates)
@@ -166,7 +166,7 @@ def test_as_many_rows_come_out_as_go_in(case: Case, rows: int) -> None:
         assert np.array_equal(run.state.sample, row)
 
 
-def test_a_state_is_a_value(case: Case) -> None:
+def test_state_is_not_modified_by_later_steps(case: Case) -> None:
     state = part(case, 0, 9, case.state).state
     kept = pickle.loads(pickle.dumps(state))
     record = frozen(case.y), None if case.u is None else frozen(case.u)
@@ -177,7 +177,7 @@ def test_a_state_is_a_value(case: Case) -> None:
     assert same_rows(part(case, 9, SHORT, state), once)
 
 
-def test_a_run_without_a_state_starts_by_itself_or_asks_for_one(case: Case) -> None:
+def test_run_without_a_state_starts_by_default_or_requires_one(case: Case) -> None:
     if type(case.observer)._start is Observer._start:
         with pytest.raises(InputError, match=r"^state: must be given: \w+\.init says"):
             observe(case, state=None)
@@ -204,7 +204,7 @@ def test_time_is_in_seconds(case: Case) -> None:
 
 
 @pytest.mark.parametrize("off", [0.5, -1.0, 1.0])
-def test_times_that_are_no_period_apart_are_refused_by_row(case: Case, off: float) -> None:
+def test_uneven_times_are_refused_naming_the_row(case: Case, off: float) -> None:
     period = case.observer.sampling_period
     stamps = period * np.arange(len(case.y))
     stamps[7:] += off * period
@@ -218,7 +218,7 @@ def test_times_that_are_no_period_apart_are_refused_by_row(case: Case, off: floa
 # --- What a run offers --------------------------------------------------------------------------
 
 
-def test_a_run_as_a_data_frame(case: Case) -> None:
+def test_run_converts_to_a_data_frame(case: Case) -> None:
     run = part(case, 0, SHORT, case.state)
     frame = run.to_pandas()
     assert frame.index.name == "time"
@@ -244,7 +244,7 @@ def test_a_run_as_a_data_frame(case: Case) -> None:
     assert np.array_equal(frame.to_numpy(), flat, equal_nan=True)
 
 
-def test_a_run_draws_itself(case: Case) -> None:
+def test_run_plots_itself(case: Case) -> None:
     run = part(case, 0, SHORT, case.state)
     axes = run.plot().axes
     assert len(axes) == len(run.estimates)
@@ -268,7 +268,7 @@ MODULES = sorted({type(make().observer).__module__ for make in CASES.values()})
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_an_observer_needs_neither_plots_nor_frames(module: str) -> None:
+def test_observer_works_without_matplotlib_and_pandas(module: str) -> None:
     code = f"import {module}, sys; print(*{{'matplotlib', 'pandas'}} & set(sys.modules))"
     reported = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -276,7 +276,7 @@ def test_an_observer_needs_neither_plots_nor_frames(module: str) -> None:
     assert reported.stdout.strip() == ""
 
 
-def test_what_is_printed_is_one_line(case: Case) -> None:
+def test_repr_is_one_line(case: Case) -> None:
     run = part(case, 0, SHORT, case.state)
     _, estimate = case.observer.step(run.state, *row_of(case, SHORT))
     for shown in (repr(case.observer), repr(run), repr(run.state), repr(estimate)):
@@ -287,7 +287,7 @@ def test_what_is_printed_is_one_line(case: Case) -> None:
     assert "sampling_period=" in repr(case.observer)
 
 
-def test_observers_and_states_equal_nothing_but_themselves(case: Case) -> None:
+def test_observers_and_states_compare_by_identity(case: Case) -> None:
     state = part(case, 0, 3, case.state).state
     for one in (case.observer, state):
         assert one == one  # noqa: PLR0124
@@ -295,7 +295,7 @@ def test_observers_and_states_equal_nothing_but_themselves(case: Case) -> None:
         assert {one: "kept"}[one] == "kept"
 
 
-def test_the_plant_comes_first_and_the_sampling_period_by_its_name() -> None:
+def test_plant_is_first_argument_and_period_is_keyword() -> None:
     """Filters have the period in their model; of a differentiator's plant there is but a bound."""
     plant = {"model", "filters", "system", "normal_form", "decay", "L"}
     for make in CASES.values():
@@ -337,7 +337,7 @@ def arrays_in(value: Any) -> Iterator[Array]:
             yield from arrays_in(getattr(value, field.name))
 
 
-def test_what_is_pickled_goes_on_with_the_same_bits(case: Case) -> None:
+def test_pickled_observer_resumes_bitwise_identically(case: Case) -> None:
     first = part(case, 0, 9, case.state)
     observer, state, run = pickle.loads(pickle.dumps((case.observer, first.state, first)))
     assert repr(observer) == repr(case.observer)
@@ -395,9 +395,7 @@ KINDS: dict[str, Callable[[Array], Any]] = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_whatever_holds_numbers_gives_the_same_bits_and_compiles_nothing(
-    case: Case, kind: str
-) -> None:
+def test_array_likes_give_identical_bits_without_compilation(case: Case, kind: str) -> None:
     wanted = part(case, 0, SHORT, case.state)
     state, estimate = case.observer.step(wanted.state, *row_of(case, SHORT))
     as_kind, before = KINDS[kind], specialisations()
@@ -413,7 +411,7 @@ def test_whatever_holds_numbers_gives_the_same_bits_and_compiles_nothing(
     assert specialisations() == before
 
 
-def test_bad_records_are_refused_by_name_and_row(case: Case) -> None:
+def test_invalid_records_are_refused_naming_argument_and_row(case: Case) -> None:
     nan = case.y.copy()
     nan[5] = np.inf
     with pytest.raises(InputError, match=r"^y: sample 5 is "):
@@ -442,7 +440,7 @@ NOT_ROWS: dict[str, tuple[Callable[[int], Any], str]] = {
 
 
 @pytest.mark.parametrize("kind", NOT_ROWS)
-def test_what_is_no_record_is_refused_by_name(case: Case, kind: str) -> None:
+def test_non_record_is_refused_naming_the_argument(case: Case, kind: str) -> None:
     make, said = NOT_ROWS[kind]
     for name in ("y", "u"):
         with pytest.raises(InputError, match=rf"^{name}: {said}"):
@@ -452,7 +450,7 @@ def test_what_is_no_record_is_refused_by_name(case: Case, kind: str) -> None:
             case.observer.step(case.state, make(1), row_of(case, 0)[1])
 
 
-def test_bad_inputs_samples_limits_and_midpoints_are_refused_by_name_and_row(case: Case) -> None:
+def test_invalid_inputs_limits_and_midpoints_are_refused_naming_the_row(case: Case) -> None:
     y, u = row_of(case, 0)
     with pytest.raises(InputError, match=r"^y: sample 0 is "):
         case.observer.step(case.state, np.full(np.shape(y), np.inf), u)
@@ -475,7 +473,7 @@ def test_bad_inputs_samples_limits_and_midpoints_are_refused_by_name_and_row(cas
 # --- Divergence ---------------------------------------------------------------------------------
 
 
-def test_divergence_is_reported_in_the_time_of_the_record(case: Case) -> None:
+def test_divergence_is_reported_in_record_time(case: Case) -> None:
     y, u = case.y[:SHORT].copy(), None if case.u is None else case.u[:SHORT].copy()
     signs = np.resize([1.0, -1.0], SHORT - 20)
     for values in (y, u):
@@ -528,7 +526,7 @@ def worst_error(case: Case, **changed: Any) -> float:
     )
 
 
-def test_rows_as_the_contract_says_give_the_truth_and_others_do_not(case: Case) -> None:
+def test_only_correctly_aligned_rows_give_the_true_values(case: Case) -> None:
     aligned = worst_error(case)
     assert aligned < 1.0
     for y in moved(case.y):

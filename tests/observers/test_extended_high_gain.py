@@ -204,14 +204,14 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_an_independent_integration_finds_the_same(name: str) -> None:
+def test_agrees_with_an_independent_integration(name: str) -> None:
     case, end, events = CASES[name]
     assert error(case, 1e-3 if case.applied == "sine" else 5e-4, end) < 3e-10
     assert len(reference(case, marks(end))[1]) == events
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_order_four_with_the_projection_and_the_switch(name: str) -> None:
+def test_order_is_four_with_projection_and_switching(name: str) -> None:
     case, end, _ = CASES[name]
     coarse, fine = error(case, 0.005, end), error(case, 0.00125, end)
     assert 3.8 < np.log2(coarse / fine) / 2 < 4.2
@@ -237,7 +237,7 @@ def inside(case: Case, step: float, run: Run[State], k: int, share: float) -> fl
     return float(run_on_halves(built, weights @ y[three], inputs, state=start)["delay"][-1])
 
 
-def test_the_instants_of_the_projection() -> None:
+def test_projection_instants_agree_with_bisection() -> None:
     """To the part of a step, each by bisection: when the delay comes to a bound or leaves it."""
     case, step = CASES["ramp, m = 2"][0], 5e-4
     run = observed(case, step, 1.0)
@@ -260,7 +260,7 @@ def test_the_instants_of_the_projection() -> None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_delay_stays_in_its_interval(seed: int) -> None:
+def test_delay_stays_within_its_interval(seed: int) -> None:
     """From any start and with any gain, at steps that are far too long for accuracy."""
     draw = np.random.default_rng(seed)
     applied, step, end = (("ramp", 0.05, 3.0), ("sine", 0.02, 10.0))[seed % 2]
@@ -277,7 +277,7 @@ def test_the_delay_stays_in_its_interval(seed: int) -> None:
     assert run["delay"].max() <= case.bounds[1]
 
 
-def test_a_peak_between_two_samples_does_not_leave_the_interval() -> None:
+def test_peak_between_samples_stays_within_the_interval() -> None:
     """The bound is between the peak and the samples beside it: both ends of the step are inside."""
     step, small = 0.02, 1e-4
     free = Case("ramp", 5.0, 2, dynamic=True, bounds=(0.0, 5.0))
@@ -292,13 +292,13 @@ def test_a_peak_between_two_samples_does_not_leave_the_interval() -> None:
 
 
 @pytest.mark.parametrize("rho", [5.0, 10.0, 20.0])
-def test_without_a_threshold_the_delay_stays_finite(rho: float) -> None:
+def test_delay_stays_finite_without_a_threshold(rho: float) -> None:
     """Where xi passes zero the delay runs to a bound, is held there, and goes to the other one."""
     assert observed(Case("sine", rho, 1), 0.01, 10.0).diverged_at is None
 
 
 @pytest.mark.parametrize("step", [0.01, 0.001])
-def test_a_motion_that_slides_along_the_threshold(step: float) -> None:
+def test_sliding_along_the_threshold_agrees_with_theory(step: float) -> None:
     # xi^ = tau^ / 2 - t - 0.15 falls while the delay's gain is off, and rises while it is on, as
     # that moves tau^ by about 4 s a second: from 0.05 s on it slides along -0.1, so tau^ by 2.
     model = triangular_model(["x"], ["0"], "1")

@@ -36,7 +36,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("switched", ["delay", "all"])
-def test_stepping_and_running_in_pieces_give_the_bits_of_a_batch(switched: str) -> None:
+def test_stepping_and_piecewise_runs_are_bitwise_identical_to_one_run(switched: str) -> None:
     """With noise on y and u, held over two steps, and the dynamic S."""
     case, h = Case("sine", 5.0, 2, 0.7, switched, dynamic=True), 0.01
     (y, u), built = record("sine", h, 10.0), observer(case, h)
@@ -68,7 +68,7 @@ def test_stepping_and_running_in_pieces_give_the_bits_of_a_batch(switched: str) 
 # ---- Reports
 
 
-def test_a_step_beyond_the_method_diverges_and_says_when() -> None:
+def test_too_large_step_diverges_and_reports_the_time() -> None:
     """rho times the step is 8, far above 2.78: the record grows until numbers end."""
     case, step = Case("sine", 80.0, 2, 0.7), 0.1
     run = observed(case, step, 20.0)
@@ -86,7 +86,7 @@ def test_a_step_beyond_the_method_diverges_and_says_when() -> None:
 
 
 @pytest.mark.parametrize("switched", ["delay", "all"])
-def test_a_threshold_that_is_never_passed_warns_with_the_share(switched: str) -> None:
+def test_threshold_that_is_never_exceeded_warns(switched: str) -> None:
     """|xi| of the pendulum is 4 at most, and 2 tau / 5 more for m = 2."""
     sentence = r"^threshold: 5 is above \|xi\^\| for 100 % of the record, so the delay was never "
     with pytest.warns(SwitchedOffWarning, match=sentence):
@@ -151,7 +151,7 @@ def refused(call: Any, sentence: str) -> None:
 
 
 @pytest.mark.parametrize(("change", "sentence"), BAD_OBSERVERS)
-def test_observers(change: dict[str, Any], sentence: str) -> None:
+def test_invalid_observers_are_refused(change: dict[str, Any], sentence: str) -> None:
     refused(lambda: ExtendedHighGainObserver(**{**GOOD, **change}), sentence)
 
 
@@ -167,7 +167,7 @@ def test_observers(change: dict[str, Any], sentence: str) -> None:
         ("ab", 0.3, "state: 'ab' is not a number"),
     ],
 )
-def test_starts(estimate: Any, delay: Any, sentence: str) -> None:
+def test_invalid_initial_states_are_refused(estimate: Any, delay: Any, sentence: str) -> None:
     refused(lambda: ExtendedHighGainObserver(**GOOD).init(estimate, delay), sentence)
 
 
@@ -182,7 +182,7 @@ BAD_RECORDS: list[Any] = [
 
 
 @pytest.mark.parametrize(("changed", "sentence"), BAD_RECORDS)
-def test_records(changed: dict[str, Any], sentence: str) -> None:
+def test_invalid_records_are_refused(changed: dict[str, Any], sentence: str) -> None:
     built = ExtendedHighGainObserver(**GOOD)
     rows: dict[str, Any] = {"y": Y, "u": U, **changed}
     refused(lambda: built.run(**rows, state=built.init([0, 0], FIRST_DELAY)), sentence)
@@ -195,12 +195,12 @@ def test_records(changed: dict[str, Any], sentence: str) -> None:
         ((0.0, None), "u: is left out, must have shape (1, 3)"),
     ],
 )
-def test_single_samples(row: tuple[Any, Any], sentence: str) -> None:
+def test_invalid_single_samples_are_refused(row: tuple[Any, Any], sentence: str) -> None:
     built = ExtendedHighGainObserver(**GOOD)
     refused(lambda: built.step(built.init([0, 0], FIRST_DELAY), *row), sentence)
 
 
-def test_states_of_another_observer() -> None:
+def test_state_of_another_observer_is_refused() -> None:
     built, other = (
         ExtendedHighGainObserver(**GOOD),
         ExtendedHighGainObserver(**{**GOOD, "order": 1}),
@@ -276,7 +276,7 @@ BAD_CONFIG: list[Any] = [
 
 
 @pytest.mark.parametrize(("overrides", "sentence"), BAD_CONFIG)
-def test_the_parameters(
+def test_invalid_parameters_are_refused(
     overrides: dict[str, Any], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     target = tmp_path / "parameters.json"

@@ -92,7 +92,7 @@ def stacked(run: Any) -> Array:
 
 @pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
 @pytest.mark.parametrize("known", KNOWN)
-def test_sampling_is_exact_for_what_is_known_in_between(known: str, gains: Gains) -> None:
+def test_sampling_is_exact_for_known_intersample_behaviour(known: str, gains: Gains) -> None:
     # The form without x^' and Y' on either side: zeta = (I + Ld C~) x^ - Ld Y.
     system, period, samples = SYSTEM, 0.25, record(known, rows=12)
     C, Eo = system.C_tilde, np.eye(6) + gains.Ld @ system.C_tilde
@@ -147,7 +147,7 @@ def truth(request: pytest.FixtureRequest) -> tuple[tuple[Array, Array], Array]:
 
 
 @pytest.mark.parametrize("name", GAINS)
-def test_twenty_seconds_with_jumping_faults(
+def test_estimates_agree_with_integration_over_jumping_faults(
     truth: tuple[tuple[Array, Array], Array], name: str
 ) -> None:
     inputs, expected = truth
@@ -158,7 +158,7 @@ def test_twenty_seconds_with_jumping_faults(
 
 
 @pytest.mark.parametrize(("known", "order"), [("limits", 2), ("middles", 4)])
-def test_error_falls_with_the_period_as_is_promised(
+def test_error_falls_with_the_period_as_stated(
     truth: tuple[tuple[Array, Array], Array], known: str, order: int
 ) -> None:
     inputs, expected = truth
@@ -227,7 +227,7 @@ def test_deviations_agree_with_a_lyapunov_equation(gains: Gains, long_run: Motor
         assert abs(np.mean(settled[:, place] ** 2) / variance - 1) < 4 * standard_error
 
 
-def test_the_printed_sign_turns_the_sensor_fault_round() -> None:
+def test_printed_sign_inverts_the_sensor_fault() -> None:
     # -Az Fs in the lower block of F, and gains made for it: rows of fs with the other sign.
     printed = AugmentedSystem(**{**_matrices(), "Fs": -SYSTEM.Fs})
     assert np.array_equal(printed.F[2:, 1], -SYSTEM.F[2:, 1])
@@ -249,7 +249,7 @@ def _matrices() -> dict[str, Array]:
     return {name: getattr(SYSTEM, name) for name in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs")}
 
 
-def test_an_observer_of_many_states_is_the_same_arithmetic() -> None:
+def test_many_states_use_the_same_arithmetic() -> None:
     system = random_plant(4, states=14)
     weight = np.eye(system.size)
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, 0.1 * np.eye(2))
@@ -272,7 +272,7 @@ def test_an_observer_of_many_states_is_the_same_arithmetic() -> None:
     assert stacked(run)[-1, 14:] == pytest.approx(z[18:], rel=1e-11)
 
 
-def test_the_filter_scales_with_its_rates() -> None:
+def test_filter_scales_with_its_rates() -> None:
     # Az of unequal rates, known x, no error: the estimates stay at the truth.
     system = dc_motor(Az=[[3.0, 1.0], [0.0, 0.5]])
     weight, noise = np.eye(6), np.eye(2)
@@ -289,7 +289,7 @@ def test_the_filter_scales_with_its_rates() -> None:
 # --- One sample at a time -----------------------------------------------------------------------
 
 
-def test_an_estimate_knows_no_later_sample() -> None:
+def test_estimate_does_not_depend_on_later_samples() -> None:
     observer = ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01)
     # y of a row counts from the estimate of that row on, u from that of the next one.
     for name, first in (("y", 5), ("u", 6)):
@@ -300,7 +300,7 @@ def test_an_estimate_knows_no_later_sample() -> None:
         assert differs[0] == first
 
 
-def test_middles_of_straight_lines_and_held_inputs_change_nothing() -> None:
+def test_midpoints_of_linear_and_held_inputs_change_nothing() -> None:
     samples = record("samples")
     y, u = samples["y"], samples["u"]
     observer = ExtendedStateObserver(SYSTEM, PD_PI, sampling_period=0.02)
@@ -322,13 +322,13 @@ def test_unstable_gains_are_refused_with_their_eigenvalues() -> None:
     assert caught.value.problem.endswith("they are 0, 0, -1, -1, -2.0025, -9.9975")
 
 
-def test_poles_are_those_of_the_error() -> None:
+def test_poles_equal_the_error_eigenvalues() -> None:
     expected = [-3.4974, -3.9891, -6.0148, -10.9973, -20.0468, -33.9546]
     found = ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).poles
     assert found == pytest.approx(np.array(expected), abs=5e-5)
 
 
-def test_singular_mass_is_refused() -> None:
+def test_singular_mass_matrix_is_refused() -> None:
     Ld = PD_PI.Ld.copy()
     Ld[2:4] = -np.eye(2)
     with pytest.raises(InputError, match=r"^Ld: makes Eo = I \+ Ld C~ singular: .* down to 0"):
@@ -344,7 +344,7 @@ def test_singular_mass_is_refused() -> None:
         ({"gains": Gains(PI.L * np.nan, PI.Ld)}, "L: .* not finite"),
     ],
 )
-def test_observers_that_cannot_be(changed: dict[str, Any], problem: str) -> None:
+def test_invalid_observers_are_refused(changed: dict[str, Any], problem: str) -> None:
     good: dict[str, Any] = {"system": SYSTEM, "gains": PI, "sampling_period": 0.01}
     with pytest.raises(InputError, match=f"^{problem}"):
         ExtendedStateObserver(**{**good, **changed})
@@ -353,7 +353,7 @@ def test_observers_that_cannot_be(changed: dict[str, Any], problem: str) -> None
 Y, U = np.zeros((4, 2)), np.zeros((4, 1))
 
 
-def test_a_state_of_another_observer_is_refused() -> None:
+def test_state_of_another_observer_is_refused() -> None:
     state = State(np.zeros(2), np.zeros(5))
     with pytest.raises(InputError, match=r"^state: must be of an observer of size 6"):
         ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).run(
@@ -368,6 +368,6 @@ def test_a_state_of_another_observer_is_refused() -> None:
         ({"filtered": [1.0, np.inf]}, "filtered: .* not finite"),
     ],
 )
-def test_states_that_cannot_be(arguments: dict[str, Any], problem: str) -> None:
+def test_invalid_states_are_refused(arguments: dict[str, Any], problem: str) -> None:
     with pytest.raises(InputError, match=f"^{problem}"):
         ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).init(**arguments)

@@ -34,7 +34,7 @@ FILTERS: dict[str, Callable[[LinearModel], Any]] = {
 
 
 @pytest.mark.parametrize("build", FILTERS.values(), ids=FILTERS)
-def test_the_record_of_a_system_with_feedthrough_is_followed_without_innovations(
+def test_system_with_feedthrough_is_tracked_without_innovations(
     build: Callable[[LinearModel], Any],
 ) -> None:
     plant = control.ss(A, B, C, D, PERIOD)
@@ -48,7 +48,7 @@ def test_the_record_of_a_system_with_feedthrough_is_followed_without_innovations
     assert np.abs(run["state"] - done.states.T).max() < 1e-12
 
 
-def test_matrices_may_be_left_out() -> None:
+def test_matrices_are_optional() -> None:
     short = LinearModel(A, C=C, Q=0.01, R=0.1)
     assert (short.inputs, short.B.shape, short.D.shape) == (0, (3, 0), (2, 0))
     undriven = LinearModel(A, B, C, Q=0.01, R=0.1)

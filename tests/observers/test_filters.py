@@ -87,7 +87,7 @@ def relative(found: Array, expected: Array) -> float:
 # --- The Kalman filter --------------------------------------------------------------------------
 
 
-def test_the_information_of_measurements_of_a_constant_adds_up() -> None:
+def test_information_from_constant_measurements_adds_up() -> None:
     z = 3.0 + 2.0 * ripple(500)
     kalman = KalmanFilter(ONE)
     run = kalman.run(z, state=kalman.init([1.0], 9.0))
@@ -98,7 +98,7 @@ def test_the_information_of_measurements_of_a_constant_adds_up() -> None:
     assert run["state"][:, 0] == pytest.approx(mean, rel=1e-13)
 
 
-def test_likelihoods_multiply_to_the_density_of_the_whole_record() -> None:
+def test_likelihoods_multiply_to_the_density_of_the_record() -> None:
     # z ~ N(1, 9 * ones + 4 I): determinant and inverse in closed form.
     z = 3.0 + 2.0 * ripple(40)
     kalman = KalmanFilter(ONE)
@@ -112,7 +112,7 @@ def test_likelihoods_multiply_to_the_density_of_the_whole_record() -> None:
 
 @pytest.mark.parametrize("mode", ACTUATOR)
 @pytest.mark.parametrize("build", [velocity_model, motion_model])
-def test_the_covariance_reaches_the_solution_of_the_riccati_equation(build: Any, mode: str) -> None:
+def test_covariance_converges_to_the_riccati_solution(build: Any, mode: str) -> None:
     model = build(mode)
     A, _, H, _, Q, R = model.arrays
     kalman = KalmanFilter(model)
@@ -128,7 +128,7 @@ def test_the_covariance_reaches_the_solution_of_the_riccati_equation(build: Any,
     assert np.allclose(kalman.innovation_deviation(run.state), predicted, rtol=1e-9)
 
 
-def test_an_exact_model_without_noise_is_followed_from_any_start() -> None:
+def test_exact_noise_free_model_is_tracked_from_any_initial_state() -> None:
     u = square_wave(800, 60)
     z = simulated(NORMAL, u, [1.0, -2.0, 0.5, 1.0])
     kalman = KalmanFilter(NORMAL)
@@ -149,7 +149,7 @@ CORRELATED = np.array(
 )
 
 
-def test_a_measurement_that_is_better_by_fourteen_digits_leaves_the_covariance_its_digits() -> None:
+def test_joseph_form_keeps_covariance_accuracy_for_precise_measurements() -> None:
     model = replace(NORMAL, R=1e-14)
     kalman = KalmanFilter(model)
     z, u = [0.7], [0.0]
@@ -177,7 +177,7 @@ def correlated(covariance: Array) -> Array:
     return covariance / np.outer(deviation, deviation)
 
 
-def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_does_not() -> None:
+def test_joseph_form_stays_positive_definite_where_the_short_form_fails() -> None:
     R = 1e-14 * np.diag(MOTION.arrays.C @ MOTION.arrays.C.T)
     model = replace(MOTION, R=R, Q=1e-12)
     A, _, H, _, Q, _ = model.arrays
@@ -205,7 +205,7 @@ def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_
     assert min(least_short) < -1
 
 
-def test_the_svsf_needs_josephs_form() -> None:
+def test_svsf_needs_the_joseph_form() -> None:
     # For a gain that is not Kalman's the short form is another matrix, and not symmetric.
     smooth = svsf(NORMAL, 1.0, 0.1)
     found = smooth.correct(smooth.init(np.zeros(4), CORRELATED).posterior, [0.4], [0.0]).posterior
@@ -227,7 +227,7 @@ def alone(model: LinearModel, law: Any, z: Array, u: Array) -> Reference:
 
 
 @pytest.mark.parametrize("kind", ["KF", "SVSF"])
-def test_a_filter_of_three_outputs_agrees_with_fifty_digits(kind: str) -> None:
+def test_filter_with_three_outputs_agrees_with_50_digits(kind: str) -> None:
     z, u = motion_record(30)
     law = kalman_law if kind == "KF" else switching_law(PSI, GAMMA)
     made = KalmanFilter(MOTION) if kind == "KF" else svsf(MOTION)
@@ -266,13 +266,13 @@ def contraction(model: LinearModel, gamma: float, rows: int = 25) -> None:
 
 @pytest.mark.parametrize("gamma", [0.0, 0.1, 0.9])
 @pytest.mark.parametrize("model", [SQUARE, MOTION], ids=["square H", "fewer outputs than states"])
-def test_outside_of_the_layer_the_output_error_contracts_by_gamma(
+def test_output_error_contracts_by_gamma_outside_the_layer(
     model: LinearModel, gamma: float
 ) -> None:
     contraction(model, gamma)
 
 
-def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
+def test_svsf_in_a_wide_layer_follows_the_open_loop_model() -> None:
     z, u = motion_record(200)
     A, B = MOTION.arrays.A, MOTION.arrays.B
     x, rows = np.zeros(5), []
@@ -292,7 +292,7 @@ def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
     assert apart[0] > 1e-6
 
 
-def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None:
+def test_zero_innovation_gives_no_correction_and_no_division_by_zero() -> None:
     smooth = svsf(MOTION)
     start = smooth.init(np.zeros(5), 1.0).posterior
     reported = both(
@@ -309,7 +309,7 @@ def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None
     assert reported.posterior.covariance == pytest.approx(expected, rel=1e-12)
 
 
-def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None:
+def test_correction_stays_in_the_row_space_of_the_measurement_matrix() -> None:
     model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], [[3.0, 4.0]], Q=0.01, R=0.1)
     smooth = svsf(model, 0.5, 0.0)
     posterior = smooth.init([1.0, 2.0], 1.0).posterior
@@ -321,7 +321,7 @@ def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None
     assert inside == pytest.approx(0.1**2 / 0.5 * np.array([3.0, 4.0]) / 25, rel=1e-11)
 
 
-def test_an_inverse_weighted_by_the_covariance_is_the_same_in_all_coordinates() -> None:
+def test_weighted_inverse_does_not_depend_on_coordinates() -> None:
     def weighted(model: LinearModel) -> SmoothVariableStructureFilter:
         return SmoothVariableStructureFilter(model, PSI[1:], GAMMA, "weighted")
 
@@ -351,12 +351,12 @@ def test_an_inverse_weighted_by_the_covariance_is_the_same_in_all_coordinates() 
     )
 
 
-def test_no_other_inverse() -> None:
+def test_unknown_inverse_is_refused() -> None:
     with pytest.raises(InputError, match="inverse: 'left' must be one of pseudo, weighted"):
         SmoothVariableStructureFilter(ONE, 1.0, 0.1, "left")
 
 
-def test_the_gain_is_continuous_where_the_layer_ends() -> None:
+def test_gain_is_continuous_at_the_edge_of_the_layer() -> None:
     smooth = svsf(ONE, 2.0, 0.5)
     start = Gaussian(np.zeros(1), np.eye(1), np.ones(1))
     found = [smooth.correct(start, [z]).posterior.mean[0] for z in (2 - 1e-9, 2.0, 2 + 1e-9)]
@@ -381,9 +381,7 @@ def by_steps(one: LinearFilter, z: Array, state: State, u: Array) -> dict[str, A
 
 @pytest.mark.parametrize("before", [True, False], ids=["a period before", "at the first row"])
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
-def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
-    made: LinearFilter, before: bool
-) -> None:
+def test_stepping_and_split_runs_are_bitwise_identical(made: LinearFilter, before: bool) -> None:
     z, u = motion_record(120)
     z[40, 1] = z[41] = np.nan
     start = made.init(np.zeros(5), 1.0, u=u[0] if before else None)
@@ -401,7 +399,7 @@ def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
-def test_the_first_row_corrects_and_later_ones_predict_with_the_input_before(
+def test_first_row_corrects_and_later_rows_predict_with_the_previous_input(
     made: LinearFilter,
 ) -> None:
     z, u = motion_record(9)
@@ -422,7 +420,7 @@ def test_the_first_row_corrects_and_later_ones_predict_with_the_input_before(
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
-def test_missing_measurements_are_predicted_over(made: LinearFilter) -> None:
+def test_missing_measurements_are_bridged_by_prediction(made: LinearFilter) -> None:
     z, u = motion_record(60)
     z[20:30] = np.nan
     start = made.init(np.zeros(5), 1.0)
@@ -446,7 +444,7 @@ def test_missing_measurements_are_predicted_over(made: LinearFilter) -> None:
 
 @pytest.mark.parametrize("lost", [[0], [1], [2], [0, 2]], ids=str)
 @pytest.mark.parametrize("kind", ["KF", "SVSF"])
-def test_what_was_measured_corrects_as_if_it_alone_were(kind: str, lost: list[int]) -> None:
+def test_partial_measurement_corrects_like_a_reduced_model(kind: str, lost: list[int]) -> None:
     """A filter whose model has these outputs alone gives the same."""
 
     def made(outputs: list[int]) -> LinearFilter:
@@ -480,7 +478,7 @@ def test_what_was_measured_corrects_as_if_it_alone_were(kind: str, lost: list[in
     assert np.isnan(found.innovation_covariance[lost]).all()
 
 
-def test_a_correction_tells_how_well_it_was_predicted() -> None:
+def test_correction_reports_innovation_and_likelihood() -> None:
     kalman = KalmanFilter(MOTION)
     z, u = motion_record(5)
     run = kalman.run(z[:4], u[:4], state=kalman.init(np.zeros(5), 1.0))
@@ -499,7 +497,7 @@ def test_a_correction_tells_how_well_it_was_predicted() -> None:
     assert row["log_likelihood"] == found.log_likelihood
 
 
-def test_the_input_of_a_first_row_is_read_where_it_feeds_through() -> None:
+def test_input_of_the_first_row_is_used_with_feedthrough() -> None:
     z, u = motion_record(3)
     kalman = KalmanFilter(MOTION)
     run = kalman.run(z[:1], u[:1], state=kalman.init(np.zeros(5), 1.0))
@@ -538,7 +536,7 @@ class OwnFilter(LinearFilter):
         return self.share * self.matrix.ravel()
 
 
-def test_a_gain_of_ones_own_runs_in_the_compiled_loop() -> None:
+def test_user_defined_gain_runs_in_the_compiled_loop() -> None:
     z, u = motion_record(80)
     A, B, H, D, Q, R = MOTION.arrays
     K = np.linalg.pinv(H) @ np.diag([0.5, 0.3, 0.1])
@@ -563,7 +561,7 @@ UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 
 
 
 @pytest.mark.parametrize("taken", [True, False], ids=["measured", "missing"])
-def test_a_variance_that_overflows_is_reported_with_its_row(taken: bool) -> None:
+def test_overflowing_variance_is_reported_with_its_row(taken: bool) -> None:
     smooth = svsf(replace(UNSEEN, sampling_period=0.25), 1.0)
     start = smooth.init([1.0, 1.0], 1.0, u=())
     # The variance after k rows is 100^k: beyond the greatest float, 1.8e308, after 155 of them.
@@ -578,7 +576,7 @@ def test_a_variance_that_overflows_is_reported_with_its_row(taken: bool) -> None
     assert run.state.posterior is start.posterior
 
 
-def test_a_mean_that_overflows_is_reported_with_its_row() -> None:
+def test_overflowing_mean_is_reported_with_its_row() -> None:
     # Without any doubt about state 1 its covariance stays zero, and the mean is 10^k.
     smooth = svsf(UNSEEN, 1.0)
     start = smooth.init([1.0, 1.0], [0.0, 1.0], u=())
@@ -587,7 +585,7 @@ def test_a_mean_that_overflows_is_reported_with_its_row() -> None:
     assert run["state"][-1, 0] == pytest.approx(1e308, rel=1e-12)
 
 
-def test_a_step_that_diverges_says_so() -> None:
+def test_diverging_step_is_reported() -> None:
     smooth = svsf(UNSEEN, 1.0)
     with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
         smooth.step(smooth.init([1e308, 0.0], 1.0, u=()), [0.0])
@@ -606,7 +604,7 @@ def test_a_step_that_diverges_says_so() -> None:
         ("x", "state.sample: 'x' is not a number or an array of numbers"),
     ],
 )
-def test_samples_of_states_that_cannot_be(sample: Any, said: str) -> None:
+def test_invalid_states_of_a_step_are_refused(sample: Any, said: str) -> None:
     kalman = KalmanFilter(NORMAL)
     state = replace(kalman.init(np.zeros(4), 1.0), sample=sample)
     with pytest.raises(InputError, match=f"^{said}$"):
@@ -622,7 +620,7 @@ def changing_noise(rows: int) -> tuple[Array, Array]:
     return (1.5 + np.sin(0.3 * k)) * 1e-4 * CORRELATED, 0.02 * (1.2 + np.cos(0.7 * k))
 
 
-def test_noise_that_changes_gives_the_numbers_of_filterpy() -> None:
+def test_time_varying_noise_agrees_with_filterpy() -> None:
     u = square_wave(120, 12)
     z = simulated(NORMAL, u) + 0.1 * ripple(120)
     Q, R = changing_noise(120)
@@ -644,7 +642,7 @@ def test_noise_that_changes_gives_the_numbers_of_filterpy() -> None:
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(NORMAL), svsf(NORMAL, 1.0)], ids=["KF", "SVSF"])
-def test_noise_that_changes_is_the_same_by_steps_and_by_runs(made: LinearFilter) -> None:
+def test_time_varying_noise_is_identical_by_steps_and_runs(made: LinearFilter) -> None:
     z, u = simulated(NORMAL, square_wave(40, 7)) + 0.1 * ripple(40), square_wave(40, 7)
     z[5] = np.nan
     Q, R = changing_noise(40)
@@ -662,7 +660,7 @@ def test_noise_that_changes_is_the_same_by_steps_and_by_runs(made: LinearFilter)
     assert np.array_equal(constant["covariance"], made.run(z, u, state=start)["covariance"])
 
 
-def test_noise_of_another_shape_or_sign_is_refused() -> None:
+def test_noise_of_wrong_shape_or_sign_is_refused() -> None:
     kalman = KalmanFilter(NORMAL)
     start, z, u = kalman.init(np.zeros(4), 1.0), np.zeros(3), np.zeros(3)
     with pytest.raises(InputError, match=r"^Q: has shape \(2, 4, 4\), must be one covariance or"):

@@ -75,7 +75,7 @@ def test_wrong_models_are_refused(changed: dict[str, Any], said: str) -> None:
         LinearModel(**{**MODEL, **changed})
 
 
-def test_a_covariance_of_several_outputs_is_checked_like_any() -> None:
+def test_covariance_of_several_outputs_is_checked() -> None:
     A, B, H, D, Q, R = MOTION.arrays
     skew = R.copy()
     skew[0, 1] = 1e-6
@@ -85,7 +85,7 @@ def test_a_covariance_of_several_outputs_is_checked_like_any() -> None:
         LinearModel(A, B, H, Q=Q, R=[1.0, 0.0, 1.0], D=D)
 
 
-def test_a_covariance_that_rounding_makes_skew_is_made_symmetric() -> None:
+def test_rounding_asymmetry_of_a_covariance_is_removed() -> None:
     turn = np.array([[0.3, 1.7], [-2.1, 0.6]])
     Q = turn @ np.diag([1.0, 1e-3]) @ turn.T
     Q[0, 1] = np.nextafter(Q[1, 0], np.inf)
@@ -97,7 +97,7 @@ def test_a_covariance_that_rounding_makes_skew_is_made_symmetric() -> None:
         LinearModel(**{**MODEL, "Q": Q})
 
 
-def test_the_matrices_of_a_model_are_read_only_copies() -> None:
+def test_matrices_of_a_model_are_read_only_copies() -> None:
     A = np.array(MODEL["A"])
     model = LinearModel(**{**MODEL, "A": A})
     A[0, 0] = 5.0
@@ -107,7 +107,7 @@ def test_the_matrices_of_a_model_are_read_only_copies() -> None:
             matrix[0, 0] = 5.0
 
 
-def test_a_semidefinite_covariance_may_be_so_but_for_rounding() -> None:
+def test_semidefinite_covariance_is_accepted_up_to_rounding() -> None:
     direction = np.array([[0.1], [0.3]])
     Q = direction @ direction.T
     assert np.array_equal(LinearModel(**{**MODEL, "Q": Q}).arrays.Q, Q)
@@ -127,7 +127,7 @@ def test_a_semidefinite_covariance_may_be_so_but_for_rounding() -> None:
     ],
     ids=["stable", "integrators", "oscillator", "flips", "spirals", "normal", "leakage"],
 )
-def test_a_transition_of_continuous_time_is_refused(A: Any, eigenvalue: str) -> None:
+def test_continuous_time_transition_is_refused(A: Any, eigenvalue: str) -> None:
     n = len(A)
     given = {"A": A, "B": np.zeros((n, 1)), "C": np.eye(1, n), "Q": 0.1, "R": 1.0}
     said = f"A: has the eigenvalue {eigenvalue}, as A of continuous time has; {DISCRETE}"
@@ -138,7 +138,7 @@ def test_a_transition_of_continuous_time_is_refused(A: Any, eigenvalue: str) -> 
     assert LinearModel(**{**given, "A": sampled}).states == n
 
 
-def test_the_motion_of_the_actuator_is_refused_too_though_one_eigenvalue_is_zero() -> None:
+def test_continuous_time_model_with_a_zero_eigenvalue_is_refused() -> None:
     A = np.zeros((5, 5))
     A[0, 1], A[1:, 1:] = 200.0, continuous("normal")[0]
     with pytest.raises(InputError, match=r"^A: has the eigenvalue -379.7, as"):
@@ -155,7 +155,7 @@ def test_the_motion_of_the_actuator_is_refused_too_though_one_eigenvalue_is_zero
         ([[1.0]], [[1.0]], -1.0, "period: -1 must be greater than zero"),
     ],
 )
-def test_what_cannot_be_sampled_is_refused(A: Any, B: Any, period: float, said: str) -> None:
+def test_model_that_cannot_be_sampled_is_refused(A: Any, B: Any, period: float, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}$"):
         zero_order_hold(A, B, period)
 
@@ -179,13 +179,15 @@ def test_what_cannot_be_sampled_is_refused(A: Any, B: Any, period: float, said: 
         ),
     ],
 )
-def test_a_wrong_layer_or_convergence_rate_is_refused(changed: dict[str, Any], said: str) -> None:
+def test_wrong_boundary_layer_or_convergence_rate_is_refused(
+    changed: dict[str, Any], said: str
+) -> None:
     given: dict[str, Any] = {"boundary_layer": 1.0, "convergence_rate": 0.1, **changed}
     with pytest.raises(InputError, match=f"^{said}$"):
         SmoothVariableStructureFilter(MOTION, **given)
 
 
-def test_an_svsf_of_dependent_outputs_is_refused() -> None:
+def test_svsf_with_dependent_outputs_is_refused() -> None:
     twice = LinearModel(**{**MODEL, "C": [[1.0, 2.0], [2.0, 4.0]]})
     said = r"^model: C has 2 rows but rank 1: no gain corrects all outputs at once$"
     with pytest.raises(InputError, match=said):
@@ -230,13 +232,13 @@ def test_wrong_samples_of_a_correction_are_refused() -> None:
         ("on", "u: 'on' is no array of numbers"),
     ],
 )
-def test_an_input_before_the_first_row_that_cannot_be_is_refused(u: Any, said: str) -> None:
+def test_invalid_input_before_the_first_row_is_refused(u: Any, said: str) -> None:
     for one in (KalmanFilter(PLAIN), bank()):
         with pytest.raises(InputError, match=f"^{said}$"):
             one.init([0.0, 0.0], 1.0, u=u)
 
 
-def test_a_state_is_needed_and_one_of_another_filter_is_refused() -> None:
+def test_missing_state_and_state_of_another_filter_are_refused() -> None:
     # A compiled loop would read and write beyond its end.
     kalman = KalmanFilter(PLAIN)
     with pytest.raises(InputError, match=r"^state: must be given: KalmanFilter.init says what it"):
@@ -289,7 +291,7 @@ def test_wrong_transitions_are_refused(transition: Any, said: str) -> None:
         IMM([KalmanFilter(PLAIN)] * 2, transition)
 
 
-def test_no_filters_and_filters_of_different_sizes_are_refused() -> None:
+def test_empty_bank_and_filters_of_different_sizes_are_refused() -> None:
     with pytest.raises(InputError, match=r"^filters: \[\] must be a list of one filter or more$"):
         IMM([], np.empty((0, 0)))
     said = (
@@ -331,7 +333,7 @@ def test_filters_of_different_sampling_periods_are_refused() -> None:
         ({"covariance": [[1.0, 0.2], [0.1, 1.0]]}, "covariance: .* must be symmetric"),
     ],
 )
-def test_wrong_starts_of_a_bank_are_refused(changed: dict[str, Any], said: str) -> None:
+def test_wrong_initial_states_of_a_bank_are_refused(changed: dict[str, Any], said: str) -> None:
     given: dict[str, Any] = {"mean": [0.0, 0.0], "covariance": 1.0, **changed}
     with pytest.raises(InputError, match=f"^{said}$"):
         bank().init(**given)

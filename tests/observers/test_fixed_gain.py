@@ -33,7 +33,7 @@ def relative(found: Array, expected: Array) -> float:
     return float(np.max(np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0)))
 
 
-def test_the_arithmetic_is_a_prediction_and_a_correction() -> None:
+def test_step_is_a_prediction_and_a_correction() -> None:
     u = square_wave(80, 12)
     z = simulated(motion_model("leakage"), u) + ripple(80, 3)
     A, B, C, D, Q, R = MOTION.arrays
@@ -51,7 +51,7 @@ def test_the_arithmetic_is_a_prediction_and_a_correction() -> None:
     assert relative(run["variance"], np.array(variances)) < 1e-12
 
 
-def test_the_error_moves_by_the_poles_as_placed() -> None:
+def test_error_follows_the_placed_poles() -> None:
     observer = luenberger(NORMAL, POLES)
     assert np.abs(np.sort_complex(observer.poles) - np.sort_complex(POLES)).max() < 1e-9
     # The error of each sample annihilates the polynomial of the poles (Cayley and Hamilton).
@@ -67,7 +67,7 @@ def test_the_error_moves_by_the_poles_as_placed() -> None:
     assert np.abs(error[-1]).max() < 0.2 * np.abs(error[0]).max()
 
 
-def test_poles_at_the_origin_find_the_state_in_as_many_rows_as_there_are_states() -> None:
+def test_deadbeat_poles_find_the_state_in_n_rows() -> None:
     model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.005], [0.1]], [[1.0, 0.0]], Q=0.0, R=1.0)
     observer, u = luenberger(model, [0.0, 0.0]), np.array([[1.0], [-2.0], [0.5], [0.0]])
     x, truth = np.array([0.3, -1.0]), []
@@ -79,7 +79,7 @@ def test_poles_at_the_origin_find_the_state_in_as_many_rows_as_there_are_states(
     assert np.abs(run["state"][0] - truth[0]).max() > 0.1
 
 
-def test_the_steady_filter_is_the_kalman_filter_from_its_steady_covariance() -> None:
+def test_steady_filter_equals_kalman_filter_at_steady_covariance() -> None:
     fixed, kalman = steady_kalman(NORMAL), KalmanFilter(NORMAL)
     still = np.zeros((5000, 1))
     settled = kalman.run(
@@ -111,12 +111,12 @@ def test_estimates_do_not_depend_on_the_covariance() -> None:
         ([[3.0], [0.0], [0.0], [0.0]], "gain: gives no stable observer: .* it is 2.00001$"),
     ],
 )
-def test_gains_that_cannot_be(gain: Any, said: str) -> None:
+def test_invalid_gains_are_refused(gain: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}"):
         FixedGainObserver(NORMAL, gain)
 
 
-def test_what_cannot_be_observed_or_is_no_model_is_refused() -> None:
+def test_unobservable_or_invalid_model_is_refused() -> None:
     hidden = LinearModel(np.diag([0.5, 0.9]), np.zeros((2, 1)), [[1.0, 0.0]], Q=1.0, R=1.0)
     with pytest.raises(InputError, match=r"^A, C: do not show the mode of the eigenvalue 0.9"):
         luenberger(hidden, [0.1, 0.2])

@@ -74,7 +74,7 @@ def test_closed_forms_are_exact(size: int) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("rho", [0.7, 2.5, 5.0])
-def test_the_matrix_against_a_lyapunov_solver(size: int, rho: float) -> None:
+def test_matrix_agrees_with_a_lyapunov_solver(size: int, rho: float) -> None:
     A, C = shift(size), first(size)
     half = A + 0.5 * rho * np.eye(size)
     reference = solve_continuous_lyapunov(half.T, C.T @ C)
@@ -101,7 +101,7 @@ def test_all_eigenvalues_are_minus_rho(size: int, rho: float) -> None:
     )
 
 
-def test_gains_of_the_paper() -> None:
+def test_gains_agree_with_the_paper() -> None:
     assert np.array_equal(high_gain(2, 5.0), [10.0, 25.0])
     assert np.array_equal(high_gain(3, 5.0), [15.0, 75.0, 125.0])
     assert np.array_equal(high_gain(3, 2.5), [7.5, 18.75, 15.625])
@@ -124,7 +124,7 @@ def integrated(size: int, rho: float, initial: Array, times: Array) -> Array:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_gains_over_time_against_an_integration(size: int) -> None:
+def test_time_varying_gains_agree_with_an_integration(size: int) -> None:
     root = np.random.default_rng(size).normal(size=(size, size))
     times = np.array([0.0, 0.05, 0.3, 1.0, 2.0, 4.0])
     for rho, initial in ((2.0, np.eye(size)), (0.8, root + root.T + 4 * size * np.eye(size))):
@@ -141,7 +141,7 @@ def test_gains_over_time_against_an_integration(size: int) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("rho", [0.5, 5.0, 40.0])
-def test_gains_over_time_start_at_the_matrix_and_end_at_the_constant_gain(
+def test_time_varying_gains_start_at_the_matrix_and_end_at_the_constant_gain(
     size: int, rho: float
 ) -> None:
     initial = np.diag(np.arange(2.0, size + 2)) + 0.1
@@ -153,14 +153,14 @@ def test_gains_over_time_start_at_the_matrix_and_end_at_the_constant_gain(
     assert still == pytest.approx(np.tile(high_gain(size, rho), (7, 1)), rel=1e-7)
 
 
-def test_gains_over_time_from_the_identity_of_the_paper() -> None:
+def test_time_varying_gains_from_the_identity_agree_with_the_paper() -> None:
     gains = high_gain_over_time(3, 5.0, 1.0, [0.0, 3.0, 4.0])
     assert np.array_equal(gains[0], [1.0, 0.0, 0.0])
     assert gains[1] == pytest.approx([14.942, 74.381, 123.354], abs=1e-3)
     assert np.abs(gains[2] / high_gain(3, 5.0) - 1).max() < 3e-4
 
 
-def test_gains_at_a_time_do_not_depend_on_the_other_times() -> None:
+def test_gain_at_a_time_does_not_depend_on_other_times() -> None:
     times = np.linspace(0, 5, 101)
     whole = high_gain_over_time(3, 5.0, 1.0, times)
     for k in (0, 17, 99):
@@ -241,7 +241,7 @@ def reference(n: int, rho: float, start: Array, jump: float, end: float) -> Arra
 
 
 @each_size
-def test_order_four_also_where_the_record_jumps(n: int) -> None:
+def test_order_is_four_also_at_jumps_of_the_record(n: int) -> None:
     rho, jump, end = 3.0, 1.0, 2.0
     start = np.linspace(0.5, -0.5, n)
     expected = reference(n, rho, start, jump, end)
@@ -266,7 +266,7 @@ def test_order_four_also_where_the_record_jumps(n: int) -> None:
 
 
 @pytest.mark.parametrize("n", [1, 2, 4])
-def test_the_error_of_a_chain_decays_as_its_matrix_says(n: int) -> None:
+def test_error_of_an_integrator_chain_follows_its_matrix(n: int) -> None:
     # x_n' = 6 t - 3, the states above are its integrals; the observer knows the true delay.
     rho, step, end = 2.0, 0.005, 3.0
     observer = HighGainObserver(model(n, no_drift, constant_gain, 1.0), rho, sampling_period=step)
@@ -283,7 +283,7 @@ def test_the_error_of_a_chain_decays_as_its_matrix_says(n: int) -> None:
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_a_wrong_delay_on_a_ramp_leaves_a_known_error(n: int) -> None:
+def test_wrong_delay_on_a_ramp_leaves_the_predicted_error(n: int) -> None:
     # The error obeys e' = (A - S^-1 C^T C) e + (0, .., 0, slope (tau - tau_m)): at rest the i-th
     # entry is binom(n, i-1) / rho^(n+1-i) times that.
     rho, step, slope, delay, assumed = 5.0, 0.0025, 0.9, 0.6, 0.8
@@ -330,7 +330,7 @@ def test_wrong_parameters_of_the_observer_are_refused(changed: dict[str, Any], s
         HighGainObserver(**{"model": MODELS[2], "rho": 5.0, "sampling_period": 0.01, **changed})
 
 
-def test_an_observer_survives_a_pickle_if_its_fields_have_a_place() -> None:
+def test_observer_can_be_pickled_if_its_functions_are_importable() -> None:
     observer, y = (
         HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 5.0, sampling_period=0.01),
         np.linspace(0, 1, 9),

@@ -115,7 +115,7 @@ def filterpy_run(bank: IMMEstimator, z: Array, u: Array) -> tuple[Array, Array, 
     return np.array(means), np.array(covariances), np.array(probabilities)
 
 
-def test_a_bank_of_kalman_filters_agrees_with_filterpy() -> None:
+def test_kalman_bank_agrees_with_filterpy() -> None:
     # Noise so wide that no likelihood comes near the range of floats.
     models = [velocity_model(mode, R=4e-3) for mode in ACTUATOR]
     z, u = velocity_record(400, 200, 0.05)
@@ -128,7 +128,7 @@ def test_a_bank_of_kalman_filters_agrees_with_filterpy() -> None:
     assert np.ptp(run["probability"], axis=0).min() > 0.2
 
 
-def test_after_an_outlier_filterpy_forgets_its_evidence_and_the_bank_does_not() -> None:
+def test_bank_keeps_evidence_after_an_outlier_unlike_filterpy() -> None:
     # Every likelihood is below the smallest float; filterpy puts all of them on that.
     z, u = velocity_record(20, 20)
     z[12] += 4.0
@@ -160,7 +160,7 @@ def scalar_run(
     return run_over(bank, z, None, [0.0], 1.0, start)
 
 
-def test_identical_models_follow_the_chain_to_its_stationary_distribution() -> None:
+def test_identical_models_reach_the_stationary_distribution() -> None:
     start = np.array([0.7, 0.3, 0.0])
     run = scalar_run(STICKY, start)
     mu = start
@@ -181,7 +181,7 @@ def test_identical_models_follow_the_chain_to_its_stationary_distribution() -> N
     assert run["covariance"] == pytest.approx(alone["covariance"], rel=1e-13)
 
 
-def test_a_mode_that_is_left_decays_below_the_range_of_floats() -> None:
+def test_probability_of_a_left_mode_decays_below_the_float_range() -> None:
     z = 3.0 + 2.0 * ripple(1500)
     run = scalar_run([[0.5, 0.5], [0.0, 1.0]], [0.25, 0.75], z=z)
     assert run.diverged_at is None
@@ -197,7 +197,7 @@ def test_a_mode_that_is_left_decays_below_the_range_of_floats() -> None:
     assert run["state"] == pytest.approx(alone["state"], rel=1e-13)
 
 
-def test_modes_that_never_change_are_weighed_by_the_whole_record() -> None:
+def test_modes_without_transitions_are_weighted_by_the_whole_record() -> None:
     # mu_j is then proportional to the product of likelihoods; the other mode comes back from
     # far below the range of floats, with all its digits.
     other = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=1.0)
@@ -216,7 +216,7 @@ def test_modes_that_never_change_are_weighed_by_the_whole_record() -> None:
     assert run.state.log_probabilities[0] == pytest.approx(odds[-1], rel=1e-11)
 
 
-def test_a_mode_that_cannot_be_reached_stays_at_zero_and_changes_no_bit() -> None:
+def test_unreachable_mode_stays_at_zero_and_changes_no_bit() -> None:
     z, u = velocity_record(300, 150)
     closed = np.array([[0.9, 0.1, 0.0], [0.2, 0.8, 0.0], [0.3, 0.3, 0.4]])
     three = IMM(kalmans(VELOCITY), closed)
@@ -232,7 +232,7 @@ def test_a_mode_that_cannot_be_reached_stays_at_zero_and_changes_no_bit() -> Non
     assert np.isfinite(runs[0]["innovation"]).all()
 
 
-def test_a_mode_of_no_probability_that_can_be_reached_comes_up() -> None:
+def test_reachable_mode_recovers_from_zero_probability() -> None:
     run = scalar_run([[0.9, 0.1], [0.2, 0.8]], [1.0, 0.0], 3)
     assert run["probability"][:, 1] == pytest.approx([0.1, 0.17, 0.219], rel=1e-13)
 
@@ -255,7 +255,7 @@ def bank_of(kind: str, *, mixing: bool = True) -> IMM:
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
 @pytest.mark.parametrize("kind", LAWS)
-def test_three_models_of_three_outputs_agree_with_fifty_digits(kind: str, mixing: bool) -> None:
+def test_three_models_with_three_outputs_agree_with_50_digits(kind: str, mixing: bool) -> None:
     z, u = motion_record(30)
     bank = bank_of(kind, mixing=mixing)
     run = run_over(bank, z, u, np.zeros(5), P0)
@@ -277,7 +277,9 @@ def test_three_models_of_three_outputs_agree_with_fifty_digits(kind: str, mixing
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
 @pytest.mark.parametrize("kind", ["KF", "SVSF"])
 @pytest.mark.parametrize("before", [True, False], ids=["a period before", "at the first row"])
-def test_a_bank_of_one_is_its_filter_to_the_last_bit(kind: str, mixing: bool, before: bool) -> None:
+def test_bank_of_one_is_bitwise_identical_to_its_filter(
+    kind: str, mixing: bool, before: bool
+) -> None:
     z, u = motion_record(150)
     z[70:75] = np.nan
     one = bank_of(kind).filters[0]
@@ -300,7 +302,7 @@ def test_a_bank_of_one_is_its_filter_to_the_last_bit(kind: str, mixing: bool, be
 @pytest.mark.parametrize("before", [True, False], ids=["a period before", "at the first row"])
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
 @pytest.mark.parametrize("kind", LAWS)
-def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
+def test_stepping_and_split_runs_are_bitwise_identical(
     kind: str, mixing: bool, before: bool
 ) -> None:
     z, u = motion_record(100)
@@ -325,7 +327,7 @@ def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
 
 
 @pytest.mark.parametrize("kind", LAWS)
-def test_the_first_row_weighs_the_modes_as_they_are_and_moves_nothing(kind: str) -> None:
+def test_first_row_updates_probabilities_without_prediction(kind: str) -> None:
     z, u = motion_record(1)
     bank, mu = bank_of(kind), np.array([0.5, 0.3, 0.2])
     means = np.arange(15.0).reshape(3, 5) / 15
@@ -363,9 +365,7 @@ class UsersOwn:
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
 @pytest.mark.parametrize("kind", ["KF", "SVSF"])
-def test_filters_that_are_called_one_by_one_give_the_bits_of_the_compiled_loop(
-    kind: str, mixing: bool
-) -> None:
+def test_user_defined_filters_give_the_bits_of_the_compiled_loop(kind: str, mixing: bool) -> None:
     z, u = motion_record(60)
     z[20:22] = np.nan
     compiled = bank_of(kind, mixing=mixing)
@@ -376,7 +376,7 @@ def test_filters_that_are_called_one_by_one_give_the_bits_of_the_compiled_loop(
         assert same_bits(reported(runs[0]), reported(runs[1]))
 
 
-def test_one_svsf_among_kalman_filters_is_itself_when_it_alone_is_likely() -> None:
+def test_likely_svsf_in_a_kalman_bank_equals_the_single_filter() -> None:
     z, u = motion_record(40)
     bank = bank_of("mixed", mixing=False)
     run = bank.run(z, u, state=bank.init(np.zeros(5), P0))
@@ -413,16 +413,16 @@ def apart(kind: str, transforms: Sequence[Array], *, mixing: bool) -> float:
     return float(np.abs(other["probability"] - plain["probability"]).max())
 
 
-def test_without_mixing_coordinates_do_not_matter_to_kalman_filters() -> None:
+def test_unmixed_kalman_bank_does_not_depend_on_coordinates() -> None:
     assert apart("KF", SHEARS, mixing=False) < 1e-10
 
 
-def test_with_mixing_they_do() -> None:
+def test_mixed_kalman_bank_depends_on_coordinates() -> None:
     assert apart("KF", SHEARS, mixing=True) > 0.1
     assert apart("KF", TURNS, mixing=True) > 0.1
 
 
-def test_the_same_other_coordinates_for_all_models_do_not_matter() -> None:
+def test_common_change_of_coordinates_does_not_matter() -> None:
     for T in SHEARS[1:]:
         assert apart("KF", [T] * 3, mixing=True) < 1e-10
     plain = in_coordinates("KF", [np.eye(4)] * 3, mixing=True)
@@ -430,7 +430,7 @@ def test_the_same_other_coordinates_for_all_models_do_not_matter() -> None:
     assert relative(other["state"], plain["state"] @ SHEARS[1].T) < 1e-10
 
 
-def test_the_svsf_depends_on_them_even_without_mixing() -> None:
+def test_unmixed_svsf_bank_depends_on_coordinates() -> None:
     # The pseudo-inverse of H shares a correction out by the length of states: turns keep that.
     assert apart("SVSF", TURNS, mixing=False) < 1e-10
     assert apart("SVSF", SHEARS, mixing=False) > 1e-2
@@ -439,7 +439,7 @@ def test_the_svsf_depends_on_them_even_without_mixing() -> None:
 # --- Missing measurements -----------------------------------------------------------------------
 
 
-def test_over_missing_measurements_modes_follow_the_chain() -> None:
+def test_probabilities_follow_the_chain_over_missing_measurements() -> None:
     z, u = motion_record(80)
     z[50:60] = np.nan
     z[70] = np.nan
@@ -461,7 +461,7 @@ def test_over_missing_measurements_modes_follow_the_chain() -> None:
     assert over.missing == 10
 
 
-def test_without_mixing_each_filter_only_predicts_over_them() -> None:
+def test_unmixed_filters_only_predict_over_missing_measurements() -> None:
     z, u = motion_record(60)
     z[50:] = np.nan
     bank = bank_of("SVSF", mixing=False)
@@ -478,7 +478,7 @@ def test_without_mixing_each_filter_only_predicts_over_them() -> None:
         assert np.array_equal(posterior.covariance, moving.covariance)
 
 
-def test_the_mean_over_missing_measurements_is_what_the_mixture_predicts() -> None:
+def test_mean_over_missing_measurements_is_the_mixture_prediction() -> None:
     # Mixing keeps the mean of the mixture: sum_j c_j x_0j = sum_i mu_i x_i.
     z, u = velocity_record(101, 101)
     z[100] = np.nan
@@ -500,7 +500,7 @@ GROWING = LinearModel(
 
 @pytest.mark.parametrize("taken", [True, False], ids=["measured", "missing"])
 @pytest.mark.parametrize("own", [False, True], ids=["compiled", "one by one"])
-def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
+def test_diverging_bank_reports_its_row(own: bool, taken: bool) -> None:
     # State 1 grows tenfold a sample, out of sight: its variance overflows in row 154.
     smooth: Any = svsfs([GROWING] * 2, 1.0)
     filters = [UsersOwn(one) for one in smooth] if own else smooth
@@ -517,7 +517,7 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
         bank.step(bank.init([1e308, 0.0], 1.0, u=()), [0.0])
 
 
-def test_a_mode_that_no_mode_leads_to_keeps_its_own_posterior() -> None:
+def test_unreachable_mode_keeps_its_own_posterior() -> None:
     """Not even itself: nothing is mixed into it, so it filters as if it were alone."""
     z = 3.0 + 2.0 * ripple(60)
     slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=1e-3, R=4.0)

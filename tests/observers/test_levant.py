@@ -51,7 +51,7 @@ def slopes(x: Any, y: Any) -> Array:
 # --- One sample at a time -----------------------------------------------------------------------
 
 
-def test_one_step_by_hand() -> None:
+def test_one_step_agrees_with_hand_calculation() -> None:
     # u = 0, z = (8, 3, 5), L = 8, T = 1/2: the injections are 3*2*4 = 24, 1.5 * sqrt(8 * 24), 8.
     differentiator = LevantDifferentiator(8.0, **PAPER, sampling_period=0.5)
     run = differentiator.run([0.0, 7.0], state=differentiator.init([8.0, 3.0, 5.0]))
@@ -61,7 +61,7 @@ def test_one_step_by_hand() -> None:
     assert np.array_equal(run["derivatives"][0], [8.0, 3.0, 5.0])
 
 
-def test_without_a_state_a_run_starts_from_the_first_sample() -> None:
+def test_run_without_a_state_starts_from_the_first_sample() -> None:
     differentiator, samples = (
         LevantDifferentiator(1.0, sampling_period=0.1),
         np.array([3.0, 1.0, 2.0]),
@@ -70,7 +70,7 @@ def test_without_a_state_a_run_starts_from_the_first_sample() -> None:
     assert np.array_equal(differentiator.run(samples)["derivatives"], known["derivatives"])
 
 
-def test_an_estimate_knows_the_samples_before_its_own_only() -> None:
+def test_estimate_depends_only_on_earlier_samples() -> None:
     differentiator = LevantDifferentiator(1.0, sampling_period=0.1)
     one, other = np.zeros(9), np.zeros(9)
     other[5] = 1.0
@@ -86,7 +86,7 @@ def test_an_estimate_knows_the_samples_before_its_own_only() -> None:
 @pytest.mark.parametrize(
     ("order", "coefficients"), [(1, [3.0, -2.0]), (2, [1.0, 4.0, -6.0]), (2, [7.0, 0.0, 2.0])]
 )
-def test_a_polynomial_is_followed_to_the_last_bit(order: int, coefficients: list[float]) -> None:
+def test_polynomial_is_tracked_to_the_last_bit(order: int, coefficients: list[float]) -> None:
     # Every number here is a short binary fraction, so the arithmetic does not round.
     time = np.arange(400) / 64
     polynomial = np.polynomial.Polynomial(coefficients)
@@ -96,7 +96,7 @@ def test_a_polynomial_is_followed_to_the_last_bit(order: int, coefficients: list
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_polynomials_whose_next_derivative_is_bounded(order: int) -> None:
+def test_polynomials_with_bounded_next_derivative_are_tracked(order: int) -> None:
     # The top derivative takes all of L: t^(n+1) L / (n+1)!, and lower terms.
     # The period is such that theory's errors are far above what rounds of so large a u.
     bound, period = 2.0, 1e-2
@@ -112,7 +112,7 @@ def test_polynomials_whose_next_derivative_is_bounded(order: int) -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_errors_fall_with_the_period_as_the_theory_says(order: int) -> None:
+def test_errors_fall_with_the_period_as_predicted(order: int) -> None:
     bound = 1.5
     periods = np.array([4e-3, 2e-3, 1e-3, 5e-4])
     worst = []
@@ -142,7 +142,7 @@ def plain_euler(samples: Array, period: float) -> Array:
     return np.array(rows)
 
 
-def test_the_chain_must_move_exactly_for_the_derivative_to_be_of_its_order() -> None:
+def test_exact_integration_of_the_chain_is_needed_for_the_order() -> None:
     periods = np.array([8e-3, 4e-3, 2e-3])
     plain, homogeneous = [], []
     for period in periods:
@@ -160,7 +160,7 @@ def test_the_chain_must_move_exactly_for_the_derivative_to_be_of_its_order() -> 
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_convergence_from_zero_takes_a_time_that_does_not_depend_on_the_period(order: int) -> None:
+def test_convergence_time_does_not_depend_on_the_period(order: int) -> None:
     settled = []
     for period in (2e-3, 1e-3, 5e-4):
         time = np.arange(0, 30, period)
@@ -227,7 +227,7 @@ def noises(kind: str, size: float, bound: float, order: int, time: Array) -> Arr
 
 @pytest.mark.parametrize("kind", ["held", "sine", "white"])
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_errors_grow_with_the_noise_as_the_theory_says(order: int, kind: str) -> None:
+def test_errors_grow_with_the_noise_as_predicted(order: int, kind: str) -> None:
     bound, period = 1.5, 2e-4
     time = np.arange(0, 25, period)
     truth = waves(time, order)
@@ -248,7 +248,7 @@ def test_errors_grow_with_the_noise_as_the_theory_says(order: int, kind: str) ->
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_noise_errors_grow_with_the_bound_as_the_theory_says(order: int) -> None:
+def test_noise_errors_grow_with_the_bound_as_predicted(order: int) -> None:
     size, period = 1e-3, 2e-4
     time = np.arange(0, 25, period)
     truth = waves(time, order)
@@ -267,7 +267,7 @@ def test_noise_errors_grow_with_the_bound_as_the_theory_says(order: int) -> None
 
 
 @pytest.mark.parametrize("period", [1e-2, 1e-3, 1e-4])
-def test_the_printed_last_line_fails_and_the_one_with_L_works(period: float) -> None:
+def test_printed_last_line_fails_and_the_one_with_L_works(period: float) -> None:
     time = np.arange(0, 120, period)
     truth = paper_input(time)
     late = time >= 5
@@ -288,7 +288,7 @@ def test_the_printed_last_line_fails_and_the_one_with_L_works(period: float) -> 
     assert corrected[1:] == pytest.approx([0.1166 * period**2, 0.0842 * period], rel=0.03)
 
 
-def test_the_printed_form_is_right_for_a_bound_of_one() -> None:
+def test_printed_form_is_correct_for_a_bound_of_one() -> None:
     samples = np.random.default_rng(1).normal(size=50)
     runs = []
     for printed in (False, True):
@@ -297,7 +297,7 @@ def test_the_printed_form_is_right_for_a_bound_of_one() -> None:
     assert np.array_equal(*runs)
 
 
-def test_the_usual_lambdas() -> None:
+def test_standard_lambdas_are_used() -> None:
     assert np.array_equal(LevantDifferentiator(1.0, 1, sampling_period=0.1).lambdas, [1.5, 1.1])
     assert np.array_equal(LevantDifferentiator(1.0, sampling_period=0.1).lambdas, [2.0, 1.5, 1.1])
     assert np.array_equal(
@@ -308,7 +308,7 @@ def test_the_usual_lambdas() -> None:
 
 
 @pytest.mark.parametrize("order", [4, 5])
-def test_the_usual_lambdas_serve_high_orders(order: int) -> None:
+def test_standard_lambdas_work_for_high_orders(order: int) -> None:
     period = 5e-3
     time = np.arange(0, 40, period)
     found = errors(LevantDifferentiator(1.5, order, sampling_period=period), waves(time, order))
@@ -319,7 +319,7 @@ def test_the_usual_lambdas_serve_high_orders(order: int) -> None:
 # --- Divergence and bad input -------------------------------------------------------------------
 
 
-def test_overflow_ends_a_run_with_its_time_and_the_finite_rows() -> None:
+def test_overflow_is_reported_with_time_and_finite_rows() -> None:
     differentiator = LevantDifferentiator(1e200, 1, (1.0, 1.0), sampling_period=1e60)
     start = differentiator.init([1e300, 0.0])
     run = differentiator.run(np.zeros(9), state=start, on_divergence="return")

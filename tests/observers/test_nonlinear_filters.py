@@ -47,7 +47,7 @@ def record(rows: int = 200, seed: int = 1) -> tuple[Array, Array]:
     return y, u
 
 
-def test_on_a_linear_model_all_three_filters_agree() -> None:
+def test_three_filters_agree_on_a_linear_model() -> None:
     y, u = record()
     kalman = KalmanFilter(LinearModel(A, B, C, D, Q=Q, R=R))
     wanted = kalman.run(y, u, state=kalman.init([1.0, 0.0], 1.0))
@@ -96,7 +96,7 @@ def radar_record() -> Array:
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_radar_tracking_as_filterpys_extended_filter(given: bool) -> None:
+def test_radar_tracking_agrees_with_filterpy_extended_filter(given: bool) -> None:
     y, start = radar_record(), np.array([-100.0, 110.0, 1100.0])
     model = NonlinearModel(
         radar_step, slant_range, RADAR_Q, 25.0, None, slant_jacobian if given else None,
@@ -138,7 +138,7 @@ def pendulum_output(x: Array) -> Array:
 
 
 @pytest.mark.parametrize("alpha", [0.1, 0.7])
-def test_a_pendulum_as_filterpys_unscented_filter(alpha: float) -> None:
+def test_pendulum_agrees_with_filterpy_unscented_filter(alpha: float) -> None:
     rng = np.random.default_rng(3)
     u, noise = rng.normal(size=(100, 1)), np.diag([1e-4, 4e-4])
     x, rows = np.array([0.5, 0.0]), []
@@ -171,7 +171,7 @@ def test_a_pendulum_as_filterpys_unscented_filter(alpha: float) -> None:
         assert run["log_likelihood"][k] == pytest.approx(peer.log_likelihood, rel=1e-9, abs=1e-9)
 
 
-def test_the_growth_model_of_gordon_as_filterpys_unscented_filter() -> None:
+def test_gordon_growth_model_agrees_with_filterpy_unscented_filter() -> None:
     """Gordon, Salmond & Smith 1993, section 4.1; the cosine comes in as the input."""
     rng = np.random.default_rng(4)
     u = np.cos(1.2 * np.arange(60))[:, None]
@@ -203,7 +203,7 @@ def test_the_growth_model_of_gordon_as_filterpys_unscented_filter() -> None:
 # --- 50 digits ----------------------------------------------------------------------------------
 
 
-def test_an_extended_filter_to_50_digits() -> None:
+def test_extended_filter_agrees_with_50_digits() -> None:
     """On a pendulum whose height is measured, by texts, whose Jacobians are symbolic."""
     model = NonlinearModel(
         ["a + w/20", "w + (u - 20*sin(a) - w/4)/20"], "a^2 + sin(w)/2", [1e-4, 1e-3], 0.01,
@@ -273,9 +273,7 @@ def van_der_pol_slope(x: Array, u: Array) -> list[float]:
 
 
 @pytest.mark.parametrize(("text", "accuracy"), [(True, 1e-14), (False, 2e-12)])
-def test_the_jacobian_of_runge_kutta_steps_is_that_of_complex_steps(
-    text: bool, accuracy: float
-) -> None:
+def test_runge_kutta_jacobian_agrees_with_complex_steps(text: bool, accuracy: float) -> None:
     model = van_der_pol() if text else NonlinearModel.from_ode(
         van_der_pol_slope, lambda x: x[0], 1e-6, 1e-2, states=2, inputs=1, outputs=1,
         sampling_period=0.1, substeps=3,
@@ -290,7 +288,7 @@ def test_the_jacobian_of_runge_kutta_steps_is_that_of_complex_steps(
 
 
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
-def test_on_van_der_pols_equation_estimates_converge(kind: Any) -> None:
+def test_estimates_converge_on_van_der_pol(kind: Any) -> None:
     """From a wrong start, on a record of an adaptive integrator, to within its own deviations."""
     time, rng = 0.1 * np.arange(300), np.random.default_rng(6)
     solved = solve_ivp(
@@ -311,7 +309,7 @@ def test_on_van_der_pols_equation_estimates_converge(kind: Any) -> None:
 # --- Use in a bank ------------------------------------------------------------------------------
 
 
-def test_a_bank_of_extended_filters_on_linear_models_is_one_of_kalman_filters() -> None:
+def test_extended_filter_bank_on_linear_models_equals_a_kalman_bank() -> None:
     _, u = record()
     x, rows = np.array([1.0, 0.0]), []
     for k, held in enumerate(u):  # with three times the gain for the second half
@@ -334,7 +332,7 @@ def test_a_bank_of_extended_filters_on_linear_models_is_one_of_kalman_filters() 
 
 
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
-def test_noise_of_each_row(kind: Any) -> None:
+def test_noise_per_row_agrees_with_the_recursion(kind: Any) -> None:
     """Against the recursion written out: Q of row k drives the step after it, R is that of y(k)."""
     y, u = record(50)
     scale = np.linspace(1.0, 5.0, 50)[:, None, None]
@@ -361,7 +359,7 @@ def test_noise_of_each_row(kind: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
-def test_a_row_that_lacks_a_number_is_one_of_the_other_numbers(kind: Any) -> None:
+def test_partly_missing_row_uses_the_remaining_measurements(kind: Any) -> None:
     names = {"state_names": ["a", "w"]}
     f, noise = ["a + w/20", "w - sin(a)"], [[0.02, 0.01], [0.01, 0.03]]
     both = kind(NonlinearModel(f, ["sin(a)", "w^2 + a"], Q, noise, **names))
@@ -381,7 +379,7 @@ def test_a_row_that_lacks_a_number_is_one_of_the_other_numbers(kind: Any) -> Non
     assert found.missing == 5
 
 
-def test_a_state_that_is_known_exactly_is_only_moved() -> None:
+def test_exactly_known_state_is_only_predicted() -> None:
     """Where P is singular the Cholesky factor has a column of zeros."""
     model = NonlinearModel(["a + w/20", "w"], "a", 0.0, 1.0, state_names=["a", "w"])
     for one in (ExtendedKalmanFilter(model), UnscentedKalmanFilter(model)):

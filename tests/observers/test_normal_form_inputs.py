@@ -63,7 +63,7 @@ def errors(form: str, inputs: Array) -> Array:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_the_errors_are_those_of_the_linear_dynamics_whatever_the_input_does(form: str) -> None:
+def test_errors_follow_linear_dynamics_for_any_input(form: str) -> None:
     _, known = plant()
     found = errors(form, known)
     rows = STEP * np.arange(STEPS + 1)
@@ -74,13 +74,13 @@ def test_the_errors_are_those_of_the_linear_dynamics_whatever_the_input_does(for
     )  # who is not reported is 0.1 and more off
 
 
-def test_what_is_injected_is_what_theory_says() -> None:
+def test_injection_agrees_with_theory() -> None:
     beta = observer().normal_form.known
     terms = {(c, powers): value for c, powers, value in beta.terms()}
     assert terms == pytest.approx({(0, (0, 1)): 1.0, (1, (0, 1)): -0.5, (1, (2, 1)): 1.0})
 
 
-def test_an_input_that_enters_by_a_power_is_injected_by_that_power() -> None:
+def test_power_of_an_input_is_injected_as_that_power() -> None:
     # S'(x) b has x1^2 u^4: of degree 2 in x, as S' is, and of 6 in all.
     built = normal_form_observer(
         ["x2 + u**4", "-x1 + x2 - x1**2*x2 - u/2"], ["x1"], ["x1", "x2"], inputs=["u"],
@@ -91,7 +91,7 @@ def test_an_input_that_enters_by_a_power_is_injected_by_that_power() -> None:
     assert terms == pytest.approx({(0, (0, 4)): 1.0, (1, (0, 1)): -0.5, (1, (2, 4)): 1.0})
 
 
-def test_steps_give_the_bits_of_a_run_with_inputs_held() -> None:
+def test_steps_and_run_with_held_inputs_are_bitwise_identical() -> None:
     built = observer()
     x, known = plant()
     run = built.run(x[:40:2, 0], known[:40:2], state=built.init(ESTIMATE))
@@ -101,13 +101,13 @@ def test_steps_give_the_bits_of_a_run_with_inputs_held() -> None:
         assert np.array_equal(estimate["state"], row)
 
 
-def test_an_injection_that_mixes_hidden_states_into_the_input_is_refused() -> None:
+def test_injection_mixing_unobservable_states_into_the_input_is_refused() -> None:
     with pytest.raises(InputError, match=r"is a function of y and u, for .* has a term in") as no:
         observer(higher=None)  # the linear injection, whose S has terms in x2
     assert "x2" in str(no.value)
 
 
-def test_an_input_that_acts_by_a_hidden_state_is_refused() -> None:
+def test_input_acting_through_an_unmeasured_state_is_refused() -> None:
     with pytest.raises(InputError, match="component 2 has a term in x2 u that is none"):
         normal_form_observer(
             ["x2", "-x1 - x2 + x2*u"], ["x1"], ["x1", "x2"], inputs=["u"], poles=[-2, -3],
@@ -115,7 +115,7 @@ def test_an_input_that_acts_by_a_hidden_state_is_refused() -> None:
         )  # fmt: skip
 
 
-def test_with_the_whole_state_measured_any_input_will_do() -> None:
+def test_any_input_is_accepted_if_the_whole_state_is_measured() -> None:
     # Then every function of x is one of y: here b_2 = x2 u + u/2.
     built = normal_form_observer(
         ["x2", "-x1 - x2 + x2*u + u/2 - x1**2/4"], ["x1", "x2"], ["x1", "x2"], inputs=["u"],
@@ -134,7 +134,7 @@ def test_with_the_whole_state_measured_any_input_will_do() -> None:
     assert np.abs(blind["state"][-1] - x[-1]).max() > 1e-2
 
 
-def test_terms_that_the_poles_decide_are_refused_in_the_higher_ones() -> None:
+def test_higher_terms_below_degree_two_are_refused() -> None:
     with pytest.raises(InputError, match=r"higher\[1\]: has terms below degree 2"):
         observer(higher=["y1**2", "y1"])
     with pytest.raises(InputError, match="higher: has 1 expressions, must have 2"):

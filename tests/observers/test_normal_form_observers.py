@@ -131,7 +131,7 @@ ORDERS += [("series", 2), ("series", 7), ("jacobian", 7)]
 
 
 @pytest.mark.parametrize(("kind", "order"), ORDERS)
-def test_identity_form_against_an_independent_integration(kind: str, order: int) -> None:
+def test_identity_form_agrees_with_an_independent_integration(kind: str, order: int) -> None:
     step, steps = 1e-3, 3000
     states = integrated(identity_right(kind, order), ESTIMATE, np.arange(steps + 1) * step)
     observer = IdentityObserver(form(), order, kind, sampling_period=step)
@@ -142,7 +142,7 @@ def test_identity_form_against_an_independent_integration(kind: str, order: int)
 
 
 @pytest.mark.parametrize("with_cubic", [False, True])
-def test_transformed_form_against_an_independent_integration(with_cubic: bool) -> None:
+def test_transformed_form_agrees_with_an_independent_integration(with_cubic: bool) -> None:
     step, steps = 1e-3, 5000
     chosen = form(5, with_cubic=with_cubic)
     S, T = exact_series(5)
@@ -171,7 +171,7 @@ def built(name: str, step: float, *, with_cubic: bool = False) -> NormalFormObse
 
 
 @pytest.mark.parametrize("name", [*GAINS, "transformed"])
-def test_order_four_in_the_step(name: str) -> None:
+def test_error_is_of_order_four_in_the_step(name: str) -> None:
     steps = [100, 200, 400]
     ends = {}
     for count in [*steps, 6400]:
@@ -200,14 +200,14 @@ def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
     np.testing.assert_allclose(run["state"], wanted, rtol=1e-12, atol=1e-12)
 
 
-def test_order_zero_is_the_constant_gain_however_it_is_read() -> None:
+def test_order_zero_gives_the_constant_gain_in_every_form() -> None:
     y = plant(0.01, 300)[:, :1]
     observers = [IdentityObserver(form(), 0, kind, sampling_period=0.01) for kind in GAINS]
     runs = [run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in observers]
     assert len({rows.tobytes() for rows in runs}) == 1
 
 
-def test_exact_linearisation_makes_both_forms_one() -> None:
+def test_both_forms_agree_under_exact_linearisation() -> None:
     step, steps = 2e-3, 5000
     y = plant(step, steps)[:, :1]
     observers = [built(name, step, with_cubic=True) for name in ("jacobian", "transformed")]
@@ -215,7 +215,7 @@ def test_exact_linearisation_makes_both_forms_one() -> None:
     assert np.max(np.abs(one - other)) < 1e-9
 
 
-def test_the_error_is_exactly_linear_in_z() -> None:
+def test_error_is_exactly_linear_in_z() -> None:
     step, steps = 1e-3, 20_000
     x = plant(step, steps)
     z = np.stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3], axis=1)[::2]
@@ -227,7 +227,7 @@ def test_the_error_is_exactly_linear_in_z() -> None:
     assert np.max(np.abs(error[list(every)] - wanted)) < 1e-10
 
 
-def test_divergence_is_reported_at_its_time_and_the_state_kept() -> None:
+def test_divergence_is_reported_with_time_and_last_state() -> None:
     """Order 2 leaves every bound at about 9.736 s; an integrator with error control agrees."""
     step, steps = 2e-3, 10_000
     y = plant(step, steps)[:, :1]
@@ -263,7 +263,7 @@ def _far(_: float, values: Array) -> float:
 _far.terminal = True  # type: ignore[attr-defined]
 
 
-def test_an_estimate_that_overflows_at_the_start() -> None:
+def test_overflow_of_the_first_estimate_is_reported() -> None:
     """z is finite, T(z) is not: no row is left, and the state is the one to begin with."""
     observer = TransformedObserver(form(5), 4, sampling_period=0.1)
     start = replace(observer.init([0.0, 0.0]), values=np.array([1e100, 1e100]))
@@ -274,14 +274,14 @@ def test_an_estimate_that_overflows_at_the_start() -> None:
 
 
 @pytest.mark.parametrize("name", ["series", "transformed"])
-def test_without_a_state_a_run_starts_from_the_origin(name: str) -> None:
+def test_run_without_a_state_starts_from_the_origin(name: str) -> None:
     observer, y = built(name, 0.01), plant(0.01, 30)[::2, :1]
     known = observer.run(y, state=observer.init([0.0, 0.0]))
     assert np.array_equal(observer.run(y)["state"], known["state"])
 
 
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
-def test_series_of_fractions_run_as_floats_do(kind: Any) -> None:
+def test_series_of_fractions_run_like_floats(kind: Any) -> None:
     y = plant(0.01, 300)[:, :1]
     floats, fractions = (
         kind(form(5, exact=exact), 4, sampling_period=0.01) for exact in (False, True)

@@ -83,7 +83,7 @@ DESIGNS = [
 
 
 @pytest.mark.parametrize(("interval", "observer_gain", "K1", "K2"), DESIGNS)
-def test_simulation_grows_beyond_the_sampled_limit_and_not_below(
+def test_error_grows_only_above_the_sampled_limit(
     interval: float, observer_gain: Any, K1: Any, K2: Array
 ) -> None:
     limit = sampled_limit_gain(
@@ -261,7 +261,7 @@ def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run[State
 
 @pytest.mark.parametrize("unwritten", [np.nan, 1.0])
 @pytest.mark.parametrize("name", DIVERGING)
-def test_a_divergent_run_returns_the_finite_rows_and_their_time(
+def test_divergent_run_returns_the_finite_rows_and_their_time(
     name: str, unwritten: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What the loop leaves unwritten is no result, whatever the memory held before.
@@ -284,7 +284,7 @@ def test_a_divergent_run_returns_the_finite_rows_and_their_time(
     assert run_at_rest(observer, name, rows).diverged_at == run.diverged_at
 
 
-def test_divergence_comes_when_the_linear_law_overflows() -> None:
+def test_divergence_is_reported_when_the_linear_law_overflows() -> None:
     # The law on one axis by hand, scaled after every interval so that it cannot overflow itself.
     inertia, observer_gain, fault, K1, K2, interval = 1.0, 10.0, 1e-3, 3.0, 1000.0, 0.01
     decay = np.exp(-observer_gain * interval / inertia)
@@ -306,7 +306,7 @@ def test_divergence_comes_when_the_linear_law_overflows() -> None:
 
 
 @each_observer
-def test_a_first_sample_from_which_nothing_can_be_estimated_is_reported(
+def test_overflow_at_the_first_sample_is_reported(
     observer: RigidBodyObserver,
 ) -> None:
     state = observer.init(np.full(3, -1e308), np.full(3, 1e308))
@@ -420,20 +420,20 @@ BAD_INPUT: list[tuple[Build, str]] = [
 
 
 @pytest.mark.parametrize(("build", "sentence"), BAD_INPUT)
-def test_bad_input_is_refused_in_a_sentence(build: Build, sentence: str) -> None:
+def test_invalid_input_is_refused_in_one_sentence(build: Build, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         build()
 
 
 @each_observer
-def test_bad_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
+def test_invalid_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
     with pytest.raises(InputError, match=r"^rate: has shape \(2,\), must be a list of 3 numbers$"):
         observer.init([1.0, 2.0])
     with pytest.raises(InputError, match=r"^rate: \[0.0, 0.0, inf\] has an entry"):
         observer.init([0.0, 0.0, np.inf])
 
 
-def test_an_estimate_that_starts_right_stays_right() -> None:
+def test_exact_initial_estimate_stays_exact() -> None:
     """The true rate and a constant fault known from the start: K1 = I and integrators keep them."""
     body, step, torque = RigidBody(INERTIA), 1e-3, [0.3, -0.2, 0.1]
     terms = [{"kind": "constant", "axis": i + 1, "size": f} for i, f in enumerate(torque)]
@@ -453,19 +453,19 @@ def test_an_estimate_that_starts_right_stays_right() -> None:
         assert np.max(np.abs(run.before["fault"] - torque)) < 1e-9
 
 
-def test_unstable_gains_are_accepted_on_demand() -> None:
+def test_unstable_gains_are_accepted_on_request() -> None:
     assert continuous(K1=1.05, allow_unstable=True)
     assert sampled(K2=64171.526, allow_unstable=True)
 
 
-def test_the_refused_sampled_gain_is_just_above_the_limit_and_the_accepted_one_below() -> None:
+def test_sampled_gain_is_refused_just_above_the_limit_and_accepted_below() -> None:
     limit = 1.9 * 100 / np.tanh(100 * 0.01 / (2 * (26.5 - np.sqrt(9.5**2 + 1.5**2))))
     assert sampled(K2=(1 - 1e-9) * limit)
     with pytest.raises(InputError, match="the limit is 1 times this K2"):
         sampled(K2=(1 + 1e-9) * limit)
 
 
-def test_a_divergent_plant_says_until_when_it_was_finite() -> None:
+def test_divergent_plant_reports_its_last_finite_time() -> None:
     # A step far too large for this spin: every step raises the rate until it overflows.
     plant_ = Satellite(np.diag([1.0, 2.0, 3.0]))
     with pytest.raises(

@@ -290,7 +290,7 @@ def test_continuous_observer_is_of_order_4(where: str, identity: bool) -> None:
 
 @pytest.mark.parametrize("identity", [False, True], ids=["forgetting", "identity"])
 @pytest.mark.parametrize("where", SCENARIOS)
-def test_a_jump_of_the_estimate_recurs_every_interval(where: str, identity: bool) -> None:
+def test_jump_of_the_estimate_recurs_every_interval(where: str, identity: bool) -> None:
     # w^ is continuous: v jumps by K2 w~(0) at t = 0 and by K2 b where the sensor jumps by b, and
     # K1 hands every jump on to one interval later. Whatever is integrated in between cancels.
     K1 = np.eye(3) if identity else FORGETTING
@@ -401,9 +401,7 @@ def test_axisymmetric_body_precesses_as_in_closed_form() -> None:
     ("period", "samples"),
     [(0.002, 1), (0.004, 2), (0.02, 10), (0.001, 0), (0.003, 0), (1e-6, 0)],
 )
-def test_half_a_period_of_an_observer_is_a_whole_number_of_samples(
-    period: float, samples: int
-) -> None:
+def test_half_period_must_be_a_whole_number_of_samples(period: float, samples: int) -> None:
     observer = SampledILO(
         RigidBody(inertia=np.eye(3)),
         K1=1.0,

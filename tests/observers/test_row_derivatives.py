@@ -22,7 +22,7 @@ def found(values: Array, order: int, period: float, cut: int | None = None) -> A
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_a_polynomial_of_one_degree_more_has_its_derivatives(order: int) -> None:
+def test_derivatives_are_exact_for_polynomials_of_the_next_degree(order: int) -> None:
     period, time = 0.25, 0.25 * np.arange(12)
     polynomial = np.polynomial.Polynomial(np.arange(1.0, order + 3))
     truth = np.stack([polynomial.deriv(i)(time) for i in range(order + 1)], axis=1)
@@ -36,7 +36,7 @@ def test_a_polynomial_of_one_degree_more_has_its_derivatives(order: int) -> None
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_errors_fall_with_the_period_as_promised(order: int) -> None:
+def test_errors_fall_with_the_period_as_stated(order: int) -> None:
     periods, worst = np.array([0.1, 0.05, 0.025]), []
     for period in periods:
         time = period * np.arange(round(5 / period))
@@ -48,19 +48,19 @@ def test_errors_fall_with_the_period_as_promised(order: int) -> None:
     assert slopes == pytest.approx(order + 2 - np.arange(1, order + 1), abs=0.15)
 
 
-def test_noise_on_a_sample_is_amplified_as_promised() -> None:
+def test_noise_on_a_sample_is_amplified_as_stated() -> None:
     steps = found(np.eye(7)[3], 1, 0.01)[3:6, 1]
     assert steps == pytest.approx([150.0, -200.0, 50.0])
     assert np.linalg.norm(steps) == pytest.approx(2.55 / 0.01, rel=1e-2)
 
 
 @pytest.mark.parametrize("cut", [2, 3, 5])
-def test_two_records_in_a_row_are_one(cut: int) -> None:
+def test_two_consecutive_records_equal_one(cut: int) -> None:
     values = np.random.default_rng(1).normal(size=9)
     assert np.array_equal(found(values, 2, 0.1, cut), found(values, 2, 0.1))
 
 
-def test_from_the_first_to_the_second_sample_the_slope_is_the_second_one_s() -> None:
+def test_slope_of_the_first_interval_comes_from_the_second_sample() -> None:
     values = np.array([[1.0], [3.0]])
     _, whole, _, _ = completed(
         values, None, None, recent=np.zeros(2), known=0, last=None, period=0.5
@@ -74,7 +74,7 @@ def test_from_the_first_to_the_second_sample_the_slope_is_the_second_one_s() -> 
     assert second[0].tolist() == whole[1].tolist() == [3.0, 4.0]
 
 
-def test_limits_and_middles_of_the_signal_alone() -> None:
+def test_limits_and_midpoints_have_the_signal_without_derivatives() -> None:
     rows = np.array([[0.0], [2.0], [4.0], [9.0]])
     before, middle = rows - 0.5, rows - 1.0
     _, full, left, inside = completed(

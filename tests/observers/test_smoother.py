@@ -60,7 +60,7 @@ def filters() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kind", ["kalman", "extended", "unscented"])
-def test_smoothing_is_least_squares_over_the_whole_record(kind: str) -> None:
+def test_smoother_agrees_with_least_squares_over_the_record(kind: str) -> None:
     """With gaps and another Q at each row: mean and covariance from the information matrix."""
     one, rows = filters()[kind], 40
     y, u = record(rows)
@@ -92,7 +92,7 @@ def test_smoothing_is_least_squares_over_the_whole_record(kind: str) -> None:
     assert np.array_equal(found.time, run.time)
 
 
-def test_the_smoother_of_filterpy() -> None:
+def test_smoother_agrees_with_filterpy() -> None:
     y, u = record(60)
     one = filters()["kalman"]
     run = one.run(y, u, state=one.init([1.0, 0.0], 1.0))
@@ -109,7 +109,7 @@ def test_the_smoother_of_filterpy() -> None:
     np.testing.assert_allclose(found["covariance"], covariance, rtol=1e-10, atol=1e-12)
 
 
-def test_the_unscented_smoother_of_filterpy() -> None:
+def test_unscented_smoother_agrees_with_filterpy() -> None:
     rng, noise = np.random.default_rng(7), np.diag([1e-4, 4e-4])
     y = 0.3 * rng.normal(size=(50, 2))
     model = NonlinearModel(
@@ -138,7 +138,7 @@ def nile(kind: str) -> Any:
 
 
 @pytest.mark.parametrize("kind", ["kalman", "extended", "unscented"])
-def test_the_flow_of_the_nile(kind: str) -> None:
+def test_smoother_agrees_with_published_nile_results(kind: str) -> None:
     """The diffuse likelihood is that of the differences, which do not depend on the first level."""
     one = nile(kind)
     # A diffuse start makes of the first measurement the level, with its variance.
@@ -161,7 +161,7 @@ def test_the_flow_of_the_nile(kind: str) -> None:
     np.testing.assert_allclose(found["variance"][:, 0], np.diag(np.linalg.inv(information))[1:])
 
 
-def test_bad_input_of_the_smoother() -> None:
+def test_invalid_smoother_input_is_refused() -> None:
     one = filters()["extended"]
     y, u = record(10)
     run = one.run(y, u, state=one.init([1.0, 0.0], 1.0))

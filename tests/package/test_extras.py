@@ -63,14 +63,14 @@ lacks("pipeline", lambda: main(["check", "--project", sys.argv[2]]))
 """
 
 
-def test_the_core_needs_three_packages_and_names_the_extra_of_others(tmp_path: Path) -> None:
+def test_core_needs_three_packages_and_names_the_missing_extra(tmp_path: Path) -> None:
     words = [sys.executable, "-c", CORE, " ".join(EXTRAS), str(ROOT)]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_extra_that_a_message_names_brings_the_package() -> None:
+def test_named_extra_provides_the_missing_package() -> None:
     brings = {
         extra: {IMPORTED.get(name, name) for name in (Requirement(line).name for line in lines)}
         for extra, lines in DECLARED["optional-dependencies"].items()

@@ -20,19 +20,19 @@ CHANGELOG = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 RELEASES = re.findall(r"^## \[(\d.*?)\] - (\S+)$", CHANGELOG, re.MULTILINE)
 
 
-def test_the_version_and_its_day_are_the_same_everywhere() -> None:
+def test_version_and_date_agree_everywhere() -> None:
     version, day = RELEASES[0]
     found = {PROJECT["version"], CITATION["version"], CODEMETA["version"]}
     assert found == {version, metadata.version("reobserve")}
     assert {str(CITATION["date-released"]), CODEMETA["dateModified"]} == {day}
 
 
-def test_the_newest_release_comes_first() -> None:
+def test_newest_release_comes_first() -> None:
     versions = [tuple(map(int, version.split("."))) for version, _ in RELEASES]
     assert versions == sorted(versions, reverse=True)
 
 
-def test_names_and_words_are_the_same_everywhere() -> None:
+def test_names_and_keywords_agree_everywhere() -> None:
     authors = [one["name"] for one in PROJECT["authors"]]
     assert [one["name"] for one in CITATION["authors"]] == authors
     assert [one["name"] for one in CODEMETA["author"]] == authors
@@ -45,7 +45,7 @@ def test_names_and_words_are_the_same_everywhere() -> None:
     assert CODEMETA["runtimePlatform"] == f"Python {PROJECT['requires-python']}"
 
 
-def test_the_papers_are_those_of_the_citation() -> None:
+def test_papers_agree_with_the_citation_file() -> None:
     def article(reference: dict[str, Any]) -> dict[str, str]:
         place = {"@id": f"https://doi.org/{reference['doi']}"} if "doi" in reference else {}
         return {"@type": "ScholarlyArticle", **place, "name": reference["title"]}
@@ -54,7 +54,7 @@ def test_the_papers_are_those_of_the_citation() -> None:
 
 
 @pytest.mark.parametrize("workflow", sorted((ROOT / ".github/workflows").glob("*.yml")))
-def test_a_workflow_runs_targets_of_the_makefile(workflow: Path) -> None:
+def test_ci_workflow_runs_makefile_targets(workflow: Path) -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"\bmake (\w+)", workflow.read_text(encoding="utf-8")):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target

@@ -33,7 +33,7 @@ def tracked(*folders: str) -> dict[str, bytes]:
     return {name: path.read_bytes() for name, path in paths.items() if path.is_file()}
 
 
-def test_the_wheel_holds_the_package_its_data_and_nothing_else(wheel: dict[str, bytes]) -> None:
+def test_wheel_holds_only_the_package_and_its_data(wheel: dict[str, bytes]) -> None:
     modules = {name.removeprefix("src/"): text for name, text in tracked("src").items()}
     data = {f"reobserve/project/{name}": text for name, text in tracked(*DATA).items()}
     found = {name: text for name, text in wheel.items() if ".dist-info/" not in name}
@@ -41,7 +41,7 @@ def test_the_wheel_holds_the_package_its_data_and_nothing_else(wheel: dict[str, 
     assert "reobserve/py.typed" in found
 
 
-def test_an_index_shows_no_link_that_it_lacks(wheel: dict[str, bytes]) -> None:
+def test_readme_on_the_package_index_has_no_relative_links(wheel: dict[str, bytes]) -> None:
     (about,) = (text for name, text in wheel.items() if name.endswith(".dist-info/METADATA"))
     text = email.parser.BytesParser().parsebytes(about).get_payload()
     links = re.findall(r"\]\(([^)]*)\)", str(text))

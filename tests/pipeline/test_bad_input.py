@@ -137,7 +137,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_CONFIG)
-def test_bad_config(case: str, tmp_path: Path, capsys: Capture) -> None:
+def test_invalid_config_is_refused(case: str, tmp_path: Path, capsys: Capture) -> None:
     overrides, where, what = BAD_CONFIG[case]
     said = refused(
         capsys,
@@ -150,7 +150,7 @@ def test_bad_config(case: str, tmp_path: Path, capsys: Capture) -> None:
     assert nothing_in(tmp_path)
 
 
-def test_samples_that_are_not_numbers(tmp_path: Path, capsys: Capture) -> None:
+def test_non_numeric_samples_are_refused(tmp_path: Path, capsys: Capture) -> None:
     record = tmp_path / "torque.csv"
     record.write_text("time,torque\n0,0.1\n1,nan\n2,0.2\n")
     term = {"kind": "samples", "axis": 1, "file": str(record), "column": "torque"}
@@ -178,7 +178,7 @@ def record(parameter_file: Path) -> Path:
     return path
 
 
-def test_a_record_cut_short(parameter_file: Path, record: Path, capsys: Capture) -> None:
+def test_truncated_record_is_refused(parameter_file: Path, record: Path, capsys: Capture) -> None:
     record.write_bytes(record.read_bytes()[:-1000])
     output = record.with_name("out") / "sampled.parquet"
     said = refused(
@@ -188,7 +188,9 @@ def test_a_record_cut_short(parameter_file: Path, record: Path, capsys: Capture)
     assert not output.parent.exists()
 
 
-def test_a_record_of_something_else(parameter_file: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_record_of_another_plant_is_refused(
+    parameter_file: Path, tmp_path: Path, capsys: Capture
+) -> None:
     import pyarrow as pa
     import pyarrow.parquet as parquet
 
@@ -207,7 +209,7 @@ def test_a_record_of_something_else(parameter_file: Path, tmp_path: Path, capsys
     assert "has no reobserve metadata" in said
 
 
-def test_a_missing_record(parameter_file: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_missing_record_is_refused(parameter_file: Path, tmp_path: Path, capsys: Capture) -> None:
     missing, output = tmp_path / "no.parquet", tmp_path / "out.parquet"
     said = refused(
         capsys, "stage", "observe", parameter_file, missing, "sampled", "--output", output
@@ -215,7 +217,7 @@ def test_a_missing_record(parameter_file: Path, tmp_path: Path, capsys: Capture)
     assert said == f"{missing}: cannot be read (No such file or directory)"
 
 
-def test_a_design_for_an_observer_without_one(
+def test_design_for_an_observer_without_one_is_refused(
     parameter_file: Path, record: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output = tmp_path / "out.parquet"
@@ -227,7 +229,7 @@ def test_a_design_for_an_observer_without_one(
     assert not output.exists()
 
 
-def test_a_design_for_a_theory_without_one(
+def test_design_for_a_theory_without_one_is_refused(
     parameter_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output, design = tmp_path / "out.csv", tmp_path / "some.json"
@@ -238,7 +240,7 @@ def test_a_design_for_a_theory_without_one(
     assert not output.exists()
 
 
-def test_too_few_estimates_and_an_unknown_format(
+def test_too_few_estimates_and_unknown_format_are_refused(
     parameter_file: Path, record: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     inputs = ["fig1", "--plant-file", record, "--estimate-files", record]
@@ -250,7 +252,7 @@ def test_too_few_estimates_and_an_unknown_format(
     assert not output.exists()
 
 
-def test_an_unknown_name_lists_the_known_ones(
+def test_unknown_name_lists_the_known_ones(
     parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
     output = record.with_name("out.parquet")
@@ -265,7 +267,7 @@ def test_an_unknown_name_lists_the_known_ones(
     assert not output.exists()
 
 
-def test_an_output_folder_that_cannot_be_written(parameter_file: Path, capsys: Capture) -> None:
+def test_unwritable_output_folder_is_refused(parameter_file: Path, capsys: Capture) -> None:
     """A file where a folder must be: refused for everyone, also for root."""
     blocked = parameter_file / "plant.parquet"
     said = refused(capsys, "stage", "plant", parameter_file, "constant", "--output", blocked)
@@ -285,7 +287,7 @@ def closed_folder(tmp_path: Path) -> Path:
     pytest.skip("this user may write everywhere")
 
 
-def test_an_output_folder_without_permission(
+def test_output_folder_without_permission_is_refused(
     parameter_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output = closed_folder(tmp_path) / "plant.parquet"
@@ -294,7 +296,7 @@ def test_an_output_folder_without_permission(
     assert not output.exists()
 
 
-def test_a_divergent_observer_names_the_time(
+def test_divergent_observer_reports_the_time(
     parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
     """A step beyond the reach of the integrator, which no stability condition forbids."""
@@ -339,7 +341,7 @@ MORE_BAD_CALLS = {
         *(pytest.param(*call, marks=pytest.mark.nightly) for call in MORE_BAD_CALLS.items()),
     ],
 )
-def test_snakemake_says_it_in_one_sentence(built: Project, config: str, said: str) -> None:
+def test_snakemake_reports_errors_in_one_sentence(built: Project, config: str, said: str) -> None:
     before = built.results()
     done = built.snakemake("--config", config, check=False)
     assert done.returncode == 1
@@ -349,7 +351,7 @@ def test_snakemake_says_it_in_one_sentence(built: Project, config: str, said: st
     assert built.results() == before
 
 
-def test_a_slip_in_a_parameter_file_shows_before_the_first_job(fresh: Project) -> None:
+def test_error_in_a_parameter_file_is_reported_before_the_first_job(fresh: Project) -> None:
     """Without overrides, too."""
     parameters = fresh.folder / "config/papers/eso.yaml"
     text = parameters.read_text(encoding="utf-8")
@@ -362,7 +364,7 @@ def test_a_slip_in_a_parameter_file_shows_before_the_first_job(fresh: Project) -
     assert not (fresh.folder / "results/ilo").exists()
 
 
-def test_what_only_building_shows_in_a_parameter_file_stops_the_first_job(fresh: Project) -> None:
+def test_error_found_on_construction_stops_the_first_job(fresh: Project) -> None:
     """Without overrides, too."""
     parameters = fresh.folder / "config/papers/ilo.yaml"
     text = parameters.read_text(encoding="utf-8")

@@ -53,7 +53,9 @@ def take(project: Project, built: Project, pattern: str) -> None:
             shutil.copyfile(path, copy)
 
 
-def test_one_core_and_two_give_the_same_bytes(as_built: Project, fresh: Project) -> None:
+def test_builds_on_one_and_two_cores_are_bitwise_identical(
+    as_built: Project, fresh: Project
+) -> None:
     """Of all that is made from records and studies; from nothing it is made in the next test."""
     for pattern in TAKEN:
         take(fresh, as_built, pattern)
@@ -81,7 +83,7 @@ def built_of_killed(project: Project) -> int:
     return sum(path.is_file() for path in (project.folder / "results" / KILLED).rglob("*"))
 
 
-def test_a_killed_build_ends_with_the_same_bytes(as_built: Project, fresh: Project) -> None:
+def test_killed_build_resumes_to_the_same_bytes(as_built: Project, fresh: Project) -> None:
     """SIGKILL of the whole process group, again and again, as the results of one paper grow.
 
     On one core, where the other was built on two.
@@ -115,7 +117,7 @@ def test_a_killed_build_ends_with_the_same_bytes(as_built: Project, fresh: Proje
     assert_same_files(whole, fresh.results())
 
 
-def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
+def test_second_build_in_the_same_folder_is_refused(fresh: Project) -> None:
     target, other = "results/imm/fig8_closeness.svg", "results/lie/figure/plant.parquet"
     first = subprocess.Popen(
         ["snakemake", "--cores", "1", target],

@@ -15,7 +15,7 @@ EXAMPLE = ROOT / "examples" / "two_mass"
 FILES = [path for path in sorted(EXAMPLE.rglob("*")) if path.is_file() and "cache" not in str(path)]
 
 
-def test_a_paper_takes_few_files_and_lines() -> None:
+def test_example_paper_needs_few_files_and_lines() -> None:
     assert len(FILES) <= 6
     assert sum(len(path.read_text().splitlines()) for path in FILES) <= 300
 
@@ -37,7 +37,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     return copy
 
 
-def test_it_is_built_from_nothing(project: Project) -> None:
+def test_example_builds_from_scratch(project: Project) -> None:
     made = {Path(name).name for name in project.results() if name.startswith("two_mass/")}
     assert {"fig1.pdf", "fig2.pdf", "noises.study.csv", "fast.design.json"} <= made
     claims = (project.folder / "results/claims.csv").read_text()
@@ -46,7 +46,7 @@ def test_it_is_built_from_nothing(project: Project) -> None:
     assert project.stale(config=("papers=[two_mass]", *FEW_DRAWS)) == {}
 
 
-def test_its_one_module_is_what_its_results_depend_on(project: Project) -> None:
+def test_example_results_depend_on_its_single_module(project: Project) -> None:
     module = project.folder / "src/reobserve/papers/two_mass.py"
     kept = module.read_bytes()
     try:
@@ -59,14 +59,14 @@ def test_its_one_module_is_what_its_results_depend_on(project: Project) -> None:
     assert stale["plot"] == 2
 
 
-def test_a_misspelt_layout_is_reported_before_anything_runs(project: Project) -> None:
+def test_misspelt_layout_is_reported_before_anything_runs(project: Project) -> None:
     change = "two_mass={figures: {fig1: {layout: error}}}"
     done = project.snakemake("--config", "papers=[two_mass]", change, check=False)
     assert done.returncode != 0
     assert "figures.fig1.layout: 'error' must be one of errors, noises" in done.stdout + done.stderr
 
 
-def test_the_house_watches_over_it(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_project_rules_cover_the_example(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
     """`accept` stores its golden numbers and lists its metrics; then all house rules hold."""
     monkeypatch.delenv("CI", raising=False)  # where nothing is accepted
     project.run("reobserve", "accept", "two_mass", "--reason", "a paper more")

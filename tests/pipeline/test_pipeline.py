@@ -24,7 +24,7 @@ from tests import FIVE
 from .conftest import FIGURES, PAPERS, PARAMETER_FILES, ROOT, TABLES, Project
 
 
-def test_provenance_says_what_made_a_series(built: Project) -> None:
+def test_provenance_records_how_a_series_was_made(built: Project) -> None:
     series = Series.read(built.folder / "results/ilo/constant/forgetting.parquet")
     about = series.provenance
     assert (about["paper"], about["stage"], about["job"]) == ("ilo", "observe", "forgetting")
@@ -36,7 +36,7 @@ def test_provenance_says_what_made_a_series(built: Project) -> None:
 
 
 @pytest.mark.nightly
-def test_one_figure_builds_its_chain_and_nothing_else(fresh: Project) -> None:
+def test_building_one_figure_builds_only_its_inputs(fresh: Project) -> None:
     fresh.snakemake("results/ilo/fig3.pdf")
     chain = {
         *(f"{paper}/parameters.json" for paper in known_papers(ROOT)),
@@ -51,7 +51,7 @@ def test_one_figure_builds_its_chain_and_nothing_else(fresh: Project) -> None:
     assert (fresh.folder / "logs/ilo/fig3.plot.tsv").exists()
 
 
-def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
+def test_printed_command_can_be_run_manually(built: Project) -> None:
     output = built.snakemake(
         "--dry-run", "--force", "--printshellcmds", "results/ilo/fig2.metrics.csv"
     ).stdout
@@ -62,7 +62,7 @@ def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
     assert built.results()["ilo/fig2.metrics.csv"] == before
 
 
-def test_metrics_and_plots_load_no_compiler(built: Project, tmp_path: Path) -> None:
+def test_metrics_and_plots_do_not_load_numba(built: Project, tmp_path: Path) -> None:
     slow = r"\| +(numba|cvxpy|pandas|sympy|scipy\.signal)$"
     for paper in PAPERS:
         figures = PARAMETER_FILES[paper].tree["figures"]
@@ -80,7 +80,7 @@ def test_metrics_and_plots_load_no_compiler(built: Project, tmp_path: Path) -> N
 
 
 @pytest.mark.nightly
-def test_a_fault_of_ones_own(fresh: Project) -> None:
+def test_user_defined_scenario_with_recorded_fault_builds(fresh: Project) -> None:
     """A scenario, an observer and a figure added from a file, with samples from a CSV."""
     time = np.arange(0, 10.01, 0.01)
     torque = np.where(time > 3, 0.2 * np.sin(2 * time), 0.0)
@@ -116,7 +116,7 @@ def test_a_fault_of_ones_own(fresh: Project) -> None:
 
 
 @pytest.mark.nightly
-def test_noise_in_the_record(fresh: Project) -> None:
+def test_noise_of_the_parameter_file_is_in_the_record(fresh: Project) -> None:
     """A deviation in the parameter file gives a measured rate, held, with that deviation."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(
@@ -132,7 +132,7 @@ def test_noise_in_the_record(fresh: Project) -> None:
 
 
 @pytest.mark.nightly
-def test_the_snakemake_report_is_complete(built: Project) -> None:
+def test_snakemake_report_is_complete(built: Project) -> None:
     built.snakemake("--report", "report.html")
     html = (built.folder / "report.html").read_text()
     for paper, figure in FIGURES:
@@ -151,7 +151,7 @@ def test_the_snakemake_report_is_complete(built: Project) -> None:
     (built.folder / "report.html").unlink()
 
 
-def test_captions_say_what_was_open_and_chosen(built: Project) -> None:
+def test_captions_list_assumptions_and_choices(built: Project) -> None:
     for paper, figure in FIGURES:
         if paper not in FIVE:
             continue
@@ -167,7 +167,7 @@ def test_captions_say_what_was_open_and_chosen(built: Project) -> None:
     assert f"has an error of {100 * share:.2g} %" in fig4
 
 
-def test_what_a_person_can_look_up(built: Project) -> None:
+def test_listing_commands_print_parameters_and_results(built: Project) -> None:
     listing = built.run("reobserve", "list").stdout
     for word in ("ilo", "constant", "combined", "sampled", "matching", "built: pdf"):
         assert word in listing
@@ -197,7 +197,7 @@ def test_what_a_person_can_look_up(built: Project) -> None:
         assert target in helped
 
 
-def test_claims_hold_that_held_when_they_were_accepted(built: Project) -> None:
+def test_accepted_claims_still_hold(built: Project) -> None:
     """With one sample there are no verdicts to compare, but it is known what holds as stated."""
     found = golden_claims.read_built(built.folder / "results")
     golden = golden_claims.read_golden(ROOT)
@@ -207,7 +207,7 @@ def test_claims_hold_that_held_when_they_were_accepted(built: Project) -> None:
         assert list(map(str, moved)) == []
 
 
-def test_the_readme_shows_what_was_accepted(built: Project) -> None:
+def test_readme_shows_the_accepted_verdicts(built: Project) -> None:
     readme = (ROOT / "README.md").read_text()
     golden = golden_claims.read_golden(ROOT)
     rows = [
@@ -217,14 +217,14 @@ def test_the_readme_shows_what_was_accepted(built: Project) -> None:
     assert verdict_table(rows) in readme
 
 
-def test_the_report_has_no_gaps(built: Project) -> None:
+def test_report_has_no_gaps(built: Project) -> None:
     page = (built.folder / "results/report.html").read_text()
     for paper, figure in FIGURES:
         assert f'id="{paper}-{figure}"' in page
     assert (built.folder / "logs/report.log").read_text().endswith("results/report.html: no gaps\n")
 
 
-def test_benchmark_and_logs_stand_beside(built: Project) -> None:
+def test_benchmarks_and_logs_are_written(built: Project) -> None:
     logs = {path.name for path in (built.folder / "logs").rglob("*.tsv")}
     assert {"plant.tsv", "sampled.tsv", "fig1.metrics.tsv", "fig1.plot.tsv"} <= logs
     assert all(Path(log).suffix == ".tsv" for log in logs)

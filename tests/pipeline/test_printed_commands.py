@@ -128,7 +128,7 @@ REPORTED = {
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("page", REPORTED)
-def test_every_command_runs(fresh: Project, page: str) -> None:
+def test_every_printed_command_runs(fresh: Project, page: str) -> None:
     for name, content in FILES.items():
         (fresh.folder / name).write_text(content)
     ran = []
@@ -155,7 +155,7 @@ def test_every_command_runs(fresh: Project, page: str) -> None:
         assert (fresh.folder / BUILT[page]).read_bytes().startswith(b"%PDF")
 
 
-def test_there_are_commands_of_all_kinds() -> None:
+def test_printed_commands_cover_all_kinds() -> None:
     commands = [
         part for reported in REPORTED.values() for part in reported if isinstance(part, Command)
     ]
@@ -166,7 +166,7 @@ def test_there_are_commands_of_all_kinds() -> None:
 
 
 @pytest.mark.nightly
-def test_a_build_ends_with_the_sentence_that_is_printed(fresh: Project) -> None:
+def test_build_ends_with_the_documented_sentence(fresh: Project) -> None:
     text = (ROOT / "docs/pages/start/two-commands.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"^Job 0: (.*)$", text, re.MULTILINE)
     assert f"Job 0: {line}" in fresh.snakemake("--dry-run").stdout

@@ -7,7 +7,7 @@ import pytest
 from .conftest import Project
 
 
-def test_a_build_prints_its_jobs_and_the_sentence_of_what_fails(fresh: Project) -> None:
+def test_build_prints_its_jobs_and_the_failure(fresh: Project) -> None:
     target = "results/ilo/constant/plant.parquet"
     said = fresh.snakemake(target).stderr
     assert "ilo: simulate the plant, scenario constant\n" in said
@@ -20,7 +20,7 @@ def test_a_build_prints_its_jobs_and_the_sentence_of_what_fails(fresh: Project) 
 
 
 @pytest.mark.nightly
-def test_memory_and_time_of_a_job_are_its_own(fresh: Project) -> None:
+def test_memory_and_time_are_measured_per_job(fresh: Project) -> None:
     """A process that has imported numpy, numba and pyarrow takes more than 60 MB."""
     fresh.snakemake("results/ilo/constant/plant.parquet")
     header, row = (fresh.folder / "logs/ilo/constant/plant.tsv").read_text().splitlines()

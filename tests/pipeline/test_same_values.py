@@ -36,7 +36,7 @@ FIRST = {paper: next(iter(PARAMETER_FILES[paper].tree["figures"])) for paper in 
         for paper, figure in FIGURES
     ],
 )
-def test_a_figure_has_the_same_numbers_to_the_last_bit(
+def test_figure_is_bitwise_identical_to_the_library_call(
     as_built: Project, evaluators: dict[str, Evaluator], paper: str, figure: str
 ) -> None:
     evaluator = evaluators[paper]
@@ -68,7 +68,7 @@ def test_a_figure_has_the_same_numbers_to_the_last_bit(
         for study in PARAMETER_FILES[paper].tree.get("studies", {})
     ],
 )
-def test_a_study_has_the_same_bytes(
+def test_study_is_bitwise_identical_to_the_library_call(
     as_built: Project, tmp_path: Path, paper: str, study: str
 ) -> None:
     """Of the dearest those of a few of their levels, whose rows are among the built ones."""
@@ -87,7 +87,7 @@ def test_a_study_has_the_same_bytes(
 
 
 @pytest.mark.parametrize(("paper", "table"), TABLES)
-def test_a_table_has_the_same_bytes(
+def test_table_is_bitwise_identical_to_the_library_call(
     as_built: Project, tmp_path: Path, paper: str, table: str
 ) -> None:
     rows = EVALUATORS[paper].table(table)

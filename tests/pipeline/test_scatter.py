@@ -43,7 +43,7 @@ def in_one(toy: Project) -> bytes:
     return (toy.folder / ROBUSTNESS).read_bytes()
 
 
-def test_the_profile_speaks_of_every_rule_and_no_other() -> None:
+def test_slurm_profile_lists_exactly_the_existing_rules() -> None:
     profile = read_yaml(ROOT / "profiles/slurm/config.yaml")
     text = "".join(path.read_text() for path in (ROOT / "workflow").rglob("*.smk"))
     alone, grouped = {*profile["set-resources"]}, {*profile["groups"]}
@@ -57,7 +57,7 @@ def chunks(toy: Project) -> list[str]:
 
 
 @pytest.mark.nightly
-def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) -> None:
+def test_sample_chunks_as_jobs_give_the_same_bytes(toy: Project, in_one: bytes) -> None:
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE, "chunks=4")
     assert chunks(toy) == ["0-9", "10-19", "20-29", "30-39"]
     assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
@@ -70,7 +70,7 @@ def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) ->
 
 
 @pytest.mark.nightly
-def test_chunks_follow_what_they_are_drawn_from(toy: Project, in_one: bytes) -> None:
+def test_sample_chunks_are_stale_after_their_inputs_change(toy: Project, in_one: bytes) -> None:
     """In the same build, also where a study before them has to run first."""
     config = [*WHOLE, "chunks=2"]
     toy.snakemake(ROBUSTNESS, "--config", *config)
@@ -95,7 +95,7 @@ def slurm() -> Iterator[dict[str, str]]:
         yield environment
 
 
-def test_slurm_runs_the_jobs_and_a_killed_one_again(
+def test_slurm_runs_all_jobs_and_restarts_a_killed_one(
     toy: Project, in_one: bytes, slurm: dict[str, str]
 ) -> None:
     """Jobs of Slurm: all behind the figures, two chunks, one of them twice, one that gathers them,

@@ -78,7 +78,7 @@ MORE_EDITS = {
         *(pytest.param(*edit, marks=pytest.mark.nightly) for edit in MORE_EDITS.items()),
     ],
 )
-def test_an_edit_makes_its_stage_and_what_follows_stale(
+def test_edit_makes_its_stage_and_later_stages_stale(
     built: Project, module: str, expected: dict[str, int]
 ) -> None:
     # Other papers have their share in what is common, and none in what is of `ilo`.
@@ -88,7 +88,7 @@ def test_an_edit_makes_its_stage_and_what_follows_stale(
     assert stale == expected
 
 
-def test_a_touch_makes_nothing_stale(built: Project) -> None:
+def test_touching_a_file_makes_nothing_stale(built: Project) -> None:
     for path in (built.folder / "src").rglob("*.py"):
         path.touch()
     for path in (built.folder / "config").rglob("*.yaml"):
@@ -97,7 +97,7 @@ def test_a_touch_makes_nothing_stale(built: Project) -> None:
 
 
 @pytest.mark.nightly
-def test_another_version_of_a_package_makes_stale_what_it_can_move(built: Project) -> None:
+def test_new_package_version_makes_dependent_jobs_stale(built: Project) -> None:
     """All that computes or samples; by metadata that are found before those of the real package."""
     about = built.folder / "src/numpy-0.1.dist-info"
     about.mkdir()
@@ -119,12 +119,14 @@ def test_another_version_of_a_package_makes_stale_what_it_can_move(built: Projec
         "eso={observers: {pi: {design: pi_optimal}}}",
     ],
 )
-def test_samples_depend_on_what_figures_and_observers_name(built: Project, override: str) -> None:
+def test_samples_are_stale_after_changes_of_figures_and_observers(
+    built: Project, override: str
+) -> None:
     stale = built.stale(config=[*FEW_DRAWS, override])
     assert stale["robustness"] == stale["sensitivity"] == 1
 
 
-def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
+def test_changed_value_makes_only_its_dependents_stale(built: Project) -> None:
     """One observer's gain: its runs, the study and their figures, no plant and not Fig. 4."""
     gain = "ilo={observers: {forgetting: {K2: 1900}}}"
     label = "ilo={observers: {forgetting: {label: another name}}}"
@@ -137,13 +139,13 @@ def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
 @pytest.mark.parametrize(
     ("section", "name"), [("scenarios", "constant"), ("studies", "matching"), ("figures", "fig1")]
 )
-def test_a_title_makes_stale_the_drawing_only(built: Project, section: str, name: str) -> None:
+def test_changed_title_makes_only_the_plot_stale(built: Project, section: str, name: str) -> None:
     title = f"ilo={{{section}: {{{name}: {{title: another title}}}}}}"
     assert built.stale("figures", config=[title]) == {"plot": 1}
 
 
 @pytest.mark.nightly
-def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
+def test_changed_caption_makes_its_plot_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
         assert built.stale(config=FEW_DRAWS) == {"plot": 1, **REPORTED}
 
@@ -182,7 +184,7 @@ ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
         ("src/reobserve/papers/eso/theory.py", "", "# edited\n", {"theory": 1, **DECIDED}),
     ],
 )
-def test_the_evidence_follows_what_it_is_made_of(
+def test_evidence_is_stale_after_its_inputs_change(
     built: Project, file: str, old: str, new: str, stale: dict[str, int]
 ) -> None:
     with edited(built.folder / file, old, new):
@@ -190,7 +192,7 @@ def test_the_evidence_follows_what_it_is_made_of(
 
 
 @pytest.mark.nightly
-def test_what_a_search_has_found_makes_stale_what_is_computed_from_it(fresh: Project) -> None:
+def test_changed_search_result_makes_its_dependents_stale(fresh: Project) -> None:
     """By the times of files alone, so that nothing need be built."""
     found = "config/searches/imm_calibrated.json"
     studies = {
@@ -214,7 +216,7 @@ def test_what_a_search_has_found_makes_stale_what_is_computed_from_it(fresh: Pro
 
 
 @pytest.mark.nightly
-def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:
+def test_build_runs_only_stale_jobs(fresh: Project) -> None:
     figure = "results/ilo/fig1.svg"
     fresh.snakemake(figure)
     before = {path: path.stat().st_mtime_ns for path in (fresh.folder / "results").rglob("*.*")}
@@ -227,7 +229,7 @@ def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:
 
 
 @pytest.mark.nightly
-def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
+def test_edited_kernel_is_not_loaded_from_an_old_cache(fresh: Project) -> None:
     """Machine code is cached on disk; the product of a matrix is compiled into others."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(target)
@@ -294,7 +296,7 @@ def has_file(words: list[str], option: str) -> bool:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("paper", PAPERS)
-def test_the_closure_holds_every_module_that_a_stage_loads(
+def test_import_closure_contains_every_module_a_stage_loads(
     built: Project, commands: list[list[str]], paper: str
 ) -> None:
     """The closure is read from source text; here each stage runs and says what it imported.

@@ -28,7 +28,7 @@ def files(folder: Path) -> set[Path]:
 
 
 @pytest.mark.parametrize("name", ["`touch ran`", "$(touch ran)", "a; touch ran", "../../escaped"])
-def test_a_name_from_a_file_neither_runs_nor_leaves(fresh: Project, name: str) -> None:
+def test_names_from_a_file_cannot_run_code_or_leave_the_project(fresh: Project, name: str) -> None:
     option = with_config(
         fresh,
         ilo={
@@ -52,7 +52,7 @@ def test_a_name_from_a_file_neither_runs_nor_leaves(fresh: Project, name: str) -
         ("mine.json", '{"seed": 2, "seed": 3}', "has the key 'seed' twice"),
     ],
 )
-def test_a_key_that_stands_twice_in_a_file_of_the_call(
+def test_duplicate_key_in_a_config_file_is_refused(
     fresh: Project, name: str, text: str, said: str
 ) -> None:
     """Snakemake takes the last of them and says nothing."""
@@ -77,7 +77,7 @@ def test_a_key_that_stands_twice_in_a_file_of_the_call(
     ],
     ids=["a key twice", "latin-1", "deep lists", "5000 digits"],
 )
-def test_a_config_that_is_no_plain_yaml(fresh: Project, added: bytes, said: str) -> None:
+def test_config_beyond_plain_yaml_is_refused(fresh: Project, added: bytes, said: str) -> None:
     path = fresh.folder / "config/config.yaml"
     path.write_bytes(path.read_bytes() + b"\n" + added + b"\n")
     done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
@@ -88,7 +88,7 @@ def test_a_config_that_is_no_plain_yaml(fresh: Project, added: bytes, said: str)
     assert "Traceback" not in done.stderr
 
 
-def test_a_file_with_any_name_is_read_and_runs_nothing(fresh: Project) -> None:
+def test_file_with_any_name_is_read_without_running_code(fresh: Project) -> None:
     record = fresh.folder / "it's `touch ran` & $HOME.csv"
     record.write_text("time,torque\n0,0.1\n10,0.2\n", encoding="utf-8")
     term = {"kind": "samples", "axis": 1, "file": record.name, "column": "torque"}
@@ -99,7 +99,7 @@ def test_a_file_with_any_name_is_read_and_runs_nothing(fresh: Project) -> None:
     assert stored["parameters"]["scenarios"]["mine"]["fault"]["value"] == [term]
 
 
-def test_a_file_whose_name_is_a_pattern(fresh: Project) -> None:
+def test_file_named_like_a_pattern_is_read_literally(fresh: Project) -> None:
     term = {"kind": "samples", "axis": 1, "file": "{x}.csv", "column": "torque"}
     (fresh.folder / "{x}.csv").write_text("time,torque\n0,0.1\n10,0.2\n", encoding="utf-8")
     option = with_config(fresh, ilo={"scenarios": {"mine": {"like": "constant", "fault": [term]}}})
@@ -110,7 +110,7 @@ def test_a_file_whose_name_is_a_pattern(fresh: Project) -> None:
     )
 
 
-def test_a_step_that_fails_before_a_pipe_fails_the_job(fresh: Project) -> None:
+def test_failure_before_a_pipe_fails_the_job(fresh: Project) -> None:
     """A search tells its progress through `tee`, which never fails."""
     option = with_config(
         fresh, imm={"searches": {"calibrated": {"observers": ["kalman_retuned", "svsf_tuned"]}}}
@@ -124,7 +124,7 @@ def test_a_step_that_fails_before_a_pipe_fails_the_job(fresh: Project) -> None:
     assert "latency" not in done.stdout + done.stderr
 
 
-def test_jobs_find_the_programs_beside_the_python_that_runs_snakemake(fresh: Project) -> None:
+def test_jobs_find_programs_next_to_the_python_of_snakemake(fresh: Project) -> None:
     program = str(Path(sys.executable).with_name("snakemake"))
     target = "results/ilo/constant/plant.parquet"
     done = subprocess.run(
@@ -136,7 +136,7 @@ def test_jobs_find_the_programs_beside_the_python_that_runs_snakemake(fresh: Pro
     assert (fresh.folder / target).is_file()
 
 
-def test_what_only_building_shows_is_checked_once(fresh: Project) -> None:
+def test_construction_checks_run_once(fresh: Project) -> None:
     """The first build checks all parameters, later ones those that changed since."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(target)
@@ -152,7 +152,9 @@ def test_what_only_building_shows_is_checked_once(fresh: Project) -> None:
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b'{"a', b"[1]"])
-def test_damaged_metadata_of_snakemake_is_one_sentence(fresh: Project, content: bytes) -> None:
+def test_damaged_snakemake_metadata_is_reported_in_one_sentence(
+    fresh: Project, content: bytes
+) -> None:
     metadata = fresh.folder / ".snakemake/metadata"
     metadata.mkdir(parents=True)
     (metadata / "cmVz").write_bytes(content)
@@ -165,7 +167,7 @@ def test_damaged_metadata_of_snakemake_is_one_sentence(fresh: Project, content: 
     assert "Traceback" not in done.stderr
 
 
-def test_a_results_folder_that_cannot_be_written_is_one_sentence(fresh: Project) -> None:
+def test_unwritable_results_folder_is_reported_in_one_sentence(fresh: Project) -> None:
     """A file where a folder must be: that stops root, too."""
     (fresh.folder / "results/ilo").write_text("")
     done = fresh.snakemake("results/lie/figure/plant.parquet", check=False)
@@ -183,7 +185,7 @@ def test_a_results_folder_that_cannot_be_written_is_one_sentence(fresh: Project)
         ("results/delay/fig4.pdf", "delay.figures: there is no 'fig4'; did you mean 'fig3'?"),
     ],
 )
-def test_a_target_that_another_paper_has_is_one_sentence(
+def test_target_of_another_paper_is_reported_in_one_sentence(
     fresh: Project, target: str, said: str
 ) -> None:
     done = fresh.snakemake("--dry-run", target, check=False)
@@ -204,9 +206,7 @@ def test_a_target_that_another_paper_has_is_one_sentence(
         ("a: b", "claims.ilo.a: unknown key; there are: limitations, choices, claims"),
     ],
 )
-def test_claims_that_are_no_claims_stop_the_first_job(
-    fresh: Project, claims: str, said: str
-) -> None:
+def test_invalid_claims_stop_the_first_job(fresh: Project, claims: str, said: str) -> None:
     (fresh.folder / "config/claims/ilo.yaml").write_text(claims)
     done = fresh.snakemake("--dry-run", "figures", check=False)
     assert done.returncode == 1
@@ -214,7 +214,7 @@ def test_claims_that_are_no_claims_stop_the_first_job(
     assert "Traceback" not in done.stderr
 
 
-def test_files_of_editors_are_left_alone(fresh: Project) -> None:
+def test_editor_swap_files_are_ignored(fresh: Project) -> None:
     for name in ("config/papers/.ilo.yaml.swp", "workflow/.Snakefile.swp"):
         (fresh.folder / name).write_bytes(b"\xff\xfe\x00")
     assert fresh.stale() != {}

@@ -56,7 +56,7 @@ def refused(project: Project, *command: str) -> str:
     return done.stderr.strip()
 
 
-def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -> None:
+def test_default_build_makes_the_table_and_the_figure(toy: Project) -> None:
     built = {name for name in toy.results() if name.startswith("toy/")}
     assert built == {
         "toy/parameters.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
@@ -73,7 +73,7 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
 
 
 @pytest.mark.nightly
-def test_a_figure_of_one_s_own_takes_a_style_of_one_s_own(toy: Project) -> None:
+def test_user_defined_figure_uses_a_user_defined_style(toy: Project) -> None:
     """Three inches wide, caption and numbers in LaTeX; other figures stay as they are."""
     sheet = toy.folder / "config/styles/mine.mplstyle"
     own = "toy={figures: {fig2: {like: fig1, title: Ours & 5 %, source: none}}}"
@@ -125,7 +125,7 @@ def test_claims_get_their_verdicts(toy: Project) -> None:
 ARCHIVE = "results/archive.zip"
 
 
-def test_a_build_is_packed_with_its_provenance(toy: Project) -> None:
+def test_build_is_archived_with_its_provenance(toy: Project) -> None:
     """Each job with the command of its log, what it read and what it made."""
     assert f"{ARCHIVE}: " in toy.snakemake(ARCHIVE).stderr
     crate = ROCrate(toy.folder / ARCHIVE)
@@ -170,7 +170,7 @@ STATEMENT, VALUE, KEY = "A number that nobody has.", "fig1 slow late_rms_error",
         ),
     ],
 )  # fmt: skip
-def test_a_wrong_claim_is_refused_before_the_first_job(
+def test_invalid_claim_is_refused_before_the_first_job(
     toy: Project, statement: str, value: str, key: str, said: str
 ) -> None:
     path = toy.folder / "config/claims/toy.yaml"
@@ -182,7 +182,7 @@ def test_a_wrong_claim_is_refused_before_the_first_job(
 
 
 @pytest.mark.nightly
-def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> None:
+def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> None:
     """Whose observers are in a table is known once it is there."""
     path = toy.folder / "config/claims/toy.yaml"
     more = CLAIM.format(
@@ -206,7 +206,7 @@ def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> No
 
 
 @pytest.mark.nightly
-def test_a_figure_that_fails_is_a_gap_in_the_report(toy: Project) -> None:
+def test_failing_figure_is_a_gap_in_the_report(toy: Project) -> None:
     """The build stops with the sentence of its stage, and the page shows what there is."""
     refusing = """from reobserve.core.errors import InputError
 
@@ -233,7 +233,7 @@ LAYOUTS = {"lines": lines}
     assert "data:image/svg+xml" in (toy.folder / "results/report.html").read_text()
 
 
-def test_a_design_is_read_back_with_what_made_it(toy: Project) -> None:
+def test_stored_design_has_its_provenance(toy: Project) -> None:
     path = toy.folder / DESIGN
     assert read_design(path) == {"gains": [7.5, 16.0], "names": ["l1", "l2"]}
     made = json.loads(path.read_text())["provenance"]
@@ -260,7 +260,7 @@ write_table("mine/table.csv", rows, list(rows[0]))
 """
 
 
-def test_one_process_computes_what_the_pipeline_does(toy: Project) -> None:
+def test_single_process_agrees_with_the_pipeline(toy: Project) -> None:
     toy.run("python", "-c", IN_PROCESS)
     results, mine = toy.folder / "results/toy", toy.folder / "mine"
     for name, other in (
@@ -273,7 +273,7 @@ def test_one_process_computes_what_the_pipeline_does(toy: Project) -> None:
 
 
 @pytest.mark.nightly
-def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
+def test_recomputed_evidence_is_identical(toy: Project) -> None:
     again = toy.folder / "again"
     again.mkdir()
     for command, name in (
@@ -305,7 +305,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
         ("replication/steps.py", ALL),
     ],
 )
-def test_an_edit_makes_stale_what_reads_the_design(
+def test_edited_design_stage_makes_its_dependents_stale(
     toy: Project, module: str, stale: dict[str, int]
 ) -> None:
     with edited(toy.folder / "src/reobserve" / module):
@@ -327,12 +327,14 @@ def test_an_edit_makes_stale_what_reads_the_design(
         ),
     ],
 )  # fmt: skip
-def test_a_value_makes_stale_what_sees_it(toy: Project, config: str, stale: dict[str, int]) -> None:
+def test_changed_value_makes_its_dependents_stale(
+    toy: Project, config: str, stale: dict[str, int]
+) -> None:
     assert toy.stale(config=[f"toy={config}"]) == stale
 
 
 @pytest.mark.nightly
-def test_another_seed_makes_stale_what_is_drawn_from_it(toy: Project) -> None:
+def test_changed_seed_makes_its_samples_stale(toy: Project) -> None:
     """Records and what follows, and every sample of what is open."""
     assert toy.stale(config=["seed=2"]) == {k: n for k, n in ALL.items() if k not in STATIC}
 
@@ -346,14 +348,14 @@ def test_another_seed_makes_stale_what_is_drawn_from_it(toy: Project) -> None:
         ("why: What better means.", "why: What better means.\n    expensive: true"),
     ],
 )
-def test_what_claims_are_drawn_over_makes_their_robustness_stale(
+def test_changed_choices_of_a_claim_make_its_robustness_stale(
     toy: Project, old: str, new: str
 ) -> None:
     with edited(toy.folder / "config/claims/toy.yaml", old, new):
         assert toy.stale() == EVIDENCE
 
 
-def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> None:
+def test_missing_extra_or_wrong_design_is_reported_in_one_sentence(toy: Project) -> None:
     for command in (
         ("stage", "observe", PARAMETERS, PLANT, "placed"),
         ("stage", "study", PARAMETERS, PLANT, "faster"),
@@ -373,7 +375,7 @@ def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> 
     other.unlink()
 
 
-def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
+def test_failing_design_is_reported_in_one_sentence(toy: Project) -> None:
     overrides = ("--overrides", '{"designs": {"gains": {"pole": -1}}}')
     said = refused(toy, "stage", "parameters", "toy", *overrides)
     assert said == "reobserve: toy.designs.gains.pole: -1 must be greater than zero"
@@ -399,7 +401,7 @@ def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
         (b"\xff\xfe", "cannot be read (byte 1 is not UTF-8)"),
     ],
 )
-def test_a_file_that_is_no_design_is_named(
+def test_invalid_design_file_is_named(
     tmp_path: Path, content: str | bytes | None, said: str
 ) -> None:
     path = tmp_path / "gains.design.json"
@@ -412,7 +414,7 @@ def test_a_file_that_is_no_design_is_named(
 
 
 @pytest.mark.nightly
-def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
+def test_listing_and_report_show_the_table(toy: Project) -> None:
     listing = toy.run("reobserve", "list", "toy").stdout
     assert "table1  Gains  built" in listing
     assert "gains  gains that put both poles in one place  built" in listing
@@ -430,7 +432,7 @@ def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
 
 
 @pytest.mark.nightly
-def test_golden_numbers_hold_the_table(toy: Project) -> None:
+def test_golden_numbers_cover_the_table(toy: Project) -> None:
     """Accepted, found again, noticed when they move, and accepted with old, new and the reason."""
     accept = ("env", "CI=", "reobserve", "accept", "toy")
     said = toy.run(*accept, "--reason", "a paper is added").stdout

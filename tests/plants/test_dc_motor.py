@@ -145,7 +145,7 @@ def measured(x: Array, v: Array, w: Array, fs: Array) -> tuple[Array, Array]:
 # --- The motor and its gains --------------------------------------------------------------------
 
 
-def test_back_emf_brakes_and_the_printed_sign_drives() -> None:
+def test_back_emf_brakes_while_the_printed_sign_accelerates() -> None:
     # s^2 + 12 s + 20 +- 0.02
     for printed, sign in ((False, -1), (True, 1)):
         root = np.sqrt(16 + sign * 0.02)
@@ -157,7 +157,7 @@ def test_back_emf_brakes_and_the_printed_sign_drives() -> None:
     assert np.array_equal(MOTOR.B, [[0.0], [2.0]])
 
 
-def test_gains_by_pole_placement() -> None:
+def test_gains_agree_with_pole_placement() -> None:
     law = SpeedControl.placed(MOTOR, POLES)
     assert law.feedback == pytest.approx([3.02125, 3.0], rel=1e-13)
     # The integral is that of y - r: only a negative gain is stable.
@@ -165,7 +165,7 @@ def test_gains_by_pole_placement() -> None:
 
 
 @pytest.mark.parametrize("poles", [(-5, -6, -7), (-1 + 9j, -1 - 9j, -0.2), (-4, -4, -4)])
-def test_the_loop_has_the_poles_it_was_given(poles: tuple[complex, ...]) -> None:
+def test_closed_loop_has_the_specified_poles(poles: tuple[complex, ...]) -> None:
     law = SpeedControl.placed(MOTOR, poles)
     loop = np.block([[MOTOR.A - MOTOR.B @ law.feedback[None], MOTOR.B * law.integral], [1, 0, 0]])
     assert np.poly(loop) == pytest.approx(np.poly(poles).real, rel=1e-12)
@@ -180,7 +180,7 @@ def step_response(poles: Any) -> tuple[float, float]:
     return speed.max() - 1.0, 1e-3 * (np.flatnonzero(np.abs(speed - 1.0) > 0.02)[-1] + 1)
 
 
-def test_step_response_of_the_chosen_poles() -> None:
+def test_step_response_of_the_chosen_poles_meets_the_specification() -> None:
     overshoot, settling_time = step_response(POLES)
     assert overshoot == pytest.approx(0.0141, abs=5e-5)
     assert settling_time == pytest.approx(1.10, abs=5e-3)
@@ -190,7 +190,7 @@ def test_step_response_of_the_chosen_poles() -> None:
 
 
 @pytest.mark.parametrize(("most_time", "most_overshoot"), [(2.0, 0.05), (1.0, 0.01), (3.0, 0.2)])
-def test_poles_for_a_stated_response_meet_it(most_time: float, most_overshoot: float) -> None:
+def test_poles_for_a_specified_response_meet_it(most_time: float, most_overshoot: float) -> None:
     overshoot, settling_time = step_response(poles_for(most_time, most_overshoot))
     assert 0.8 * most_overshoot < overshoot < most_overshoot
     assert 0.6 * most_time < settling_time < most_time
@@ -217,7 +217,7 @@ def test_agrees_with_an_adaptive_integration(truth: Array) -> None:
         assert run.before.control[20 * (k + 1)] == pytest.approx(u, abs=1e-8)
 
 
-def test_a_law_fed_by_the_state_agrees_with_an_adaptive_integration() -> None:
+def test_state_feedback_agrees_with_an_adaptive_integration() -> None:
     """u = -Kc x + Ki v, with v still that of the measured speed."""
     Kc, Ki = np.array([3.02125, 3.0]), -84.375
 
@@ -238,7 +238,7 @@ def test_a_law_fed_by_the_state_agrees_with_an_adaptive_integration() -> None:
         ControlledMotor(MOTOR, LOOP.control, **MATRICES, state_feedback="yes")  # type: ignore[arg-type]
 
 
-def test_error_falls_with_the_fourth_power_of_the_step(truth: Array) -> None:
+def test_error_is_of_fourth_order_in_the_step(truth: Array) -> None:
     errors = [
         np.abs(simulated(LOOP, step).state[:: round(HOLD / step)] - truth[:, :2]).max()
         for step in (0.05, 0.025)
@@ -246,7 +246,7 @@ def test_error_falls_with_the_fourth_power_of_the_step(truth: Array) -> None:
     assert 3.7 < np.log2(errors[0] / errors[1]) < 4.3
 
 
-def test_a_sensor_fault_is_taken_for_speed() -> None:
+def test_controller_mistakes_a_sensor_fault_for_speed() -> None:
     # At rest y1 = r whatever is wrong with it, and the voltage makes up for fa.
     nothing = (np.zeros((100, 2)), np.zeros((100, 1)))
     run = simulated(LOOP, 0.01, nothing, constant(1.0), constant(0.1), constant(-0.3))
@@ -254,7 +254,7 @@ def test_a_sensor_fault_is_taken_for_speed() -> None:
     assert run.after.control[-1] == pytest.approx([0.3 + 9.0 + 0.01 * 0.9], rel=1e-12)
 
 
-def test_limits_differ_where_something_jumps_and_nowhere_else() -> None:
+def test_limits_differ_only_at_jumps() -> None:
     run = simulated(LOOP, 0.05)
     _, w = held_inputs()
     jump = run.after.output - run.before.output
@@ -273,7 +273,7 @@ def test_limits_differ_where_something_jumps_and_nowhere_else() -> None:
         assert np.array_equal(getattr(run.before, name)[0], getattr(run.after, name)[0])
 
 
-def test_the_wrong_sign_of_the_integral_diverges() -> None:
+def test_wrong_sign_of_the_integral_diverges() -> None:
     loop = ControlledMotor(MOTOR, SpeedControl([3.02125, 3.0], 84.375), **MATRICES)
     nothing = np.zeros((2000, 2)), np.zeros((2000, 1))
     with pytest.raises(
@@ -291,7 +291,7 @@ def test_the_wrong_sign_of_the_integral_diverges() -> None:
 # --- Holds --------------------------------------------------------------------------------------
 
 
-def test_polynomial_inputs_against_the_integral() -> None:
+def test_polynomial_inputs_agree_with_the_integral() -> None:
     rng = np.random.default_rng(0)
     A, B, period = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), 0.3
     transition, effects = polynomial_hold(A, B, period, 3)
@@ -314,7 +314,7 @@ def test_integrators_follow_a_polynomial_exactly() -> None:
     assert np.array_equal(transition, [[1.0, 0.5], [0.0, 1.0]])
 
 
-def test_first_order_hold_of_a_lag() -> None:
+def test_first_order_hold_of_a_lag_is_exact() -> None:
     # x' = -x + u with u from 2 to 5 in a straight line over T: x = e^-T x0 + ...
     period = 0.7
     decay = np.exp(-period)
@@ -324,7 +324,7 @@ def test_first_order_hold_of_a_lag() -> None:
     assert found == pytest.approx(decay * 4.0 + (2 - slope) * (1 - decay) + 3.0, rel=1e-14)
 
 
-def test_one_node_at_the_start_is_the_zero_order_hold() -> None:
+def test_single_node_hold_equals_the_zero_order_hold() -> None:
     A, B = MOTOR.A, MOTOR.B
     transition, effects = interpolating_hold(A, B, 0.2, (0.0,))
     held, effect = zero_order_hold(A, B, 0.2)
@@ -342,7 +342,7 @@ def test_constants_must_be_positive(name: str) -> None:
 
 
 @pytest.mark.parametrize("poles", [(-1, -2), (-1, -2, 0.5), (-1 + 1j, -1 + 2j, -3), (np.nan,) * 3])
-def test_poles_that_cannot_be_placed(poles: Any) -> None:
+def test_invalid_poles_are_refused(poles: Any) -> None:
     with pytest.raises(InputError, match=r"^poles: .* must be 3, stable, complex ones in pairs"):
         SpeedControl.placed(MOTOR, poles)
 
@@ -355,7 +355,7 @@ def test_poles_that_cannot_be_placed(poles: Any) -> None:
         ((2.0, 1.0), "overshoot: 1 must be between 0 and 1"),
     ],
 )
-def test_a_response_that_cannot_be_asked_for(arguments: Any, problem: str) -> None:
+def test_invalid_step_response_is_refused(arguments: Any, problem: str) -> None:
     with pytest.raises(InputError, match=f"^{problem}"):
         poles_for(*arguments)
 
@@ -375,7 +375,7 @@ def test_a_response_that_cannot_be_asked_for(arguments: Any, problem: str) -> No
         ({"initial_state": [1.0]}, r"initial_state: has shape \(1,\), must be a list of 2"),
     ],
 )
-def test_what_cannot_be_simulated(changed: dict[str, Any], problem: str) -> None:
+def test_invalid_simulation_arguments_are_refused(changed: dict[str, Any], problem: str) -> None:
     good: dict[str, Any] = {
         "reference": PULSES,
         "actuator_fault": NOTHING,
@@ -393,7 +393,7 @@ def test_matrices_of_the_motor_have_two_rows() -> None:
         ControlledMotor(MOTOR, LOOP.control, **{**MATRICES, "Fs": [[1.0, 0.0]]})
 
 
-def test_holds_refuse_shapes_that_do_not_fit() -> None:
+def test_holds_refuse_mismatched_shapes() -> None:
     with pytest.raises(InputError, match=r"^A: has shape \(1, 2\), must be square"):
         interpolating_hold([[1.0, 2.0]], [[1.0]], 0.1, (0.0, 1.0))
     with pytest.raises(InputError, match=r"^B: has shape \(1, 1\), must have 2 rows like A"):
@@ -401,12 +401,12 @@ def test_holds_refuse_shapes_that_do_not_fit() -> None:
 
 
 @pytest.mark.parametrize("nodes", [(0.5, 0.5), (0.0, 1.0, 0.0), (), [[0.0], [1.0]], 0.5])
-def test_holds_refuse_nodes_that_fix_no_polynomial(nodes: Any) -> None:
+def test_holds_refuse_nodes_without_a_unique_polynomial(nodes: Any) -> None:
     with pytest.raises(InputError, match=r"^nodes: .+ must be different numbers$"):
         interpolating_hold(np.eye(2), np.eye(2), 0.1, nodes)
 
 
-def test_what_jumps_at_the_start_was_always_so() -> None:
+def test_left_limit_at_the_start_equals_the_right_limit() -> None:
     """Nothing was before the first row: its limit from the left is that from the right."""
     nothing = (np.zeros((40, 2)), np.zeros((40, 1)))
     onset = Signal(1, (Term(0, 0.0, np.inf, Constant(0.3)),))

@@ -113,7 +113,7 @@ def test_agrees_with_an_adaptive_method_over_the_profile(plant: str, applied: st
     assert np.max(np.abs(gap)) < 1e-9
 
 
-def test_order_4_with_jumps_on_the_grid() -> None:
+def test_order_is_four_with_jumps_on_the_grid() -> None:
     delay = signal(
         constant(0.6, until=1),
         constant(1.2, **{"from": 1}, until=2),
@@ -153,7 +153,7 @@ def test_order_4_with_jumps_on_the_grid() -> None:
 # --- Closed forms -------------------------------------------------------------------------------
 
 
-def test_the_lag_on_a_constant_delay() -> None:
+def test_lag_with_constant_delay_agrees_with_closed_form() -> None:
     a, b, w, tau = 1.7, -0.6, 2.0, 0.4
     plant = DelayedInputPlant(first_order_lag(a, b))
     states = plant.simulate([0.3], signal(sine(1.0, w, **EARLY)), signal(constant(tau)), 1e-3, 9000)
@@ -167,7 +167,7 @@ def test_the_lag_on_a_constant_delay() -> None:
     assert states[:, 0] == pytest.approx(expected, abs=1e-12)
 
 
-def test_nothing_arrives_before_its_delay_is_over() -> None:
+def test_input_has_no_effect_before_its_delay() -> None:
     # A step at 0.5 s, 1.2 s late; x = 1 - exp(-(t - 1.7)) from then on.
     step = signal(constant(1.0, **{"from": 0.5}))
     states = LAG.simulate([0.0], step, signal(constant(1.2)), 0.01, 400)
@@ -176,7 +176,7 @@ def test_nothing_arrives_before_its_delay_is_over() -> None:
     assert states[171:, 0] == pytest.approx(-np.expm1(-(time[171:] - 1.7)), abs=1e-10)
 
 
-def test_a_jump_of_the_delay_is_felt_at_once() -> None:
+def test_delay_jump_acts_immediately() -> None:
     # u = t; the delay falls from 1 to 0 at t = 1, and the slope of x jumps by u(1) - u(0).
     late = signal(constant(1.0, until=1))
     ramp = signal({"kind": "ramp", "slope": 1.0, "from": -2}, constant(-2.0, **{"from": -2}))
@@ -188,7 +188,7 @@ def test_a_jump_of_the_delay_is_felt_at_once() -> None:
 
 
 @pytest.mark.parametrize("friction", [0.0, FRICTION])
-def test_the_pendulum_is_linear_at_small_angles(friction: float) -> None:
+def test_pendulum_is_linear_at_small_angles(friction: float) -> None:
     plant = DelayedInputPlant(pendulum(GRAVITY, LENGTH, MASS, friction))
     nothing, none = signal(), signal(constant(0.0))
     time = np.arange(4001) * 1e-3
@@ -206,7 +206,7 @@ def test_the_pendulum_is_linear_at_small_angles(friction: float) -> None:
     assert gaps[0] / gaps[1] == pytest.approx(8, rel=0.02)
 
 
-def test_a_small_torque_is_held_at_the_angle_that_gravity_balances() -> None:
+def test_small_torque_balances_gravity_at_rest() -> None:
     torque = 0.5
     applied = signal(constant(torque, **EARLY))
     states = PENDULUM.simulate([0.5, 0.0], applied, signal(constant(0.6)), 1e-2, 4000)
@@ -214,7 +214,7 @@ def test_a_small_torque_is_held_at_the_angle_that_gravity_balances() -> None:
 
 
 @pytest.mark.parametrize("friction", [0.0, FRICTION])
-def test_energy_is_lost_to_friction_alone(friction: float) -> None:
+def test_energy_is_lost_only_to_friction(friction: float) -> None:
     """The power of a force k v is k v^2 with v = l x2: this is why the friction enters as k/m."""
     plant = DelayedInputPlant(pendulum(GRAVITY, LENGTH, MASS, friction))
     states = plant.simulate([3.0, 0.0], signal(), signal(constant(0.6)), 1e-3, 20000)
@@ -243,7 +243,7 @@ def _chain_gain(y: Array, parameters: Array, G: Array) -> None:
     G[0] = y[0]
 
 
-def test_a_model_of_ones_own_with_an_input_gain_that_depends_on_the_output() -> None:
+def test_user_defined_model_with_output_dependent_gain_agrees_with_scipy() -> None:
     """Three states: the shift, a drift in each row and G(y) = y against scipy."""
     plant = DelayedInputPlant(TriangularModel(3, _chain_drift, _chain_gain, np.array([-0.3])))
     states = plant.simulate([0.5, -0.2, 0.1], SINE, signal(constant(0.7)), 1e-3, 3000)
@@ -263,7 +263,7 @@ def first_time(condition: NDArray[np.bool_], after: float = 1.0) -> float:
     return float(time[np.flatnonzero(condition & (time > after))[0]])
 
 
-def test_the_ramp_ends_above_the_largest_static_torque() -> None:
+def test_ramp_ends_above_the_largest_static_torque() -> None:
     largest = MASS * GRAVITY * LENGTH
     assert largest == pytest.approx(0.981)
     assert 0.009 * (109 + 1e-9) > largest > 0.009 * (109 - 1e-9)
@@ -276,7 +276,7 @@ def test_the_ramp_ends_above_the_largest_static_torque() -> None:
     assert np.all(np.diff(angle[110000:]) > 0)
 
 
-def test_the_sine_turns_the_pendulum_over_both_ways() -> None:
+def test_sine_turns_the_pendulum_over_both_ways() -> None:
     # Its amplitude is 2 % above the largest static torque.
     angle = simulated("pendulum", "sine")[:, 0]
     assert first_time(np.abs(angle) > np.pi / 2) == pytest.approx(8.339, abs=2e-3)
@@ -289,7 +289,7 @@ def test_the_sine_turns_the_pendulum_over_both_ways() -> None:
 # --- The delayed control and its limits ---------------------------------------------------------
 
 
-def test_the_delayed_control_is_the_control_at_the_earlier_time() -> None:
+def test_delayed_control_equals_the_earlier_control() -> None:
     time = np.linspace(0, 120, 4801)
     for applied, u in INPUTS.values():
         # At the jumps themselves from the right, as the profile is stated.
@@ -298,7 +298,7 @@ def test_the_delayed_control_is_the_control_at_the_earlier_time() -> None:
         assert delayed(applied, PROFILE, time) == pytest.approx(expected, abs=1e-14)
 
 
-def test_the_delayed_control_has_two_limits_at_jumps() -> None:
+def test_delayed_control_has_two_limits_at_jumps() -> None:
     at = np.array([20.0, 40.0, 60.0])
     left = delayed(SINE, PROFILE, at, before=True)
     right = delayed(SINE, PROFILE, at)
@@ -315,7 +315,7 @@ def test_the_delayed_control_has_two_limits_at_jumps() -> None:
 # --- Bad input ----------------------------------------------------------------------------------
 
 
-def test_a_delay_outside_its_interval_is_refused() -> None:
+def test_delay_outside_its_interval_is_refused() -> None:
     check_delay("plant.delay", PROFILE, (0.0, 1.5), 1e-3, 120.0)
     check_delay("plant.delay", PROFILE, (0.3, 1.25), 1e-3, 120.0)  # its bounds are allowed
     with pytest.raises(
@@ -336,7 +336,7 @@ def test_a_delay_outside_its_interval_is_refused() -> None:
         check_delay("delay", end, (0.0, 1.5), 1.0, 2.0)
 
 
-def test_a_delay_that_jumps_off_the_grid_is_refused() -> None:
+def test_delay_jump_off_the_grid_is_refused() -> None:
     with pytest.raises(
         InputError,
         match=r"^delay: jumps at 20 s, must jump at a multiple of 0.3 s .* 19.8 and 20.1 s\)$",
@@ -347,13 +347,13 @@ def test_a_delay_that_jumps_off_the_grid_is_refused() -> None:
     check_delay("delay", PROFILE, (0.0, 1.5), 0.3, 18.0)
 
 
-def test_a_plant_refuses_to_look_ahead() -> None:
+def test_negative_delay_is_refused() -> None:
     ahead = signal(constant(0.2), sine(0.3, 1.0))
     with pytest.raises(InputError, match=r"^delay: is -0.\d+ s at t = 3.9 s, must be 0 or more$"):
         LAG.simulate([0.0], SINE, ahead, 0.1, 100)
 
 
-def test_a_control_that_jumps_inside_a_step_is_refused() -> None:
+def test_control_jump_inside_a_step_is_refused() -> None:
     late = signal(constant(1.0, **{"from": 0.25}))
     LAG.simulate([0.0], late, signal(constant(0.65)), 0.1, 20)
     with pytest.raises(
@@ -375,7 +375,7 @@ def test_a_control_that_jumps_inside_a_step_is_refused() -> None:
     LAG.simulate([0.0], SINE, PROFILE, 0.1, 1200)
 
 
-def test_a_control_that_runs_backwards_over_a_jump_is_refused() -> None:
+def test_delayed_time_running_backwards_over_a_jump_is_refused() -> None:
     """The delay grows by 2 s a second: what was sent first arrives last.
 
     At the instant 0.5 s, on the grid, the limit from inside the step before it would be that of
@@ -402,7 +402,7 @@ def test_a_control_that_runs_backwards_over_a_jump_is_refused() -> None:
         ({"delay": Signal(3, ())}, r"^delay: has 3 axes, must have 1$"),
     ],
 )  # fmt: skip
-def test_bad_input_is_refused_in_a_sentence(change: dict[str, Any], sentence: str) -> None:
+def test_invalid_input_is_refused_in_one_sentence(change: dict[str, Any], sentence: str) -> None:
     good: dict[str, Any] = {
         "initial_state": START, "control": SINE, "delay": PROFILE, "step": 0.1, "steps": 10,
     }  # fmt: skip
@@ -422,7 +422,7 @@ def test_bad_input_is_refused_in_a_sentence(change: dict[str, Any], sentence: st
         (lambda: first_order_lag(1, 0), r"^gain: 0 must not be zero: no input would reach"),
     ],
 )
-def test_bad_parameters_are_refused_in_a_sentence(
+def test_invalid_parameters_are_refused_in_one_sentence(
     make: Callable[[], TriangularModel], sentence: str
 ) -> None:
     with pytest.raises(InputError, match=sentence):
@@ -459,7 +459,7 @@ def test_divergence_is_reported_with_its_time() -> None:
         ({"friction": float("nan")}, "friction"),
     ],
 )
-def test_a_pendulum_that_cannot_be_is_refused(wrong: dict[str, float], said: str) -> None:
+def test_invalid_pendulum_is_refused(wrong: dict[str, float], said: str) -> None:
     good = {"gravity": GRAVITY, "length": LENGTH, "mass": MASS, "friction": FRICTION}
     with pytest.raises(InputError, match=f"^{said}"):
         pendulum(**{**good, **wrong})

@@ -27,7 +27,7 @@ VOLTS, HOLD = (1.5, -1.5, 0.4, 0.0, 1.0), 10
 
 
 @pytest.mark.parametrize("mode", MODELS)
-def test_markov_parameters_by_long_division(mode: str) -> None:
+def test_markov_parameters_agree_with_long_division(mode: str) -> None:
     b, a = ([Fraction(repr(value)) for value in part] for part in ACTUATOR[mode])
     rest, exact = [*b, Fraction(0)], []
     for _ in range(4):
@@ -40,7 +40,7 @@ def test_markov_parameters_by_long_division(mode: str) -> None:
 @pytest.mark.parametrize(
     ("mode", "gain"), [("normal", 0.9101), ("friction", 0.6178), ("leakage", 0.3749)]
 )
-def test_gains_at_rest(mode: str, gain: float) -> None:
+def test_static_gains_agree_with_the_transfer_functions(mode: str, gain: float) -> None:
     assert MODELS[mode].gain == pytest.approx(gain, abs=5e-5)
     one = MODELS[mode].sampled("velocity", 1e-3, FREQUENCY)
     still = np.linalg.solve(np.eye(4) - one.A, one.B)
@@ -118,7 +118,7 @@ def held(mode: str) -> tuple[tuple[str, float], ...]:
 
 @pytest.mark.parametrize("realisation", REALISATIONS)
 @pytest.mark.parametrize("mode", MODELS)
-def test_samples_are_those_of_the_transfer_function(mode: str, realisation: str) -> None:
+def test_samples_agree_with_the_transfer_function(mode: str, realisation: str) -> None:
     period = 2e-3
     motion = integrated(held(mode), period)
     wanted = dict(zip(MOTION, motion.T, strict=True))
@@ -135,7 +135,7 @@ def test_samples_are_those_of_the_transfer_function(mode: str, realisation: str)
 
 @pytest.mark.parametrize("frequency", [50.0, 200.0, 1000.0])
 @pytest.mark.parametrize("mode", MODELS)
-def test_frequency_response_by_partial_fractions(mode: str, frequency: float) -> None:
+def test_frequency_response_agrees_with_partial_fractions(mode: str, frequency: float) -> None:
     """Of each simple pole p with the residue r: r (z + ...) by its own exponential, 50 digits."""
     period = 1e-3
     with mpmath.workdps(50):
@@ -173,7 +173,7 @@ def test_frequency_response_by_partial_fractions(mode: str, frequency: float) ->
                     assert abs(value / complex(wanted[name]) - 1) < 1e-9, (realisation, name)
 
 
-def test_no_unit_of_the_states_shows_outside() -> None:
+def test_outputs_do_not_depend_on_the_unit_of_the_states() -> None:
     parts = []
     for frequency in (50.0, 1000.0):
         one = MODELS["leakage"].sampled("motion", 5e-3, frequency)
@@ -196,7 +196,7 @@ SINGULAR: dict[str, tuple[list[list[float]], list[list[float]]]] = {
 
 
 @pytest.mark.parametrize("case", SINGULAR)
-def test_zero_order_hold_of_a_singular_system(case: str) -> None:
+def test_zero_order_hold_of_a_singular_system_is_exact(case: str) -> None:
     A, B = SINGULAR[case]
     assert np.linalg.det(A) == 0
     found = zero_order_hold(A, B, 0.37)
@@ -204,7 +204,7 @@ def test_zero_order_hold_of_a_singular_system(case: str) -> None:
         np.testing.assert_allclose(matrix, exact, rtol=1e-13, atol=1e-15)
 
 
-def test_zero_order_hold_of_the_actuator_with_its_integrator() -> None:
+def test_zero_order_hold_of_the_actuator_agrees_with_50_digits() -> None:
     one = MODELS["normal"].sampled("motion", 5e-3, FREQUENCY)
     A, B = np.zeros((5, 5)), np.zeros((5, 1))
     A[:4, 1:] = FREQUENCY * np.eye(4)
@@ -242,7 +242,7 @@ def schedule_of(modes: Sequence[int] | NDArray[np.int64]) -> tuple[tuple[str, fl
 
 
 @pytest.mark.parametrize("modes", [MODES, 0 * MODES, 0 * MODES + 1])
-def test_motion_by_an_adaptive_integration(modes: NDArray[np.int64]) -> None:
+def test_motion_agrees_with_an_adaptive_integration(modes: NDArray[np.int64]) -> None:
     wanted = integrated(schedule_of(modes), 2e-3)
     found = simulate(PAIR, modes, CONTROL, 2e-3)
     size = np.abs(wanted).max(axis=0)
@@ -250,7 +250,7 @@ def test_motion_by_an_adaptive_integration(modes: NDArray[np.int64]) -> None:
 
 
 @pytest.mark.parametrize("change", [1003, 1010])
-def test_all_four_go_on_at_a_change_of_the_mode(change: int) -> None:
+def test_motion_is_continuous_at_a_mode_change(change: int) -> None:
     """The limits from both sides, from polynomials through samples on either side of it."""
     period, rows = 1e-5, 1060
     control = np.full(rows, 1.5)
@@ -288,7 +288,7 @@ def test_position_is_the_integral_of_velocity() -> None:
     np.testing.assert_allclose(position[2:] - position[1], found, rtol=1e-10)
 
 
-def test_without_a_change_there_is_one_model() -> None:
+def test_no_mode_change_gives_a_single_model() -> None:
     leak = MODELS["leakage"]
     twice = simulate([leak, leak], MODES, CONTROL, 2e-3)
     once = simulate([leak], 0 * MODES, CONTROL, 2e-3)
@@ -296,14 +296,14 @@ def test_without_a_change_there_is_one_model() -> None:
     np.testing.assert_array_equal(simulate(PAIR, 0 * MODES + 1, CONTROL, 2e-3), once)
 
 
-def test_from_rest_without_an_input_nothing_moves() -> None:
+def test_plant_at_rest_without_input_stays_at_rest() -> None:
     assert not simulate(PAIR, MODES, 0 * CONTROL, 2e-3).any()
 
 
 # --- Models in between, and bad input -----------------------------------------------------------
 
 
-def test_a_blend_lies_in_between() -> None:
+def test_blended_model_lies_in_between() -> None:
     normal, leakage = PAIR
     for share, end in ((0.0, normal), (1.0, leakage)):
         for found, wanted in zip(
@@ -319,7 +319,7 @@ def test_a_blend_lies_in_between() -> None:
 SLOW, FAST = ([0.4, 0.06, 0.004, 0.0001], [40.0, 600.0, 4000.0, 10000.0])
 
 
-def test_an_unstable_blend_is_refused() -> None:
+def test_unstable_blend_is_refused() -> None:
     slow, fast = ActuatorModel([1, 1, 1, 1], SLOW), ActuatorModel([1, 1, 1, 1], FAST)
     a1, a2, a3, _ = (0.99 * s + 0.01 * f for s, f in zip(SLOW, FAST, strict=True))
     assert a1 * a2 < a3
@@ -392,20 +392,20 @@ BAD: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input(case: str) -> None:
+def test_invalid_input_is_refused(case: str) -> None:
     call, sentence = BAD[case]
     with pytest.raises(InputError, match=f"^{sentence}"):
         call()
 
 
-def test_the_reference_hands_over_what_it_got() -> None:
+def test_reference_is_continuous_at_a_mode_change() -> None:
     """A guard for the reference itself."""
     state = np.array([0.3, 20.0, -5e4, 3e6, 0.1])
     motion, snap = motion_of("leakage", state, 0.7), snap_of("leakage", state, 0.7)
     np.testing.assert_allclose(state_of("leakage", motion, 0.7, snap), state, rtol=1e-12)
 
 
-def test_what_goes_on_through_a_change() -> None:
+def test_continuous_quantities_follow_the_chosen_handover() -> None:
     period, models = 1e-3, [MODELS["normal"], MODELS["leakage"]]
     mode, control = np.repeat([0, 1], 400), np.full(800, 1.5)
     runs = {
@@ -425,6 +425,6 @@ def test_what_goes_on_through_a_change() -> None:
     assert jumps["outputs"][1] == pytest.approx(gains[0] - gains[1], rel=1e-3)
 
 
-def test_no_other_way_to_hand_over() -> None:
+def test_unknown_handover_is_refused() -> None:
     with pytest.raises(InputError, match="'speed' must be one of motion, states, outputs"):
         simulate([MODELS["normal"]], [0], [1.0], 1e-3, "speed")

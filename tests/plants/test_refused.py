@@ -52,7 +52,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
 
 
 @pytest.mark.parametrize(("call", "said"), REFUSED)
-def test_what_no_plant_can_be_simulated_with(call: Callable[[], Any], said: str) -> None:
+def test_invalid_simulation_arguments_are_refused(call: Callable[[], Any], said: str) -> None:
     with pytest.raises(InputError) as error:
         call()
     assert str(error.value) == said

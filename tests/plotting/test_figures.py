@@ -30,7 +30,7 @@ def lightness(color: str) -> float:
     return float(np.dot(to_rgb(color), [0.2126, 0.7152, 0.0722]))
 
 
-def test_lines_differ_without_colour() -> None:
+def test_lines_are_distinguishable_without_colour() -> None:
     """By dash and marker among themselves, by lightness and width from the truth."""
     dashes = [str(style.linestyle) for style in STYLES]
     markers = [style.marker for style in STYLES]
@@ -59,12 +59,12 @@ LOOK = {
 
 
 @pytest.mark.parametrize("name", LOOK)
-def test_every_figure_has_the_look_of_the_house(name: str) -> None:
+def test_every_figure_has_the_project_style(name: str) -> None:
     wanted, why = LOOK[name]
     assert matplotlib.rcParams[name] == wanted, why
 
 
-def test_an_envelope_has_the_largest_value_of_each_whole_bin() -> None:
+def test_envelope_has_the_maximum_of_each_complete_bin() -> None:
     size = np.array([1.0, 3.0, 2.0, np.nan, 0.5, 0.25, np.nan, np.nan, np.nan, 9.0])
     begins, largest = envelope(0.1 * np.arange(10), size, 0.3)
     assert begins == pytest.approx([0.0, 0.3, 0.6])
@@ -72,7 +72,7 @@ def test_an_envelope_has_the_largest_value_of_each_whole_bin() -> None:
     np.testing.assert_array_equal(envelope(0.1 * np.arange(10), size, 0.01)[1], size)
 
 
-def test_a_figure_is_sized_for_print() -> None:
+def test_figure_is_sized_for_print() -> None:
     """On the page as it is, without scaling: text of 7 to 9 points, a grid below all lines."""
     figure, panels = new_figure((1.0, 2.0))
     assert figure.axes == panels
@@ -85,7 +85,7 @@ def test_a_figure_is_sized_for_print() -> None:
     assert matplotlib.rcParams["savefig.dpi"] >= 150
 
 
-def test_thinning_keeps_every_extreme() -> None:
+def test_thinning_keeps_all_extremes() -> None:
     rng = np.random.default_rng(1)
     time, values = np.arange(50_003.0), rng.normal(size=50_003)
     values[[7, 31_234, 50_002]] = [90, -80, 70]
@@ -102,13 +102,13 @@ def test_thinning_keeps_every_extreme() -> None:
     assert {90, -80, 70} <= set(fewer)
 
 
-def test_short_series_are_left_alone() -> None:
+def test_short_series_are_not_thinned() -> None:
     time = np.arange(100.0)
     assert thin(time, time)[0] is time
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
-def test_a_figure_is_the_same_bytes_each_time(tmp_path: Path, suffix: str) -> None:
+def test_figure_files_are_reproducible(tmp_path: Path, suffix: str) -> None:
     def drawn(name: str) -> bytes:
         figure, (axes,) = new_figure((2.0,))
         axes.plot([0, 1], [0, 1], **STYLES[1].points(), label="Γ τ K₁")
@@ -124,7 +124,7 @@ def test_a_figure_is_the_same_bytes_each_time(tmp_path: Path, suffix: str) -> No
         assert word not in first
 
 
-def test_an_unknown_format_is_named(tmp_path: Path) -> None:
+def test_unknown_format_is_named(tmp_path: Path) -> None:
     figure, _ = new_figure((2.0,))
     with pytest.raises(InputError, match=r"fig\.gif: must end in one of \.pdf, \.svg, \.png"):
         save(figure, tmp_path / "fig.gif")
@@ -139,7 +139,7 @@ def test_only_bundled_fonts_are_used() -> None:
     assert font_manager.findfont("DejaVu Sans").startswith(bundled)
 
 
-def test_a_logarithmic_axis_is_labelled_by_its_powers_of_ten() -> None:
+def test_logarithmic_axis_is_labelled_by_powers_of_ten() -> None:
     _, (axes,) = new_figure((2.0,))
     axes.set_xscale("log")
     decades(axes.xaxis)
@@ -150,7 +150,7 @@ def test_a_logarithmic_axis_is_labelled_by_its_powers_of_ten() -> None:
     assert axes.xaxis.get_minor_formatter()(3.0, 0) == ""
 
 
-def test_few_ticks_are_labelled_and_no_others() -> None:
+def test_only_a_few_ticks_are_labelled() -> None:
     _, (axes,) = new_figure((1.0,))
     axes.set_xscale("log")
     axes.set_xlim(0.05, 30)

@@ -75,7 +75,7 @@ def fitted() -> PaperFigure:
     return figure
 
 
-def test_nothing_sticks_out_of_the_figure(fitted: PaperFigure) -> None:
+def test_everything_lies_within_the_figure(fitted: PaperFigure) -> None:
     texts = [text for text in fitted.findobj(Text) if text.get_text() and text.get_visible()]
     shown = [text for text in texts if text not in hidden(fitted)]
     for text, box in zip(shown, extents(shown), strict=True):
@@ -96,7 +96,7 @@ def hidden(figure: Figure) -> list[Text]:
     return found
 
 
-def test_the_legend_lies_between_title_and_panel(fitted: PaperFigure) -> None:
+def test_legend_lies_between_title_and_panel(fitted: PaperFigure) -> None:
     above = fitted.axes[0]
     legend = above.get_legend()
     assert legend is not None
@@ -109,7 +109,7 @@ def test_the_legend_lies_between_title_and_panel(fitted: PaperFigure) -> None:
     assert above.get_ylim()[1] < 1.2, "room for a legend that is elsewhere"
 
 
-def test_labels_of_ticks_do_not_touch_and_names_are_all_there(fitted: PaperFigure) -> None:
+def test_tick_labels_do_not_overlap_and_no_name_is_lost(fitted: PaperFigure) -> None:
     above, below = fitted.axes
     shown = labels(above, "x")
     assert 4 <= len(shown) < 21
@@ -120,7 +120,7 @@ def test_labels_of_ticks_do_not_touch_and_names_are_all_there(fitted: PaperFigur
     assert min(np.abs(np.diff(heights))) >= 0.75 * extents(names)[0].height
 
 
-def test_the_note_is_broken_again_or_left_out() -> None:
+def test_note_is_rewrapped_or_omitted() -> None:
     use_sheet(COLUMN)
     inside, outside = drawing(), drawing()
     fix_layout(inside)
@@ -133,7 +133,7 @@ def test_the_note_is_broken_again_or_left_out() -> None:
     assert note_of(outside) == note_of(inside)
 
 
-def test_a_line_that_fills_its_room_is_not_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_line_that_fits_exactly_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fitting, "_SLACK", 1.0)
     figure = drawing()
     measure, text = fitting._Measure(figure), figure.axes[0].title
@@ -145,7 +145,7 @@ def test_a_line_that_fills_its_room_is_not_broken(monkeypatch: pytest.MonkeyPatc
     assert measure.broken(words, text, np.nextafter(wide, 0.0)) == "three words\n[N m]"
 
 
-def test_lines_of_ones_own_stay_where_there_is_room() -> None:
+def test_manual_line_breaks_are_kept_if_they_fit() -> None:
     use_sheet(COLUMN)
     figure, (panel,) = new_figure((1.5,))
     panel.plot(TIME, TIME)
@@ -154,7 +154,7 @@ def test_lines_of_ones_own_stay_where_there_is_room() -> None:
     assert panel.get_xlabel() == "two\nlines"
 
 
-def test_a_second_axis_takes_no_room_of_a_title() -> None:
+def test_second_axis_does_not_reduce_the_title_width() -> None:
     def lines(*, second: bool) -> int:
         figure, (panel,) = new_figure((1.5,))
         panel.plot(TIME, TIME)
@@ -168,7 +168,7 @@ def test_a_second_axis_takes_no_room_of_a_title() -> None:
     assert lines(second=True) == lines(second=False) == 2
 
 
-def test_the_house_is_left_as_it_was_drawn() -> None:
+def test_default_style_figure_is_unchanged() -> None:
     figure = drawing()
     fix_layout(figure)
     assert figure.get_size_inches() == pytest.approx([6.6, 3.85])
@@ -177,7 +177,7 @@ def test_the_house_is_left_as_it_was_drawn() -> None:
     assert len(labels(figure.axes[0], "x")) == 21
 
 
-def test_panels_side_by_side_go_below_each_other_in_a_column() -> None:
+def test_side_by_side_panels_are_stacked_in_a_column() -> None:
     def places() -> list[Bbox]:
         figure, panels = mosaic([["a", "b"]], 2.0, stacked={"a": 1.5, "b": 2.0})
         fix_layout(figure)

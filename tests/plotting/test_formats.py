@@ -74,7 +74,7 @@ def page(kind: str, content: bytes) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("style", WIDTHS)
-def test_every_format_is_as_wide_as_the_style(tmp_path: Path, style: str) -> None:
+def test_every_format_has_the_width_of_the_style(tmp_path: Path, style: str) -> None:
     use_sheet(SHEETS / f"{style}.mplstyle")
     figure = drawing()
     fix_layout(figure)
@@ -84,7 +84,7 @@ def test_every_format_is_as_wide_as_the_style(tmp_path: Path, style: str) -> Non
         assert high == pytest.approx(72 * figure.get_figheight(), abs=0.5), kind
 
 
-def test_the_bytes_repeat_and_know_neither_date_nor_folder(tmp_path: Path) -> None:
+def test_files_are_reproducible_without_date_or_folder(tmp_path: Path) -> None:
     first = {kind: saved(tmp_path, kind) for kind in FORMATS}
     time.sleep(1.1)
     assert first == {kind: saved(tmp_path, kind) for kind in FORMATS}
@@ -94,7 +94,7 @@ def test_the_bytes_repeat_and_know_neither_date_nor_folder(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("style", ["default", "ieee-column"])
-def test_all_fonts_of_a_pdf_are_embedded_as_journals_take_them(tmp_path: Path, style: str) -> None:
+def test_pdf_fonts_are_embedded_as_journals_require(tmp_path: Path, style: str) -> None:
     use_sheet(SHEETS / f"{style}.mplstyle")
     resources = PdfReader(io.BytesIO(saved(tmp_path, "pdf"))).pages[0]["/Resources"]
     fonts = [font.get_object() for font in resources["/Font"].values()]
@@ -111,7 +111,7 @@ def test_all_fonts_of_a_pdf_are_embedded_as_journals_take_them(tmp_path: Path, s
     assert any(name.startswith(family) for name in names)
 
 
-def test_all_fonts_of_an_eps_are_embedded(tmp_path: Path) -> None:
+def test_eps_fonts_are_embedded(tmp_path: Path) -> None:
     content = saved(tmp_path, "eps").decode("latin-1")
     used = set(re.findall(r"^/(\S+) [\d.]+ selectfont", content, re.MULTILINE))
     assert used
@@ -120,7 +120,7 @@ def test_all_fonts_of_an_eps_are_embedded(tmp_path: Path) -> None:
     assert set(re.findall(r"/FontType (\d+)", content)) == {"42"}
 
 
-def test_bands_of_an_eps_are_as_light_as_those_that_one_looks_through(tmp_path: Path) -> None:
+def test_eps_bands_have_the_colour_of_transparent_ones(tmp_path: Path) -> None:
     """#c4500a at 0.2 on white is 0.2 c + 0.8; the figure itself is as before."""
     figure = drawing()
     fix_layout(figure)
@@ -132,7 +132,7 @@ def test_bands_of_an_eps_are_as_light_as_those_that_one_looks_through(tmp_path: 
     assert saved(tmp_path, "png", figure) == before
 
 
-def test_text_of_a_pgf_is_latex_and_of_the_document_s_font(tmp_path: Path) -> None:
+def test_pgf_text_is_latex_in_the_document_font(tmp_path: Path) -> None:
     content = saved(tmp_path, "pgf").decode("ascii")
     texts = re.findall(r"\\pgftext\[.*\]\{.*def%\{\\%\}(.*)\}\}%$", content, re.MULTILINE)
     assert r"\ensuremath{\Gamma} \ensuremath{\tau} K\textsubscript{1}, 5 \% \& " in "".join(texts)
@@ -141,7 +141,7 @@ def test_text_of_a_pgf_is_latex_and_of_the_document_s_font(tmp_path: Path) -> No
     assert "setmainfont" not in content
 
 
-def test_an_image_in_a_pgf_is_refused(tmp_path: Path) -> None:
+def test_image_in_a_pgf_is_refused(tmp_path: Path) -> None:
     figure, (axes,) = new_figure((2.0,))
     axes.imshow([[0, 1], [1, 0]])
     fix_layout(figure)

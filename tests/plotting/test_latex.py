@@ -29,7 +29,7 @@ WRITTEN = {
 
 
 @pytest.mark.parametrize("text", WRITTEN)
-def test_text_is_written_in_commands_of_latex_itself(text: str) -> None:
+def test_text_uses_only_standard_latex_commands(text: str) -> None:
     assert latex(text) == WRITTEN[text]
 
 
@@ -38,7 +38,7 @@ ASCII = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=40)
 
 @settings(max_examples=100)
 @given(ASCII)
-def test_every_text_is_read_back(text: str) -> None:
+def test_latex_text_round_trips(text: str) -> None:
     known = latex(text).replace(r"\textbar{}", "|")  # a command that the parser does not know
     found = LatexNodes2Text(strict_latex_spaces=True).latex_to_text(known)
     alike = str.maketrans({"ˆ": "^", "˜": "~", "”": '"', "’": "'", "‘": "`"})
@@ -60,14 +60,14 @@ def test_numbers_have_three_digits(value: float, written: str) -> None:
     assert latex_number(value, 3) == written
 
 
-def test_a_table_has_the_rules_of_booktabs() -> None:
+def test_table_uses_booktabs_rules() -> None:
     assert booktabs(["a", "b"], [["1", r"x\_y"]], "rl") == (
         "\\begin{tabular}{rl}\n\\toprule\na & b \\\\\n\\midrule\n1 & x\\_y \\\\\n\\bottomrule\n"
         "\\end{tabular}\n"
     )
 
 
-def test_metrics_have_a_column_an_observer(tmp_path: Path) -> None:
+def test_metrics_table_has_one_column_per_observer(tmp_path: Path) -> None:
     source, output = tmp_path / "fig1.metrics.csv", tmp_path / "fig1.metrics.tex"
     source.write_text(
         "observer,metric,value,unit\nsampled,rms_error,0.0123456,N m\n"
@@ -83,7 +83,7 @@ def test_metrics_have_a_column_an_observer(tmp_path: Path) -> None:
     ]
 
 
-def test_other_tables_stand_as_they_are_unless_digits_are_asked_for(tmp_path: Path) -> None:
+def test_other_tables_are_unchanged_unless_digits_are_requested(tmp_path: Path) -> None:
     source, output = tmp_path / "table.csv", tmp_path / "table.tex"
     source.write_text("term,exact,decimal\nz1^2 z2,1/36,0.0277777778\n")
     stage.run(source, output)
@@ -101,7 +101,7 @@ def test_other_tables_stand_as_they_are_unless_digits_are_asked_for(tmp_path: Pa
         ("a.csv", "x,y\n1\n", "line 2 has not 2 cells"),
     ],
 )
-def test_what_is_no_table_is_refused(tmp_path: Path, name: str, content: str, said: str) -> None:
+def test_invalid_table_is_refused(tmp_path: Path, name: str, content: str, said: str) -> None:
     source = tmp_path / name
     source.write_text(content)
     with pytest.raises(InputError, match=f"{name}: {said}"):

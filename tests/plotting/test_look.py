@@ -28,12 +28,12 @@ ASKED = {
 TEXTS = ("font.size", "axes.labelsize", "axes.titlesize", "legend.fontsize")
 
 
-def test_every_sheet_is_one_that_is_asked_for() -> None:
+def test_every_style_sheet_belongs_to_a_publisher_format() -> None:
     assert known_styles(ROOT) == sorted(ASKED)
 
 
 @pytest.mark.parametrize("name", ASKED)
-def test_a_sheet_is_as_wide_and_as_legible_as_is_asked_for(name: str) -> None:
+def test_style_sheet_meets_required_width_and_text_size(name: str) -> None:
     look.use_sheet(SHEETS / f"{name}.mplstyle")
     width, least = ASKED[name]
     figure, _ = new_figure((2.0,))
@@ -42,12 +42,12 @@ def test_a_sheet_is_as_wide_and_as_legible_as_is_asked_for(name: str) -> None:
     assert matplotlib.rcParams["pdf.fonttype"] == matplotlib.rcParams["ps.fonttype"] == 42
 
 
-def test_the_default_sheet_states_the_look_of_the_house_and_nothing_else() -> None:
+def test_default_style_sheet_states_exactly_the_project_style() -> None:
     look.use_sheet(SHEETS / "default.mplstyle")
     assert look.as_designed()
 
 
-def test_a_sheet_is_laid_over_the_house_and_not_over_another(tmp_path: Path) -> None:
+def test_style_sheet_is_applied_on_the_default_style_only(tmp_path: Path) -> None:
     first, second = tmp_path / "first.mplstyle", tmp_path / "second.mplstyle"
     first.write_text("font.size: 10\nlines.linewidth: 2.2 # twice\n")
     second.write_text('grid.color: "0.5"\n\n# nothing more\n')
@@ -69,7 +69,7 @@ def test_a_sheet_is_laid_over_the_house_and_not_over_another(tmp_path: Path) -> 
     assert STYLES[0].line()["linewidth"] == 1.0
 
 
-def test_small_print_stays_legible(tmp_path: Path) -> None:
+def test_small_text_stays_legible(tmp_path: Path) -> None:
     """6.3 points by default would be 3.7; what is smaller than 6 by default is scaled only."""
     sheet = tmp_path / "small.mplstyle"
     sheet.write_text("font.size: 5\n")
@@ -78,7 +78,7 @@ def test_small_print_stays_legible(tmp_path: Path) -> None:
     assert look.points(8.5) == 6.0
 
 
-def test_panels_go_below_each_other_where_lines_of_text_are_short() -> None:
+def test_panels_are_stacked_in_narrow_styles() -> None:
     found = {}
     for name in ASKED:
         look.use_sheet(SHEETS / f"{name}.mplstyle")
@@ -107,7 +107,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("lines", REFUSED)
-def test_a_sheet_that_is_wrong_is_reported_with_its_line(tmp_path: Path, lines: str) -> None:
+def test_invalid_style_sheet_is_reported_with_the_line(tmp_path: Path, lines: str) -> None:
     sheet = tmp_path / "mine.mplstyle"
     sheet.write_text(f"# mine\n{lines}\n")
     with pytest.raises(InputError, match=rf"mine\.mplstyle: {REFUSED[lines]}") as refused:
@@ -116,7 +116,7 @@ def test_a_sheet_that_is_wrong_is_reported_with_its_line(tmp_path: Path, lines: 
     assert look.as_designed(), "nothing of it is used"
 
 
-def test_generic_families_and_matplotlib_s_own_fonts_are_taken(tmp_path: Path) -> None:
+def test_generic_and_bundled_fonts_are_accepted(tmp_path: Path) -> None:
     sheet = tmp_path / "mine.mplstyle"
     sheet.write_text("font.family: serif\nfont.serif: STIXGeneral, DejaVu Serif\n")
     assert look.read_sheet(sheet) == {
@@ -124,7 +124,7 @@ def test_generic_families_and_matplotlib_s_own_fonts_are_taken(tmp_path: Path) -
     }  # fmt: skip
 
 
-def test_a_sheet_that_is_none_is_reported(tmp_path: Path) -> None:
+def test_unreadable_style_sheet_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.mplstyle: cannot be read"):
         look.use_sheet(tmp_path / "none.mplstyle")
     (tmp_path / "bytes.mplstyle").write_bytes(b"font.size: \xff\n")

@@ -50,7 +50,7 @@ RATIONAL = [
 
 
 @pytest.mark.parametrize("text", RATIONAL)
-def test_coefficients_against_fractions_of_sympy(text: str) -> None:
+def test_coefficients_agree_with_sympy_fractions(text: str) -> None:
     series = expanded(text, 5)
     wanted = np.zeros(series.coefficients.shape)
     for powers, value in known(text, 5).items():
@@ -59,7 +59,7 @@ def test_coefficients_against_fractions_of_sympy(text: str) -> None:
 
 
 @pytest.mark.parametrize("degree", [1, 4, 12])
-def test_geometric_series(degree: int) -> None:
+def test_geometric_series_has_binomial_coefficients(degree: int) -> None:
     """1 / (1 + x + y): every coefficient is a binomial with a sign."""
     series = coefficients(expanded("1/(1 + x + y)", degree))
     wanted = {
@@ -70,7 +70,7 @@ def test_geometric_series(degree: int) -> None:
     assert series == wanted
 
 
-def test_powers_with_the_variable_above_and_below() -> None:
+def test_powers_with_variable_base_and_exponent_agree_with_sympy() -> None:
     got = expanded("2**x", 9, ["x"]).coefficients[0]
     np.testing.assert_allclose(got, [log(2) ** k / factorial(k) for k in range(10)], rtol=1e-13)
     got = expanded("(1 + x)**(1/3)", 9, ["x"]).coefficients[0]
@@ -82,7 +82,7 @@ def test_powers_with_the_variable_above_and_below() -> None:
     assert coefficients(expanded("x**40", 9, ["x"])) == {}
 
 
-def test_a_whole_power_written_as_a_float() -> None:
+def test_float_power_with_integer_value_is_an_integer_power() -> None:
     assert coefficients(expanded("x**2.0 + x", 3, ["x"])) == {(1,): 1.0, (2,): 1.0}
 
 
@@ -100,7 +100,7 @@ CENTRES = {
 
 
 @pytest.mark.parametrize("name", ANALYTIC)
-def test_functions_against_mpmath(name: str) -> None:
+def test_functions_agree_with_mpmath(name: str) -> None:
     function = getattr(mpmath, name.lower())
     for centre in CENTRES[name]:
         got = expanded(f"{name}({centre} + x)", 6, ["x"]).coefficients[0]
@@ -110,7 +110,7 @@ def test_functions_against_mpmath(name: str) -> None:
         np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-13, err_msg=centre)
 
 
-def test_a_root_to_sixty_digits_at_a_high_degree() -> None:
+def test_square_root_agrees_with_60_digits_at_high_degree() -> None:
     """t^(1/2) at 2 is the sum of binom(1/2, k) 2^(1/2 - k) (t - 2)^k."""
     with flint.ctx.workdps(DIGITS + 60):
         found = univariate.coefficients(lambda t: t ** flint.arb("0.5"), flint.arb(2), 50)
@@ -123,7 +123,7 @@ def test_a_root_to_sixty_digits_at_a_high_degree() -> None:
             )
 
 
-def test_values_near_the_origin_are_those_of_the_expression() -> None:
+def test_values_near_the_origin_agree_with_the_expression() -> None:
     """A model of a robot joint: the rest falls with the degree as it must, down to rounding."""
     text = "sin(x)*cos(y + 1)/(2 + cos(x - y)) + exp(-x**2)*sqrt(3 + y)"
     value = sympy.lambdify((x, y), sympy.sympify(text))
@@ -134,7 +134,7 @@ def test_values_near_the_origin_are_those_of_the_expression() -> None:
         assert np.max(error) < 2 * bound
 
 
-def test_deep_composition_and_a_shared_constant() -> None:
+def test_deep_composition_agrees_with_known_coefficients() -> None:
     """sin of sin of ... of x, twelve times: x - 12 x^3 / 6 + ..., and cos(1 + x) as a float."""
     text = "x"
     for _ in range(12):
@@ -153,7 +153,7 @@ def test_deep_composition_and_a_shared_constant() -> None:
     np.testing.assert_allclose(got, [np.cos(1) + np.pi, -np.sin(1) - sqrt(2)], rtol=1e-15)
 
 
-def test_symbols_text_numbers_and_assumptions() -> None:
+def test_symbols_text_and_numbers_are_accepted() -> None:
     p, v = sympy.symbols("p v", real=True)
     for given in (p * v + 2 * v, "p*v + 2*v", sympy.sympify("p*v + 2*v", locals={"p": p, "v": v})):
         got = expanded(given, 2, [p, v])
@@ -204,25 +204,25 @@ BAD = {
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_what_cannot_be_expanded_is_named_in_one_sentence(text: str) -> None:
+def test_non_expandable_expression_is_named_in_one_sentence(text: str) -> None:
     with pytest.raises(InputError, match=rf"^f\[1\]: {BAD[text]}") as caught:
         from_expressions("f", ["x", text], ["x", "y"], 3)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("given", [sympy.Abs(x), sympy.Max(x, 0), sympy.besselj(0, x)])
-def test_functions_of_sympy_that_are_not_expanded(given: Any) -> None:
+def test_unsupported_sympy_functions_are_refused(given: Any) -> None:
     with pytest.raises(InputError, match=rf"^f\[0\]: .*\) {LISTED}"):
         expanded(given, 3)
 
 
-def test_none_is_no_expression() -> None:
+def test_none_is_refused_as_expression() -> None:
     with pytest.raises(InputError, match=r"^f\[0\]: None is no expression"):
         expanded(None, 2)
 
 
 @pytest.mark.parametrize("centre", ["1e-8", "-1e-30", "0.7", "3"])
-def test_sinc_near_zero_against_its_integral(centre: str) -> None:
+def test_sinc_near_zero_agrees_with_its_integral(centre: str) -> None:
     """sinc(t) is the integral of cos(s t) over 0 < s < 1, and so are its derivatives."""
     with flint.ctx.workdps(DIGITS):
         found = univariate.coefficients(FUNCTIONS["sinc"], flint.arb(centre), 6)
@@ -235,5 +235,5 @@ def test_sinc_near_zero_against_its_integral(centre: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["csch(1e308)", "tanh(exp(-1e308))", "sinh(1e-300) + x"])
-def test_values_beside_the_largest_and_smallest_number(text: str) -> None:
+def test_values_near_overflow_and_underflow_agree_with_the_expression(text: str) -> None:
     assert coefficients(expanded(text, 3, ["x"])).keys() <= {(0,), (1,)}

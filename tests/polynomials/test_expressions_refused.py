@@ -69,7 +69,7 @@ CODE = [
 
 
 @pytest.mark.parametrize("text", CODE)
-def test_code_is_no_expression(tmp_path: Path, text: str) -> None:
+def test_code_is_refused_as_expression(tmp_path: Path, text: str) -> None:
     target = tmp_path / "ran"
     text = text.format(target) if "{}" in text else text
     with pytest.raises(
@@ -145,20 +145,20 @@ LARGE |= {
 
 
 @pytest.mark.parametrize("name", LARGE)
-def test_what_is_too_large_is_refused_in_one_short_sentence(name: str) -> None:
+def test_too_large_expression_is_refused_in_one_short_sentence(name: str) -> None:
     given, said = LARGE[name]
     with pytest.raises(InputError, match=rf"^f\[0\]: .*({said})") as reported:
         expanded(given)
     assert len(str(reported.value)) < 400
 
 
-def test_coefficients_are_no_integers_of_numpy() -> None:
+def test_coefficients_do_not_use_numpy_integers() -> None:
     basis = expanded("a").basis
     with pytest.raises(InputError, match=r"^coefficients: are of type int64, must be floats, comp"):
         PolynomialMap(basis, np.ones((1, len(basis.exponents)), dtype=np.int64))
 
 
-def test_shared_parts_do_not_multiply_beyond_the_bound() -> None:
+def test_shared_subexpressions_stay_within_the_size_limit() -> None:
     expression: Any = a
     for k in range(40):
         expression = sympy.sin(expression * (expression + k + 1), evaluate=False)
@@ -169,7 +169,7 @@ def test_shared_parts_do_not_multiply_beyond_the_bound() -> None:
 @pytest.mark.parametrize(
     "how", [{"order": 200}, {"order": 10**9}, {"expanded": 500}, {"order": 1, "degree": 10**30}]
 )
-def test_orders_and_degrees_beyond_reach_are_refused(how: dict[str, Any]) -> None:
+def test_too_large_orders_and_degrees_are_refused(how: dict[str, Any]) -> None:
     given = {"order": 3, "sampling_period": 0.1, "poles": [-1.3, -2.1], **how}
     with pytest.raises(InputError, match=r"^(degree|order|expanded): .*(100|too high)"):
         normal_form_observer(["b", "-sin(a) - b"], ["a"], ["a", "b"], **given)
@@ -178,12 +178,12 @@ def test_orders_and_degrees_beyond_reach_are_refused(how: dict[str, Any]) -> Non
 @pytest.mark.parametrize(
     "text", ["+".join(f"sin({k}*a*b)" for k in range(1, 400)), "(a + b)**1000"]
 )
-def test_what_would_take_minutes_is_refused(text: str) -> None:
+def test_expression_that_takes_minutes_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^f\[0\]: takes too many products of series up to deg"):
         expanded(text, 60)
 
 
-def test_a_right_hand_side_that_would_compile_for_minutes_is_refused() -> None:
+def test_right_hand_side_that_compiles_for_minutes_is_refused() -> None:
     long = "+".join(f"sin({k}*b)" for k in range(1, 780))
     with pytest.raises(InputError, match=r"^drift\[1\]: has \d{4} operations, in all .* 1000 or f"):
         triangular_model(["a", "b"], ["0", long], "1")
@@ -191,7 +191,7 @@ def test_a_right_hand_side_that_would_compile_for_minutes_is_refused() -> None:
         triangular_model(["b", "a"], ["0", "-a"], long)
 
 
-def test_arguments_of_other_types_are_refused() -> None:
+def test_arguments_of_wrong_type_are_refused() -> None:
     for dynamics, output, variables in (
         ("a", ["a"], ["a"]), (["-a"], "a", ["a"]), (["-a"], ["a"], "a"), (None, ["a"], ["a"]),
         ({"a": 1}, ["a"], ["a"]), (["-a"], ["a"], [3]), (["-a"], ["a"], []), (["-a"], ["a"], None),
@@ -208,7 +208,7 @@ def test_arguments_of_other_types_are_refused() -> None:
             )
 
 
-def test_the_grammar_is_that_of_python() -> None:
+def test_grammar_agrees_with_python() -> None:
     """Precedence, associativity and signs, against Python's own reading of the same text."""
     x, y = Fraction(3, 7), Fraction(-2, 5)
     for text in (
@@ -230,7 +230,7 @@ def taylor(function: Any, centre: str, degree: int) -> list[Any]:
 
 
 @pytest.mark.parametrize("degree", [1, 12, 25])
-def test_taylor_coefficients_at_high_degrees_against_mpmath(degree: int) -> None:
+def test_taylor_coefficients_at_high_degrees_agree_with_mpmath(degree: int) -> None:
     with mpmath.workdps(60):
         third = mpmath.mpf(1) / 3
         for name in ("tan", "asin", "tanh", "sec", "erf", "sinc"):
@@ -245,7 +245,7 @@ def test_taylor_coefficients_at_high_degrees_against_mpmath(degree: int) -> None
 
 
 @pytest.mark.parametrize("name", ["sympy", "flint"])
-def test_a_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, name, None)
     with pytest.raises(
         InputError, match=rf'^{name}: .*`pip install "reobserve\[symbolic\]"` brings it$'

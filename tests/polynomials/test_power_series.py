@@ -58,7 +58,7 @@ def near_identity(seed: int, n: int, degree: int) -> Polynomials:
 
 
 @pytest.mark.parametrize(("n", "degree"), [*SIZES, (2, 1), (5, 2)])
-def test_monomials_against_brute_force(n: int, degree: int) -> None:
+def test_monomials_agree_with_brute_force(n: int, degree: int) -> None:
     basis = monomials(n, degree)
     listed = [m for d in range(degree + 1) for m in powers_of(n, d)]
     where = {m: place for place, m in enumerate(listed)}
@@ -83,7 +83,7 @@ def test_monomials_against_brute_force(n: int, degree: int) -> None:
 
 
 @pytest.mark.parametrize(("n", "degree"), SIZES)
-def test_every_product_of_monomials_stands_where_the_tables_say(n: int, degree: int) -> None:
+def test_product_tables_of_monomials_are_correct(n: int, degree: int) -> None:
     basis = monomials(n, degree)
     checked = 0
     for r in range(degree + 1):
@@ -98,7 +98,7 @@ def test_every_product_of_monomials_stands_where_the_tables_say(n: int, degree: 
     assert checked == len(basis.products) == comb(2 * n + degree, degree)
 
 
-def test_a_basis_too_large_is_refused_with_its_size() -> None:
+def test_too_large_basis_is_refused_with_its_size() -> None:
     # comb(12 + 40, 40) products of 4 bytes each.
     size = comb(52, 40) * 4 / 2**30
     assert 700 < size < 800
@@ -115,7 +115,7 @@ def test_a_basis_too_large_is_refused_with_its_size() -> None:
             monomials(n, degree)
 
 
-def test_powers_and_compositions_too_large_are_refused_with_their_size() -> None:
+def test_too_large_powers_and_compositions_are_refused_with_their_size() -> None:
     basis = monomials(6, 12)
     count = comb(18, 6)
     x = PolynomialMap(basis, np.eye(6, count, 1))
@@ -138,7 +138,7 @@ def test_powers_and_compositions_too_large_are_refused_with_their_size() -> None
 
 
 @pytest.mark.parametrize(("n", "degree"), SIZES)
-def test_composition_against_sympy(n: int, degree: int) -> None:
+def test_composition_agrees_with_sympy(n: int, degree: int) -> None:
     outer = random_map(n, n, 2, 3, lowest=0)
     inner = random_map(10 + n, n, n, 3)
     whole = [p.compose(list(zip(p.ring.gens, inner, strict=True))) for p in outer]
@@ -150,7 +150,7 @@ def test_composition_against_sympy(n: int, degree: int) -> None:
     assert composed(outer, inner, degree) == expected  # the arithmetic of the other tests
 
 
-def test_composition_with_fewer_and_more_variables() -> None:
+def test_composition_with_fewer_and_more_variables_agrees_with_sympy() -> None:
     (y,), (x1, x2) = variables(1), variables(2)
     up = to_map([y**2, y - y**3]).after(to_map([x1 * x2 + x2]), 6)
     inner = x1 * x2 + x2
@@ -160,7 +160,7 @@ def test_composition_with_fewer_and_more_variables() -> None:
 
 
 @pytest.mark.parametrize(("n", "degree"), SIZES)
-def test_jacobian_against_sympy(n: int, degree: int) -> None:
+def test_jacobian_agrees_with_sympy(n: int, degree: int) -> None:
     p = random_map(20 + n, n, 3, degree, lowest=0)
     found = to_map(p).jacobian()
     assert found.degree == degree - 1
@@ -168,7 +168,7 @@ def test_jacobian_against_sympy(n: int, degree: int) -> None:
 
 
 @pytest.mark.parametrize(("n", "degree"), SIZES)
-def test_inverse_against_another_way_and_by_composition(n: int, degree: int) -> None:
+def test_inverse_agrees_with_another_method_and_composes_to_identity(n: int, degree: int) -> None:
     T = near_identity(30 + n, n, degree)
     t = to_map(T).upto(degree)
     s = t.inverse()
@@ -178,7 +178,7 @@ def test_inverse_against_another_way_and_by_composition(n: int, degree: int) -> 
     assert max(abs(c) for _, m, c in s.terms() if sum(m) == degree) > 0
 
 
-def test_inverse_of_a_known_function() -> None:
+def test_inverse_of_a_known_function_agrees_with_closed_form() -> None:
     # z = x / (1 - x) has the inverse x = z / (1 + z).
     basis = monomials(1, 12)
     table = np.full((1, 13), Fraction(1))
@@ -188,7 +188,7 @@ def test_inverse_of_a_known_function() -> None:
 
 
 @pytest.mark.parametrize(("n", "degree"), SIZES)
-def test_values_against_sympy(n: int, degree: int) -> None:
+def test_values_agree_with_sympy(n: int, degree: int) -> None:
     p = random_map(40 + n, n, 2, degree, lowest=0)
     point = [Fraction(2 * i + 1, i + 3) * (-1) ** i for i in range(n)]
     expected = [Fraction(str(c(*[QQ(v.numerator, v.denominator) for v in point]))) for c in p]
@@ -207,7 +207,7 @@ def test_values_against_sympy(n: int, degree: int) -> None:
     np.testing.assert_allclose(out, wanted[0][0], rtol=1e-13)
 
 
-def test_cut_off_and_filled_up() -> None:
+def test_truncation_and_padding_keep_the_terms() -> None:
     x1, x2 = variables(2)
     p = to_map([1 + x1 + x1 * x2, x2**3])
     assert to_polynomials(p.upto(2)) == [1 + x1 + x1 * x2, x1 * 0]
@@ -222,7 +222,7 @@ def test_cut_off_and_filled_up() -> None:
 
 
 @pytest.mark.parametrize(("n", "degree"), SIZES)
-def test_floats_do_what_fractions_do(n: int, degree: int) -> None:
+def test_floats_agree_with_fractions(n: int, degree: int) -> None:
     outer, T = random_map(50 + n, n, 2, 3), near_identity(60 + n, n, degree)
     for act in (
         lambda p, t: p.after(t, degree),
@@ -254,7 +254,9 @@ def test_composition_is_associative(seed: int, size: tuple[int, int]) -> None:
 
 @more
 @given(seeds, st.sampled_from([(1, 6), (2, 4), (3, 3)]))
-def test_inverse_of_the_inverse_and_of_a_composition(seed: int, size: tuple[int, int]) -> None:
+def test_inverse_of_inverse_and_of_composition_are_consistent(
+    seed: int, size: tuple[int, int]
+) -> None:
     n, degree = size
     a, b = (to_map(near_identity(seed + k, n, degree)).upto(degree) for k in range(2))
     assert np.array_equal(a.inverse().inverse().coefficients, a.coefficients)
@@ -265,7 +267,7 @@ def test_inverse_of_the_inverse_and_of_a_composition(seed: int, size: tuple[int,
 
 @more
 @given(seeds, st.sampled_from([(1, 6), (2, 4), (3, 3)]))
-def test_chain_rule(seed: int, size: tuple[int, int]) -> None:
+def test_derivative_of_a_composition_obeys_the_chain_rule(seed: int, size: tuple[int, int]) -> None:
     n, degree = size
     a, b = (to_map(random_map(seed + k, n, n, degree)) for k in range(2))
     left = to_polynomials(a.after(b, degree).jacobian())
@@ -307,7 +309,7 @@ GOOD: dict[str, Any] = {"component": 1, "powers": [1, 0], "coefficient": 1}
     ],
 )
 @pytest.mark.parametrize("exact", [True, False])
-def test_a_wrong_term_is_named(
+def test_invalid_term_is_named(
     change: dict[str, Any], key: str, sentence: str, exact: bool
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -316,30 +318,30 @@ def test_a_wrong_term_is_named(
     assert str(caught.value).endswith(sentence)
 
 
-def test_a_missing_key_and_a_term_that_is_none_are_named() -> None:
+def test_missing_key_and_invalid_term_are_named() -> None:
     for wrong in ({"component": 1, "powers": [1, 0]}, [1, 2], "x1"):
         with pytest.raises(InputError, match=r"^f\[0\]: .* must have the keys component, powers"):
             PolynomialMap.from_terms("f", [wrong], 2, 2)  # type: ignore[list-item]
 
 
-def test_a_key_that_is_no_text_is_named() -> None:
+def test_non_text_key_is_named() -> None:
     wrong = {"component": 1, "powers": [1, 0], 3: 4}
     with pytest.raises(InputError, match=r"^f\[0\]: .* must have the keys component, powers"):
         PolynomialMap.from_terms("f", [wrong], 2, 2)  # type: ignore[list-item]
 
 
-def test_a_coefficient_beyond_the_floats_is_named() -> None:
+def test_coefficient_beyond_the_float_range_is_named() -> None:
     with pytest.raises(InputError, match=r"^f\[0\].coefficient: '1e400' must be a finite number"):
         PolynomialMap.from_terms("f", [{**GOOD, "coefficient": "1e400"}], 2, 2)
 
 
-def test_a_linear_map_of_whole_numbers_has_float_powers() -> None:
+def test_linear_map_of_integers_has_float_powers() -> None:
     (y,) = variables(1)
     found = to_map([y**4], exact=False).after(PolynomialMap.linear([[10**6]]), 4)
     assert found.coefficients[0, 4] == 1e24
 
 
-def test_terms_are_read_without_rounding_and_added_up() -> None:
+def test_terms_are_parsed_exactly_and_added() -> None:
     terms = [{**GOOD, "coefficient": value} for value in (0.1, "1/3", "-0.25", 2, Fraction(1, 7))]
     exact = PolynomialMap.from_terms("f", terms, 2, 2, exact=True)
     total = Fraction(1, 10) + Fraction(1, 3) - Fraction(1, 4) + 2 + Fraction(1, 7)
@@ -350,7 +352,7 @@ def test_terms_are_read_without_rounding_and_added_up() -> None:
     assert (nothing.degree, list(nothing.terms())) == (1, [])
 
 
-def test_maps_that_do_not_fit_are_refused() -> None:
+def test_mismatched_maps_are_refused() -> None:
     x1, x2 = variables(2)
     (y,) = variables(1)
     with pytest.raises(InputError, match="must have 6 columns, one for each monomial in 2 var"):

@@ -48,7 +48,7 @@ def build(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_crate_says_how_each_file_was_made(build: Path) -> None:
+def test_crate_records_how_each_file_was_made(build: Path) -> None:
     assert write_archive(build, build / "a.zip", PRODUCTS) == len(FILES)
     crate = ROCrate(build / "a.zip")
     assert (crate.name, crate.license.id) == ("A made-up build", "https://spdx.org/licenses/MIT")
@@ -69,7 +69,7 @@ def test_the_crate_says_how_each_file_was_made(build: Path) -> None:
     assert [one.id for one in whole["result"]] == PRODUCTS
 
 
-def test_the_crate_has_the_versions_of_all_packages(build: Path) -> None:
+def test_crate_has_the_versions_of_all_packages(build: Path) -> None:
     write_archive(build, build / "a.zip", PRODUCTS)
     for action in ROCrate(build / "a.zip").get_by_type("CreateAction"):
         if action.id != "#build":
@@ -78,7 +78,7 @@ def test_the_crate_has_the_versions_of_all_packages(build: Path) -> None:
     assert {"reobserve", "numpy", "scipy", "matplotlib", "snakemake"} <= set(package_versions())
 
 
-def test_the_archive_holds_the_files_as_they_are_and_the_same_bytes_again(build: Path) -> None:
+def test_archive_holds_unchanged_files_and_is_reproducible(build: Path) -> None:
     for name in ("a.zip", "b.zip"):
         write_archive(build, build / name, PRODUCTS)
     assert (build / "a.zip").read_bytes() == (build / "b.zip").read_bytes()
@@ -97,7 +97,7 @@ def test_the_archive_holds_the_files_as_they_are_and_the_same_bytes_again(build:
         ("logs/toy/fig1.plot.log", "no log in logs/ names the command that made it"),
     ],
 )
-def test_a_build_that_is_not_whole_is_not_packed(build: Path, gone: str, said: str) -> None:
+def test_incomplete_build_is_not_archived(build: Path, gone: str, said: str) -> None:
     (build / gone).unlink()
     with pytest.raises(InputError, match=f"results/toy/fig1.svg: {said}"):
         write_archive(build, build / "a.zip", PRODUCTS)

@@ -22,7 +22,7 @@ def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_studies_are_read_and_give_the_same_numbers(
+def test_stored_studies_give_the_same_numbers(
     study_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:
@@ -42,14 +42,14 @@ def test_studies_are_read_and_give_the_same_numbers(
         ).figure("fig4_matched")
 
 
-def test_there_must_be_a_file_for_each_study(study_file: Path) -> None:
+def test_every_study_needs_a_file(study_file: Path) -> None:
     with pytest.raises(
         InputError, match=r"--study-files: 2 must be one for each of \['matching'\]"
     ):
         Evaluator(PARAMETER_FILES["ilo"]).take_studies([study_file] * 2)
 
 
-def test_the_files_of_studies_must_be_in_the_order_of_the_parameters(tmp_path: Path) -> None:
+def test_study_files_must_follow_the_parameter_order(tmp_path: Path) -> None:
     """Two that have the same columns would be taken for each other, and nobody would see it."""
     first, second, *others = PARAMETER_FILES["imm"].tree["studies"]
     wrong = [tmp_path / f"{name}.study.csv" for name in (second, first, *others)]
@@ -59,7 +59,7 @@ def test_the_files_of_studies_must_be_in_the_order_of_the_parameters(tmp_path: P
     assert str(caught.value) == said
 
 
-def test_rows_that_a_figure_misses_are_reported_with_the_file(
+def test_missing_rows_are_reported_with_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -71,7 +71,7 @@ def test_rows_that_a_figure_misses_are_reported_with_the_file(
             each.figure("fig1_orders")
 
 
-def test_a_paper_that_is_not_there_and_a_part_that_it_lacks_are_reported() -> None:
+def test_unknown_paper_and_part_are_reported() -> None:
     with pytest.raises(InputError, match=r"^nobody: there is no such paper$"):
         paper_module("nobody", "plant")
     with pytest.raises(InputError, match=r"^ilo: has no table$"):

@@ -28,7 +28,7 @@ def read_back(text: str) -> str:
     return " ".join(unicodedata.normalize("NFKC", printed).split())
 
 
-def test_a_caption_says_in_latex_what_it_says() -> None:
+def test_latex_caption_has_the_text_of_the_caption() -> None:
     text = caption_in_latex("c.rst", CAPTION)
     assert text.startswith(r"\caption[A fault of 5 \% \& more (Fig. 3), scenario a\_b.]{%")
     assert r"\textbf{A fault of 5 \% \& more} (Fig. 3), scenario \texttt{a\_b}. RMS" in text
@@ -43,7 +43,7 @@ def test_a_caption_says_in_latex_what_it_says() -> None:
         assert words in reported, words
 
 
-def test_braces_and_brackets_close() -> None:
+def test_braces_and_brackets_are_balanced() -> None:
     odd = "} \\] { [ \\\\ % comment\\? ^ ~ & # $ _x"
     text = caption_in_latex("c.rst", with_note("**One [1]** (Fig. 1). Two.\n", odd))
     depth = 0
@@ -59,7 +59,7 @@ def test_braces_and_brackets_close() -> None:
     )
 
 
-def test_the_note_is_the_last_paragraph_and_stands_as_it_is() -> None:
+def test_note_is_the_unchanged_last_paragraph() -> None:
     text = with_note("**Title** (Fig. 1). One.\n", "ρ_a = 5 *here*.")
     assert text == "**Title** (Fig. 1). One.\n\nρ_a = 5 \\*here\\*.\n"
     assert with_note("One.\n", "") == "One.\n"
@@ -76,6 +76,6 @@ def test_the_note_is_the_last_paragraph_and_stands_as_it_is() -> None:
         ),
     ],
 )
-def test_what_is_no_caption_is_refused(text: str, said: str) -> None:
+def test_invalid_caption_is_refused(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         caption_in_latex("c.rst", text)

@@ -30,12 +30,12 @@ FILE, PACKAGE = Path("plant.py"), Path("plant/__init__.py")
         ("x = 1", FILE, []),
     ],
 )
-def test_the_names_of_an_import(statement: str, path: Path, names: list[str]) -> None:
+def test_imported_names_are_found(statement: str, path: Path, names: list[str]) -> None:
     (node,) = ast.parse(statement).body
     assert list(provenance._names(node, MODULE, path)) == names
 
 
-def test_the_closure_holds_what_is_imported_and_what_that_imports() -> None:
+def test_closure_contains_direct_and_indirect_imports() -> None:
     assert provenance.import_closure(["reobserve.core.errors"]) == [
         "reobserve",
         "reobserve.core",

@@ -22,7 +22,7 @@ from reobserve.replication.parameters.parameters import default_parameters
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_figure_has_its_golden_numbers() -> None:
+def test_figure_has_its_golden_numbers() -> None:
     """All metrics and series, bitwise as the steps of the workflow compute them."""
     found = replicate("ilo", "fig1")
     evaluator = Evaluator(default_parameters(ROOT, "ilo"))
@@ -45,7 +45,7 @@ def test_metrics_and_studies_are_data_frames() -> None:
     assert len(found.study) == len(found.rows) > 1
 
 
-def test_an_override_moves_what_depends_on_it_and_nothing_else() -> None:
+def test_override_changes_only_dependent_results() -> None:
     before = replicate("ilo", "fig1")
     after = replicate("ilo", "fig1", {"observers": {"sampled": {"K2": 500.0}}})
     assert np.array_equal(before.plant["fault"], after.plant["fault"])
@@ -74,13 +74,13 @@ assert any(axes.get_ylabel() for axes in drawn.axes)
 """
 
 
-def test_the_plot_has_the_style_of_the_workflow_and_leaves_that_of_others_alone() -> None:
+def test_plot_has_the_workflow_style_without_changing_the_user_style() -> None:
     """In a process of a user with a style of their own."""
     done = subprocess.run([sys.executable, "-c", PLOT], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
-def test_recorded_samples_that_a_parameter_file_names_are_read_from_anywhere(
+def test_recorded_samples_are_read_from_any_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("config", "workflow"):
@@ -97,13 +97,13 @@ def test_recorded_samples_that_a_parameter_file_names_are_read_from_anywhere(
     assert found.plant["fault"][-1, 0] == pytest.approx(0.1, rel=1e-12)
 
 
-def test_a_result_is_shown_on_one_short_line() -> None:
+def test_repr_of_a_result_is_one_short_line() -> None:
     shown = repr(replicate("ilo", "fig1"))
     assert shown.startswith("<fig1 of ilo: observers sampled, continuous, forgetting; ")
     assert len(shown) < 200
 
 
-def test_a_figure_that_reads_a_file_of_the_project_does_so_from_anywhere(
+def test_project_file_of_a_figure_is_read_from_any_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parameters = default_parameters(ROOT, "imm")
@@ -129,14 +129,16 @@ def test_a_figure_that_reads_a_file_of_the_project_does_so_from_anywhere(
         (("ilo", "fig1", {"observers": {"sampled": {"K2": 90_000}}}), "must give stable"),
     ],
 )
-def test_bad_input_is_one_sentence(arguments: tuple[object, ...], said: str) -> None:
+def test_invalid_input_is_reported_in_one_sentence(
+    arguments: tuple[object, ...], said: str
+) -> None:
     with pytest.raises(InputError, match=said) as caught:
         replicate(*arguments)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.nightly
-def test_an_installed_package_has_its_parameter_files(tmp_path: Path) -> None:
+def test_installed_package_has_its_parameter_files(tmp_path: Path) -> None:
     """As the wheel lays them out; `tests/package` compares that with the checkout."""
     site = tmp_path / "site"
     (site / "reobserve").mkdir(parents=True)

@@ -8,7 +8,7 @@ from reobserve.core.errors import InputError
 from reobserve.signals.grid import MAX_STEPS, multiple
 
 
-def test_the_most_steps_of_an_interval() -> None:
+def test_number_of_steps_is_limited() -> None:
     assert multiple("horizon", float(MAX_STEPS), 1.0, "the step") == MAX_STEPS
     with pytest.raises(InputError) as error:
         multiple("horizon", MAX_STEPS + 1.0, 1.0, "the step")

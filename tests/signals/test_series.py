@@ -54,7 +54,7 @@ def same_bits(one: np.ndarray, other: np.ndarray) -> bool:
 # --- Series -------------------------------------------------------------------------------------
 
 
-def test_what_is_read_is_what_was_written_to_the_bit(tmp_path: Path) -> None:
+def test_series_round_trips_bitwise(tmp_path: Path) -> None:
     path, series = tmp_path / "new" / "folder" / "run.parquet", record()
     series.write(path)
     found = Series.read(path)
@@ -67,7 +67,7 @@ def test_what_is_read_is_what_was_written_to_the_bit(tmp_path: Path) -> None:
     assert found.provenance == series.provenance
 
 
-def test_the_same_series_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_equal_series_give_equal_bytes(tmp_path: Path) -> None:
     first, second, third = (tmp_path / f"{i}.parquet" for i in range(3))
     record().write(first)
     record().write(second)
@@ -76,20 +76,20 @@ def test_the_same_series_gives_the_same_bytes(tmp_path: Path) -> None:
     assert first.read_bytes() == third.read_bytes()
 
 
-def test_the_file_is_plain_parquet_with_flat_columns(tmp_path: Path) -> None:
+def test_series_file_is_parquet_with_flat_columns(tmp_path: Path) -> None:
     record().write(tmp_path / "run.parquet")
     table = parquet.read_table(tmp_path / "run.parquet")
     assert set(table.column_names) == {"time", "rate_1", "rate_2", "rate_3", "fault"}
     assert same_bits(table["rate_2"].to_numpy(), np.ascontiguousarray(ODD[:, 1]))
 
 
-def test_flat_counts_components_from_one() -> None:
+def test_flat_column_names_count_from_one() -> None:
     columns = record().flat()
     assert list(columns) == ["rate_1", "rate_2", "rate_3", "fault"]
     assert same_bits(columns["rate_3"], np.ascontiguousarray(ODD[:, 2]))
 
 
-def test_to_pandas() -> None:
+def test_series_converts_to_pandas() -> None:
     frame = record().to_pandas()
     assert frame.index.name == "time"
     assert frame.index.tolist() == [0.0, 0.1, 0.2]
@@ -98,7 +98,7 @@ def test_to_pandas() -> None:
     assert frame.attrs["provenance"] == record().provenance
 
 
-def test_step() -> None:
+def test_step_is_the_sampling_period() -> None:
     assert record().step == pytest.approx(0.1, rel=1e-15)
     with pytest.raises(InputError, match=r"^time: must be evenly spaced$"):
         _ = Series(np.array([0.0, 0.1, 0.3]), {}).step
@@ -110,7 +110,7 @@ def test_step() -> None:
         _ = Series(np.array([0.1]), {}).step
 
 
-def test_bad_series_are_refused() -> None:
+def test_invalid_series_are_refused() -> None:
     time = np.array([0.0, 0.1, 0.2])
     for bad in (np.array([0.0, 0.2, 0.1]), np.array([0.0, 0.1, 0.1]), time[:, None]):
         with pytest.raises(InputError, match=r"^time: must be one column of increasing numbers$"):
@@ -131,7 +131,7 @@ def test_bad_series_are_refused() -> None:
         _ = record()["torque"]
 
 
-def test_files_that_are_no_series_are_refused(tmp_path: Path) -> None:
+def test_invalid_series_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     with pytest.raises(
         InputError, match=r"run.parquet: cannot be read \(No such file or directory\)$"
@@ -155,7 +155,7 @@ def test_files_that_are_no_series_are_refused(tmp_path: Path) -> None:
 # --- Files --------------------------------------------------------------------------------------
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_unwritable_folder_is_named(tmp_path: Path) -> None:
     # A file where the folder should be: that stops a superuser, too.
     (tmp_path / "folder").write_text("a file")
     for path in (tmp_path / "folder" / "run.parquet", tmp_path / "folder" / "deeper" / "run"):
@@ -167,7 +167,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("error", [RuntimeError("stop"), KeyboardInterrupt(), OSError(28, "full")])
 @pytest.mark.parametrize("exists", [True, False])
-def test_a_failing_write_leaves_the_old_file_and_nothing_else(
+def test_failed_write_keeps_the_old_file(
     tmp_path: Path, error: BaseException, exists: bool
 ) -> None:
     path = tmp_path / "table.csv"
@@ -187,7 +187,7 @@ def test_a_failing_write_leaves_the_old_file_and_nothing_else(
     assert not exists or path.read_text() == "old"
 
 
-def test_a_write_replaces_the_old_file_and_what_a_killed_one_left(tmp_path: Path) -> None:
+def test_write_replaces_the_old_file_and_leftovers(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     partials: list[Path] = []
 
@@ -220,14 +220,14 @@ def test_tables_keep_every_digit(tmp_path: Path) -> None:
         read_table(tmp_path / "none.csv", ["name"])
 
 
-def test_metrics_survive_the_disk(tmp_path: Path) -> None:
+def test_metrics_round_trip_through_a_file(tmp_path: Path) -> None:
     metrics = [Metric("sampled", "rms_error", 1 / 3, "N m"), Metric("adaptive", "delay", 2.0, "s")]
     write_metrics(tmp_path / "metrics.csv", metrics)
     assert read_metrics(tmp_path / "metrics.csv") == metrics
     assert lookup(metrics)["adaptive", "delay"] == 2.0
 
 
-def test_a_metric_is_found_at_its_coordinates(tmp_path: Path) -> None:
+def test_metric_is_found_by_its_coordinates(tmp_path: Path) -> None:
     levels = (("ise", 1.0, 2.0), ("ise", 2e-05, 3.0), ("ise", 0.1234567890123, 4.0))
     metrics = [
         Metric.at("svsf", (name, value, "s"), noise=level, share=1 / 3, fault="leak")
@@ -246,13 +246,13 @@ def test_a_metric_is_found_at_its_coordinates(tmp_path: Path) -> None:
     ("text", "name"),
     [("ise", "ise"), ("ise noise=1e-5", "ise noise=1e-05"), ("ise  b=2.0 a=x", "ise a=x b=2")],
 )
-def test_a_name_as_a_person_writes_it(text: str, name: str) -> None:
+def test_metric_name_is_parsed(text: str, name: str) -> None:
     metric, at = parse_name(text)
     assert name_at(metric, **at) == name
 
 
 @pytest.mark.parametrize("text", ["ise 3", "ise a=", "ise =3", "ise a=1 a=2"])
-def test_a_name_that_is_none(text: str) -> None:
+def test_invalid_metric_name_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^metric: '.*' must be a metric, then each coordinate"):
         parse_name(text)
 
@@ -262,7 +262,7 @@ def test_a_name_that_is_none(text: str) -> None:
 TIME = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
 
 
-def test_root_mean_square_is_exact_for_straight_pieces() -> None:
+def test_root_mean_square_is_exact_for_piecewise_linear_signals() -> None:
     # Over 0..1 the square of t integrates to 1/3; from -1 to 1 and back the same.
     ramp = root_mean_square_of_steps(np.array([0.0]), np.array([1.0]))
     assert ramp == pytest.approx(3**-0.5, rel=1e-15)
@@ -274,7 +274,7 @@ def test_root_mean_square_is_exact_for_straight_pieces() -> None:
     assert np.isnan(root_mean_square_of_steps(np.array([]), np.array([])))
 
 
-def test_root_mean_square_of_samples_and_of_none() -> None:
+def test_root_mean_square_of_samples_and_of_an_empty_window() -> None:
     values = np.array([[3.0, 0.0], [-4.0, 0.0]])
     assert root_mean_square(values).tolist() == [12.5**0.5, 0.0]
     assert root_mean_square(values[:, 0]) == 12.5**0.5
@@ -282,7 +282,7 @@ def test_root_mean_square_of_samples_and_of_none() -> None:
     assert np.isnan(root_mean_square(np.array([])))
 
 
-def test_a_window_takes_the_sample_at_one_of_its_bounds() -> None:
+def test_window_includes_the_sample_at_one_bound_only() -> None:
     assert TIME[window(TIME, 1.0, 3.0)].tolist() == [1.0, 2.0]
     assert TIME[window(TIME, 1.0, 3.0, closed="right")].tolist() == [2.0, 3.0]
     # Times are sums of steps, off by their rounding.
@@ -290,13 +290,13 @@ def test_a_window_takes_the_sample_at_one_of_its_bounds() -> None:
     assert TIME[window(TIME - 1e-12, 1.0, 3.0)].tolist() == [1.0, 2.0]
 
 
-def test_peak() -> None:
+def test_peak_is_the_largest_absolute_value() -> None:
     assert peak(np.array([1.0, -3.0]), np.array([[2.0, -5.0]]), np.array([])) == 5.0
     assert np.isnan(peak(np.array([])))
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_first_crossing(sign: int) -> None:
+def test_first_crossing_is_interpolated(sign: int) -> None:
     # 0 -> 1 -> 2 -> 0 -> 0, straight: 1.25 is exceeded a quarter into the second step.
     start = sign * np.array([0.0, 1.0, 2.0, 0.0])
     end = sign * np.array([1.0, 2.0, 0.0, 0.0])
@@ -307,7 +307,7 @@ def test_first_crossing(sign: int) -> None:
     assert first_crossing(TIME, start, end, 1.25) == 2.0
 
 
-def test_settling_time() -> None:
+def test_settling_time_is_the_last_entry_into_the_band() -> None:
     # The error leaves the band in the second step for the last time.
     start, end = np.array([3.0, 2.0, 0.5, 0.1]), np.array([2.0, 0.5, 0.1, -0.1])
     assert settling_time(TIME, start, end, 1.0) == 2.0
@@ -324,7 +324,7 @@ def test_settling_time() -> None:
 # --- Random streams -----------------------------------------------------------------------------
 
 
-def test_a_stream_depends_on_its_seed_and_names_only() -> None:
+def test_random_stream_depends_only_on_seed_and_names() -> None:
     first = random_stream(7, "ilo", "rate noise").standard_normal(100)
     random_stream(7, "ilo", "start").standard_normal(1000)  # others may draw what they want
     again = random_stream(7, "ilo", "rate noise")
@@ -332,7 +332,7 @@ def test_a_stream_depends_on_its_seed_and_names_only() -> None:
     assert np.array_equal(again.standard_normal(60), first[40:])
 
 
-def test_other_streams_are_uncorrelated() -> None:
+def test_streams_of_different_names_are_uncorrelated() -> None:
     keys = [(7, "ilo", "noise"), (7, "ilo", "start"), (8, "ilo", "noise"), (7, "other", "noise")]
     drawn = np.array([random_stream(*key).standard_normal(4000) for key in keys])
     correlation = np.corrcoef(drawn) - np.eye(len(keys))
@@ -343,7 +343,7 @@ def test_other_streams_are_uncorrelated() -> None:
 @pytest.mark.parametrize(
     ("off", "even"), [(1e-9, True), (1e-8, True), (1e-4, False), (-1e-4, False)]
 )
-def test_a_step_that_is_off_by_a_thousandth_is_uneven(off: float, even: bool) -> None:
+def test_step_off_by_0_1_percent_is_uneven(off: float, even: bool) -> None:
     """``off`` is in seconds, of steps of 0.1 s; rounding of a time axis is no unevenness."""
     time = 0.1 * np.arange(11)
     time[5] += off
@@ -355,7 +355,7 @@ def test_a_step_that_is_off_by_a_thousandth_is_uneven(off: float, even: bool) ->
             _ = series.step
 
 
-def test_streams_of_names_that_are_cut_elsewhere_differ() -> None:
+def test_streams_of_differently_split_names_differ() -> None:
     """The slash keeps ("a", "bc") and ("ab", "c") apart, so no name may hold one."""
     drawn = [random_stream(7, *names).random() for names in (("a", "bc"), ("ab", "c"), ("abc",))]
     assert len(set(drawn)) == 3
@@ -364,7 +364,7 @@ def test_streams_of_names_that_are_cut_elsewhere_differ() -> None:
 
 
 @pytest.mark.parametrize(("samples", "hold"), [(7, 3), (6, 3), (1, 4), (5, 1)])
-def test_held_noise_changes_every_so_many_samples(samples: int, hold: int) -> None:
+def test_held_noise_changes_at_the_stated_interval(samples: int, hold: int) -> None:
     """And its limit from the left one sample later; drawn in order, no number twice."""
     drawn = random_stream(7, "noise").standard_normal(samples)
     values, before = held_normal(random_stream(7, "noise"), samples, hold)
@@ -372,7 +372,7 @@ def test_held_noise_changes_every_so_many_samples(samples: int, hold: int) -> No
     assert before.tolist() == [drawn[max(k - 1, 0) // hold] for k in range(samples)]
 
 
-def test_a_record_of_any_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_of_any_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A step must be able to read what the one before it could write."""
     monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
     series = Series(np.arange(1000.0), {"x": Channel(np.arange(1000.0), "m")}, {}, {})

@@ -39,7 +39,7 @@ def parse(*terms: Any, axes: int = 3) -> Signal:
 # --- Closed forms -------------------------------------------------------------------------------
 
 
-def test_each_kind_in_closed_form() -> None:
+def test_each_kind_agrees_with_closed_form() -> None:
     expected = np.zeros((len(GRID), 3))
     for row, t in zip(expected, GRID, strict=True):
         row[0] = 0.5 if t > 1 - 1e-12 else 0
@@ -56,12 +56,12 @@ def test_terms_on_one_axis_add() -> None:
     assert not parse()(GRID).any()
 
 
-def test_a_sine_starts_in_the_phase_of_the_run_and_not_of_its_onset() -> None:
+def test_phase_of_a_sine_counts_from_the_start_of_the_run() -> None:
     late = {"kind": "sine", "axis": 1, "from": 2.5, "amplitude": 1.0, "frequency": 10.0}
     assert parse(late)(np.array([2.5]))[0, 0] == pytest.approx(np.sin(25.0), rel=1e-15)
 
 
-def test_limits_from_both_sides_at_onset_and_end() -> None:
+def test_both_limits_at_onset_and_end_are_correct() -> None:
     signal = parse({**CONSTANT, "until": 3.0}, {**RAMP, "axis": 1})
     times = np.array([0.5, 1.0, 2.0, 3.0])
     ramp = -0.1 * (times - 0.5)
@@ -80,13 +80,13 @@ def test_limits_do_not_depend_on_rounding_of_the_grid() -> None:
             assert signal(np.array([time]), before=True)[0, 0] == 0
 
 
-def test_onsets_and_jumps() -> None:
+def test_onsets_and_jumps_are_listed() -> None:
     signal = parse(SINE, {**CONSTANT, "from": 0}, RAMP, {**CONSTANT, "from": 2.5, "until": 4})
     assert signal.onsets == (0.5, 2.5)  # what acts from the start is no onset
     assert signal.jumps == (0.5, 2.0, 2.5, 4.0)
 
 
-def test_check_grid() -> None:
+def test_onsets_and_jumps_off_the_grid_are_refused() -> None:
     signal = parse(CONSTANT, RAMP)
     signal.check_grid("fault", 0.25, 5.0)
     with pytest.raises(InputError, match=r"^fault: starts at 1 s, must start before .* 1 s$"):
@@ -110,7 +110,7 @@ def test_check_grid() -> None:
 # --- Before t = 0 -------------------------------------------------------------------------------
 
 
-def test_a_term_from_a_negative_time_on_acts_there() -> None:
+def test_term_starting_at_a_negative_time_acts_from_there() -> None:
     early = {"kind": "ramp", "axis": 1, "from": -1.5, "slope": 0.5}
     ended = {"kind": "constant", "axis": 2, "from": -2.0, "until": -0.5, "size": 3.0}
     late = {"kind": "sine", "axis": 3, "amplitude": 1.0, "frequency": 2.0, "phase": 1.0}
@@ -123,7 +123,7 @@ def test_a_term_from_a_negative_time_on_acts_there() -> None:
     assert signal(times)[:, 2] == pytest.approx([0, 0, 0, 0, 0, np.sin(1), np.sin(3)], abs=1e-15)
 
 
-def test_what_starts_before_the_run_is_no_onset_and_no_jump_of_the_run() -> None:
+def test_start_before_the_run_is_neither_onset_nor_jump() -> None:
     ended = {**CONSTANT, "from": -2.03, "until": -0.51}
     signal = parse({**SINE, "from": -1.57}, ended, RAMP, {**CONSTANT, "from": 0})
     assert signal.onsets == (0.5,)
@@ -149,7 +149,7 @@ def test_each_kind_has_its_derivative() -> None:
     assert derivative.breaks == (0.5, 2.0, 2.5)
 
 
-def test_derivatives_of_higher_order() -> None:
+def test_derivatives_of_higher_order_are_exact() -> None:
     signal = parse(SINE, RAMP, {**CONSTANT, "axis": 2})
     times = np.linspace(2.6, 9, 50)
     for order in range(1, 9):
@@ -160,7 +160,7 @@ def test_derivatives_of_higher_order() -> None:
     assert not parse(RAMP).derivative("fault").derivative("fault").terms
 
 
-def test_the_derivative_is_the_limit_of_differences() -> None:
+def test_derivative_is_the_limit_of_differences() -> None:
     signal = parse({**SINE, "from": -9}, {**RAMP, "axis": 2, "from": -9, "until": 9}, CONSTANT)
     times, h = np.linspace(-0.9, 0.9, 37), 1e-3
     # These differences err by h^4/30 times the fifth derivative, 2 * 3^5 at most, and by rounding.
@@ -172,7 +172,7 @@ def test_the_derivative_is_the_limit_of_differences() -> None:
 # --- Squares ------------------------------------------------------------------------------------
 
 
-def test_a_pulse_train_at_between_and_beside_its_jumps() -> None:
+def test_pulse_train_is_exact_at_and_around_its_jumps() -> None:
     signal = parse({**SQUARE, "high": 1.0, "low": 0.0, "width": 2.0})
     times = np.array([0.9, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
     assert signal(times)[:, 0].tolist() == [0, 1, 1, 0, 0, 1, 1, 0, 0, 0, 0]
@@ -184,7 +184,7 @@ def test_a_pulse_train_at_between_and_beside_its_jumps() -> None:
     assert np.array_equal(parse({**SQUARE, "high": 1.0})(times), signal(times))
 
 
-def test_a_square_wave_with_another_low_and_width_that_ends_while_it_is_high() -> None:
+def test_square_wave_with_custom_low_and_width_may_end_high() -> None:
     signal = parse({**SQUARE, "from": -1.0, "until": 7.5, "low": -1.5, "width": 1.0})
     times = np.array([-2.0, -1.0, 0.0, 2.0, 3.0, 4.0, 7.0, 7.5])
     assert signal(times)[:, 0].tolist() == [0, 1.5, -1.5, -1.5, 1.5, -1.5, 1.5, 0]
@@ -193,13 +193,13 @@ def test_a_square_wave_with_another_low_and_width_that_ends_while_it_is_high() -
     assert signal.onsets == ()
 
 
-def test_a_square_as_high_as_low_jumps_at_its_ends_alone() -> None:
+def test_square_wave_of_equal_levels_jumps_only_at_its_ends() -> None:
     assert parse({**SQUARE, "low": 1.5}).jumps == (1.0, 9.0)
 
 
 @more
 @given(st.integers(0, 40), st.integers(1, 300), st.integers(2, 30), st.data())
-def test_a_square_on_a_grid_is_that_of_whole_numbers(
+def test_square_wave_on_a_grid_agrees_with_integer_arithmetic(
     onset: int, span: int, period: int, data: st.DataObject
 ) -> None:
     width, h = data.draw(st.integers(1, period - 1)), 0.1
@@ -215,7 +215,7 @@ def test_a_square_on_a_grid_is_that_of_whole_numbers(
     signal.check_jumps("fault", h, 40.0)
 
 
-def test_jumps_of_a_square_off_the_grid_are_refused() -> None:
+def test_square_wave_jumps_off_the_grid_are_refused() -> None:
     signal = parse({**SQUARE, "width": 1.3})
     signal.check_grid("fault", 0.1, 9.0)
     with pytest.raises(
@@ -229,7 +229,7 @@ def test_jumps_of_a_square_off_the_grid_are_refused() -> None:
 
 
 @pytest.mark.parametrize("order", range(2, 17))
-def test_a_sequence_of_maximum_length(order: int) -> None:
+def test_prbs_has_maximum_length(order: int) -> None:
     sequence = maximum_length_sequence(order)
     length = 2**order - 1
     assert sequence.shape == (length,)
@@ -249,7 +249,7 @@ def test_all_orders_from_2_to_16_have_a_polynomial() -> None:
     assert sorted(PRIMITIVE_POLYNOMIALS) == list(range(2, 17))
 
 
-def test_the_sequence_by_hand() -> None:
+def test_prbs_agrees_with_hand_calculation() -> None:
     # By x^n + x^(n-1) + 1 a bit is the sum modulo 2 of the last one and of that n bits before.
     assert maximum_length_sequence(2).tolist() == [1, 1, -1]
     assert maximum_length_sequence(3).tolist() == [1, 1, 1, -1, 1, -1, -1]
@@ -258,9 +258,7 @@ def test_the_sequence_by_hand() -> None:
 
 @more
 @given(st.integers(2, 6), st.integers(0, 40), st.integers(1, 300), st.integers(1, 7))
-def test_a_prbs_on_a_grid_is_the_sequence_over_and_over(
-    order: int, onset: int, span: int, hold: int
-) -> None:
+def test_prbs_repeats_on_a_grid(order: int, onset: int, span: int, hold: int) -> None:
     h = 0.1
     term = {"kind": "prbs", "axis": 1, "from": h * onset, "until": h * (onset + span)}
     signal = parse({**term, "amplitude": 0.3, "clock": 1 / (h * hold), "order": order})
@@ -275,7 +273,7 @@ def test_a_prbs_on_a_grid_is_the_sequence_over_and_over(
     signal.check_jumps("fault", h, 40.0)
 
 
-def test_the_spectrum_of_a_prbs_is_flat_within_3_db_to_its_stated_end() -> None:
+def test_prbs_spectrum_is_flat_within_3_db_up_to_the_stated_frequency() -> None:
     # One period, 16 samples a bit: lines at multiples of 100/127 Hz.
     samples_a_bit = 16
     h = 0.01 / samples_a_bit
@@ -291,7 +289,7 @@ def test_the_spectrum_of_a_prbs_is_flat_within_3_db_to_its_stated_end() -> None:
     assert power == pytest.approx(128 * kernel**2, rel=1e-9)
 
 
-def test_jumps_of_a_prbs_off_the_grid_are_refused() -> None:
+def test_prbs_jumps_off_the_grid_are_refused() -> None:
     signal = parse(PRBS)
     signal.check_grid("fault", 1e-3, 30.0)
     # Seven ones come first.
@@ -299,7 +297,7 @@ def test_jumps_of_a_prbs_off_the_grid_are_refused() -> None:
         signal.check_grid("fault", 0.02, 30.0)
 
 
-def test_piecewise_constant_terms_have_no_slope_and_no_term_in_the_derivative() -> None:
+def test_piecewise_constant_terms_have_zero_derivative() -> None:
     derivative = parse(SQUARE, RAMP, PRBS).derivative("fault")
     assert len(derivative.terms) == 1
     assert derivative.breaks == (0.5, 2.0)
@@ -321,7 +319,7 @@ def swept(order: int, time: float, *, rising: bool) -> float:
 
 
 @pytest.mark.parametrize("order", range(5))
-def test_a_sweep_and_its_derivatives(order: int) -> None:
+def test_sweep_and_its_derivatives_agree_with_50_digits(order: int) -> None:
     signal = parse(SWEEP)
     for _ in range(order):
         signal = signal.derivative("fault")
@@ -339,7 +337,7 @@ def test_a_sweep_and_its_derivatives(order: int) -> None:
     assert signal(np.array([0.4]))[0, 0] == 0
 
 
-def test_a_sweep_turns_at_the_frequency_stated() -> None:
+def test_sweep_has_the_stated_frequency() -> None:
     # Zeros lie where the phase is a multiple of pi, and there the slope is the frequency.
     signal = parse(SWEEP)
     k = np.arange(1, 8)  # the phase at the end of the rise is 24
@@ -355,7 +353,7 @@ def test_a_sweep_turns_at_the_frequency_stated() -> None:
     assert signal(later) == pytest.approx(ahead(later), abs=1e-13)
 
 
-def test_a_sweep_may_fall_to_rest_and_end_before_its_rise_does() -> None:
+def test_sweep_may_decrease_to_zero_and_end_during_its_rise() -> None:
     falling = parse({**SWEEP, "start": 11.0, "end": 0.0})
     assert falling(np.array([4.5, 9.0]))[:, 0] == pytest.approx([2 * np.sin(22.0)] * 2, rel=1e-13)
     short = parse({**SWEEP, "until": 4.0})
@@ -386,7 +384,7 @@ def samples(path: Path, **changed: Any) -> dict[str, Any]:
     return {"kind": "samples", "axis": 1, "file": str(path), "column": "torque", **changed}
 
 
-def test_linear_samples(record: Path) -> None:
+def test_linear_samples_are_interpolated(record: Path) -> None:
     signal = parse(samples(record))
     times = np.array([0.0, 0.4, 0.5, 0.75, 1.0, 1.5, 2.5, 3.0, 9.0])
     # Nothing before the first sample, straight in between, the last one holds.
@@ -406,7 +404,7 @@ def test_held_samples_jump_at_every_sample(record: Path) -> None:
         signal.check_grid("fault", 0.4, 5.0)
 
 
-def test_samples_within_a_span(record: Path) -> None:
+def test_samples_act_within_their_time_span(record: Path) -> None:
     signal = parse(samples(record, interpolation="hold", **{"from": 0.75, "until": 2.5}))
     times = np.array([0.5, 0.75, 1.0, 2.0, 2.5])
     assert signal(times)[:, 0].tolist() == [0, 1, 3, -1, 0]
@@ -496,7 +494,7 @@ BAD_TERMS: list[tuple[Any, str]] = [
 
 
 @pytest.mark.parametrize(("term", "sentence"), BAD_TERMS)
-def test_bad_terms_are_refused_in_a_sentence(term: Any, sentence: str) -> None:
+def test_invalid_terms_are_refused_in_one_sentence(term: Any, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         parse(term)
 
@@ -514,7 +512,7 @@ NEEDED = {
 
 
 @pytest.mark.parametrize(("kind", "key"), [(k, key) for k, keys in NEEDED.items() for key in keys])
-def test_a_term_without_what_it_needs_is_refused(kind: str, key: str) -> None:
+def test_term_without_a_required_key_is_refused(kind: str, key: str) -> None:
     """Every other key is there, optional ones excepted."""
     numbers = {"order": 7, "start": 0.5, "end": 2.0}
     words = {"file": "torque.csv", "column": "torque"}
@@ -525,7 +523,7 @@ def test_a_term_without_what_it_needs_is_refused(kind: str, key: str) -> None:
         parse({"kind": kind, "axis": 1, "until": 5.0, **term})
 
 
-def test_the_place_of_a_bad_term_is_named() -> None:
+def test_position_of_an_invalid_term_is_named() -> None:
     with pytest.raises(InputError, match=r"^fault\[2\].axis: 9 "):
         parse(CONSTANT, SINE, {**RAMP, "axis": 9})
     with pytest.raises(InputError, match=r"^fault: 'sine' must be a list of terms$"):
@@ -550,7 +548,9 @@ BAD_TABLES = [
 
 
 @pytest.mark.parametrize(("text", "sentence"), BAD_TABLES)
-def test_bad_tables_are_refused_by_file_and_place(tmp_path: Path, text: str, sentence: str) -> None:
+def test_invalid_sample_tables_are_refused_naming_file_and_position(
+    tmp_path: Path, text: str, sentence: str
+) -> None:
     path = tmp_path / "torque.csv"
     path.write_text(text)
     with pytest.raises(InputError, match=sentence) as found:
@@ -559,7 +559,7 @@ def test_bad_tables_are_refused_by_file_and_place(tmp_path: Path, text: str, sen
     assert "\n" not in str(found.value)
 
 
-def test_bad_files_are_refused(tmp_path: Path, record: Path) -> None:
+def test_invalid_sample_files_are_refused(tmp_path: Path, record: Path) -> None:
     with pytest.raises(
         InputError, match=r"nowhere.csv: cannot be read \(No such file or directory\)$"
     ):
@@ -572,7 +572,7 @@ def test_bad_files_are_refused(tmp_path: Path, record: Path) -> None:
         parse(samples(record, until=0.4))
 
 
-def test_a_parquet_file_cut_short_is_refused(tmp_path: Path) -> None:
+def test_truncated_parquet_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "torque.parquet"
     parquet.write_table(pa.table({"time": INSTANTS, "torque": VALUES}), path)
     whole = path.read_bytes()
@@ -582,7 +582,7 @@ def test_a_parquet_file_cut_short_is_refused(tmp_path: Path) -> None:
             parse(samples(path))
 
 
-def test_a_growing_sine_and_its_derivatives_are_exact() -> None:
+def test_growing_sine_and_its_derivatives_are_exact() -> None:
     term = {"kind": "growing_sine", "axis": 1, "from": 4, "until": 10, "growth": 0.01,
             "frequency": 0.5 * np.pi, "phase": 0.3}  # fmt: skip
     signal = Signal.parse("fault", [term], 1)

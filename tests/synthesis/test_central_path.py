@@ -45,7 +45,7 @@ def value(side: Constraint, matrices: dict[str, Array], gamma: float) -> Array:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("derivative", [True, False])
-def test_constraints_are_the_blocks_of_the_inequalities(seed: int, derivative: bool) -> None:
+def test_constraints_agree_with_the_inequality_blocks(seed: int, derivative: bool) -> None:
     system, rng = random_plant(seed, 3, 3, Az=np.diag([1.0, 2.0, 3.0])), np.random.default_rng(seed)
     N = system.size
     P1, P2, P3 = rng.normal(size=(3, N, N))
@@ -67,7 +67,7 @@ def test_constraints_are_the_blocks_of_the_inequalities(seed: int, derivative: b
 ONE = np.eye(1)
 
 
-def test_the_least_square_above_one_in_closed_form() -> None:
+def test_smallest_square_above_one_agrees_with_closed_form() -> None:
     """s log p^2 - log 2 (p - 1) is least at p = 2 s / (2 s - 1), and no square is below one."""
     problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
     start = minimiser(problem, np.array([5.0]))
@@ -81,7 +81,7 @@ def test_the_least_square_above_one_in_closed_form() -> None:
     assert 1 - 1e-6 < found.lower <= 1 <= square
 
 
-def test_the_minimum_gamma_within_a_radius_in_closed_form() -> None:
+def test_minimum_gamma_within_a_radius_agrees_with_closed_form() -> None:
     """gamma x > 1 with |x| <= 4: no gamma is below 1/4, which a larger x would reach."""
     corner = np.array([[0.0, 1.0], [1.0, 0.0]])
     column, row = np.array([[0.0], [0.5]]), np.array([[0.0, 1.0]])
@@ -93,7 +93,7 @@ def test_the_minimum_gamma_within_a_radius_in_closed_form() -> None:
     assert float(found.x[0]) == pytest.approx(4.0, abs=1e-5)
 
 
-def test_a_start_outside_is_refused() -> None:
+def test_infeasible_starting_point_is_refused() -> None:
     problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
     with pytest.raises(InputError, match="solver: found matrices that do not meet the ineq"):
         minimiser(problem, np.array([0.5]))
@@ -101,14 +101,14 @@ def test_a_start_outside_is_refused() -> None:
 
 @pytest.mark.parametrize("start", [5.0, 1e200])
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_steps_that_do_not_become_small_are_refused(start: float) -> None:
+def test_non_converging_steps_are_refused(start: float) -> None:
     """From afar, where Newton's steps grow, and from where the Hessian is no number."""
     problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
     with pytest.raises(InputError, match=r"^solver: found matrices from which rounding forbids"):
         polished(problem, np.array([start]))
 
 
-def test_a_hessian_that_cannot_be_factored_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_singular_hessian_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     def singular(*_: Any) -> Any:
         raise np.linalg.LinAlgError
 
@@ -181,7 +181,7 @@ def gains(design: Design) -> Array:
         ),
     ],
 )
-def test_gains_are_the_same_whatever_solver_began(name: str) -> None:
+def test_gains_do_not_depend_on_the_initial_solver(name: str) -> None:
     one, other = designed(name), designed(name, "SCS")
     for part in ("L", "Ld"):
         assert_same(getattr(one.gains, part), getattr(other.gains, part))
@@ -193,7 +193,7 @@ def test_gains_are_the_same_whatever_solver_began(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_one_unit_in_the_last_place_of_the_data_changes_no_gain(name: str) -> None:
+def test_rounding_of_the_data_changes_no_gain(name: str) -> None:
     rng, system = np.random.default_rng(4), dc_motor()
     moved = {}
     for each in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs"):
@@ -222,7 +222,7 @@ _ELSEWHERE = (
     ],
     ids=lambda changed: " ".join(*changed.items()),
 )
-def test_gains_are_the_same_on_another_processor(changed: dict[str, str]) -> None:
+def test_gains_are_identical_on_another_processor(changed: dict[str, str]) -> None:
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", _ELSEWHERE],
         cwd=ROOT,
@@ -239,7 +239,9 @@ def test_gains_are_the_same_on_another_processor(changed: dict[str, str]) -> Non
 
 
 @pytest.mark.parametrize("module", [pd_pi, pi])
-def test_the_gap_does_not_matter(module: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_smaller_gap_changes_the_gains_only_slightly(
+    module: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A tenth of it moves gains as nine tenths of none would, by parts in ten thousand."""
     name = "PD/PI" if module is pd_pi else "PI, feasible"
     usual = designed(name).gains.L
@@ -267,9 +269,7 @@ def stated(system: AugmentedSystem, radius: float, decay: float, bound: float) -
 @pytest.mark.parametrize(
     ("decay", "bound"), [pytest.param(0.0, 50.0, marks=pytest.mark.nightly), (2.0, 50.0)]
 )
-def test_what_solvers_find_is_within_the_bounds_of_the_minimum_gamma(
-    decay: float, bound: float
-) -> None:
+def test_solver_results_respect_the_bounds_of_minimum_gamma(decay: float, bound: float) -> None:
     found = pd_pi.design_minimum_gamma(dc_motor(), decay, bound, radius=100.0)
     assert found.lower is not None
     assert found.gamma is not None
@@ -285,7 +285,7 @@ def test_what_solvers_find_is_within_the_bounds_of_the_minimum_gamma(
         assert problem.status == status
 
 
-def test_the_bound_of_a_design_of_minimum_norm_is_one_for_what_solvers_find() -> None:
+def test_solver_results_respect_the_minimum_norm_bound() -> None:
     found = designed("PD/PI")
     gamma, constraints = stated(dc_motor(), 1e3, 0.0, np.inf)
     squares = cvxpy.sum_squares(constraints[-1].args[0].args[0])
@@ -296,7 +296,7 @@ def test_the_bound_of_a_design_of_minimum_norm_is_one_for_what_solvers_find() ->
     assert found.lower == pytest.approx(found.objective * (1 - 1e-5), abs=1e-9)
 
 
-def test_minimum_gamma_falls_as_matrices_grow_which_is_where_solvers_part() -> None:
+def test_minimum_gamma_falls_with_matrix_size_where_solvers_disagree() -> None:
     """Without a radius "optimal" is said at matrices beyond 1e5: 1.0742 here, 1.0686 elsewhere."""
     found = [
         pd_pi.design_minimum_gamma(dc_motor(), 2.0, 50.0, radius=radius).gamma
@@ -354,7 +354,7 @@ def weak_duality(problem: Problem, matrices: dict[str, Array], gamma: float) -> 
 
 
 @pytest.mark.parametrize("radius", [None, 20.0])
-def test_the_bound_is_that_of_weak_duality_in_fractions(radius: float | None) -> None:
+def test_bound_agrees_with_exact_weak_duality(radius: float | None) -> None:
     """What fractions prove with a Z of sixteen digits comes close from below."""
     system = dc_motor()
     sides = pd_pi_constraints(system, None if radius else 2.0, 0.5, 40.0)
@@ -368,7 +368,7 @@ def test_the_bound_is_that_of_weak_duality_in_fractions(radius: float | None) ->
     assert found.lower == pytest.approx(least, abs=1e-9)
 
 
-def test_equations_without_one_solution_are_refused() -> None:
+def test_equations_without_a_unique_solution_are_refused() -> None:
     assert _solved(np.array([[4.0]]), np.array([[2.0]])).tolist() == [[0.5]]
     with pytest.raises(np.linalg.LinAlgError):
         _solved(np.array([[1.0, 2.0], [2.0, 4.0]]), np.eye(2))

@@ -56,7 +56,7 @@ def good() -> tuple[float, PdPiVariables]:
     return gamma, found
 
 
-def test_a_good_design_is_certified() -> None:
+def test_valid_design_is_certified() -> None:
     gamma, found = good()
     certificate = certify(MOTOR, found.gains(), gamma, found)
     assert certificate.holds
@@ -64,7 +64,7 @@ def test_a_good_design_is_certified() -> None:
     assert Certificate.from_dict(certificate.to_dict()) == certificate
 
 
-def test_the_norm_is_that_of_a_frequency_sweep() -> None:
+def test_norm_agrees_with_a_frequency_sweep() -> None:
     gains = good()[1].gains()
     Ao, Eo = error_system(MOTOR, gains)
     frequency = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 20001)])
@@ -73,7 +73,7 @@ def test_the_norm_is_that_of_a_frequency_sweep() -> None:
     assert certify(MOTOR, gains).norm_upper == pytest.approx(swept, rel=1e-9)
 
 
-def test_the_margins_are_eigenvalues_to_fifty_digits() -> None:
+def test_margins_agree_with_eigenvalues_in_50_digits() -> None:
     gamma, found = good()
     gains = found.gains()
     certificate = certify(MOTOR, gains, gamma, found)
@@ -91,7 +91,7 @@ def _in_fifty_digits(matrix: Array) -> Any:
     return np.array([mpmath.mpf(float(x)) for x in matrix.flat]).reshape(matrix.shape)
 
 
-def test_the_poles_are_those_of_the_error_system_slowest_first() -> None:
+def test_poles_are_those_of_the_error_system_slowest_first() -> None:
     """x' = -x, y = x + fs: with Lx = 0 the plant's own, and those of s^2 + 6 s + 8."""
     none = np.zeros((1, 0))
     system = dc_motor(A=[[-1.0]], B=none, C=[[1.0]], Dd=[[1.0]], Dw=none, Fa=none, Fs=[[1.0]])
@@ -100,7 +100,7 @@ def test_the_poles_are_those_of_the_error_system_slowest_first() -> None:
     np.testing.assert_allclose(poles, [-1.0, -2.0, -4.0], atol=1e-12)
 
 
-def test_trap_the_minimum_norm_with_a_positive_p1_is_an_unstable_observer() -> None:
+def test_minimum_norm_with_positive_p1_can_give_an_unstable_observer() -> None:
     """Nothing keeps P1 off singular, and the solver says "optimal"."""
     v, gamma = unknowns(), 1.05 * gamma_lower_bound(MOTOR)
     squares = sum(cvxpy.sum_squares(m) for m in (v.P1, v.P2, v.P3, v.Y1, v.Y2))
@@ -113,7 +113,7 @@ def test_trap_the_minimum_norm_with_a_positive_p1_is_an_unstable_observer() -> N
         accepted("trap", MOTOR, found, gamma, "CLARABEL", status, 0.0)
 
 
-def test_trap_a_gamma_that_no_observer_has() -> None:
+def test_unachievable_gamma_from_a_solver_is_refuted() -> None:
     """SCS with its tolerances at 1e-6 stops below the floor."""
     v, gamma = unknowns(), cvxpy.Variable()
     positive = v.P1 >> 0
@@ -131,7 +131,7 @@ def wrong(**changed: Any) -> str:
     return certify(MOTOR, **{**arguments, **changed}).reason
 
 
-def test_what_is_promised_must_hold() -> None:
+def test_false_certificate_entries_are_refuted() -> None:
     found = good()[1]
     gains = found.gains()
     assert wrong() == ""
@@ -147,12 +147,12 @@ def test_what_is_promised_must_hold() -> None:
     assert "the pole 0" in wrong(gains=Gains(0 * gains.L, 0 * gains.L), variables=None)
 
 
-def test_19_needs_a_gamma() -> None:
+def test_inequality_19_needs_a_gamma() -> None:
     with pytest.raises(InputError, match=r"gamma: must be given: \(19\) has one"):
         wrong(gamma=None)
 
 
-def test_gains_beside_those_of_the_matrices_are_judged_by_themselves() -> None:
+def test_certificate_checks_the_given_gains_themselves() -> None:
     """Y is formed from the gains: a solution of (19) says nothing about other gains."""
     found = good()[1]
     gains = found.gains()
@@ -160,7 +160,7 @@ def test_gains_beside_those_of_the_matrices_are_judged_by_themselves() -> None:
     assert "inequality is refuted" in wrong(gains=Gains(0.3 * gains.L, gains.Ld))
 
 
-def test_the_floor_is_not_always_reached() -> None:
+def test_lower_bound_of_gamma_is_not_always_attained() -> None:
     """Not the floor in this plant: disturbances that change are harder on it than constants."""
     system = random_plant(3, 6)
     assert pd_pi.design(system, 1.3).certificate.holds
@@ -168,7 +168,7 @@ def test_the_floor_is_not_always_reached() -> None:
         pd_pi.design(system, 1.2)
 
 
-def test_a_pi_solution_proves_its_decay() -> None:
+def test_pi_solution_proves_its_decay() -> None:
     """By P1 of the Lyapunov equation of Ao + 3 I, but not by P1 = I."""
     found = pi.design_feasible(MOTOR, 3.0)
     P1 = np.eye(N)
@@ -193,7 +193,7 @@ def half_a_decay() -> tuple[AugmentedSystem, Gains, PiVariables, float]:
     return system, gains, PiVariables(P1, gains.L.T @ P1), least
 
 
-def test_the_margin_is_that_of_the_least_sure_inequality(
+def test_margin_is_that_of_the_tightest_inequality(
     half_a_decay: tuple[AugmentedSystem, Gains, PiVariables, float],
 ) -> None:
     """-I for the decay; for the bound b its negative less (2 b - 1) P1, here with margin 1/2."""
@@ -204,7 +204,7 @@ def test_the_margin_is_that_of_the_least_sure_inequality(
     assert proved.inequality_margin == pytest.approx(0.5, rel=2e-3)
 
 
-def test_what_proves_one_inequality_and_not_the_other_proves_nothing(
+def test_both_inequalities_must_be_proved(
     half_a_decay: tuple[AugmentedSystem, Gains, PiVariables, float],
 ) -> None:
     """The poles are right of -5, but this P1 shows it of -(1 + 1 / least) / 2 = -5.46 only."""
@@ -215,7 +215,7 @@ def test_what_proves_one_inequality_and_not_the_other_proves_nothing(
     assert refuted.inequality_margin == 0
 
 
-def test_of_19_too_a_bound_that_its_matrices_do_not_show_is_not_proved() -> None:
+def test_pole_bound_not_shown_by_the_matrices_of_19_is_not_proved() -> None:
     """All poles are right of -15.8, which this P1 does not show; of -31.4 it does."""
     gamma, found = good()
     Ao, Eo = error_system(MOTOR, found.gains())
@@ -228,7 +228,7 @@ def test_of_19_too_a_bound_that_its_matrices_do_not_show_is_not_proved() -> None
     assert certificates[0].reason == "the matrix inequality is refuted at the returned matrices"
 
 
-def test_a_gamma_at_the_floor_is_not_called_below_it() -> None:
+def test_gamma_at_its_lower_bound_is_accepted() -> None:
     """The floor is met by designs that are as large as they please, and computed with rounding."""
     floor = gamma_lower_bound(MOTOR)
     for gamma in (floor, np.nextafter(floor, 0.0)):
@@ -236,7 +236,7 @@ def test_a_gamma_at_the_floor_is_not_called_below_it() -> None:
     assert "which no gains" in wrong(gamma=floor * (1 - 1e-10))
 
 
-def test_a_certificate_that_refutes_survives_its_values() -> None:
+def test_refuting_certificate_can_be_stored() -> None:
     nothing = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
     found = certify(MOTOR, nothing)
     assert (found.holds, found.norm_upper) == (False, np.inf)

@@ -58,7 +58,7 @@ def random_definite(size: int) -> np.ndarray:
 # --- Both answers are proofs --------------------------------------------------------------------
 
 
-def test_definite_by_less_than_a_float_can_tell() -> None:
+def test_definiteness_below_float_resolution_is_proved() -> None:
     proof = prove_negative_definite(balls(with_eigenvalues(-3, -TINY, -1, -2)))
     assert proof.proved
     assert not proof.refuted
@@ -67,12 +67,12 @@ def test_definite_by_less_than_a_float_can_tell() -> None:
 
 
 @pytest.mark.parametrize("others", [(-3, -1, -2), (-1, -5, -7), (-2, -2, -2, -2, -2)])
-def test_indefinite_by_less_than_a_float_can_tell(others: tuple[int, ...]) -> None:
+def test_indefiniteness_below_float_resolution_is_proved(others: tuple[int, ...]) -> None:
     proof = prove_negative_definite(balls(with_eigenvalues(*others, TINY)))
     assert proof == Proof(False, True, 0.0, proof.precision)
 
 
-def test_numpy_guesses_and_is_wrong_both_ways() -> None:
+def test_numpy_errs_in_both_directions() -> None:
     found = {TINY: set(), -TINY: set()}
     for eigenvalue, signs in found.items():
         for others in permutations((-3, -1, -5, -7)):
@@ -85,18 +85,18 @@ def test_numpy_guesses_and_is_wrong_both_ways() -> None:
 
 
 @pytest.mark.parametrize("others", [(-3, -1, -2), (-1, 0, -2)])
-def test_a_singular_matrix_is_neither(others: tuple[int, ...]) -> None:
+def test_singular_matrix_is_undecided(others: tuple[int, ...]) -> None:
     assert prove_negative_definite(balls(with_eigenvalues(*others, 0))) == NEITHER
     assert prove_negative_definite([[-1.0, 1.0], [1.0, -1.0]]) == NEITHER
     assert prove_negative_definite([[0.0]]) == NEITHER
 
 
-def test_a_singular_block_does_not_hide_an_eigenvalue_above_zero() -> None:
+def test_positive_eigenvalue_is_found_beside_a_singular_block() -> None:
     assert prove_negative_definite([[0.0, 0.0], [0.0, 5.0]]).refuted
     assert prove_negative_definite([[0.0, 1.0], [1.0, 0.0]]).refuted
 
 
-def test_balls_too_wide_decide_nothing() -> None:
+def test_too_wide_intervals_are_undecided() -> None:
     assert prove_negative_definite(arb_mat([[arb(-1, 2)]])) == NEITHER
     wide = arb_mat([[-1, arb(0, 1.5)], [arb(0, 1.5), -1]])
     assert prove_negative_definite(wide) == NEITHER
@@ -106,7 +106,7 @@ def test_balls_too_wide_decide_nothing() -> None:
     assert 0.249 < proof.margin <= 0.25
 
 
-def test_balls_that_mirror_each_other_cover_the_symmetric_part() -> None:
+def test_mirrored_intervals_cover_the_symmetric_part() -> None:
     # One entry says 0.5, its mirror image anything up to 1.5: on average up to 1, singular.
     assert prove_negative_definite(arb_mat([[-1, arb(0, 1.5)], [0.5, -1]])) == NEITHER
 
@@ -114,7 +114,7 @@ def test_balls_that_mirror_each_other_cover_the_symmetric_part() -> None:
 # --- Margins ------------------------------------------------------------------------------------
 
 
-def test_hilbert_matrices() -> None:
+def test_hilbert_matrices_are_proved_definite() -> None:
     for n in (3, 8, 12):
         exact = [[Fraction(-1, i + j + 1) for j in range(n)] for i in range(n)]
         margin = prove_negative_definite(balls(exact)).margin
@@ -127,7 +127,7 @@ def test_hilbert_matrices() -> None:
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 12])
-def test_the_margin_is_just_below_the_smallest_eigenvalue(size: int) -> None:
+def test_margin_is_just_below_the_smallest_eigenvalue(size: int) -> None:
     matrix = random_definite(size)
     proof = prove_negative_definite(matrix)
     assert proof.precision == 53
@@ -135,7 +135,7 @@ def test_the_margin_is_just_below_the_smallest_eigenvalue(size: int) -> None:
 
 
 @pytest.mark.parametrize("scale", [2.0**-900, 2.0**-60, 2.0**900])
-def test_the_margin_has_the_unit_of_the_matrix(scale: float) -> None:
+def test_margin_scales_with_the_matrix(scale: float) -> None:
     matrix = random_definite(4)
     unscaled = prove_negative_definite(matrix)
     assert prove_negative_definite(matrix * scale).margin == pytest.approx(
@@ -143,13 +143,13 @@ def test_the_margin_has_the_unit_of_the_matrix(scale: float) -> None:
     )
 
 
-def test_a_diagonal_of_very_different_sizes() -> None:
+def test_badly_scaled_diagonal_is_decided() -> None:
     assert prove_negative_definite(np.diag([-1e12, -1e-20, -3.0])).margin == pytest.approx(
         1e-20, rel=1e-3
     )
 
 
-def test_large_matrices_are_quick() -> None:
+def test_large_matrices_are_decided_quickly() -> None:
     for size in (24, 48):
         matrix = random_definite(size)
         start = perf_counter()
@@ -171,7 +171,7 @@ def exact_product(A: Any, B: Any) -> Rows:
     ]
 
 
-def test_a_matrix_inequality_that_vanishes_in_floats() -> None:
+def test_inequality_lost_in_float_rounding_is_decided() -> None:
     # (1 + e)(1 - e) - 1 = -e^2, for P A - Y^T C and its transpose.
     e = 2.0**-30
     P, A, Y = (1 + e) * np.eye(3), (1 - e) * np.eye(3), np.eye(3)
@@ -183,7 +183,7 @@ def test_a_matrix_inequality_that_vanishes_in_floats() -> None:
     assert prove_negative_definite(formed).margin == pytest.approx(2 * e**2, rel=1e-3)
 
 
-def test_balls_of_products_hold_the_exact_ones() -> None:
+def test_intervals_of_products_contain_the_exact_products() -> None:
     rng = np.random.default_rng(3)
     A, P = rng.normal(size=(4, 4)), rng.normal(size=(4, 4))
     exact = exact_product(*([[Fraction(x) for x in row] for row in M.tolist()] for M in (P, A)))
@@ -193,7 +193,7 @@ def test_balls_of_products_hold_the_exact_ones() -> None:
     assert all(entry.is_exact() for entry in ball_matrix(A).entries())
 
 
-def test_the_precision_of_the_caller_is_left_alone() -> None:
+def test_precision_of_the_caller_is_unchanged() -> None:
     with flint.ctx.workprec(77):
         prove_negative_definite(np.diag([-1.0, -2.0]))
         assert flint.ctx.prec == 77
@@ -225,7 +225,7 @@ def test_wrong_matrices_are_refused(matrix: Any, said: str) -> None:
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-100, 1e200])
-def test_a_small_matrix_is_refuted_as_a_large_one_is(size: float) -> None:
+def test_small_matrix_is_refuted_like_a_large_one(size: float) -> None:
     """[0 e; e 0] has the eigenvalues e and -e: no pivot tells, only the form does."""
     proof = prove_negative_definite([[0.0, size], [size, 0.0]])
     assert (proof.proved, proof.refuted) == (False, True)

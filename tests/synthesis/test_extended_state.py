@@ -42,7 +42,7 @@ def drawn(seed: int) -> tuple[AugmentedSystem, PdPiVariables, Gains]:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("decay", [0.0, 0.7])
-def test_19_is_the_bounded_real_lemma_of_the_dual_descriptor_system(
+def test_inequality_19_is_the_bounded_real_lemma_of_the_dual_descriptor_system(
     seed: int, decay: float
 ) -> None:
     system, v, gains = drawn(seed)
@@ -68,7 +68,7 @@ def test_19_is_the_bounded_real_lemma_of_the_dual_descriptor_system(
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_pole_bound_is_the_lemma_of_the_mirrored_pencil(seed: int) -> None:
+def test_pole_bound_is_the_lemma_of_the_mirrored_pencil(seed: int) -> None:
     system, v, gains = drawn(seed)
     N, beta = system.size, 9.0
     Ao, Eo = error_system(system, gains)
@@ -98,7 +98,7 @@ def test_recovered_gains_satisfy_their_definition(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_pi_observers_lemma_loses_nothing_against_19(seed: int) -> None:
+def test_pi_observer_lemma_is_equivalent_to_inequality_19(seed: int) -> None:
     """With P2 = Ao^T P1 and P3 = I / gamma it is the Schur complement of the last three blocks."""
     system, drawn_variables, gains = drawn(seed)
     N, gamma, decay, P1 = system.size, 1.7, 0.3, drawn_variables.P1
@@ -112,7 +112,7 @@ def test_the_pi_observers_lemma_loses_nothing_against_19(seed: int) -> None:
     np.testing.assert_allclose(short, gamma * complement, atol=1e-12 * np.abs(short).max())
 
 
-def test_the_floor_of_the_example() -> None:
+def test_lower_bound_of_the_example_agrees_with_hand_calculation() -> None:
     """The errors that constant d1, d2, w leave: .1 d1 in speed, .001 d1 - d2 in fa, -.1 d1 - w."""
     errors = [[0.1, 0, 0], [0.001, -1, 0], [-0.1, 0, -1]]
     assert gamma_lower_bound(dc_motor()) == pytest.approx(np.linalg.norm(errors, 2), rel=1e-14)
@@ -130,7 +130,7 @@ FLOORS = {
 
 
 @pytest.mark.parametrize("case", FLOORS)
-def test_no_gains_get_below_the_floor_at_zero_and_some_come_close(case: str) -> None:
+def test_lower_bound_at_zero_frequency_is_respected_and_nearly_attained(case: str) -> None:
     system = FLOORS[case]
     floor = gamma_lower_bound(system)
 
@@ -146,14 +146,14 @@ def test_no_gains_get_below_the_floor_at_zero_and_some_come_close(case: str) -> 
     assert floor * (1 - 1e-12) <= min(found) <= floor * (1 + 1e-3)
 
 
-def test_enough_outputs_leave_no_floor() -> None:
+def test_enough_outputs_give_a_zero_lower_bound() -> None:
     assert gamma_lower_bound(random_plant(0, 4, 4)) == 0
     found = pd_pi.design(random_plant(0, 4, 4), gamma=5.0).certificate
     assert found.holds
     assert found.floor == 0
 
 
-def test_the_design_of_minimum_norm_for_the_example() -> None:
+def test_minimum_norm_design_of_the_example_is_certified() -> None:
     found = minimum_norm()
     assert found.gamma == pytest.approx(1.05 * FLOOR, rel=1e-13)
     assert found.objective == pytest.approx(692.83976821021, rel=1e-13)
@@ -168,7 +168,7 @@ def test_the_design_of_minimum_norm_for_the_example() -> None:
 
 
 @pytest.mark.parametrize("decay", [0.0, 0.5, 2.0])
-def test_the_feasible_pi_observer_decays_as_asked(decay: float) -> None:
+def test_feasible_pi_observer_decays_as_specified(decay: float) -> None:
     found = pi.design_feasible(dc_motor(), decay).certificate
     assert found.poles[0][0] < -decay
     assert found.norm_lower > 1.2 * FLOOR
@@ -176,9 +176,7 @@ def test_the_feasible_pi_observer_decays_as_asked(decay: float) -> None:
 
 @pytest.mark.parametrize("solution", pi.SOLUTIONS)
 @pytest.mark.parametrize("decay", [0.0, 3.0])
-def test_every_solution_of_the_feasible_pi_observer_decays_as_asked(
-    solution: str, decay: float
-) -> None:
+def test_every_feasible_pi_observer_decays_as_specified(solution: str, decay: float) -> None:
     found = pi.design_feasible(dc_motor(Az=10.0), decay, solution=solution)
     assert found.certificate.holds
     assert found.certificate.poles[0][0] < -decay
@@ -194,7 +192,7 @@ def inside(decay: float) -> tuple[Any, Any, Any, Any]:
     return P, Y, -half - half.T, cvxpy.norm(both)
 
 
-def test_the_largest_margin_is_that_of_a_solver() -> None:
+def test_largest_margin_agrees_with_a_solver() -> None:
     P, _, left, size = inside(1.0)
     t, one = cvxpy.Variable(), np.eye(6)
     bounds = [P >> t * one, P << one, left >> t * one, size <= 100]
@@ -203,7 +201,7 @@ def test_the_largest_margin_is_that_of_a_solver() -> None:
     assert best - 1e-3 < -found.objective < best
 
 
-def test_the_centre_is_that_of_a_solver() -> None:
+def test_analytic_centre_agrees_with_a_solver() -> None:
     P, Y, left, size = inside(1.0)
     whole = [cvxpy.log_det(each) for each in (P, left, np.eye(6) - P)]
     ball = cvxpy.log(100**2 - cvxpy.square(size))
@@ -213,7 +211,7 @@ def test_the_centre_is_that_of_a_solver() -> None:
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(found).max())
 
 
-def test_a_pi_observer_by_the_same_criterion_estimates_the_same() -> None:
+def test_pi_observer_by_the_same_criterion_gives_the_same_estimates() -> None:
     """The paper's remark: errors of both faults after a jump of either, over two seconds."""
     system = dc_motor()
     responses = []
@@ -229,7 +227,7 @@ def test_a_pi_observer_by_the_same_criterion_estimates_the_same() -> None:
     assert difference < 0.01
 
 
-def test_the_minimum_gamma_comes_close_to_the_floor_with_large_gains() -> None:
+def test_minimum_gamma_approaches_its_lower_bound_with_large_gains() -> None:
     """And the closer, the larger the matrices may be: it has no least value that they reach."""
     found = [pd_pi.design_minimum_gamma(dc_motor(), radius=radius) for radius in (300, 1000, 3000)]
     gammas = [design.gamma for design in found]
@@ -241,7 +239,7 @@ def test_the_minimum_gamma_comes_close_to_the_floor_with_large_gains() -> None:
     assert largest[-1] > 1e4
 
 
-def test_the_smallest_matrices_near_the_floor_have_gains_that_do_not_settle() -> None:
+def test_gains_grow_without_limit_near_the_lower_bound() -> None:
     factors = (1.1, 1.05, 1.02)
     largest = [np.abs(pd_pi.design(dc_motor(), factor).gains.L).max() for factor in factors]
     assert largest[1] / largest[0] == pytest.approx(1.72, abs=0.01)
@@ -252,7 +250,7 @@ def test_the_smallest_matrices_near_the_floor_have_gains_that_do_not_settle() ->
     ("decay", "bound", "gamma"),
     [(0.0, 30.0, 1.00555771877), (0.0, 50.0, 1.00534017676), (2.0, 50.0, 1.24197110362)],
 )
-def test_poles_are_in_the_strip_asked_for(decay: float, bound: float, gamma: float) -> None:
+def test_poles_lie_in_the_specified_strip(decay: float, bound: float, gamma: float) -> None:
     found = pd_pi.design_minimum_gamma(dc_motor(), decay, bound)
     assert found.gamma == pytest.approx(gamma, abs=1e-10)
     assert found.lower == pytest.approx(gamma - 1e-6, abs=1e-10)
@@ -261,7 +259,7 @@ def test_poles_are_in_the_strip_asked_for(decay: float, bound: float, gamma: flo
     assert -bound < min(real) <= max(real) < -decay
 
 
-def test_a_design_survives_json() -> None:
+def test_design_round_trips_through_json() -> None:
     found = minimum_norm()
     values = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert (values["lower"], values["radius"]) == (found.lower, None)

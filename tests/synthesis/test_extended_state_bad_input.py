@@ -13,7 +13,7 @@ from tests.papers.eso.plants import dc_motor, random_plant
 
 
 @pytest.mark.parametrize("design", [pd_pi.design, pi.design])
-def test_a_gamma_below_the_floor_is_refused_with_the_floor(design: Any) -> None:
+def test_gamma_below_its_lower_bound_is_refused_stating_the_bound(design: Any) -> None:
     with pytest.raises(InputError, match=r"gamma: 1 must be above 1\.00503781018428, which no"):
         design(dc_motor(), gamma=1.0)
     with pytest.raises(InputError, match=r"factor: 0.99 of the lower bound .* must be above one"):
@@ -22,17 +22,17 @@ def test_a_gamma_below_the_floor_is_refused_with_the_floor(design: Any) -> None:
         design(dc_motor(), gamma=-1.0)
 
 
-def test_a_floor_of_zero_has_no_multiple() -> None:
+def test_multiple_of_a_zero_lower_bound_is_refused() -> None:
     with pytest.raises(InputError, match=r"factor: has no lower bound .* only zero: give gamma"):
         pd_pi.design(random_plant(0, 4, 4))
 
 
-def test_an_unknown_solver_is_refused() -> None:
+def test_unknown_solver_is_refused() -> None:
     with pytest.raises(InputError, match="solver: 'MOSEK' must be one of CLARABEL, SCS"):
         pd_pi.design(dc_motor(), solver="MOSEK")
 
 
-def test_what_a_proof_takes_is_asked_for_before_a_solver_takes_its_time(
+def test_missing_proof_package_is_reported_before_solving(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "flint", None)
@@ -41,7 +41,7 @@ def test_what_a_proof_takes_is_asked_for_before_a_solver_takes_its_time(
         pi.design_feasible(dc_motor(), 0.5)
 
 
-def test_poles_must_have_room() -> None:
+def test_inconsistent_pole_region_is_refused() -> None:
     with pytest.raises(InputError, match="decay: 5 must be at least zero and below the bound 5"):
         pd_pi.design_minimum_gamma(dc_motor(), 5.0, 5.0)
     with pytest.raises(InputError, match="decay: -1 must be at least zero"):
@@ -56,7 +56,7 @@ def test_poles_must_have_room() -> None:
         pd_pi.design_minimum_gamma(dc_motor(), radius=0.0)
 
 
-def test_a_gap_beyond_floats_is_refused_and_a_larger_one_is_proved() -> None:
+def test_unreachable_gap_is_refused_and_a_larger_one_is_proved() -> None:
     system = random_plant(0, 2)
     with pytest.raises(InputError, match=r"gap: 1e-10 is not reached .*: raise it"):
         pd_pi.design_minimum_gamma(system, 0.0, 30.0, gap=1e-10)
@@ -64,7 +64,7 @@ def test_a_gap_beyond_floats_is_refused_and_a_larger_one_is_proved() -> None:
     assert found.lower == pytest.approx(found.objective - 1e-3, abs=1e-9)
 
 
-def test_an_infeasible_decay_is_refused_with_solver_and_status() -> None:
+def test_infeasible_decay_is_refused_with_solver_and_status() -> None:
     """The mode at -3 is not seen, so that no gain moves it."""
     system = dc_motor(A=[[-3.0, 0.0], [0.0, -2.0]], C=[[0.0, 1.0], [0.0, 2.0]])
     assert pi.design_feasible(system, 1.0).certificate.holds
@@ -72,13 +72,13 @@ def test_an_infeasible_decay_is_refused_with_solver_and_status() -> None:
         pi.design_feasible(system, 4.0)
 
 
-def test_a_solution_that_is_not_accurate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_inaccurate_solution_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(feasible_point.SOLVERS, "SCS", {"max_iters": 30})
     with pytest.raises(InputError, match="SCS ended with status 'optimal_inaccurate', not"):
         pd_pi.design(dc_motor(), solver="SCS")
 
 
-def test_a_solver_that_fails_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_solver_failure_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(feasible_point.SOLVERS, "CLARABEL", {"max_iter": 2})
     with pytest.raises(InputError, match=r"solver: CLARABEL (failed|ended with status)"):
         pd_pi.design(dc_motor())

@@ -80,27 +80,27 @@ def digits_50(system: System, frequency: float) -> float:
 
 
 @pytest.mark.parametrize(("pole", "gain"), [(3.0, 10.0), (2.5e5, 1e7), (1e-9, -7.0), (1e80, 2.0)])
-def test_a_first_order_lag_peaks_at_zero(pole: float, gain: float) -> None:
+def test_first_order_lag_peaks_at_zero_frequency(pole: float, gain: float) -> None:
     norm = h_infinity_norm([[-pole]], [[gain]], [[1.0]])
     assert encloses(norm, abs(gain) / pole)
     assert norm.frequency == 0
 
 
 @pytest.mark.parametrize("damping", [0.6, 0.1, 1e-3, 1e-7, 2.0**-40])
-def test_a_lightly_damped_oscillator(damping: float) -> None:
+def test_lightly_damped_oscillator_agrees_with_closed_form(damping: float) -> None:
     norm = h_infinity_norm([[0, 1], [-1, -2 * damping]], [[0], [1]], [[1, 0]])
     assert encloses(norm, 1 / (2 * damping * sqrt(1 - damping**2)))
     assert norm.frequency == pytest.approx(sqrt(1 - 2 * damping**2), rel=1e-6)
 
 
-def test_an_overdamped_oscillator_peaks_at_zero() -> None:
+def test_overdamped_oscillator_peaks_at_zero_frequency() -> None:
     norm = h_infinity_norm([[0, 1], [-1, -1.6]], [[0], [1]], [[1, 0]])
     assert encloses(norm, 1.0)
     assert norm.frequency == 0
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_an_all_pass_has_one_gain_everywhere(order: int) -> None:
+def test_all_pass_has_constant_gain(order: int) -> None:
     A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
     for k in range(order):  # (s - p) / (s + p) = 1 - 2 p / (s + p), in series
         pole = 1.0 + k
@@ -109,18 +109,18 @@ def test_an_all_pass_has_one_gain_everywhere(order: int) -> None:
     assert encloses(h_infinity_norm(A, B, C, D), 1.0)
 
 
-def test_feedthrough_alone() -> None:
+def test_static_feedthrough_has_its_spectral_norm() -> None:
     D = np.array([[3.0, 0.0, 4.0], [0.0, 2.0, 0.0]])
     assert encloses(h_infinity_norm([[-1]], np.zeros((1, 3)), [[1], [1]], D), 5.0)
 
 
-def test_a_peak_at_infinity() -> None:
+def test_peak_at_infinite_frequency_is_found() -> None:
     norm = h_infinity_norm([[-4.0]], [[4.0]], [[-3.0]], [[3.0]])  # 3 s / (s + 4)
     assert encloses(norm, 3.0)
     assert norm.frequency == inf
 
 
-def test_columns_and_rows() -> None:
+def test_norms_of_columns_and_rows_agree_with_closed_form() -> None:
     # [1 / (s + 1); 3 / (s + 2)]: the sum of squares falls with frequency from 1 + 9/4.
     assert encloses(h_infinity_norm(np.diag([-1.0, -2]), [[1], [3]], np.eye(2)), sqrt(3.25))
     # [3 s, 4 s, 12] / (s + 1): 25 w^2 + 144 over w^2 + 1, from 144 down to 25.
@@ -129,7 +129,7 @@ def test_columns_and_rows() -> None:
     assert row.frequency == 0
 
 
-def test_a_resonance_behind_a_larger_static_gain_and_a_higher_resonance() -> None:
+def test_global_peak_is_found_among_local_ones() -> None:
     # Modes w0^2 c / (s^2 + 2 z w0 s + w0^2), each an output of its own: one column.
     modes = [(1.0, 0.5, 30.0), (7.0, 1e-2, 1.0), (90.0, 1e-4, 0.01)]
     A = np.zeros((6, 6))
@@ -150,7 +150,7 @@ SHAPES = [(2, 1, 1), (4, 2, 1), (6, 1, 3), (8, 3, 2), (12, 2, 5), (24, 4, 2)]
 
 
 @pytest.mark.parametrize(("states", "inputs", "outputs"), SHAPES)
-def test_a_polished_sweep_agrees(states: int, inputs: int, outputs: int) -> None:
+def test_norm_agrees_with_a_refined_sweep(states: int, inputs: int, outputs: int) -> None:
     for seed in range(1 if states == 24 else 3):
         system = stable(seed, states, inputs, outputs)
         norm = h_infinity_norm(*system)
@@ -158,7 +158,7 @@ def test_a_polished_sweep_agrees(states: int, inputs: int, outputs: int) -> None
         assert norm.upper <= norm.lower * (1 + 1e-12)
 
 
-def test_the_lower_bound_is_the_gain_in_50_digits() -> None:
+def test_lower_bound_agrees_with_the_gain_in_50_digits() -> None:
     for seed in range(3):
         system = stable(seed, 6, 2, 3)
         norm = h_infinity_norm(*system)
@@ -166,14 +166,14 @@ def test_the_lower_bound_is_the_gain_in_50_digits() -> None:
 
 
 @pytest.mark.parametrize(("states", "inputs", "outputs"), SHAPES[:-1])
-def test_the_dual_system_has_the_same_norm(states: int, inputs: int, outputs: int) -> None:
+def test_dual_system_has_the_same_norm(states: int, inputs: int, outputs: int) -> None:
     A, B, C, D = stable(7, states, inputs, outputs)
     one, dual = h_infinity_norm(A, B, C, D), h_infinity_norm(A.T, C.T, B.T, D.T)
     assert dual.lower == pytest.approx(one.lower, rel=1e-12)
     assert max(one.lower, dual.lower) <= min(one.upper, dual.upper)
 
 
-def test_a_descriptor_form_has_the_norm_of_the_plain_one() -> None:
+def test_descriptor_form_has_the_same_norm() -> None:
     # Entries short enough for E A and E B not to be rounded.
     A, B, C, D = (np.round(matrix * 2**16) / 2**16 for matrix in stable(3, 6, 2, 1))
     E = np.random.default_rng(5).integers(-99, 100, size=(6, 6)).astype(np.float64)
@@ -186,7 +186,7 @@ def test_a_descriptor_form_has_the_norm_of_the_plain_one() -> None:
         assert h_infinity_norm(A / 4, B / 4, C, D, scale) == plain
 
 
-def test_python_control_agrees_where_it_works() -> None:
+def test_norm_agrees_with_python_control() -> None:
     for seed in range(3):
         system = stable(seed, 6, 2, 2)
         theirs = control.norm(control.ss(*system), "inf", tol=1e-10, method="scipy")
@@ -196,7 +196,7 @@ def test_python_control_agrees_where_it_works() -> None:
 # --- Hard systems -------------------------------------------------------------------------------
 
 
-def test_poles_and_gains_of_very_different_sizes() -> None:
+def test_poles_and_gains_of_very_different_sizes_are_handled() -> None:
     poles, sizes = np.array([3.0, 41, 700, 6e4, 2.5e5]), np.array([1.0, 1e3, 20, 1e7, 1e7])
     # A sum of positive lags peaks at zero; in another basis, B and C see all of them.
     basis = np.random.default_rng(2).integers(-9, 10, size=(5, 5)) + 20 * np.eye(5)
@@ -232,14 +232,14 @@ def test_no_gain_is_above_the_upper_bound() -> None:
         assert digits_50(system, norm.frequency) >= norm.lower * (1 - 1e-15)
 
 
-def test_multiple_and_defective_poles() -> None:
+def test_multiple_and_defective_poles_are_handled() -> None:
     # 1 / (s + 1)^4, and one oscillator three times.
     assert encloses(h_infinity_norm(JORDAN, np.eye(4)[:, 3:], np.eye(4)[:1]), 1.0)
     three = [np.kron(np.eye(3), part) for part in (SPRING, [[0.0], [1.0]], [[1.0, 0.0]])]
     assert encloses(h_infinity_norm(*three), 1 / (0.2 * sqrt(0.99)))
 
 
-def test_two_equal_peaks() -> None:
+def test_two_equal_peaks_are_handled() -> None:
     # s / (s^2 + 0.1 s + w0^2) has the peak 10 at w0, here 1 and 4 at once, in two channels.
     A, B, C = np.zeros((4, 4)), np.zeros((4, 2)), np.zeros((2, 4))
     for k, w in enumerate([1.0, 4.0]):
@@ -250,14 +250,14 @@ def test_two_equal_peaks() -> None:
     assert norm.frequency in (pytest.approx(1.0), pytest.approx(4.0))
 
 
-def test_a_system_that_is_zero() -> None:
+def test_zero_system_has_zero_norm() -> None:
     assert h_infinity_norm([[-1]], [[0]], [[2]]) == Norm(0.0, 0.0, 0.0)
     hidden = h_infinity_norm(np.diag([-1.0, -2]), [[1], [0]], [[0, 1]])
     assert hidden.lower == 0
     assert 0 < hidden.upper < 1e-60
 
 
-def test_a_coarser_tolerance() -> None:
+def test_coarser_tolerance_widens_the_bounds() -> None:
     system = stable(2, 6, 2, 1)
     fine, coarse = h_infinity_norm(*system), h_infinity_norm(*system, tolerance=1e-3)
     assert coarse.lower <= fine.upper
@@ -298,7 +298,7 @@ def test_wrong_systems_are_refused(changed: dict[str, Any], said: str) -> None:
 
 
 @pytest.mark.parametrize("outputs", [2, 3, 5, 6, 7])
-def test_the_lower_bound_is_below_an_irrational_gain_in_exact_arithmetic(outputs: int) -> None:
+def test_bounds_enclose_an_irrational_gain_exactly(outputs: int) -> None:
     """G = [1; 1; ...] has the norm sqrt(p), which no float is: the bounds are on its two sides."""
     column = np.ones((outputs, 1))
     norm = h_infinity_norm([[-1.0]], [[0.0]], 0 * column, column)

@@ -67,7 +67,7 @@ def simulate(
     return np.asarray(np.sqrt(np.mean(error**2, axis=0)))
 
 
-def test_scalar_formula() -> None:
+def test_error_agrees_with_the_scalar_formula() -> None:
     j, lam, k1, k2, tau = 36.0, 100.0, 0.9, 2000.0, 0.01
     s = 1j * OMEGA
     memory = (j * s + lam) * (1 - k1 * np.exp(-s * tau))
@@ -76,9 +76,7 @@ def test_scalar_formula() -> None:
     assert transfer[:, 0, 0] == pytest.approx(memory / (memory + k2), rel=1e-12)
 
 
-def test_identity_learning_removes_constants_and_its_square_matrix_is_diagonal_in_the_axes() -> (
-    None
-):
+def test_identity_learning_removes_constants_and_decouples_the_axes() -> None:
     law = Law(INERTIA, 100.0, 1.0, 1.0, 2000.0, 0.01)
     for transfer in (error_transfer, sampled_error_transfer):
         assert np.abs(transfer(0.0, law)).max() < 1e-12
@@ -118,7 +116,7 @@ FREQUENCIES = np.array([0.0, 10.0, 2 * np.pi])
 
 @pytest.mark.parametrize(("K1", "K2", "observer_gain"), MATRICES)
 @pytest.mark.parametrize("held", [False, True])
-def test_rms_error_against_simulation(
+def test_rms_error_agrees_with_simulation(
     K1: Array, K2: Array, observer_gain: Array, held: bool
 ) -> None:
     simulated = simulate(
@@ -142,7 +140,7 @@ def test_rms_error_against_simulation(
     assert predicted == pytest.approx(simulated, rel=0.02)
 
 
-def test_phases_between_components_matter_only_with_coupling() -> None:
+def test_phase_between_components_matters_only_with_coupling() -> None:
     amplitudes, phases = [[1.0, 1.0]], [[0.0, 1.2]]
     plain = (np.eye(2), 50.0, 1.0, 0.9, 100.0, 0.05)
     same = predicted_rms_error(amplitudes, [3.0], Law(*plain))
@@ -188,14 +186,14 @@ def test_identity_learning_is_a_proportional_integral_observer() -> None:
         assert np.linalg.norm(pi - learning) < tolerance * np.linalg.norm(learning)
 
 
-def test_integral_observer_against_the_scalar_formula() -> None:
+def test_integral_observer_agrees_with_the_scalar_formula() -> None:
     s = 1j * OMEGA
     expected = s * (36 * s + 100) / (s * (36 * s + 100) + 7 * s + 100)
     found = pi_error_transfer(OMEGA, 36.0, 100.0, 1.0, 100.0, 7.0)[:, 0, 0]
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_inputs_are_checked() -> None:
+def test_invalid_inputs_are_refused() -> None:
     design = (INERTIA, 100.0, 1.0, 1.0, 2000.0, 0.1)
     with pytest.raises(InputError, match="half the update rate"):
         predicted_rms_error([[1, 0, 0]], [40.0], Law(*design), variant="sampled")

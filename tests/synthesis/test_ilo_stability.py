@@ -59,7 +59,7 @@ def rightmost(observer_gain: Array, K1: Array, K2: Array, interval: float) -> fl
     return float(np.max(coarse[near].real))
 
 
-def test_learning_gain_above_one_grows_at_its_logarithm() -> None:
+def test_learning_gain_above_one_diverges_at_the_rate_of_its_logarithm() -> None:
     verdict = continuous_stability(Law(INERTIA, 100.0, 1.0, 1.05, 2000.0, 0.01))
     assert verdict.verdict == "unstable"
     assert verdict.growth_rate == pytest.approx(np.log(1.05) / 0.01, rel=1e-12)
@@ -139,7 +139,7 @@ def test_count_of_roots_agrees_with_collocation() -> None:
     assert counted >= 5
 
 
-def test_gain_that_turns_the_harmonics_is_unstable_with_identity_learning() -> None:
+def test_gain_rotating_the_harmonics_is_unstable_with_identity_learning() -> None:
     turn = np.array([[1.0, 0.05], [-0.05, 1.0]])  # complex eigenvalues close to the real axis
     verdict = continuous_stability(Law(np.eye(2), 1.0, 1.0, 1.0, 30 * turn, 0.1))
     assert verdict.verdict == "unstable"
@@ -172,12 +172,14 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(("interval", "K1", "expected"), LIMITS)
-def test_sampled_limit_for_the_satellite(interval: float, K1: float, expected: float) -> None:
+def test_sampled_limit_for_the_satellite_agrees_with_the_scalar_formula(
+    interval: float, K1: float, expected: float
+) -> None:
     limit = sampled_limit_gain(Law(INERTIA, 1.0, 1.0, K1, 1.0, interval))
     assert limit == pytest.approx(expected, rel=2e-4 if K1 < 1 else 1e-5)
 
 
-def test_sampled_limit_against_the_closed_form() -> None:
+def test_sampled_limit_agrees_with_closed_form() -> None:
     rng = np.random.default_rng(5)
     for _ in range(60):
         observer_gain, interval, unit = 10 ** rng.uniform((-1, -3, -2), (3, 0, 4))
@@ -211,7 +213,7 @@ def iterate(
     return float(np.max(peaks[-n // 20 :]) / np.max(peaks[: n // 20]))
 
 
-def test_sampled_limit_against_iteration_with_matrix_gains() -> None:
+def test_sampled_limit_agrees_with_iteration_for_matrix_gains() -> None:
     rng = np.random.default_rng(13)
     checked = 0
     for _ in range(14):
@@ -240,7 +242,7 @@ def test_sampled_limit_against_iteration_with_matrix_gains() -> None:
     assert checked >= 8
 
 
-def test_sampled_limit_has_no_crossing_or_no_start() -> None:
+def test_sampled_limit_may_be_infinite_or_zero() -> None:
     assert sampled_limit_gain(Law(INERTIA, 100.0, 1.0, 0.9, 0.0, 0.1)) == np.inf
     assert sampled_limit_gain(Law(INERTIA, 100.0, 1.0, 1.0, 0.0, 0.1)) == 0
     assert sampled_limit_gain(Law(INERTIA, 100.0, 1.0, 1.0, -1.0, 0.1)) == 0
@@ -263,13 +265,13 @@ def test_sampled_limit_is_the_first_of_several() -> None:
     assert found == ["stable", "unstable", "unstable", "stable", "stable", "unstable"]
 
 
-def test_sampled_map_determinant_leaves_observer_gain_to_the_rate_dynamics() -> None:
+def test_determinant_of_the_sampled_map_equals_that_of_the_rate_dynamics() -> None:
     a = np.exp(-0.5 * 0.1 / 36)
     step = sampled_map(Law(36.0, 0.5, 1.0, 1.0, 40.0, 0.1))
     assert np.linalg.det(step) == pytest.approx(a, rel=1e-12)
 
 
-def test_bad_parameters_are_named() -> None:
+def test_invalid_parameters_are_named() -> None:
     with pytest.raises(InputError, match="observer_gain"):
         continuous_stability(Law(INERTIA, 0.0, 1.0, 1.0, 1.0, 0.1))
     with pytest.raises(InputError, match="interval"):

@@ -29,13 +29,13 @@ def apart(A: Array, C: Array, gain: Array, poles: Any) -> float:
 # --- Placement ----------------------------------------------------------------------------------
 
 
-def test_the_gain_of_a_double_integrator_in_closed_form() -> None:
+def test_gain_of_a_double_integrator_agrees_with_closed_form() -> None:
     # s^2 + l1 s + l2 for A - L C.
     gain = place([[0.0, 1.0], [0.0, 0.0]], [[1.0, 0.0]], [-2.0 + 1j, -2.0 - 1j])
     assert gain == pytest.approx(np.array([[4.0], [5.0]]), rel=1e-14)
 
 
-def test_poles_at_the_origin_forget_in_as_many_samples_as_states() -> None:
+def test_deadbeat_poles_remove_the_error_in_n_samples() -> None:
     # (1 + (x - 1))^3 = x^3: binomial coefficients for the chain of three in discrete time.
     gain = place(CHAIN, [[1.0, 0.0, 0.0]], [0.0, 0.0, 0.0])
     assert gain == pytest.approx(np.array([[3.0], [3.0], [1.0]]), rel=1e-13)
@@ -48,21 +48,21 @@ def test_poles_at_the_origin_forget_in_as_many_samples_as_states() -> None:
 @pytest.mark.parametrize(
     "poles", [[0.1, 0.3, 0.5, 0.7], [0.2 + 0.3j, 0.2 - 0.3j, -0.4, 0.9]], ids=["real", "pair"]
 )
-def test_eigenvalues_are_those_asked_for(outputs: int, poles: list[complex]) -> None:
+def test_eigenvalues_are_placed_as_specified(outputs: int, poles: list[complex]) -> None:
     draw = np.random.default_rng(outputs)
     for _ in range(10):
         A, C = draw.normal(size=(4, 4)), draw.normal(size=(outputs, 4))
         assert apart(A, C, place(A, C, poles), poles) < 1e-9
 
 
-def test_one_output_has_one_gain_and_ackermann_gives_it() -> None:
+def test_single_output_gain_agrees_with_ackermann() -> None:
     draw = np.random.default_rng(5)
     A, C, poles = draw.normal(size=(4, 4)), draw.normal(size=(1, 4)), np.array([0.1, 0.2, 0.3, 0.4])
     by_formula = ackermann(A.T, C.T, poles.astype(complex)).T
     assert place(A, C, poles) == pytest.approx(by_formula, rel=1e-9)
 
 
-def test_one_output_may_have_a_pole_twice() -> None:
+def test_single_output_may_have_a_double_pole() -> None:
     gain = place([[0.0, 1.0], [0.0, 0.0]], [[1.0, 0.0]], [-3.0, -3.0])
     assert gain == pytest.approx(np.array([[6.0], [9.0]]), rel=1e-13)
 
@@ -87,12 +87,12 @@ def test_two_outputs_may_share_a_pole() -> None:
         (np.eye(2), np.eye(3), [0.1, 0.2], r"C: has shape \(3, 3\), must have 2 columns like A"),
     ],
 )
-def test_what_cannot_be_placed_is_reported(A: Any, C: Any, poles: Any, said: str) -> None:
+def test_poles_that_cannot_be_placed_are_reported(A: Any, C: Any, poles: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}"):
         place(A, C, poles)
 
 
-def test_hidden_modes_whatever_the_units_of_the_measurement() -> None:
+def test_unobservable_modes_do_not_depend_on_measurement_units() -> None:
     A = np.diag([0.5, 0.9, -0.3])
     for size in (1e-12, 1.0, 1e12):
         found = unobservable_modes(A, size * np.array([[1.0, 0.0, 1.0]]))
@@ -108,13 +108,13 @@ def scalar(A: float, Q: float, R: float = 1.0) -> LinearModel:
     return LinearModel([[A]], np.empty((1, 0)), [[1.0]], Q=Q, R=R)
 
 
-def test_the_gain_of_a_random_walk() -> None:
+def test_steady_gain_of_a_random_walk_agrees_with_closed_form() -> None:
     # P = (q + sqrt(q^2 + 4 q r)) / 2, K = P / (P + r).
     gain = steady_kalman_gain(scalar(1.0, 0.25))
     assert gain == pytest.approx(np.array([[(np.sqrt(17) - 1) / 8]]), rel=1e-12)
 
 
-def test_the_gain_of_a_growing_mode_without_noise_mirrors_it() -> None:
+def test_steady_gain_without_noise_mirrors_an_unstable_mode() -> None:
     # P = a^2 P r / (P + r): P = (a^2 - 1) r, and the error's pole is 1 / a.
     gain = steady_kalman_gain(scalar(2.0, 0.0))
     assert gain == pytest.approx(np.array([[0.75]]), rel=1e-12)
@@ -123,7 +123,7 @@ def test_the_gain_of_a_growing_mode_without_noise_mirrors_it() -> None:
 
 @pytest.mark.parametrize("mode", ACTUATOR)
 @pytest.mark.parametrize("build", [velocity_model, motion_model])
-def test_it_is_the_limit_of_the_filters_gain(build: Any, mode: str) -> None:
+def test_steady_gain_is_the_limit_of_the_filter_gain(build: Any, mode: str) -> None:
     model = build(mode)
     _, _, H, _, _, R = model.arrays
     kalman, rows = KalmanFilter(model), 4000
@@ -148,7 +148,7 @@ def test_it_is_the_limit_of_the_filters_gain(build: Any, mode: str) -> None:
         ),
     ],
 )
-def test_where_there_is_no_steady_gain_a_sentence_says_why(model: LinearModel, said: str) -> None:
+def test_missing_steady_gain_is_explained(model: LinearModel, said: str) -> None:
     with pytest.raises(InputError, match=f"^model: {said}"):
         steady_kalman_gain(model)
     # Noise of the rate moves the position, too; noise of the position alone leaves the rate still.

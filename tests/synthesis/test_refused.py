@@ -115,21 +115,21 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("case", REFUSED)
-def test_numbers_are_refused_by_their_argument(case: str) -> None:
+def test_invalid_numbers_are_refused_naming_the_argument(case: str) -> None:
     call, said = REFUSED[case]
     with pytest.raises(InputError) as error:
         call()
     assert str(error.value).startswith(said)
 
 
-def test_the_largest_numbers_of_theorem_1_and_of_gamma() -> None:
+def test_largest_numbers_of_theorem_1_and_gamma_are_accepted() -> None:
     assert learned(K1=0.99e150)().dc_error == pytest.approx(1.0)  # K1 / (K1 + K2 / Lambda)
     assert as_gamma(MOTOR, 2.0, 0.99e150) == 0.99e150
     with pytest.raises(InputError, match=r"^gamma: 1\.1e-150 must be above 1\.005"):
         as_gamma(MOTOR, 2.0, 1.1e-150)
 
 
-def test_a_bound_of_the_mismatch_is_not_negative() -> None:
+def test_negative_mismatch_bound_is_refused() -> None:
     weights: dict[str, Any] = {
         "gamma1": 1.0,
         "gamma2": 0.5,
@@ -143,14 +143,14 @@ def test_a_bound_of_the_mismatch_is_not_negative() -> None:
     assert bound18(theorem, np.ones((3, 3)), np.ones((3, 3)), 0.0)[1] == 0.0
 
 
-def test_a_trajectory_of_too_many_slopes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trajectory_with_too_many_slopes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(floquet, "_MOST_CALLS", 1000)
     with pytest.raises(InputError, match=r"^settle: takes more than 1000 slopes; make it shorter"):
         limit_cycle(system("x2", "(1 - x1**2)*x2 - x1"), [2.0, 0.0], 1e6)
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_deviations_beyond_numbers_are_refused() -> None:
+def test_overflowing_deviations_are_refused() -> None:
     gains = extended.design(MOTOR).gains
     small = held_deviation(MOTOR, gains, [1e-3, 0.0, 0.0], 0.1)
     assert held_deviation(MOTOR, gains, [1e150, 0.0, 0.0], 0.1) == pytest.approx(1e153 * small)
@@ -158,7 +158,9 @@ def test_deviations_beyond_numbers_are_refused() -> None:
         held_deviation(MOTOR, gains, [1e160, 0.0, 0.0], 0.1)
 
 
-def test_a_riccati_equation_that_has_no_solution_in_floats(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_riccati_equation_without_a_float_solution_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def fail(*_: Any) -> None:
         raise np.linalg.LinAlgError
 
@@ -167,7 +169,7 @@ def test_a_riccati_equation_that_has_no_solution_in_floats(monkeypatch: pytest.M
         steady_kalman_gain(LinearModel([[0.5]], [[1.0]], [[1.0]], Q=1.0, R=1.0))
 
 
-def test_what_a_solver_cannot_do_is_its_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_solver_failure_is_reported_as_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     def singular(_: Any) -> None:
         raise np.linalg.LinAlgError
 

@@ -13,7 +13,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem
 from tests.papers.eso.plants import dc_motor, random_plant
 
 
-def test_the_blocks_of_the_example_are_those_of_the_paper() -> None:
+def test_blocks_of_the_example_agree_with_the_paper() -> None:
     system = dc_motor()
     assert system.size == 6
     np.testing.assert_array_equal(
@@ -42,7 +42,7 @@ def test_the_blocks_of_the_example_are_those_of_the_paper() -> None:
     np.testing.assert_array_equal(system.Ba, [[0], [2], [0], [0]])
 
 
-def test_the_filtered_output_is_what_the_augmented_system_says() -> None:
+def test_filtered_output_agrees_with_the_augmented_system() -> None:
     """Constant inputs: (1)-(3) and (7) by two matrix exponentials, with a full Az."""
     Az = np.array([[3.0, 1.0], [0.5, 2.0]])
     system = random_plant(5, 3, Az=Az, B=np.array([[1.0, 0.0], [0.0, 2.0], [1.0, 1.0]]))
@@ -69,7 +69,7 @@ def _with_input(A: Any, drift: Any) -> Any:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_conditions_are_those_of_detectability(seed: int) -> None:
+def test_conditions_are_equivalent_to_detectability(seed: int) -> None:
     """By the rank of [s I - A~; C~] at every eigenvalue of A~ that does not decay."""
     system = random_plant(seed, 4, 3)
     for pole in np.linalg.eigvals(system.A_tilde):
@@ -78,7 +78,7 @@ def test_the_conditions_are_those_of_detectability(seed: int) -> None:
             assert np.linalg.matrix_rank(pencil) == system.size
 
 
-def test_faults_may_be_of_one_kind_only() -> None:
+def test_system_may_have_faults_of_one_kind_only() -> None:
     sensor = dc_motor(Fa=np.zeros((2, 0)))
     assert (sensor.faults, sensor.size, sensor.Bo.shape) == (1, 5, (5, 4))
     actuator = dc_motor(Fs=np.zeros((2, 0)), B=np.zeros((2, 0)))
@@ -86,7 +86,7 @@ def test_faults_may_be_of_one_kind_only() -> None:
     assert actuator.Ba.shape == (4, 0)
 
 
-def test_an_unseen_mode_that_decays_is_no_obstacle() -> None:
+def test_stable_unobservable_mode_is_allowed() -> None:
     system = dc_motor(A=[[-3.0, 0.0], [0.0, -2.0]], C=[[0.0, 1.0], [0.0, 2.0]])
     assert system.outputs == 2
 
@@ -115,12 +115,12 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("sentence", REFUSED)
-def test_what_cannot_be_reconstructed_is_named(sentence: str) -> None:
+def test_non_reconstructible_fault_is_named(sentence: str) -> None:
     with pytest.raises(InputError, match=sentence.replace("C has", "C: has")):
         dc_motor(**REFUSED[sentence])
 
 
-def test_the_papers_condition_is_not_enough() -> None:
+def test_condition_of_the_paper_is_not_sufficient() -> None:
     """y = [1 0] x makes (A, C) observable, yet two faults cannot be distinguished from it."""
     motor, C = dc_motor(), np.array([[1.0, 0.0]])
     assert np.linalg.matrix_rank(np.vstack([C, C @ motor.A])) == 2
@@ -148,7 +148,7 @@ def test_ranks_do_not_depend_on_units() -> None:
     )
 
 
-def test_ranks_do_not_depend_on_units_whatever_the_signs() -> None:
+def test_ranks_do_not_depend_on_units_for_any_signs() -> None:
     """Two sensor faults in units 1e15 apart, both of which lower the outputs."""
     none = np.zeros((2, 0))
     system = dc_motor(Fa=none, Fs=[[-1.0, 0.0], [0.0, -1e-15]])

@@ -11,7 +11,7 @@ import pytest
 from reobserve import InputError, LinearModel
 
 
-def test_a_linear_model_of_continuous_time_is_that_of_control() -> None:
+def test_continuous_linear_model_agrees_with_python_control() -> None:
     control = pytest.importorskip("control")
     A, B, C, D = [[0.0, 1.0], [-2.0, -0.3]], [[0.0], [1.5]], [[1.0, 0.0]], [[0.1]]
     made = LinearModel.from_ode(A, B, C, D, 1e-3, 1e-2, sampling_period=0.2, state_names=["a", "w"])
@@ -32,7 +32,7 @@ def test_a_linear_model_of_continuous_time_is_that_of_control() -> None:
         ({"B": [0.0, 1.0]}, "B: has shape (2,)"),
     ],
 )
-def test_what_makes_no_linear_model_is_refused(given: dict[str, Any], said: str) -> None:
+def test_invalid_linear_model_is_refused(given: dict[str, Any], said: str) -> None:
     good = {"A": np.eye(2), "C": np.eye(2), "Q": 1.0, "R": 1.0, "sampling_period": 0.1}
     with pytest.raises(InputError, match="^" + re.escape(said)):
         LinearModel.from_ode(**{**good, **given})

@@ -73,7 +73,7 @@ def state_of(model: NonlinearModel, kind: Any = ExtendedKalmanFilter) -> Array:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_function_in_python_is_the_text_whatever_it_returns(form: str) -> None:
+def test_python_function_agrees_with_text_for_any_return_type(form: str) -> None:
     function, why = FORMS[form]
     text = NonlinearModel(["a + w/10", "w - sin(a)/10 + u/10"], "a", **TEXT)
     model = NonlinearModel(function, angle, F=jacobian, H=lambda x: [[1.0, 0.0]], **SIZES)
@@ -88,7 +88,7 @@ def test_a_function_in_python_is_the_text_whatever_it_returns(form: str) -> None
     )
 
 
-def test_a_function_that_is_called_gives_what_a_compiled_one_does_to_the_last_bit() -> None:
+def test_called_and_compiled_functions_are_bitwise_identical() -> None:
     called, compiled = (NonlinearModel(one, angle, **SIZES) for one in (calls_another, as_list))
     for kind in (ExtendedKalmanFilter, UnscentedKalmanFilter):
         np.testing.assert_allclose(
@@ -96,7 +96,7 @@ def test_a_function_that_is_called_gives_what_a_compiled_one_does_to_the_last_bi
         )
 
 
-def test_text_with_jacobians_of_its_own() -> None:
+def test_text_model_accepts_given_jacobians() -> None:
     given = NonlinearModel(
         ["a + w/10", "w - g*sin(a)/10 + u/10"], "a", F=[["1", "1/10"], ["-g*cos(a)/10", "1"]],
         H=[["1", "0"]], parameters={"g": 2.5}, **TEXT,
@@ -106,7 +106,7 @@ def test_text_with_jacobians_of_its_own() -> None:
     assert repr(given).endswith("from text, compiled)")
 
 
-def test_differences_take_the_sizes_of_the_states() -> None:
+def test_finite_differences_scale_with_the_states() -> None:
     """A state of micrometres: with steps for ones the sine would be a straight line of no slope."""
     model = NonlinearModel(
         lambda x: np.array([math.sin(1e6 * x[0]) / 1e6]), angle, 0.0, 1.0, states=1, outputs=1,
@@ -117,7 +117,7 @@ def test_differences_take_the_sizes_of_the_states() -> None:
     assert found.covariance[0, 0] == pytest.approx(math.cos(0.5) ** 2, rel=1e-11)
 
 
-def test_a_model_can_be_pickled() -> None:
+def test_model_can_be_pickled() -> None:
     for f in (["a + w/10", "w - sin(a)/10"], as_list):
         options = SIZES if callable(f) else TEXT
         model = NonlinearModel(f, angle if callable(f) else "a", **options)
@@ -212,7 +212,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
 
 
 @pytest.mark.parametrize(("call", "said"), REFUSED, ids=[said for _, said in REFUSED])
-def test_what_makes_no_model_is_refused(call: Callable[[], Any], said: str) -> None:
+def test_invalid_model_is_refused(call: Callable[[], Any], said: str) -> None:
     with pytest.raises(InputError) as error:
         call()
     assert str(error.value).startswith(said)
@@ -227,7 +227,7 @@ NOISE_REFUSED = [
 
 
 @pytest.mark.parametrize(("noise", "said"), NOISE_REFUSED)
-def test_noise_that_is_none_is_refused(noise: dict[str, Any], said: str) -> None:
+def test_invalid_noise_is_refused(noise: dict[str, Any], said: str) -> None:
     one = ExtendedKalmanFilter(text()())
     with pytest.raises(InputError) as error:
         one.run(Y, U, state=one.init([0.0, 0.0], 1.0), **noise)
@@ -247,7 +247,7 @@ def later(x: Array, u: Array) -> list[float]:
     [(2.0, "f: returns an array of shape (1,), must return 2 numbers"),
      (3.0, "f: raises KeyError: 'lost' at x = [")],
 )  # fmt: skip
-def test_a_function_that_goes_wrong_in_a_run_is_named(kind: Any, value: float, said: str) -> None:
+def test_function_failing_in_a_run_is_named(kind: Any, value: float, said: str) -> None:
     one = kind(NonlinearModel(later, angle, **SIZES))
     start = one.init([0.1, 0.2], 1.0)
     u = np.zeros(30)
@@ -277,9 +277,7 @@ DIVERGES = [
 
 @pytest.mark.parametrize(("f", "h", "why"), DIVERGES)
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
-def test_a_value_that_is_not_finite_is_reported_with_the_time(
-    kind: Any, f: Any, h: Any, why: str
-) -> None:
+def test_non_finite_value_is_reported_with_the_time(kind: Any, f: Any, h: Any, why: str) -> None:
     one = kind(NonlinearModel(f, h, **SIZES, sampling_period=0.5))
     u = np.zeros(30)
     u[10] = 1.0
@@ -293,7 +291,7 @@ def test_a_value_that_is_not_finite_is_reported_with_the_time(
     assert run.diverged_at == run.time[-1] == last
 
 
-def test_a_covariance_that_loses_its_root_is_reported() -> None:
+def test_indefinite_covariance_is_reported() -> None:
     """With a large negative weight in the middle the spread of a parabola comes out negative."""
     model = NonlinearModel("x^2", "x", 0.0, 1.0, state_names=["x"])
     one = UnscentedKalmanFilter(model, 1.0, -2.0, -0.5)

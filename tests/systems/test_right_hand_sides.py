@@ -26,7 +26,7 @@ def test_parameters_of_a_model_may_be_a_list() -> None:
     assert np.array_equal(found, wanted)
 
 
-def test_what_models_cannot_be_made_of() -> None:
+def test_invalid_model_arguments_are_refused() -> None:
     lag = first_order_lag()
     one, two = (PolynomialMap.linear(np.eye(n)) for n in (1, 2))
     calls: list[tuple[Any, str]] = [
@@ -79,7 +79,9 @@ NUMBERLESS = "is no finite real number anywhere"
         (["0", "0"], "atan(1/0)", "input_gain: 'atan(1/0)' has no form that can be compiled"),
     ],
 )
-def test_a_text_that_is_no_right_hand_side(drift: list[str], input_gain: str, said: str) -> None:
+def test_invalid_right_hand_side_text_is_refused(
+    drift: list[str], input_gain: str, said: str
+) -> None:
     with pytest.raises(InputError) as error:
         triangular_model(["a", "b"], drift, input_gain)
     assert str(error.value) == said
@@ -96,7 +98,7 @@ def test_integers_of_more_than_64_bits_are_compiled() -> None:
     assert found == pytest.approx(wanted, rel=1e-15)
 
 
-def test_names_of_variables_are_no_names_of_functions() -> None:
+def test_variable_names_do_not_collide_with_function_names() -> None:
     """What is compiled names numbers and functions of math alone, whatever the user's names are."""
     model = triangular_model(["math", "out"], ["-sin(math)", "math*out"], "exp(math)")
     assert model.drift_code == ("-math.sin(x[0])", "x[0]*x[1]")

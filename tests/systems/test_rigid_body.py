@@ -14,14 +14,14 @@ from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import acceleration, product
 
 
-def test_acceleration_by_hand() -> None:
+def test_acceleration_agrees_with_hand_calculation() -> None:
     # w x J w = (1, 1, 1) x (1, 2, 3) = (1, -2, 1); its sign decides that of every component.
     inertia = np.diag([1.0, 2.0, 3.0])
     found = acceleration(inertia, np.linalg.inv(inertia), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
     assert found == pytest.approx((-1.0, 1.0, -1.0 / 3.0), abs=1e-15)
 
 
-def test_kernels_against_cross_products() -> None:
+def test_kernels_agree_with_cross_products() -> None:
     rng = np.random.default_rng(5)
     for _ in range(50):
         root = rng.normal(size=(3, 3))
@@ -33,7 +33,7 @@ def test_kernels_against_cross_products() -> None:
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_inertia_that_is_rotated_in_floats() -> None:
+def test_rotated_inertia_is_symmetrised() -> None:
     """R J R^T is symmetric up to rounding only; it stands for half its sum with its transpose."""
     refused_before = 0
     for seed in range(200):
@@ -82,7 +82,7 @@ BAD_BODIES: list[tuple[Any, str]] = [
 
 @pytest.mark.parametrize(("inertia", "sentence"), BAD_BODIES)
 @pytest.mark.parametrize("kind", [RigidBody, Satellite])
-def test_bad_inertia(kind: type[RigidBody], inertia: Any, sentence: str) -> None:
+def test_invalid_inertia_is_refused(kind: type[RigidBody], inertia: Any, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         kind(inertia)
 
@@ -94,6 +94,6 @@ def test_bad_inertia(kind: type[RigidBody], inertia: Any, sentence: str) -> None
         ((1.0, np.ones(4)), "^fault_matrix: " + SHAPE.format("4,")),
     ],
 )
-def test_bad_matrices(matrices: tuple[Any, ...], sentence: str) -> None:
+def test_invalid_matrices_are_refused(matrices: tuple[Any, ...], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         RigidBody([36.0, 17.0, 26.0], *matrices)

@@ -16,7 +16,7 @@ def empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_model_becomes_a_design_and_that_becomes_code(
+def test_model_is_designed_and_exported_to_code(
     empty: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["design", "luenberger", "--example", "swing.yaml"]) == 0
@@ -57,7 +57,7 @@ def test_a_model_becomes_a_design_and_that_becomes_code(
         (["export", "here.yaml", "--to", "c"], "here.yaml: is not JSON"),
     ],
 )
-def test_what_cannot_be_done_is_said_and_leaves_nothing(
+def test_failing_command_reports_why_and_writes_nothing(
     typed: list[str], said: str, empty: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (empty / "here.yaml").write_text("mine")

@@ -41,7 +41,7 @@ def stored(designs: dict[str, Design], tmp_path: Path) -> dict[str, Path]:
     return {name: tmp_path / f"{name}.json" for name in designs}
 
 
-def test_a_loaded_design_gives_the_bits_of_the_one_that_was_saved(
+def test_loaded_design_is_bitwise_identical_to_the_saved_one(
     designs: dict[str, Design], stored: dict[str, Path]
 ) -> None:
     for name, design in designs.items():
@@ -56,14 +56,14 @@ def test_a_loaded_design_gives_the_bits_of_the_one_that_was_saved(
             assert np.prod(runs[0][estimate].shape[1:]) == len(signals)
 
 
-def test_the_kalman_gain_is_that_of_scipys_riccati_equation(stored: dict[str, Path]) -> None:
+def test_kalman_gain_agrees_with_scipy_riccati_solver(stored: dict[str, Path]) -> None:
     H, R = np.array([[1.0, 0.0]]), 1e-6
     P = solve_discrete_are(PENDULUM[:2, :2].T, H.T, np.diag([1e-10, 1e-8]), [[R]])
     expected = P @ H.T / (H @ P @ H.T + R)
     assert load_design(stored["steady"]).gains.gain == pytest.approx(expected, rel=1e-9)
 
 
-def test_luenbergers_poles_are_those_asked_for(stored: dict[str, Path]) -> None:
+def test_luenberger_poles_are_placed_as_specified(stored: dict[str, Path]) -> None:
     design = load_design(stored["luenberger"])
     A, C = PENDULUM[:2, :2], PENDULUM[:1, :2]  # corrected by what the prediction leaves over
     gain = place_poles(A.T, C.T, np.exp([-0.03, -0.04])).gain_matrix.T
@@ -72,7 +72,7 @@ def test_luenbergers_poles_are_those_asked_for(stored: dict[str, Path]) -> None:
     assert np.log(poles[:, 0]) / 0.01 == pytest.approx([-3, -4], rel=1e-9)
 
 
-def test_an_eso_is_the_one_of_the_synthesis(stored: dict[str, Path]) -> None:
+def test_eso_design_agrees_with_the_synthesis(stored: dict[str, Path]) -> None:
     design = load_design(stored["eso"])
     expected = pd_pi.design(design.system.augmented, 1.05)
     assert np.array_equal(design.gains.L, expected.gains.L)
@@ -80,7 +80,7 @@ def test_an_eso_is_the_one_of_the_synthesis(stored: dict[str, Path]) -> None:
     assert design.certificate["norm_upper"] < design.gains.gamma
 
 
-def test_an_eso_with_a_bound_of_its_poles_has_the_minimum_gamma_of_all_that_are_stable() -> None:
+def test_eso_with_pole_bound_has_minimum_gamma() -> None:
     eso: Any = family("eso")
     design = eso.designed({**parse_yaml(eso.example, "model.yaml"), "bound": 50.0})
     expected = pd_pi.design_minimum_gamma(design.system.augmented, decay=0.0, bound=50.0)
@@ -123,7 +123,7 @@ def tampered(path: Path, *keys: Any, value: Any) -> Path:
         ("steady", ("system", "A"), [[1.0]], r"system.A: has shape \(1, 1\), must be \(2, 2\)"),
     ],
 )  # fmt: skip
-def test_what_was_changed_is_refused_with_the_number(
+def test_tampered_design_is_refused_with_the_failing_number(
     stored: dict[str, Path], name: str, keys: tuple[Any, ...], value: Any, said: str
 ) -> None:
     path = tampered(stored[name], *keys, value=value)
@@ -132,7 +132,7 @@ def test_what_was_changed_is_refused_with_the_number(
     assert str(refused.value).startswith(str(path))
 
 
-def test_a_design_that_cannot_be_written_leaves_what_there_was(
+def test_failed_write_keeps_the_previous_design(
     designs: dict[str, Design], stored: dict[str, Path]
 ) -> None:
     path = stored["steady"]

@@ -34,13 +34,13 @@ def poles(design: Design) -> Any:
     return np.sort_complex([complex(*pole) for pole in design.certify()["poles"]])
 
 
-def test_complex_poles_of_continuous_time_are_placed_sampled() -> None:
+def test_continuous_time_complex_poles_are_placed_after_sampling() -> None:
     placed = design("luenberger", poles=["-3+1j", "-3-1j"])
     expected = np.sort_complex(np.exp(0.01 * np.array([-3 + 1j, -3 - 1j])))
     assert poles(placed) == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_discrete_model_is_taken_as_it_stands() -> None:
+def test_discrete_model_is_used_unchanged() -> None:
     A, B = [[1.0, 0.1], [0.0, 1.0]], [[0.005], [0.1]]
     placed = design("luenberger", poles=[0.5, 0.6], time="discrete", A=A, B=B)
     # (z - 0.5)(z - 0.6) = det(z I - A + L C A), with C A = [1, 0.1].
@@ -50,7 +50,7 @@ def test_a_discrete_model_is_taken_as_it_stands() -> None:
     assert np.array_equal(placed.observer.model.A, A)
 
 
-def test_the_poles_of_a_normal_form_are_those_of_its_error() -> None:
+def test_normal_form_poles_govern_the_error() -> None:
     """The pendulum of the example: S(x) = x, so that errors move by exp(A t) whatever u does."""
     built = design("normal-form")
     slowest_first = [[-1.5, 0.0], [-2.2, 0.0]]
@@ -60,7 +60,7 @@ def test_the_poles_of_a_normal_form_are_those_of_its_error() -> None:
     assert np.sort(np.linalg.eigvals(A)) == pytest.approx([-2.2, -1.5], rel=1e-9)
 
 
-def test_what_is_nonlinear_in_a_normal_form_is_its_largest_coefficient_beyond_x() -> None:
+def test_normal_form_nonlinearity_is_the_largest_higher_coefficient() -> None:
     """Of x' = -x + x^2 and z' = -1.5 z - l(y), S has s_k = (k - 1) / (k - 1.5) s_(k - 1)."""
     changed = {"states": {"x": "m"}, "inputs": {}, "measurements": {"y": "m"}, "injection": None}
     right_hand_sides = {"dynamics": {"x": "-x + x**2"}, "output": {"y": "x"}}
@@ -72,14 +72,14 @@ def test_what_is_nonlinear_in_a_normal_form_is_its_largest_coefficient_beyond_x(
     assert built.certify()["nonlinearity"] == pytest.approx(series[degree - 2], rel=1e-12)
 
 
-def test_what_is_left_of_a_signal_in_a_differentiator_falls_with_powers_of_the_period() -> None:
+def test_differentiator_error_falls_with_powers_of_the_period() -> None:
     built = design("levant", sampling_period=0.01)
     bound, order = built.observer.L, built.gains.order
     expected = {f"scale_{i}": bound * 0.01 ** (order + 1 - i) for i in range(order + 1)}
     assert built.certify() == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_normal_form_whose_input_is_hidden_is_refused_by_its_term() -> None:
+def test_normal_form_with_unobservable_input_is_refused_naming_the_term() -> None:
     with pytest.raises(InputError, match=r"inputs: .* a term in .*torque that is none"):
         design("normal-form", injection=None)
     with pytest.raises(InputError, match=r"dynamics.rate: holds speed, which has no value"):
@@ -90,7 +90,7 @@ def test_a_normal_form_whose_input_is_hidden_is_refused_by_its_term() -> None:
         design("normal-form", injection={"rat": "angle**2"})
 
 
-def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> None:
+def test_adaptive_observer_poles_agree_with_closed_form() -> None:
     """On a ball: j s^2 + (observer_gain + Kp) s + Gamma = 0, three times."""
     gains = {"observer_gain": 30.0, "integral_gain": 200.0, "proportional_gain": 10.0}
     built = design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains)
@@ -104,7 +104,7 @@ def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> 
         design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains).certify()
 
 
-def test_errors_of_a_high_gain_observer_decay_as_fast_as_is_proved() -> None:
+def test_high_gain_error_decays_within_the_proved_bound() -> None:
     """For two states the root of the condition number of S is the square of the golden ratio."""
     built = design("high-gain")
     rho, ratio = 12.0, (3.0 + np.sqrt(5.0)) / 2.0
@@ -128,7 +128,7 @@ def test_errors_of_a_high_gain_observer_decay_as_fast_as_is_proved() -> None:
         design("high-gain", measurements={"angle": "deg"})
 
 
-def test_an_extended_high_gain_observer_is_judged_by_its_linear_part() -> None:
+def test_extended_high_gain_certificate_uses_the_linear_part() -> None:
     built = design("extended-high-gain")
     certificate = built.certify()
     A = np.diag([1.0], 1) - np.outer(high_gain(2, 5.0), [1.0, 0.0])
@@ -140,7 +140,7 @@ def test_an_extended_high_gain_observer_is_judged_by_its_linear_part() -> None:
         design("extended-high-gain", lipschitz={})
 
 
-def test_a_learning_observers_radius_and_error_are_those_of_one_axis() -> None:
+def test_learning_observer_radius_and_error_agree_with_single_axis() -> None:
     """K1 = I, held: w~ -> a w~ - b v, v -> v + K2 w~ a sample later, with a = exp(-l tau / j)."""
     j, observer_gain, K2, tau = 20.0, 500.0, 500.0, 0.01
     gains = {"K1": 1, "K2": K2, "observer_gain": observer_gain, "update_interval": tau}
@@ -156,7 +156,7 @@ def test_a_learning_observers_radius_and_error_are_those_of_one_axis() -> None:
         design("ilo", gains={**gains, "K2": 1e6}).certify()
 
 
-def test_modes_of_a_bank_are_sampled_each_by_itself() -> None:
+def test_bank_modes_are_sampled_individually() -> None:
     built = design("imm")
     for one, friction in zip(built.observer.filters, (0.1, 0.5), strict=True):
         whole = expm(0.01 * np.array([[0, 1, 0], [-0.983, -friction, 1], [0, 0, 0]]))
@@ -181,7 +181,7 @@ def test_units_of_products_are_reduced() -> None:
 
 
 @pytest.mark.parametrize("text", ["-1x", "1+2", "j", "nan", "1e400", "--1", "1+2j+3"])
-def test_what_is_no_pole_is_refused(text: str) -> None:
+def test_invalid_pole_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"must be a number, or one like -1|must be finite"):
         as_pole_list("poles", ["-2", text])
     assert as_pole_list("", [-2, ".5e1-3.25j", "-1+2i"]) == [-2, 5 - 3.25j, -1 + 2j]

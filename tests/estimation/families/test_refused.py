@@ -45,19 +45,21 @@ MODELS: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("kind", "changed", "said"), MODELS)
-def test_a_model_is_refused_by_its_key(kind: str, changed: dict[str, Any], said: str) -> None:
+def test_invalid_model_is_refused_naming_the_key(
+    kind: str, changed: dict[str, Any], said: str
+) -> None:
     with pytest.raises(InputError) as error:
         design(kind, **changed)
     assert str(error.value).startswith(said)
 
 
 @pytest.mark.parametrize("kind", FAMILIES)
-def test_a_period_that_is_not_positive_is_refused_by_its_key(kind: str) -> None:
+def test_non_positive_period_is_refused_naming_the_key(kind: str) -> None:
     with pytest.raises(InputError, match=r"^sampling_period: 0 must be greater than zero$"):
         design(kind, sampling_period=0.0)
 
 
-def test_a_decay_goes_without_a_bound() -> None:
+def test_decay_and_bound_cannot_be_combined() -> None:
     with pytest.raises(InputError, match="decay: is a criterion of its own, for the"):
         design("eso", structure="pi", decay=1.0, bound=2.0)
 
@@ -71,7 +73,7 @@ FILES: list[tuple[str, Any, str]] = [
 
 
 @pytest.mark.parametrize(("name", "value", "said"), FILES)
-def test_a_certificate_is_of_what_the_kind_certifies(
+def test_certificate_with_unknown_entries_is_refused(
     name: str, value: Any, said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "d.json"

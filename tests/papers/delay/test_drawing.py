@@ -20,7 +20,7 @@ def job(figure: str, **overrides: Any) -> Job:
     return read_job(keys.Parameters, parameters.settings("plot", figure))
 
 
-def test_one_observer_has_one_style_and_two_have_two() -> None:
+def test_each_observer_has_its_own_style() -> None:
     bodies = {
         name: body
         for figure in ("fig1", "fig2", "fig3")
@@ -36,7 +36,7 @@ def test_one_observer_has_one_style_and_two_have_two() -> None:
         assert len(set(part)) == 6
 
 
-def test_the_curve_for_m_1_is_blue() -> None:
+def test_curve_for_m_1_is_blue() -> None:
     color = style_of(job("fig1").observers["order1"]).color
     red, green, blue = (int(color[i : i + 2], 16) for i in (1, 3, 5))
     assert blue > 1.4 * max(red, green)
@@ -62,5 +62,5 @@ def test_the_curve_for_m_1_is_blue() -> None:
         ("fig1", {"observers": {"standard": {"rho": 3.0}}}, "ρ = 5, 3."),
     ],
 )  # fmt: skip
-def test_a_note_says_what_is_set(figure: str, overrides: Any, said: str) -> None:
+def test_note_states_the_settings(figure: str, overrides: Any, said: str) -> None:
     assert said in notes.note(job(figure, **overrides))

@@ -79,7 +79,7 @@ def error_matrix(gain: Array) -> Array:
 
 
 @pytest.mark.parametrize("size", [2, 3])
-def test_with_c_transposed_it_is_a_vector_and_all_poles_are_minus_rho(size: int) -> None:
+def test_gain_with_c_transposed_is_a_vector_and_places_all_poles_at_minus_rho(size: int) -> None:
     for rho in (2.5, 5.0):
         inverse = np.linalg.inv(lyapunov_matrix(size, rho))
         assert (inverse * 0.1).shape == (size, size), "as printed: no summand of a vector"
@@ -95,7 +95,7 @@ def test_with_c_transposed_it_is_a_vector_and_all_poles_are_minus_rho(size: int)
 
 @pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize("size", [2, 3])
-def test_no_other_vector_from_the_printed_matrix_does(reading: str, size: int) -> None:
+def test_no_other_vector_from_the_printed_matrix_places_the_poles(reading: str, size: int) -> None:
     """The poles must grow in proportion to rho, or rho is no rate; and they must be stable."""
     read = READINGS[reading]
     poles = {
@@ -113,7 +113,7 @@ def test_no_other_vector_from_the_printed_matrix_does(reading: str, size: int) -
 # --- (37) lacks L -------------------------------------------------------------------------------
 
 
-def test_the_printed_differentiator_makes_the_observer_useless_without_any_noise() -> None:
+def test_printed_differentiator_fails_in_the_observer_even_without_noise() -> None:
     """In tests of the differentiator it is judged by itself; here by what it is for."""
     built = observer(Case("sine", 2.5, 2, 0.7), STEP)
     y, exact = record("sine", STEP, 60.0)
@@ -134,7 +134,7 @@ def test_the_printed_differentiator_makes_the_observer_useless_without_any_noise
 # --- Remark 3.6: the radius falls with rho ------------------------------------------------------
 
 
-def test_on_the_ramp_the_radius_falls_with_rho() -> None:
+def test_error_radius_on_the_ramp_falls_with_rho() -> None:
     largest = [
         np.max(np.abs(seconds(delay_error("ramp", rho, 2, 0.0, 106.0), 80, 105)))
         for rho in (2.0, 2.5, 5.0, 10.0, 20.0)
@@ -151,7 +151,7 @@ def away_from_singular_instants(rho: float, order: int) -> float:
     return rms_of(error[chosen])
 
 
-def test_on_the_sine_it_does_not_for_m_1() -> None:
+def test_error_radius_on_the_sine_does_not_fall_for_m_1() -> None:
     """It falls to the error of the Taylor expansion, which no gain removes, and rises to it."""
     rhos = (1.5, 2.5, 5.0, 7.0, 10.0, 20.0)
     first, second = ([away_from_singular_instants(rho, m) for rho in rhos] for m in (1, 2))
@@ -167,14 +167,14 @@ def test_on_the_sine_it_does_not_for_m_1() -> None:
 # --- What holds ---------------------------------------------------------------------------------
 
 
-def test_both_orders_are_the_same_on_a_ramp_to_the_last_bit() -> None:
+def test_both_orders_are_bitwise_identical_on_a_ramp() -> None:
     for dynamic in (False, True):
         first, second = (observed(Case("ramp", 5.0, m, dynamic=dynamic), STEP, 120) for m in (1, 2))
         assert np.array_equal(first["delay"], second["delay"])
         assert np.array_equal(first["state"], second["state"])
 
 
-def test_a_constant_delay_is_found_with_the_slow_pole() -> None:
+def test_constant_delay_is_found_with_the_slow_pole() -> None:
     error = delay_error("ramp", 5.0, 2, 0.0, 106.0)
     for end in (20, 40, 60):
         assert np.max(np.abs(seconds(error, end - 5, end))) < 1e-8
@@ -187,7 +187,9 @@ def test_a_constant_delay_is_found_with_the_slow_pole() -> None:
 
 
 @pytest.mark.parametrize(("rho", "share"), [(5.0, 0.03), (10.0, 0.01), (20.0, 0.003)])
-def test_a_varying_delay_is_followed_with_a_linear_lag(rho: float, share: float) -> None:
+def test_varying_delay_is_followed_with_the_lag_of_the_linear_error(
+    rho: float, share: float
+) -> None:
     """The largest error is that of e = -tau' (3 rho a + 3 rho^2 + b) / rho^3, b = g/l cos x1."""
     time = STEP * np.arange(round(106 / STEP) + 1)
     angle = record("ramp", STEP, 106.0)[0][::2]
@@ -235,7 +237,7 @@ def late_delays(states: int, order: int, rho: float, control: Signal) -> tuple[A
 
 @pytest.mark.parametrize("states", MODELS)
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_any_size_and_any_order_within_the_bound_of_taylor(states: int, order: int) -> None:
+def test_constant_delay_error_stays_within_the_taylor_bound(states: int, order: int) -> None:
     """The remainder (7) over the least slope of the Taylor polynomial; and with a high gain the
     estimate is the root of the polynomial itself."""
     exact = late_delays(states, order, 5.0, STRAIGHT)[1]
@@ -257,7 +259,7 @@ def test_any_size_and_any_order_within_the_bound_of_taylor(states: int, order: i
 # --- Singular instants, triangular form, threshold ----------------------------------------------
 
 
-def test_the_observer_is_off_around_the_singular_instants_and_not_the_printed_ones() -> None:
+def test_observer_is_switched_off_at_the_corrected_singular_instants() -> None:
     """0.2 t = pi/2 [pi]; printed is 0.15 t = pi/2 [2 pi]."""
     off = observed(Case("sine", 2.5, 1, 0.7), STEP, 120.0)["switched_off"][1:]
     at = STEP * (np.arange(len(off)) + 0.5)
@@ -274,7 +276,7 @@ def _upper_drift(x: Array, p: Array, f: Array) -> None:
     f[1] = -x[1]
 
 
-def test_the_form_that_is_called_upper_triangular_must_be_lower_triangular() -> None:
+def test_form_called_upper_triangular_must_be_lower_triangular() -> None:
     """An upper-triangular f_1 may hold x2; here it turns the sign of x2 in x1'."""
     time = 0.5 * STEP * np.arange(4001)
     known = np.sin(time)
@@ -290,7 +292,7 @@ def test_the_form_that_is_called_upper_triangular_must_be_lower_triangular() -> 
     assert found[1] > 1e3
 
 
-def test_the_threshold_of_example_1_would_keep_the_observer_of_example_2_off() -> None:
+def test_threshold_of_example_1_switches_off_the_observer_of_example_2() -> None:
     """|xi| <= 0.2 + 1.5 / 2 * 0.04 there, 20 times less than for the pendulum."""
     time = 0.5 * STEP * np.arange(round(240 / STEP) + 1)
     x = LAG.simulate([0.0], SINE, PROFILE, 0.5 * STEP, len(time) - 1)[:, 0].copy()

@@ -38,7 +38,7 @@ def extended(size: int, xi: float) -> Array:
 # --- The model and the expansion ----------------------------------------------------------------
 
 
-def test_the_output_row_is_printed_as_a_column() -> None:
+def test_output_row_is_printed_as_a_column() -> None:
     x, column = np.array([0.3, -1.0]), np.array([[1.0], [0.0]])
     with pytest.raises(ValueError, match="mismatch"):
         column @ x
@@ -50,7 +50,7 @@ def test_the_output_row_is_printed_as_a_column() -> None:
     assert np.max(np.abs(residual)) < 1e-15
 
 
-def test_without_the_first_derivative_of_the_output_the_rank_is_not_full() -> None:
+def test_rank_is_deficient_without_the_first_output_derivative() -> None:
     """For n = 2 the printed list j = 2..n-1 is empty: y and y'' are left, for three unknowns."""
     xi = GAIN * 0.2
     rows = {"y": [1, 0, 0], "y'": [0, 1, 0], "y''": [-G_OVER_L, -A, xi]}
@@ -59,14 +59,14 @@ def test_without_the_first_derivative_of_the_output_the_rank_is_not_full() -> No
     assert np.linalg.matrix_rank(np.array(list(rows.values()))) == 3
 
 
-def test_the_drift_of_the_pendulum_has_two_rows() -> None:
+def test_pendulum_drift_has_two_rows() -> None:
     """The printed F is one number; f of (1) has one for each state, the first of them zero."""
     f, x = np.empty(2), np.array([0.3, -1.0])
     PENDULUM.model.drift(x, PENDULUM.model.parameters, f)
     assert f.tolist() == pytest.approx([0.0, -G_OVER_L * np.sin(0.3) + A])
 
 
-def test_before_t_0_the_expansion_asks_for_an_input_that_is_not_defined() -> None:
+def test_expansion_needs_an_undefined_input_before_t_0() -> None:
     """u is given from -tau_max on, so u(t - tau) is from t = 0 on and not from -tau_max."""
     early, later = np.array([-1.0]), np.array([0.0])
     for order in (1, 2):
@@ -74,7 +74,7 @@ def test_before_t_0_the_expansion_asks_for_an_input_that_is_not_defined() -> Non
         assert abs(remainder(RAMP, order, early, 1.5)[0]) > 0.01 > bound(order, 1.5, 0.0)
 
 
-def test_the_remainder_is_no_function_of_the_delayed_time_alone() -> None:
+def test_remainder_depends_on_more_than_the_delayed_time() -> None:
     """(32) prints gamma'_m(t - tau); here t - tau is 4 s in both."""
     one, other = (remainder(SINE, 2, np.array([4.0 + tau]), tau)[0] for tau in (0.5, 1.5))
     assert abs(other) > 10 * abs(one) > 0
@@ -84,7 +84,7 @@ def test_the_remainder_is_no_function_of_the_delayed_time_alone() -> None:
 
 
 @pytest.mark.parametrize("size", [2, 3, 4])
-def test_the_change_of_coordinates_wants_the_other_decomposition(size: int) -> None:
+def test_change_of_coordinates_needs_the_other_decomposition(size: int) -> None:
     """(17) pairs Lambda_ext with e; lambda(xi^) makes A of Lambda_ext(xi^) only, as in (23)."""
     estimated, true = 4.0, 2.5
     into, back = scaling(size, estimated), scaling(size, 1 / estimated)
@@ -102,7 +102,7 @@ def test_the_change_of_coordinates_wants_the_other_decomposition(size: int) -> N
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_the_error_system_holds_with_the_delay_in_gamma(order: int) -> None:
+def test_error_system_holds_with_the_delay_in_gamma(order: int) -> None:
     """(14) with numbers: (21) and (23) have an h that nobody defines in the place of tau."""
     t, tau, other, rate, rho = 70.0, 0.9, 0.4, 0.09, 2.5
     x, estimate = np.array([0.4, -0.7, tau]), np.array([0.5, -0.3, 1.2])
@@ -126,7 +126,7 @@ def test_the_error_system_holds_with_the_delay_in_gamma(order: int) -> None:
         assert np.allclose(found - true, system, rtol=0, atol=1e-12) == holds
 
 
-def test_vector_functions_have_no_single_point_of_the_mean_value_theorem() -> None:
+def test_mean_value_theorem_has_no_single_point_for_vector_functions() -> None:
     """f = (sin x1, cos x1) is Lipschitz and lower-triangular; (20) asks for one kappa."""
     start, end = 0.0, 2 * np.pi
     change = np.array([np.sin(end) - np.sin(start), np.cos(end) - np.cos(start)])
@@ -138,7 +138,7 @@ def test_vector_functions_have_no_single_point_of_the_mean_value_theorem() -> No
     assert np.max(np.abs(slopes[:, :-1].mean(axis=1) * (end - start) - change)) < 1e-12
 
 
-def test_the_bound_of_the_expansion_has_a_factor_rho_too_little_for_one_state() -> None:
+def test_expansion_bound_lacks_a_factor_rho_for_one_state() -> None:
     """(26) prints c0 / rho for all n; row n is scaled by rho^(1-n), so for (39) it is c0."""
     rho, c0 = 5.0, 0.7
     for n in (1, 2, 3):
@@ -149,7 +149,7 @@ def test_the_bound_of_the_expansion_has_a_factor_rho_too_little_for_one_state() 
         assert (size <= c0 / rho * (1 + 1e-12)) == (n > 1)
 
 
-def test_the_scaling_is_below_one_for_large_gains_only() -> None:
+def test_scaling_is_below_one_only_for_large_gains() -> None:
     """||lambda Delta|| <= 1 asks for rho^n >= |xi|, not for rho >= 1; xi of Fig. 2 is up to 4."""
     xi = GAIN * 0.2
     assert xi == pytest.approx(4)
@@ -159,7 +159,7 @@ def test_the_scaling_is_below_one_for_large_gains_only() -> None:
     assert size[2] == size[2.5] == pytest.approx(1)
 
 
-def test_the_constant_of_the_jacobian_is_not_the_one_of_the_expansion() -> None:
+def test_jacobian_constant_differs_from_the_expansion_constant() -> None:
     """Before (25) it is called c0, as in (19), where for m = 1 zero will do."""
     rng = np.random.default_rng(6)
     (true, estimate), rate = rng.uniform(0, 1.5, (2, 100)), 0.2
@@ -172,7 +172,7 @@ def test_the_constant_of_the_jacobian_is_not_the_one_of_the_expansion() -> None:
         assert np.linalg.norm(scaled, 2) == pytest.approx(np.hypot(G_OVER_L / rho, A))
 
 
-def test_the_proof_asks_for_a_rho_far_above_those_of_the_figures() -> None:
+def test_proof_needs_a_rho_far_above_those_of_the_figures() -> None:
     """c3 > 0 with c1 the norm of (24) at the hanging pendulum and a constant xi, so that nu = 0."""
     spread = np.linalg.eigvalsh(lyapunov_matrix(3, 1.0))
 
@@ -183,7 +183,7 @@ def test_the_proof_asks_for_a_rho_far_above_those_of_the_figures() -> None:
     assert brentq(c3, 1, 1e4) == pytest.approx(186.4, rel=1e-3)
 
 
-def test_the_radius_of_the_proof_falls_with_rho_if_the_disturbance_is_scaled_too() -> None:
+def test_proof_radius_falls_with_rho_only_if_the_disturbance_is_scaled() -> None:
     """r of (31), back from the scaled error by rho^n / alpha: in proportion to rho for n = 2.
 
     With the constants of the ramp: xi = 0.18 = alpha, nu = 0, c0 = 0 for m = 1, Gamma = 0.09. If
@@ -203,7 +203,7 @@ def test_the_radius_of_the_proof_falls_with_rho_if_the_disturbance_is_scaled_too
     assert np.divide(scaled[1:], scaled[:-1]) == pytest.approx(0.5, rel=0.3)
 
 
-def test_a_delay_that_jumps_breaks_the_bound_of_theorem_2() -> None:
+def test_delay_jump_violates_the_bound_of_theorem_2() -> None:
     """The list of Theorem 2 leaves out Assumption 3, without which eta has no bound.
 
     All that is listed holds on the ramp, and the error does not return to the ball that it has
@@ -220,7 +220,7 @@ def test_a_delay_that_jumps_breaks_the_bound_of_theorem_2() -> None:
 
 
 @pytest.mark.parametrize("rho", [2.5, 5.0])
-def test_the_initial_matrix_of_table_1_does_not_solve_the_printed_equation(rho: float) -> None:
+def test_initial_matrix_of_table_1_does_not_solve_the_printed_equation(rho: float) -> None:
     """(34) is algebraic and has one solution; S(0) = I asks for a differential equation."""
     shift, first = np.eye(3, k=1), np.diag([1.0, 0.0, 0.0])
 
@@ -231,7 +231,7 @@ def test_the_initial_matrix_of_table_1_does_not_solve_the_printed_equation(rho: 
     assert residual(np.eye(3)) >= 1.0
 
 
-def test_one_rho_for_all_and_another_in_the_caption_are_not_the_same() -> None:
+def test_rho_of_text_and_caption_differ() -> None:
     """Section 4.1 and Table I give 5 to both observers, the caption of Fig. 2 has 2.5."""
     hanging = {rho: abs(steady_ramp_error(rho, G_OVER_L, A)) for rho in (2.5, 5.0)}
     assert hanging[5.0] == pytest.approx((22.5 + 75 + 19.62) / 125)
@@ -239,7 +239,7 @@ def test_one_rho_for_all_and_another_in_the_caption_are_not_the_same() -> None:
     assert hanging[2.5] > 3 * hanging[5.0]
 
 
-def test_a_differentiator_of_sliding_order_two_has_no_second_derivative() -> None:
+def test_differentiator_of_sliding_order_two_has_no_second_derivative() -> None:
     """That of 1993; (37) needs z2, and is the second member of the family of 2003."""
     time = np.arange(0.0, 60.0, 1e-3)
     for order, lambdas in ((1, (1.5, 1.0)), (2, (3.0, 1.5, 1.0))):

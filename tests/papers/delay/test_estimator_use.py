@@ -21,7 +21,7 @@ from tests.papers.delay.scalar_plant import (
 )
 
 
-def test_least_squares_winds_up_at_rest_and_says_when() -> None:
+def test_least_squares_wind_up_at_rest_is_reported_with_the_time() -> None:
     estimator = LeastSquaresDelayEstimator(1.0, 1.0, BOUNDS, 0.01, 1.0, 100.0)
     still, past = np.tile([1.0, 0.0], (2001, 1)), np.tile([1.0, 0.0], (301, 1))
     output = 1 - np.exp(-half_steps(0.01, 10.0)[:, None]) * 0.5
@@ -50,7 +50,7 @@ def test_rates_too_fast_for_the_step_are_refused(
     assert str(caught.value).startswith(sentence)
 
 
-def test_a_relay_on_the_inverse_cannot_start_at_zero() -> None:
+def test_inverse_delay_relay_cannot_start_at_zero() -> None:
     with pytest.raises(InputError, match=r"^initial_delay: 0 s must be greater than zero for a"):
         ALL["inverse"](0.01).start(0.0, 0.0)
 
@@ -74,7 +74,7 @@ def rms_in_the_windows(estimator: DelayEstimator) -> list[float]:
     ("forgetting", "expected"),
     [(0.0, [0.0061, 0.3635, 0.4130, 0.3396]), (2.0, [0.0005, 0.0003, 0.0007, 0.0318])],
 )
-def test_least_squares_falls_asleep_unless_it_forgets(
+def test_least_squares_stops_adapting_without_forgetting(
     forgetting: float, expected: list[float]
 ) -> None:
     estimator = LeastSquaresDelayEstimator(1.0, 1.0, BOUNDS, 0.005, 1000.0, forgetting)
@@ -82,7 +82,7 @@ def test_least_squares_falls_asleep_unless_it_forgets(
 
 
 @pytest.mark.parametrize(("fade", "gain", "varying"), [(1.0, 100.0, 0.0863), (5.0, 1000.0, 0.0292)])
-def test_the_adaptive_law_has_no_bias_and_tracks_as_it_is_tuned(
+def test_adaptive_law_is_unbiased_and_tracks_as_tuned(
     fade: float, gain: float, varying: float
 ) -> None:
     estimator = AdaptiveDelayEstimator(1.0, 1.0, BOUNDS, 0.005, 0.01, fade, gain)

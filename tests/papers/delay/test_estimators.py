@@ -141,7 +141,7 @@ def error(kind: str, narrow: bool, h: float) -> float:
 
 @pytest.mark.parametrize("kind", SMOOTH)
 @pytest.mark.parametrize("narrow", [False, True])
-def test_an_independent_integration_finds_the_same(kind: str, narrow: bool) -> None:
+def test_agrees_with_an_independent_integration(kind: str, narrow: bool) -> None:
     delays, changes = known(kind, narrow)[0][:, 0], known(kind, narrow)[1]
     assert changes == (5 if narrow else 0)
     assert (np.ptp(delays) < 0.3 + 1e-9) == narrow
@@ -150,13 +150,13 @@ def test_an_independent_integration_finds_the_same(kind: str, narrow: bool) -> N
 
 @pytest.mark.parametrize("kind", SMOOTH)
 @pytest.mark.parametrize("narrow", [False, True])
-def test_order_four_with_jumps_of_the_delay_and_at_the_bounds(kind: str, narrow: bool) -> None:
+def test_order_is_four_with_delay_jumps_and_at_bounds(kind: str, narrow: bool) -> None:
     coarse, fine = error(kind, narrow, 0.02), error(kind, narrow, 0.005)
     assert 3.8 < np.log2(coarse / fine) / 2 < 4.3
 
 
 @pytest.mark.parametrize("kind", SMOOTH)
-def test_the_estimate_never_leaves_its_bounds(kind: str) -> None:
+def test_estimate_stays_within_its_bounds(kind: str) -> None:
     delay = run(NARROW[kind](0.05), FAST, short_delay, 10.0, 0.8)[:, 0]
     assert np.min(delay) == 0.7
     assert np.max(delay) == 1.0
@@ -181,7 +181,7 @@ def on_a_ramp(estimator: DelayEstimator, first: float, delay: Delay, values: Arr
 
 
 @pytest.mark.parametrize("forgetting", [0.1, A / 4, 2.0])
-def test_least_squares_converges_with_the_roots_of_its_docstring(forgetting: float) -> None:
+def test_least_squares_converges_with_the_stated_roots(forgetting: float) -> None:
     """Also where they are complex, so that the error swings."""
     values = np.array([np.nan, np.nan, -STEADY, STEADY**2 / forgetting])
     delay = on_a_ramp(least_squares(0.01, 1.0, forgetting), 0.3, constant(0.8), values)
@@ -194,7 +194,7 @@ def test_least_squares_converges_with_the_roots_of_its_docstring(forgetting: flo
 
 
 @pytest.mark.parametrize("x0", [0.0, 0.7])
-def test_the_adaptive_law_converges_with_gamma_p_from_a_cold_start(x0: float) -> None:
+def test_adaptive_law_converges_with_gamma_p_from_a_cold_start(x0: float) -> None:
     k, fade, gain = 0.2, 0.5, 10.0
     estimator = adaptive(0.005, k, fade, gain)
     time = half_steps(0.005, 10.0)
@@ -216,7 +216,7 @@ def test_the_adaptive_law_converges_with_gamma_p_from_a_cold_start(x0: float) ->
         assert left == pytest.approx(0.5 * np.exp(-gain * total), rel=1e-6, abs=1e-11)
 
 
-def test_a_running_delay_is_followed_by_the_lags_of_the_docstrings() -> None:
+def test_ramp_delay_is_tracked_with_the_stated_lags() -> None:
     rate = 0.02
     running: Delay = lambda t: 0.5 + rate * t  # noqa: E731
     blank = np.full(4, np.nan)
@@ -228,7 +228,7 @@ def test_a_running_delay_is_followed_by_the_lags_of_the_docstrings() -> None:
     assert 0.9 - second[-1] == pytest.approx(rate * (k + 1 / fade + 1 / (gain * steady)), rel=1e-3)
 
 
-def test_a_wrong_start_disturbs_least_squares_until_it_is_forgotten() -> None:
+def test_wrong_initial_value_affects_least_squares_until_forgotten() -> None:
     estimator = least_squares(0.01, 100.0, 0.0)
     rows = record(estimator, Input(), constant(0.6), 20.0)
     right, wrong = (observed(estimator, rows, x0=x0)[:, 0] for x0 in (0.0, 0.5))
@@ -240,7 +240,7 @@ def test_a_wrong_start_disturbs_least_squares_until_it_is_forgotten() -> None:
 
 
 @pytest.mark.parametrize("on", ["delay", "inverse"])
-def test_the_relay_arrives_when_it_should(on: str) -> None:
+def test_relay_reaches_the_delay_at_the_predicted_time(on: str) -> None:
     time = half_steps(0.001, 2.0)[::2]
     delay = run(relay(0.001, 0.5, on), RAMP, constant(0.8), 2.0)[:, 0]
     straight = 0.3 + 0.5 * time if on == "delay" else 1 / (1 / 0.3 - 0.5 * time)
@@ -248,7 +248,7 @@ def test_the_relay_arrives_when_it_should(on: str) -> None:
     assert np.allclose(delay, np.where(time < arrival, straight, 0.8), atol=7e-4, rtol=0)
 
 
-def test_chatter_on_the_delay_is_the_same_for_all_and_on_the_inverse_grows_as_its_square() -> None:
+def test_chatter_is_constant_for_the_delay_and_quadratic_for_its_inverse() -> None:
     delays, h, gain = (0.6011, 1.2013, 0.3007), 0.01, 0.5
     width = {
         on: [
@@ -263,7 +263,7 @@ def test_chatter_on_the_delay_is_the_same_for_all_and_on_the_inverse_grows_as_it
 
 
 @pytest.mark.parametrize(("on", "safe"), [("delay", 0.9), ("inverse", 0.55)])
-def test_a_relay_that_outruns_the_singular_instant_can_lose_the_delay(on: str, safe: float) -> None:
+def test_relay_faster_than_the_safe_rate_can_lose_the_delay(on: str, safe: float) -> None:
     """Safe are |tau'| < M < 1 and |tau'| < M theta^2 < 1: theta is 1.25 s at most here."""
 
     def worst(gain: float) -> float:
@@ -302,7 +302,7 @@ def dipping_delay(t: Array) -> Array:
         (PIECES, short_delay, 0.8, 0.05, 6.0607, 2e-5),
     ],
 )
-def test_a_delay_that_leaves_and_returns_within_a_step_is_held_in_between(
+def test_delay_leaving_the_bounds_within_a_step_is_held(
     pieces: list[tuple[float, Delay]],
     delay: Delay,
     first: float,

@@ -27,7 +27,7 @@ def at(inputs: Array, ago: Array, step: float) -> Array:
     return np.array([past_input(inputs, last, 1.0, back / step, step) for back in ago])
 
 
-def test_orders_six_and_five() -> None:
+def test_interpolation_is_of_orders_six_and_five() -> None:
     ago = np.linspace(0, 2, 4001)
     errors = [
         np.max(np.abs(at(samples(sine, 2 / steps, steps), ago, 2 / steps) - sine(-ago)), axis=0)
@@ -37,7 +37,7 @@ def test_orders_six_and_five() -> None:
     assert np.all(np.abs(orders - [6, 5]) < 0.15)
 
 
-def test_a_polynomial_of_degree_five_is_exact() -> None:
+def test_polynomial_of_degree_five_is_exact() -> None:
     p = np.polynomial.Polynomial([0.3, -1, 0.5, 2, -0.7, 0.4])
 
     def signal(time: Array) -> Array:
@@ -48,14 +48,14 @@ def test_a_polynomial_of_degree_five_is_exact() -> None:
     assert np.allclose(found, signal(-ago), rtol=0, atol=1e-12)
 
 
-def test_the_place_in_the_arrays_does_not_change_a_bit() -> None:
+def test_position_in_the_arrays_does_not_change_a_bit() -> None:
     long = samples(sine, 0.1, 50)
     for now in (20, 60, 98):
         window = long[now - 20 : now + 3]
         assert past_input(long, now, 0.5, 7.3, 0.1) == past_input(window, 20, 0.5, 7.3, 0.1)
 
 
-def test_outside_it_goes_on_for_one_step_and_no_index_leaves_the_arrays() -> None:
+def test_extrapolation_covers_one_step_and_indices_stay_in_bounds() -> None:
     past = samples(sine, 0.01, 10)
     last = len(past) - 3
     for lag, time in ((10.4, -0.104), (-0.4, 0.004)):  # in steps, before the end

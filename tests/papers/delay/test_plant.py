@@ -36,7 +36,7 @@ def record(**changes: Any) -> Series:
 @pytest.mark.parametrize(
     ("reading", "amplitude"), [("swing", 1.0), ("wrapped", np.pi), ("turns", 51.866)]
 )
-def test_the_amplitude_of_the_angle_is_a_reading(reading: str, amplitude: float) -> None:
+def test_noise_amplitude_follows_the_chosen_variant(reading: str, amplitude: float) -> None:
     states, u = record()["state"][:, 0], record()["input"]
     stated = job(noise_amplitude=reading).plant
     found = noise.deviations(stated, 0.05, states, u)
@@ -45,7 +45,7 @@ def test_the_amplitude_of_the_angle_is_a_reading(reading: str, amplitude: float)
     assert peak == pytest.approx(np.divide(found, 3))
 
 
-def test_noise_is_held_and_has_its_deviation() -> None:
+def test_noise_is_held_with_the_stated_deviation() -> None:
     series = record(noise_period=0.02)
     for name, clean in (("measured", series["state"][:, 0]), ("measured_input", series["input"])):
         off = series[name] - clean
@@ -55,9 +55,7 @@ def test_noise_is_held_and_has_its_deviation() -> None:
 
 
 @pytest.mark.parametrize(("period", "variance"), [(1e-3, 1 / 5), (2e-3, 9 / 25)])
-def test_noise_that_changes_within_a_step_enters_by_its_mean(
-    period: float, variance: float
-) -> None:
+def test_noise_changing_within_a_step_enters_as_its_mean(period: float, variance: float) -> None:
     """The mean over 5 ms of five numbers, or of three of which one counts half as much.
 
     A differentiator reads single numbers.
@@ -74,14 +72,14 @@ def test_noise_that_changes_within_a_step_enters_by_its_mean(
     assert value[0] == pytest.approx(first)
 
 
-def test_slower_noise_is_read_as_it_is_held() -> None:
+def test_slower_noise_is_held_over_several_samples() -> None:
     series = record(noise_period=5e-3)
     assert "read_input" not in series.channels
     fast = record(noise_period=1e-3)
     assert np.std(fast["read_input"] - fast["input"]) == pytest.approx(0.05, rel=0.02)
 
 
-def test_noise_of_the_input_that_is_applied_reaches_the_pendulum() -> None:
+def test_applied_input_noise_reaches_the_pendulum() -> None:
     """Late by the delay, and nothing of it before t = tau."""
     clean, noisy = record(), record(noisy_input="applied")
     assert np.array_equal(clean["measured_input"], noisy["measured_input"])
@@ -91,7 +89,7 @@ def test_noise_of_the_input_that_is_applied_reaches_the_pendulum() -> None:
     assert np.all(apart[first + 2 : first + 40] > 0)
 
 
-def test_held_noise_on_top_of_a_signal_is_that_of_its_samples() -> None:
+def test_held_noise_on_a_signal_equals_the_noise_of_its_samples() -> None:
     added = np.array([0.3, 0.3, -0.1, -0.1])
     control = noise.on_top(SINE, added, 0.1)
     time = np.array([-0.5, 0.0, 0.05, 0.15, 0.2, 0.39])
@@ -100,7 +98,7 @@ def test_held_noise_on_top_of_a_signal_is_that_of_its_samples() -> None:
 
 
 @pytest.mark.parametrize("name", ["ramp", "sine"])
-def test_an_input_without_a_past_is_the_same_from_zero_on(name: str) -> None:
+def test_input_without_a_past_is_unchanged_from_zero_on(name: str) -> None:
     settings = fixed_parameters("delay").settings("plant", name)
     stated = read_job(keys.Parameters, settings)
     cut = replace(stated, scenario=replace(stated.scenario, past="zero"))

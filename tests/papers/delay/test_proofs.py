@@ -36,7 +36,7 @@ def bound(order: int, delay: float, largest: float) -> float:
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_the_remainder_keeps_its_bound(order: int) -> None:
+def test_remainder_stays_within_its_bound(order: int) -> None:
     time = np.linspace(0, 120, 6001)
     for delay in np.linspace(0.05, LARGEST_DELAY, 30):
         gamma = np.abs(remainder(SINE, order, time, delay))
@@ -45,7 +45,7 @@ def test_the_remainder_keeps_its_bound(order: int) -> None:
 
 
 @pytest.mark.parametrize(("order", "printed"), [(1, 0.045), (2, 0.0045), (3, 0.0003375)])
-def test_the_bound_for_the_largest_delay_is_nearly_reached(order: int, printed: float) -> None:
+def test_bound_for_the_largest_delay_is_nearly_attained(order: int, printed: float) -> None:
     """The remainder of a sine is one too, of amplitude |exp(-i w tau) - its Taylor polynomial|."""
     limit = bound(order, LARGEST_DELAY, FREQUENCY ** (order + 1))
     assert limit == pytest.approx(printed)
@@ -59,7 +59,7 @@ def test_the_bound_for_the_largest_delay_is_nearly_reached(order: int, printed: 
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_the_bound_is_reached_as_the_delay_goes_to_zero(order: int) -> None:
+def test_bound_is_attained_as_the_delay_tends_to_zero(order: int) -> None:
     """At the instants at which |u^(m+1)| is largest, with 50 digits against cancellation."""
     with mpmath.workdps(50):
         w = mpmath.mpf(FREQUENCY)
@@ -79,7 +79,7 @@ def test_the_bound_is_reached_as_the_delay_goes_to_zero(order: int) -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_a_power_reaches_the_bound_exactly(order: int) -> None:
+def test_power_attains_the_bound_exactly(order: int) -> None:
     """Of u = t^(m+1) the remainder is (-tau)^(m+1), and U_(m+1) = (m+1)!."""
     t, tau = sympy.symbols("t tau", positive=True)
     u = t ** (order + 1)
@@ -90,7 +90,7 @@ def test_a_power_reaches_the_bound_exactly(order: int) -> None:
     assert tau ** (order + 1) / sympy.factorial(order + 1) * largest == tau ** (order + 1)
 
 
-def test_a_ramp_has_no_remainder() -> None:
+def test_ramp_has_no_remainder() -> None:
     time = np.linspace(0, 120, 1201)
     for order in (1, 2, 3):
         assert np.max(np.abs(remainder(RAMP, order, time, LARGEST_DELAY))) < 1e-15
@@ -100,7 +100,7 @@ def test_a_ramp_has_no_remainder() -> None:
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_the_determinant_of_the_observability_jacobian(n: int) -> None:
+def test_determinant_of_the_observability_jacobian_agrees_with_theorem_1(n: int) -> None:
     """It is -G(y) u'(t - tau) for every f of lower-triangular form, and any motion of the delay.
 
     Time enters through u alone: y to y^(n-1) do not know the input, so that u is derived by the
@@ -131,7 +131,7 @@ def test_the_determinant_of_the_observability_jacobian(n: int) -> None:
 
 
 @pytest.mark.parametrize("n", [1, 2])
-def test_one_more_derivative_sees_the_delay_where_the_input_turns(n: int) -> None:
+def test_one_more_derivative_makes_the_delay_observable_at_turning_points(n: int) -> None:
     """Theorem 1 says only if: with y to y^(n+1) the rank is full at u' = 0, u'' != 0, tau' != 1."""
     rate, *u = sympy.symbols("eta u0 u1 u2 u3")
     x = sympy.symbols(f"x1:{n + 1}")
@@ -153,7 +153,7 @@ def test_one_more_derivative_sees_the_delay_where_the_input_turns(n: int) -> Non
 # --- Errata -------------------------------------------------------------------------------------
 
 
-def test_the_singular_instants_of_the_sine() -> None:
+def test_singular_instants_of_the_sine_differ_from_the_printed_ones() -> None:
     """The condition u' = 0 reads 0.2 t = pi/2 [pi]; printed is 0.15 t = pi/2 [2 pi]."""
     slope = SINE.derivative("control")
     singular = np.pi / 2 / 0.2 + np.pi / 0.2 * np.arange(8)
@@ -172,7 +172,7 @@ def test_the_singular_instants_of_the_sine() -> None:
     assert slope(other_half)[0, 0] == pytest.approx(0, abs=1e-15)
 
 
-def test_the_delay_is_not_continuous_as_assumption_3_wants() -> None:
+def test_delay_violates_the_continuity_of_assumption_3() -> None:
     at = np.array([20.0, 40.0, 60.0])
     left, right = PROFILE(at, before=True)[:, 0], PROFILE(at)[:, 0]
     assert left.tolist() == [0.6, 1.2, 0.3]
@@ -180,7 +180,7 @@ def test_the_delay_is_not_continuous_as_assumption_3_wants() -> None:
     assert PROFILE.jumps == (20.0, 40.0, 60.0)
 
 
-def test_the_delay_of_the_last_minute_keeps_the_assumption() -> None:
+def test_delay_of_the_last_minute_satisfies_assumption_3() -> None:
     time = np.linspace(60, 120, 60001)
     delay, rate = PROFILE(time)[:, 0], PROFILE.derivative("delay")(time)[:, 0]
     assert np.min(delay) == pytest.approx(0.35, abs=1e-6)

@@ -20,13 +20,13 @@ PLANT = Series(
 )
 
 
-def test_halves_of_a_period_after_the_last_jump_without_the_last_one() -> None:
+def test_scored_half_periods_start_after_the_last_jump() -> None:
     found = [(at, TIME[chosen][0], TIME[chosen][-1]) for at, chosen in half_periods(PLANT, TIME)]
     expected = [(at, at - 5, at + 5) for at in (15.0, 25.0, 35.0, 45.0)]
     assert np.array(found) == pytest.approx(np.array(expected), abs=0.011)
 
 
-def test_peaks_have_a_mean_size_and_a_mean_distance() -> None:
+def test_peaks_have_mean_size_and_mean_distance() -> None:
     """1 to 4, at an instant and 1 to 3 s after the next; what comes before 10 s is no peak."""
     error = np.zeros(len(TIME))
     error[500] = 9.0
@@ -37,19 +37,19 @@ def test_peaks_have_a_mean_size_and_a_mean_distance() -> None:
     assert distance == pytest.approx((0 + 0.2 + 0.4 + 0.6) / 4, abs=2e-3)
 
 
-def test_without_a_whole_half_of_a_period_there_are_no_peaks() -> None:
+def test_no_peaks_without_a_complete_half_period() -> None:
     short = Series(TIME[:1001], {"input_derivatives": Channel(TIME[:1001, None] - 5, "1/s")}, {})
     assert np.isnan(peaks(short, short.time, np.ones(1001))).all()
 
 
-def test_ripple_is_what_a_line_leaves() -> None:
+def test_ripple_is_the_residual_of_a_line_fit() -> None:
     time = np.arange(0.0, 2.0, 0.01)
     assert ripple(time, 3 * time - 1) == pytest.approx(0, abs=1e-12)
     assert ripple(time, 3 * time + 0.1 * np.sin(20 * np.pi * time)) == pytest.approx(0.2, rel=0.03)
     assert np.isnan(ripple(time[:2], time[:2]))
 
 
-def test_the_first_run_of_the_study_is_fig_2() -> None:
+def test_first_study_run_equals_fig_2() -> None:
     """At the rho of Fig. 2 and with its steps; the second run has other noise."""
     study = {"rhos": [2.5], "runs": 2, "sampling_period": 0.005}
     evaluator = Evaluator(fixed_parameters("delay", {"studies": {"tradeoff": study}}))

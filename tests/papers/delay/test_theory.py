@@ -44,17 +44,17 @@ def numbers() -> Numbers:
 # --- Conditions ---------------------------------------------------------------------------------
 
 
-def test_the_delay_has_the_bounds_of_the_paper() -> None:
+def test_delay_has_the_bounds_of_the_paper() -> None:
     found = numbers()
     assert found["delay", "minimum_delay"] == pytest.approx(0.3)
     assert found["delay", "maximum_delay"] == pytest.approx(1.25, abs=1e-6)
 
 
-def test_the_rank_is_lost_with_the_rate_of_the_input() -> None:
+def test_rank_is_lost_where_the_input_rate_vanishes() -> None:
     assert numbers()["pendulum", "determinant_error"] < 1e-8
 
 
-def test_smoothness_and_singular_instants_of_the_inputs() -> None:
+def test_smoothness_and_singular_instants_of_the_inputs_agree_with_theory() -> None:
     found = numbers()
     # 0.2 t = pi/2 [pi] up to 120 s: 7.85 s and seven more.
     assert found["sine", "singular_instants"] == 1 + (120 - np.pi / 0.4) // (np.pi / 0.2)
@@ -63,12 +63,12 @@ def test_smoothness_and_singular_instants_of_the_inputs() -> None:
     assert found["ramp", "breaks"] == found["sine", "breaks"] == 0
 
 
-def test_an_input_that_starts_at_zero_breaks_the_smoothness() -> None:
+def test_input_starting_at_zero_is_not_smooth() -> None:
     kinked = [{"kind": "ramp", "axis": 1, "from": 0, "slope": 0.009}]
     assert evaluated({"theory": {"ramp": kinked}})["ramp", "breaks"] == 1
 
 
-def test_remainders_of_the_sine_in_closed_form() -> None:
+def test_remainders_of_the_sine_agree_with_closed_form() -> None:
     """The largest of |sin(a - b) - sin a + b cos a| over a is the size of a sine."""
     found, b = numbers(), 0.2 * 1.5
     first = np.hypot(np.cos(b) - 1, b - np.sin(b))
@@ -88,14 +88,14 @@ def test_poles_are_the_roots_of_the_polynomial() -> None:
             assert numbers()[name, f"slow_pole{when}"] == pytest.approx(slow)
 
 
-def test_the_lag_is_the_error_at_rest_under_a_steady_rate() -> None:
+def test_lag_is_the_steady_error_under_a_constant_rate() -> None:
     """0 = M e + (0, 0, -xi tau'): the last error over xi is the lag."""
     matrix = error_matrix(5.0, G_OVER_L, A)
     error = np.linalg.solve(matrix, [0, 0, 1.0])
     assert theory_gains.steady_ramp_error(5.0, G_OVER_L, A) == pytest.approx(error[2])
 
 
-def test_the_predicted_lag_is_that_of_the_run() -> None:
+def test_predicted_lag_agrees_with_the_run() -> None:
     found = numbers()
     for rho, share in ((5, 0.03), (10, 0.01), (20, 0.003), (40, 0.003)):
         expected = found.at("order2", "predicted_delay_radius", rho=rho)
@@ -103,7 +103,7 @@ def test_the_predicted_lag_is_that_of_the_run() -> None:
         assert run == pytest.approx(expected, rel=share)
 
 
-def test_peak_gains_of_a_chain_in_closed_form() -> None:
+def test_peak_gains_of_a_chain_agree_with_closed_form() -> None:
     """Three poles at -rho: the impulse responses of the last state to the last two inputs have one
     sign, so that their integrals are transfer functions at zero; that of the first state to the
     second input, (t - rho t^2 / 2) exp(-rho t), changes its sign where t^2 exp(-rho t) / 2 peaks.
@@ -115,7 +115,7 @@ def test_peak_gains_of_a_chain_in_closed_form() -> None:
     assert np.all(np.isinf(theory_gains.peak_gains(error_matrix(1.25, -G_OVER_L, A))))
 
 
-def test_the_least_radius_ends_at_what_the_expansion_leaves_over() -> None:
+def test_minimum_radius_tends_to_the_expansion_remainder() -> None:
     """G gamma / xi and c_0 / xi, errors of the delay alone; the rest goes with 1 / rho."""
     found = numbers()
     floors = {
@@ -130,7 +130,7 @@ def test_the_least_radius_ends_at_what_the_expansion_leaves_over() -> None:
 # --- Derivatives --------------------------------------------------------------------------------
 
 
-def test_the_differentiator_is_the_one_of_its_own_tests() -> None:
+def test_differentiator_errors_agree_with_its_unit_tests() -> None:
     """There: errors of 0.1166 T^2 and 0.0842 T."""
     found, size, period = numbers(), 0.2 / np.sqrt(2), 2.5e-3
     expected = (0.1166 * period**2 / size, 0.0842 * period / (0.2 * size))
@@ -142,7 +142,7 @@ def test_the_differentiator_is_the_one_of_its_own_tests() -> None:
 # --- Runs ---------------------------------------------------------------------------------------
 
 
-def test_wrong_derivatives_scale_the_delay_of_the_ramp() -> None:
+def test_wrong_derivatives_scale_the_delay_on_a_ramp() -> None:
     """tau^ u'(1 + e) = tau u' at rest; the first delay is 0.6 s."""
     built = observer(Case("ramp", 5.0, 2), 5e-3)
     y, u = record("ramp", 5e-3, 19.0)
@@ -152,13 +152,13 @@ def test_wrong_derivatives_scale_the_delay_of_the_ramp() -> None:
         assert run["delay"][-1] == pytest.approx(0.6 / (1 + share), rel=1e-7)
 
 
-def test_runs_at_the_rho_of_the_figures_are_those_of_the_figures() -> None:
+def test_runs_at_the_rho_of_the_figures_reproduce_the_figures() -> None:
     fig1 = lookup(Evaluator(fixed_parameters("delay")).figure("fig1").numbers)
     found = numbers().at("order2", "delay_radius", rho=5)
     assert found == pytest.approx(fig1["order2", "delay_radius"], rel=1e-6)
 
 
-def test_the_singular_peaks_grow_when_nothing_is_switched_off() -> None:
+def test_singular_peaks_grow_without_switching_off() -> None:
     """For m = 1, where the expansion is wrong at xi = 0; for m = 2 hardly."""
     found = numbers()
     ratio = [
@@ -171,7 +171,7 @@ def test_the_singular_peaks_grow_when_nothing_is_switched_off() -> None:
 
 
 @pytest.mark.parametrize("step", [2.5e-3, 5e-3])
-def test_without_a_threshold_the_law_for_m_2_ends_where_xi_does(step: float) -> None:
+def test_law_for_m_2_without_threshold_has_no_solution_past_zero_xi(step: float) -> None:
     """tau^' = -rho^3 e / xi moves xi itself: (xi^2)' = -G u'' rho^3 e and terms that go with xi.
 
     Where u'' e > 0 both signs of xi lead to zero in finite time, and (9) has no solution after it.
@@ -194,7 +194,7 @@ def test_without_a_threshold_the_law_for_m_2_ends_where_xi_does(step: float) -> 
     assert kept.diverged_at is None
 
 
-def test_the_mean_delay_is_wrong_by_its_distance() -> None:
+def test_constant_mean_delay_errs_by_its_distance() -> None:
     """Squares over 5 to 120 s: 0.2, 0.4 and 0.5 s off, then half of 0.45 s squared and a rest."""
     swing = quad(lambda t: (0.45 * np.sin(0.2 * t)) ** 2, 60, 120)[0]
     expected = np.sqrt((15 * 0.04 + 20 * 0.16 + 20 * 0.25 + swing) / 115)
@@ -203,20 +203,20 @@ def test_the_mean_delay_is_wrong_by_its_distance() -> None:
     assert found == pytest.approx(np.sqrt(swing / 60), rel=1e-3)
 
 
-def test_runs_that_meet_a_bound_converge_all_the_same() -> None:
+def test_runs_reaching_a_bound_converge() -> None:
     """Over the 20 s before the first jump with the slow pole of Fig. 1, -1.28: by e^-25."""
     found = numbers()
     assert 0 < found["projection", "late_delay_error"] <= found["starts", "late_delay_error"] < 1e-9
     assert found["starts", "late_rate_error"] < 1e-9
 
 
-def test_a_faster_input_with_a_shorter_delay_is_the_same_at_a_factor_of_one() -> None:
+def test_faster_input_with_a_factor_of_one_changes_nothing() -> None:
     same = evaluated({"theory": {"faster": 1.0}})
     for rho in (2.5, 5):
         assert same.at("order_2", "rms_delay_error_faster", rho=rho) == 1
 
 
-def test_a_shorter_delay_has_less_error_in_seconds_and_more_in_its_own_measure() -> None:
+def test_shorter_delay_has_smaller_absolute_and_larger_relative_error() -> None:
     """The lag goes with the rate, so a delay of half the size has half of it, the same share of the
     delay. There are twice as many singular instants, which add to both.
     """
@@ -227,7 +227,7 @@ def test_a_shorter_delay_has_less_error_in_seconds_and_more_in_its_own_measure()
         assert 1.1 < relative.at("order_2", name, rho=rho) < 1.4
 
 
-def test_each_derivative_is_harder_in_noise() -> None:
+def test_each_higher_derivative_has_more_noise_error() -> None:
     shares = [numbers()["levant", f"relative_rms_error_{i}_in_noise"] for i in (1, 2, 3)]
     assert np.all(np.diff(shares) > 0)
     quiet = evaluated({"theory": {"noise_share": 0.0}})
@@ -235,7 +235,7 @@ def test_each_derivative_is_harder_in_noise() -> None:
     assert third < 0.1 * shares[2]
 
 
-def test_a_gain_that_is_constant_after_all_gives_the_observer_of_the_library() -> None:
+def test_constant_gain_function_reproduces_the_library_observer() -> None:
     """From the true state, so that the delay stays off its bounds, which nothing else knows of."""
     parameters = fixed_parameters("delay")
     job = read_job(keys.Parameters, parameters.settings("theory"))
@@ -249,7 +249,7 @@ def test_a_gain_that_is_constant_after_all_gives_the_observer_of_the_library() -
     assert found[:, 2:4] == pytest.approx(run["state"][::2], abs=1e-5)
 
 
-def test_a_gain_that_swings_with_the_rate_is_no_obstacle() -> None:
+def test_gain_oscillating_with_the_rate_still_converges() -> None:
     for share in (0.2, 0.9):
         found = evaluated({"theory": {"gain_of_rate": share}})
         assert 0 < found["state_gain", "late_delay_error"] < 1e-5

@@ -69,7 +69,7 @@ def at_rest(model: AugmentedSystem, gains: Gains, y: Array, u: float) -> Array:
 # --- F: (3) says + Az Fs, (4) and (7) print - ----------------------------------------------------
 
 
-def test_3_itself_adds_the_sensor_fault_and_4_takes_it_away() -> None:
+def test_equation_3_adds_the_sensor_fault_and_equation_4_subtracts_it() -> None:
     # Speed 1 and fs = 0.1: the filter of y = 1.1 ends at 1.1; by (4) it ends at 0.9.
     x, fault = np.array([1.0, 10.0]), np.array([0.0, 0.1])
     printed = dc_motor(Fs=-SYSTEM.Fs)
@@ -81,7 +81,7 @@ def test_3_itself_adds_the_sensor_fault_and_4_takes_it_away() -> None:
     assert ends[1] == pytest.approx([0.9, 10.0], rel=1e-14)
 
 
-def test_gains_by_the_printed_f_find_minus_the_fault_and_their_gamma_does_not_tell() -> None:
+def test_gains_for_the_printed_f_estimate_minus_the_fault_at_the_same_gamma() -> None:
     printed = dc_motor(Fs=-SYSTEM.Fs)
     found = pd_pi.design(printed)
     assert found.gamma == pytest.approx(optimised().gamma, rel=1e-13)
@@ -92,7 +92,7 @@ def test_gains_by_the_printed_f_find_minus_the_fault_and_their_gamma_does_not_te
     assert at_rest(printed, found.gains, y, 10.0)[3] == pytest.approx(-0.101, abs=1e-7)
 
 
-def test_gains_by_one_sign_in_an_observer_of_the_other_double_every_quarter_second() -> None:
+def test_errors_double_every_quarter_second_with_gains_for_the_other_sign() -> None:
     Ao, Eo = error_system(dc_motor(Fs=-SYSTEM.Fs), optimised().gains)
     fastest = np.linalg.eigvals(np.linalg.solve(Eo, Ao)).real.max()
     assert fastest == pytest.approx(3.019, abs=1e-3)
@@ -102,7 +102,7 @@ def test_gains_by_one_sign_in_an_observer_of_the_other_double_every_quarter_seco
 # --- The plant of Section IV ---------------------------------------------------------------------
 
 
-def test_an_observer_with_the_printed_back_emf_takes_the_speed_for_a_fault() -> None:
+def test_observer_with_the_printed_back_emf_estimates_speed_as_a_fault() -> None:
     # At rest fa^ - fa = -0.02 x1, a tenth of the fault of 0.2 for each rad/s; gamma is the same.
     printed = dc_motor(A=[[-10.0, 1.0], [0.02, -2.0]])
     x = np.linalg.solve(-SYSTEM.A, [0.0, 2 * (10.0 + 0.2)])
@@ -117,7 +117,7 @@ def test_an_observer_with_the_printed_back_emf_takes_the_speed_for_a_fault() -> 
 # --- (22) and (24): the input of the dual is no dD ----------------------------------------------
 
 
-def test_the_dual_has_an_input_for_each_state_and_dD_has_one_fewer() -> None:
+def test_dual_has_one_input_more_than_dD() -> None:
     Ao, Eo = error_system(SYSTEM, optimised().gains)
     assert SYSTEM.Bo.shape == (6, 5), "yz of (23) is what has the dimension of dD"
     # Transfer matrices of (10) and of the dual, with the identity for the input, are transposed.
@@ -129,7 +129,7 @@ def test_the_dual_has_an_input_for_each_state_and_dD_has_one_fewer() -> None:
     assert norm == pytest.approx(optimised().certificate.norm_upper, rel=1e-10)
 
 
-def test_to_let_dD_into_the_dual_through_bo_gives_another_norm() -> None:
+def test_dual_with_dD_entering_through_bo_has_another_norm() -> None:
     Ao, Eo = error_system(SYSTEM, optimised().gains)
     read = h_infinity_norm(Ao.T, SYSTEM.Bo, SYSTEM.Bo.T, E=Eo.T).upper
     assert read == pytest.approx(1.06078, abs=1e-4)
@@ -140,7 +140,7 @@ def test_to_let_dD_into_the_dual_through_bo_gives_another_norm() -> None:
 # --- Theorem 1: definite P2, P3 and nonsingular Y1, Y2 -------------------------------------------
 
 
-def test_19_forbids_a_positive_definite_p2_and_asks_nothing_of_y2() -> None:
+def test_inequality_19_forbids_positive_definite_p2_and_does_not_constrain_y2() -> None:
     # A solution of (19) from the Riccati equation of the bounded real lemma of a PI observer.
     gains, gamma, N = pi.design(SYSTEM).gains, 1.2, SYSTEM.size
     Ao = SYSTEM.A_tilde - gains.L @ SYSTEM.C_tilde
@@ -174,7 +174,7 @@ def exact_errors() -> list[list[Fraction]]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_constant_disturbances_leave_the_same_errors_whatever_the_gains(kind: str) -> None:
+def test_errors_under_constant_disturbances_do_not_depend_on_the_gains(kind: str) -> None:
     system, gains = designs()[kind]
     Ao, _ = error_system(system, gains)
     gain = -np.linalg.solve(Ao, system.Bo)[[0, 1, 4, 5], :3]
@@ -194,7 +194,7 @@ READINGS = {
 
 @pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_disturbances_as_printed_bias_every_observer(kind: str, reading: str) -> None:
+def test_printed_disturbances_bias_every_observer(kind: str, reading: str) -> None:
     (d1, d2), bias = READINGS[reading]
     system, gains = designs()[kind]
     speed, current = np.linalg.solve(-SYSTEM.A, [d1, 2 * (10.0 + 0.2) + 2 * d2])
@@ -224,9 +224,7 @@ def sizes_of_a_ramp(column: int, duration: float) -> tuple[float, float, float]:
 @pytest.mark.parametrize(
     ("column", "limit"), [(3, 0.500588), (4, 0.408435)], ids=["actuator", "sensor"]
 )
-def test_a_fault_that_jumps_has_no_bounded_derivative_and_the_norm_promises_nothing(
-    column: int, limit: float
-) -> None:
+def test_norm_gives_no_bound_for_a_jumping_fault(column: int, limit: float) -> None:
     durations = (10.0, 1.0, 0.1, 0.01, 1e-3)
     rates, errors, ends = np.array([sizes_of_a_ramp(column, each) for each in durations]).T
     gamma = optimised().certificate.norm_upper
@@ -241,7 +239,7 @@ def test_a_fault_that_jumps_has_no_bounded_derivative_and_the_norm_promises_noth
     assert errors[0] / rates[0] > 0.3
 
 
-def test_just_after_a_jump_the_estimate_shows_nothing_of_it() -> None:
+def test_estimate_is_unchanged_immediately_after_a_jump() -> None:
     observer = ExtendedStateObserver(SYSTEM, optimised().gains, sampling_period=1e-6)
     y = np.tile([1.0, 0.0], (2, 1))  # fs = 1 from now on
     found = observer.run(y, np.zeros((2, 1)))
@@ -262,7 +260,7 @@ def observed_by_6(gains: Gains, rate: float, s: complex) -> Array:
     return np.asarray(np.linalg.solve(s * np.eye(10) - together, entering)[-2:])
 
 
-def test_without_az_in_6_the_control_passes_into_the_actuator_fault() -> None:
+def test_control_leaks_into_the_actuator_fault_without_az_in_6() -> None:
     """Constant faults are found all the same: what is wrong at rest is wrong in Aa and F alike."""
     gains = pi.design_feasible(SYSTEM, 1.0).gains
     at_rest = observed_by_6(gains, 10.0, 0.0)
@@ -273,7 +271,7 @@ def test_without_az_in_6_the_control_passes_into_the_actuator_fault() -> None:
     assert np.abs(observed_by_6(gains, 1.0, 1j)[:, 0]).max() < 1e-12
 
 
-def test_without_az_in_dw_a_gamma_is_promised_that_no_observer_has() -> None:
+def test_gamma_without_az_in_dw_is_not_achievable() -> None:
     unscaled = dc_motor(Az=10.0, Dw=SYSTEM.Dw / 10)
     assert unscaled.Da[2, 2] == 1.0
     # Errors of constants d1, d2, w: w as if it were a tenth.

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[3]
 SYSTEM = dc_motor()
 
 
-def test_z_of_3_is_no_state_of_the_filter() -> None:
+def test_z_of_equation_3_is_not_the_filter_state() -> None:
     """z stands for the state of the dual (22), of six entries, and y has two."""
     y, x = np.array([1.1, 10.0]), np.array([1.0, 10.0])
     assert (SYSTEM.size, len(y)) == (6, 2)
@@ -36,13 +36,13 @@ def test_az_itself_must_not_be_stable() -> None:
     assert np.linalg.eigvals(dc_motor(Az=1.0).Aa).real.max() < 0
 
 
-def test_dd_of_4_has_too_few_rows_for_the_augmented_state() -> None:
+def test_dd_of_equation_4_has_too_few_rows_for_the_augmented_state() -> None:
     assert (len(SYSTEM.Aa), len(SYSTEM.Dd)) == (4, 2)
     above = np.vstack([SYSTEM.Dd, np.zeros((2, 2))])
     assert np.array_equal(above, SYSTEM.Da[:, :2])
 
 
-def test_the_fault_that_is_called_the_sensors_does_not_touch_the_output() -> None:
+def test_fault_called_the_sensor_fault_does_not_affect_the_output() -> None:
     """Section IV calls fa the sensor fault and fs the actuator fault, beside Fs = [1 0]^T."""
     motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
     control = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
@@ -56,14 +56,14 @@ def test_the_fault_that_is_called_the_sensors_does_not_touch_the_output() -> Non
     assert jumps == pytest.approx([0.0, 0.1], abs=1e-14)
 
 
-def test_e_is_no_input_matrix() -> None:
+def test_e_is_not_an_input_matrix() -> None:
     """E = B of Section IV: there is no E in (1), and that of Lemma 1 is square."""
     with pytest.raises(InputError, match=r"^E: .*\(2, 1\)"):
         h_infinity_norm(SYSTEM.A, SYSTEM.Fa, np.eye(2), E=SYSTEM.B)
     assert np.array_equal(SYSTEM.Fa, SYSTEM.B)
 
 
-def test_figures_are_one_further_than_the_text_counts() -> None:
+def test_figure_numbers_are_one_above_those_in_the_text() -> None:
     """The text has the noise in Figs 3 and 4, and the first without it in Fig. 1."""
     stated = Parameters.load(ROOT, "eso")
     text = {
@@ -82,7 +82,7 @@ def test_figures_are_one_further_than_the_text_counts() -> None:
     assert captions == {number + 1: shown for number, shown in text.items()}
 
 
-def test_the_only_table_is_not_the_first() -> None:
+def test_only_table_is_not_numbered_first() -> None:
     """The text refers to table 1, and the heading of the one table counts it as the seventh."""
     numerals = {"I": 1, "V": 5, "X": 10}
     heading = [numerals[letter] for letter in "VII"]

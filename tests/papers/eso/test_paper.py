@@ -96,7 +96,7 @@ def rms(values: Array) -> float:
 # --- The plant's record -------------------------------------------------------------------------
 
 
-def test_settings_are_built_as_the_parameters_say() -> None:
+def test_settings_agree_with_the_parameters() -> None:
     stated = parameters()
     for scenario, deviation in (("disturbed", 0.0), ("noisy", np.sqrt(1e-4 / 0.1))):
         setup = plant.build(stated.settings("plant", scenario))
@@ -113,7 +113,7 @@ def test_settings_are_built_as_the_parameters_say() -> None:
     assert setup.deviation == pytest.approx(np.sqrt(1e-4 / 0.4), rel=1e-14)
 
 
-def test_noise_is_that_of_its_stream_held_and_as_large_as_stated() -> None:
+def test_noise_is_held_and_has_the_stated_size() -> None:
     found = record("noisy")
     noise = found["output"][:, 0] - found["state"][:, 0] - found["sensor_fault"]
     held = noise[:-1].reshape(200, 200)
@@ -139,7 +139,7 @@ def disturbances(disturbed: Series, quiet: Series) -> Array:
     return found
 
 
-def test_disturbances_are_those_of_their_stream_within_the_bounds() -> None:
+def test_disturbances_are_reproducible_and_within_bounds() -> None:
     found = disturbances(record("disturbed"), record("quiet"))
     drawn = random_stream(SEED, "eso", "disturbance").random((200, 2))
     assert found == pytest.approx(np.array([0.4, 0.2]) * drawn - [0.2, 0.1], abs=1e-10)
@@ -156,7 +156,7 @@ def test_noise_does_not_change_the_disturbances() -> None:
     assert found == pytest.approx(by_disturbance, abs=1e-11)
 
 
-def test_the_record_jumps_where_it_should_and_nowhere_else() -> None:
+def test_record_jumps_only_at_the_stated_times() -> None:
     found = record("noisy")
     assert found.events["faults"] == (1.5, 4.0, 10.0, 15.0)
     jumps = {name: found[name] - found[f"{name}_before"] for name in (*FAULTS, "output", "control")}
@@ -196,14 +196,14 @@ def test_the_record_jumps_where_it_should_and_nowhere_else() -> None:
         ("minimum_gamma", lambda: pd_pi.design_minimum_gamma(dc_motor(), 0.0, 50.0, 3000.0)),
     ],
 )
-def test_designs_are_those_of_the_synthesis(name: str, direct: Any) -> None:
+def test_designs_agree_with_the_synthesis(name: str, direct: Any) -> None:
     found = direct()
     np.testing.assert_allclose(designed(name)["L"], found.gains.L, rtol=1e-9)
     np.testing.assert_allclose(designed(name)["Ld"], found.gains.Ld, rtol=1e-9, atol=1e-12)
     assert designed(name)["method"] == found.method
 
 
-def test_either_observer_is_designed_by_either_criterion() -> None:
+def test_both_observers_can_be_designed_by_both_criteria() -> None:
     """What is drawn for both at once: the criterion, and the bound and the radius of the second."""
     bounds = {"criterion": "minimum_gamma", "pole_bound": 30.0, "radius": 1000.0}
     changed = parameters({"designs": {"pd_pi": bounds, "pi_optimal": bounds}})
@@ -226,7 +226,7 @@ def by_hand(found: Series, gains: Gains, rate: float) -> Run[State]:
 
 @pytest.mark.parametrize("observer", OBSERVERS)
 @pytest.mark.parametrize("name", ["disturbed", "noisy"])
-def test_the_estimate_stage_runs_the_observer(name: str, observer: str) -> None:
+def test_estimate_stage_runs_the_observer(name: str, observer: str) -> None:
     found, design = estimated(name, observer), OBSERVERS[observer]
     run = by_hand(record(name), gains_of(design), designed(design)["filter_rate"])
     np.testing.assert_array_equal(found.time, record(name).time[::2])
@@ -236,13 +236,13 @@ def test_the_estimate_stage_runs_the_observer(name: str, observer: str) -> None:
 
 
 @pytest.mark.parametrize("observer", ["pd_pi", "pi_optimal"])
-def test_constant_faults_are_found(observer: str) -> None:
+def test_constant_faults_are_estimated_exactly(observer: str) -> None:
     found = scored("quiet", observer)
     for fault in ("actuator", "sensor"):
         assert found[f"rms_{fault}_error_constant"] < 1e-3 * 0.2
 
 
-def test_the_feasible_observer_comes_later_and_finds_constant_faults_less_well() -> None:
+def test_feasible_observer_is_slower_and_less_accurate() -> None:
     slow, fast = scored("quiet", "pi"), scored("quiet", "pd_pi")
     for fault in ("actuator", "sensor"):
         assert slow[f"{fault}_lag"] > 2.5 * fast[f"{fault}_lag"]
@@ -251,7 +251,7 @@ def test_the_feasible_observer_comes_later_and_finds_constant_faults_less_well()
 
 
 @pytest.mark.parametrize("name", ["quiet", "disturbed", "noisy"])
-def test_a_pi_observer_by_the_same_optimisation_estimates_the_same(name: str) -> None:
+def test_pi_observer_from_the_same_optimisation_gives_the_same_estimates(name: str) -> None:
     """The paper's remark; under noise the difference itself is 2.8 % of the error of fs."""
     most = 0.03 if name == "noisy" else 0.02
     for fault in FAULTS:
@@ -263,7 +263,7 @@ def test_a_pi_observer_by_the_same_optimisation_estimates_the_same(name: str) ->
         assert rms(errors[1]) == pytest.approx(rms(errors[0]), rel=0.008)
 
 
-def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> None:
+def test_fault_estimates_depend_on_neither_controller_nor_reference() -> None:
     other = parameters(
         {
             "plant": {
@@ -284,7 +284,7 @@ def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> Non
         assert errors[0] == pytest.approx(errors[1], abs=1e-9)
 
 
-def test_observers_start_where_the_parameters_say() -> None:
+def test_observers_start_from_the_stated_state() -> None:
     start = [0.3, -0.2, 0.1, 0.4, 0.05, -0.06]
     changed = parameters({"observers": {"pd_pi": {"initial_estimate": start}}})
     found = observe.estimate(
@@ -299,14 +299,14 @@ def test_observers_start_where_the_parameters_say() -> None:
     assert begun["state"][0].tolist() == [0.5, -1.0]
 
 
-def test_pulses_are_as_wide_as_the_parameters_say() -> None:
+def test_pulses_have_the_stated_width() -> None:
     changed = parameters({"plant": {"pulse_width": 1.0}})
     found = plant.simulate(changed.settings("plant", "disturbed"))
     expected = (np.floor(found.time[:-1] + 1e-9) % 4 == 0).astype(float)
     np.testing.assert_array_equal(found["reference"][:-1], expected)
 
 
-def test_a_figure_has_the_scores_of_its_observers() -> None:
+def test_figure_has_the_scores_of_its_observers() -> None:
     found = lookup(Evaluator(parameters()).figure("fig2").numbers)
     assert {observer for observer, _ in found} == {"plant", "pi", "pd_pi", "minimum_gamma"}
     for observer in ("pi", "pd_pi"):
@@ -324,17 +324,17 @@ def wave(time: Array) -> Array:
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.001, 0.12345, 0.5, 1.2344, 2.0])
-def test_the_lag_of_a_shifted_signal(shift: float) -> None:
+def test_lag_of_a_shifted_signal_is_the_shift(shift: float) -> None:
     found = lag(TIME, wave(TIME), wave(TIME - shift), [4.5, 10.0], 2.5)
     assert found == pytest.approx(shift, abs=1e-4)
 
 
-def test_the_lag_does_not_depend_on_offsets_of_the_grid() -> None:
+def test_lag_does_not_depend_on_grid_offset() -> None:
     early = lag(TIME[::5], wave(TIME[::5]), wave(TIME[::5] - 0.3333), [4.5, 10.0], 2.5)
     assert early == pytest.approx(0.3333, abs=1e-4)
 
 
-def test_a_lag_is_none_below_zero_nor_above_the_longest() -> None:
+def test_lag_stays_between_zero_and_the_maximum() -> None:
     for shift, longest, expected in ((-0.3, 2.5, 0.0), (0.8, 0.5, 0.5), (0.8, 0.8, 0.8)):
         found = lag(TIME, TIME**2, (TIME - shift) ** 2, [4.5, 10.0], longest)
         assert found == pytest.approx(expected, abs=1e-12)
@@ -342,11 +342,11 @@ def test_a_lag_is_none_below_zero_nor_above_the_longest() -> None:
     assert lag(TIME, TIME**2, (TIME - 3) ** 2, [4.0, 5.0], 2.5) == pytest.approx(0.5, abs=1e-12)
 
 
-def test_a_constant_has_no_lag() -> None:
+def test_lag_of_a_constant_is_undefined() -> None:
     assert lag(TIME, np.ones(len(TIME)), np.ones(len(TIME)), [4.5, 10.0], 2.5) == 0.0
 
 
-def test_what_an_estimate_does_after_the_window_does_not_change_its_lag() -> None:
+def test_estimate_after_the_window_does_not_change_the_lag() -> None:
     """The faults jump at the ends of their windows, and the estimates answer to that."""
     found = []
     for size in (0.0, 0.2, -3.0):
@@ -360,7 +360,7 @@ def test_what_an_estimate_does_after_the_window_does_not_change_its_lag() -> Non
     assert found[0] == pytest.approx(np.arctan(0.1 * np.pi) / (0.5 * np.pi), rel=0.03)
 
 
-def test_scores_of_known_errors() -> None:
+def test_scores_of_known_errors_are_exact() -> None:
     rules = {
         "actuator_varying": [1.0, 3.0], "actuator_constant": [3.0, 4.0],
         "sensor_varying": [1.0, 2.0], "sensor_constant": [2.0, 9.0], "longest_lag": 0.5,
@@ -392,7 +392,7 @@ def test_scores_of_known_errors() -> None:
     np.testing.assert_array_equal(np.flatnonzero(window(time, 1.0, 1.3)), [10, 11, 12])
 
 
-def test_sizes_corrected_speeds_and_differences_of_known_signals() -> None:
+def test_scores_of_known_signals_are_exact() -> None:
     rules = keys.Metrics([1.0, 3.0], [3.0, 4.0], [1.0, 2.0], [2.0, 4.0], 0.5, 2e-3)
     time, fine = np.arange(0.0, 4.05, 0.1), np.arange(0.0, 4.025, 0.05)
     speed, noise = np.sin(fine), np.where(fine < 2 - 1e-9, 0.3, -0.7)
@@ -425,7 +425,7 @@ def test_sizes_corrected_speeds_and_differences_of_known_signals() -> None:
 # --- Deviations of what is held -----------------------------------------------------------------
 
 
-def test_the_deviation_of_one_state_in_closed_form() -> None:
+def test_deviation_of_one_state_agrees_with_closed_form() -> None:
     """A mode at -a that no output sees and no gain moves: e' = -a e + v, v held for T."""
     a, period, size = 3.0, 0.1, 0.7
     system = dc_motor(A=[[-2.0, 0.0], [0.0, -a]], C=[[1.0, 0.0], [2.0, 0.0]], Fa=[[1.0], [0.0]],
@@ -466,7 +466,7 @@ def test_deviations_agree_with_many_simulations(design: str, source: str) -> Non
     assert np.abs(measured / found - 1).max() < 4 / np.sqrt(2 * copies)
 
 
-def test_the_deviation_over_time_is_the_mean_of_those_within_a_hold() -> None:
+def test_deviation_over_time_is_the_mean_within_a_hold() -> None:
     """At many instants of a hold: the error of its start, moved on, and what has come since."""
     system, gains, sizes, period = dc_motor(), gains_of("pd_pi"), np.array([0.1, 0.06, 0.03]), 0.1
     Ao, Eo = error_system(system, gains)
@@ -482,7 +482,7 @@ def test_the_deviation_over_time_is_the_mean_of_those_within_a_hold() -> None:
     assert held_deviation(system, gains, sizes, period) == pytest.approx(np.sqrt(np.diag(start)))
 
 
-def test_deviations_that_cannot_be() -> None:
+def test_invalid_deviation_arguments_are_refused() -> None:
     with pytest.raises(InputError, match=r"^deviations: has shape \(2,\), must be \(3,\)"):
         held_deviation(dc_motor(), gains_of("pd_pi"), [0.1, 0.1], 0.1)
     nothing = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
@@ -511,9 +511,7 @@ def rows_of_the_study() -> list[Tree]:
         ("pi_minimum_gamma", "bound", 50.0, 1.0),
     ],
 )
-def test_the_study_has_the_numbers_of_direct_calls(
-    kind: str, choice: str, level: float, rate: float
-) -> None:
+def test_study_agrees_with_direct_calls(kind: str, choice: str, level: float, rate: float) -> None:
     rows = [row for row in rows_of_the_study() if row["kind"] == kind]
     for row in rows:
         assert tuple(row) == study_rows.HEADER
@@ -547,7 +545,7 @@ def test_the_study_has_the_numbers_of_direct_calls(
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
-def test_metrics_tell_every_design_of_the_study() -> None:
+def test_metrics_include_every_design_of_the_study() -> None:
     settings = parameters().settings("metrics", "fig3_designs")
     estimates = {"pd_pi": estimated("disturbed", "pd_pi")}
     data = figure_data("eso", settings, record("disturbed"), estimates, rows_of_the_study())
@@ -623,7 +621,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_value_is_reported_in_one_sentence(case: str) -> None:
+def test_invalid_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD[case]
     with pytest.raises(InputError) as caught:
         check_parameters(parameters(changes))
@@ -644,7 +642,7 @@ BAD_DESIGNS = {
 
 
 @pytest.mark.parametrize("key", BAD_DESIGNS)
-def test_the_design_stage_refuses_with_the_key(key: str) -> None:
+def test_design_stage_refuses_naming_the_key(key: str) -> None:
     name, value, said = BAD_DESIGNS[key]
     with pytest.raises(InputError) as caught:
         compute_design(parameters({"designs": {name: {key: value}}}), name)
@@ -653,7 +651,7 @@ def test_the_design_stage_refuses_with_the_key(key: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_study_says_which_design_failed() -> None:
+def test_study_names_the_failed_design() -> None:
     settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [], "decays": [], "factors": [0.9], "pole_bounds": [], "radii": []}
     with pytest.raises(
@@ -662,6 +660,6 @@ def test_a_study_says_which_design_failed() -> None:
         study.run({**settings, "study": {**settings["study"], **levels}}, record("noisy"))
 
 
-def test_the_config_is_accepted() -> None:
+def test_config_is_accepted() -> None:
     check_parameters(parameters())
     assert set(parameters().section("designs")) == set(OBSERVERS.values())

@@ -35,9 +35,9 @@ from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from tests.found import golden_metrics
 from tests.papers import fixed_parameters
 from tests.papers.eso.plants import dc_motor
+from tests.published_numbers import golden_metrics
 
 ROOT = Path(__file__).parents[3]
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
@@ -77,7 +77,7 @@ def gains_of(observer: str) -> Gains:
 # --- The motor, its outputs and its control ------------------------------------------------------
 
 
-def test_the_slowest_pole_of_the_motor_with_both_signs() -> None:
+def test_slowest_motor_pole_agrees_with_closed_form_for_both_signs() -> None:
     # s^2 + 12 s + 20 +- 0.02
     for name, sign in (("motor", -1), ("motor_as_printed", 1)):
         expected = 6 - np.sqrt(16 + sign * 0.02)
@@ -85,7 +85,7 @@ def test_the_slowest_pole_of_the_motor_with_both_signs() -> None:
         assert numbers()[name, "unobservable_states"] == 0
 
 
-def test_ranks_tell_what_observability_does_not() -> None:
+def test_rosenbrock_rank_reveals_what_observability_does_not() -> None:
     for name, missing in (("two_outputs", 0), ("one_output", 1)):
         assert numbers()[name, "rosenbrock_rank_deficiency"] == missing
     assert numbers()["motor", "unobservable_states"] == 0
@@ -101,7 +101,7 @@ def test_ranks_tell_what_observability_does_not() -> None:
         dc_motor(C=[[1.0, 0.0]], Dw=[[1.0]], Fs=[[1.0]])
 
 
-def test_the_step_response_in_closed_form() -> None:
+def test_step_response_agrees_with_closed_form() -> None:
     """The loop has no zero: the speed is the sum of the residues of its poles -3 +- 2.25j, -12."""
     poles = np.array([-3 + 2.25j, -3 - 2.25j, -12])
     others = [np.delete(poles, k) for k in range(3)]
@@ -118,7 +118,7 @@ def test_the_step_response_in_closed_form() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 10.0, 50.0])
-def test_the_floor_of_gamma_in_closed_form_whatever_the_filter(rate: float) -> None:
+def test_minimum_gamma_agrees_with_closed_form_for_any_filter(rate: float) -> None:
     """Errors of speed, fa and fs by constant d1, d2 and w."""
     errors = np.array([[0.1, 0, 0], [0.001, -1, 0], [-0.1, 0, -1]])
     assert gamma_lower_bound(dc_motor(Az=rate)) == pytest.approx(
@@ -151,7 +151,7 @@ def margin_above_norm(system: AugmentedSystem, gains: Gains, norm: float, excess
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
-def test_the_lemma_finds_a_solution_above_the_norm_and_none_below(observer: str) -> None:
+def test_lemma_has_a_solution_only_above_the_norm(observer: str) -> None:
     system, gains = dc_motor(), gains_of(observer)
     Ao, Eo = error_system(system, gains)
     norm = h_infinity_norm(Ao, system.Bo, np.eye(6), E=Eo)
@@ -160,7 +160,7 @@ def test_the_lemma_finds_a_solution_above_the_norm_and_none_below(observer: str)
     assert margin_above_norm(system, gains, 0.99 * norm.lower, 1e-3) == 0
 
 
-def test_numbers_of_the_certificates() -> None:
+def test_certificate_numbers_agree_with_the_designs() -> None:
     for observer in OBSERVERS:
         body = designs()[DESIGNS[observer]]
         Ao, Eo = error_system(dc_motor(), gains_of(observer))
@@ -179,7 +179,7 @@ def test_numbers_of_the_certificates() -> None:
 
 @pytest.mark.parametrize("observer", ["pi", "pd_pi"])
 @pytest.mark.parametrize("fault", UNITS)
-def test_what_is_missed_of_a_sine_is_what_a_simulation_misses(observer: str, fault: str) -> None:
+def test_error_under_a_sine_agrees_with_simulation(observer: str, fault: str) -> None:
     stated, none = settings(), [{"kind": "constant", "axis": 1, "size": 0.0}]
     frequency = stated["theory"]["fast_frequency"]
     sine = [{"kind": "sine", "axis": 1, "amplitude": 1.0, "frequency": frequency}]
@@ -200,9 +200,7 @@ def test_what_is_missed_of_a_sine_is_what_a_simulation_misses(observer: str, fau
 
 @pytest.mark.parametrize("observer", ["pd_pi", "minimum_gamma"])
 @pytest.mark.parametrize("fault", UNITS)
-def test_the_faster_a_sine_the_more_of_it_is_missed_and_in_the_end_all(
-    observer: str, fault: str
-) -> None:
+def test_error_under_a_sine_grows_with_frequency_up_to_all_of_it(observer: str, fault: str) -> None:
     """So the sine at `fast_frequency` stands for all slower ones in the claim on any form."""
     share = [
         lookup(missed(of_one(observer), frequency))[observer, f"missed_fast_{fault}_fault"]
@@ -212,7 +210,7 @@ def test_the_faster_a_sine_the_more_of_it_is_missed_and_in_the_end_all(
     assert share[-1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_motor_answers_to_fast_sines_as_the_reasons_say() -> None:
+def test_motor_response_to_fast_sines_agrees_with_the_stated_reasons() -> None:
     """The speed to the voltage, over the answer to a constant: -3 dB, a half and 14 %."""
     model = dc_motor()
 
@@ -225,7 +223,7 @@ def test_the_motor_answers_to_fast_sines_as_the_reasons_say() -> None:
     assert (stated["value"], stated["range"]) == (1.93, [1.57, 3.24])
 
 
-def test_a_faster_state_alone_makes_the_faults_come_later() -> None:
+def test_faster_state_alone_delays_the_fault_estimates() -> None:
     """With Lf kept, by the phases of the estimates at the frequencies of the paper's faults."""
     system, slow = dc_motor(), gains_of("pi")
     fast = slow.L.copy()
@@ -245,7 +243,7 @@ def test_a_faster_state_alone_makes_the_faults_come_later() -> None:
 
 @pytest.mark.parametrize("observer", ["pi", "pd_pi"])
 @pytest.mark.parametrize("fault", UNITS)
-def test_what_is_left_of_a_jump_is_what_a_simulation_leaves(observer: str, fault: str) -> None:
+def test_error_after_a_jump_agrees_with_simulation(observer: str, fault: str) -> None:
     jump, none = ([{"kind": "constant", "axis": 1, "size": size}] for size in (1.0, 0.0))
     faults = {f"{name}_fault": jump if name == fault else none for name in UNITS}
     quiet = {"noise_power": 0.0, "disturbance": [[0, 0], [0, 0]]}
@@ -266,7 +264,7 @@ def of_one(observer: str) -> Observers:
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
-def test_what_is_held_for_long_is_a_constant(observer: str) -> None:
+def test_long_hold_equals_a_constant(observer: str) -> None:
     rules = read_job(keys.Parameters, settings()).theory
     found = lookup(held(of_one(observer), rules, 50.0, 0.1))
     for source in ("speed", "current"):
@@ -275,7 +273,7 @@ def test_what_is_held_for_long_is_a_constant(observer: str) -> None:
     assert found[observer, "noise_in_actuator_fault"] < 1e-9
 
 
-def test_deviations_are_those_of_the_study() -> None:
+def test_deviations_agree_with_the_study() -> None:
     """d is uniform: both disturbances together, and the noise."""
     sizes = np.array([0.4, 0.2]) / np.sqrt(12)
     study = Numbers(golden_metrics("eso", "fig3_designs"))
@@ -302,7 +300,7 @@ def test_deviations_are_those_of_the_study() -> None:
 # --- The bounds that claims set ------------------------------------------------------------------
 
 
-def test_errors_are_seen_against_the_faults_and_what_shows_against_their_constants() -> None:
+def test_errors_are_relative_to_the_faults_and_visible_ones_to_their_constants() -> None:
     scenario = evaluator().parameters.section("scenarios", "noisy")
     rules = evaluator().parameters.section("metrics")
     found = lookup(evaluator().figure("fig5").numbers)

@@ -17,7 +17,7 @@ INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 STUCK = [{"kind": "constant", "axis": 1, "from": 0.5, "size": 0.5}]
 
 
-def test_printed_norm_of_assumption_1_violates_17() -> None:
+def test_printed_norm_of_assumption_1_violates_inequality_17() -> None:
     # w~ = 0, e(t - tau) = 0 and e = d = (1, 1, 1): dV/dt = e.e = 3, and the maximum norm of d is 1.
     design = theorem1(1e3, 1.0, 0.1, 1.0, 0.0, gamma1=10, gamma2=10, gamma3=10, gamma4=10, rho1=0.1)
     assert design.holds
@@ -29,7 +29,7 @@ def test_printed_norm_of_assumption_1_violates_17() -> None:
     assert derivative <= decay + design.epsilon3 * np.linalg.norm(d, 2) ** 2
 
 
-def test_what_10_bounds_enters_7_with_a_minus() -> None:
+def test_term_bounded_by_10_enters_7_with_a_minus() -> None:
     # K2 w~ = (1, 0, 0) and d = (-2, 0, 0): the left side of (10) is -4, that in (7) is +4.
     learned, d = np.array([1.0, 0.0, 0.0]), np.array([-2.0, 0.0, 0.0])
     for gamma3 in (0.1, 1.0, 2.0, 30.0):
@@ -40,7 +40,7 @@ def test_what_10_bounds_enters_7_with_a_minus() -> None:
     assert error @ error == learned @ learned + d @ d - 2 * learned @ d == 9.0
 
 
-def test_the_input_of_3_is_the_estimate() -> None:
+def test_input_of_equation_3_is_the_estimate() -> None:
     step, steps, delay = 1e-3, 4000, 10
     nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
     rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)
@@ -62,7 +62,7 @@ def test_inequality_12_fails_for_some_positive_constants() -> None:
     assert left[0] > 0.5 + 0.5
 
 
-def test_mismatch_of_a_stuck_thruster_is_the_fault_at_first() -> None:
+def test_mismatch_of_a_stuck_thruster_equals_the_fault_initially() -> None:
     fault = Signal.parse("fault", STUCK, 3)
     time = np.arange(0, 1000) * 1e-3
     for interval in (0.1, 0.01, 0.001):
@@ -79,7 +79,7 @@ def test_theorem_1_depends_on_the_unit_of_torque() -> None:
     assert not certify(2000.0, 1.0, 0.5, 500.0).certified
 
 
-def test_a_bounded_mean_leaves_room_for_unbounded_peaks() -> None:
+def test_bounded_mean_allows_unbounded_peaks() -> None:
     # |e|^2 = n on [n, n + 1 / n^3): the mean over [0, N] is the sum of 1 / n^2 over N.
     n = np.arange(1, 10_001)
     energy = np.cumsum(n * (1.0 / n**3))
@@ -88,7 +88,7 @@ def test_a_bounded_mean_leaves_room_for_unbounded_peaks() -> None:
     assert n.max() == 10_000  # the largest |e|^2 so far, and it grows for ever
 
 
-def test_a_stuck_thruster_is_no_constant_additive_fault() -> None:
+def test_stuck_thruster_is_not_a_constant_additive_fault() -> None:
     body = Satellite(INERTIA)
     command = {"kind": "sine", "axis": 1, "amplitude": 0.5, "frequency": 0.5}
     working = Signal.parse("control", [{**command, "until": 0.5}], 3)
@@ -104,7 +104,7 @@ def test_a_stuck_thruster_is_no_constant_additive_fault() -> None:
     assert printed[-1, 0] - stuck[-1, 0] == pytest.approx(impulse / 36, rel=0.1)
 
 
-def test_the_adaptive_observer_identifies_a_constant_fault() -> None:
+def test_adaptive_observer_identifies_a_constant_fault() -> None:
     step, steps = 1e-3, 10_000
     nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
     rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)

@@ -43,14 +43,14 @@ def over_time(table: StudyTable, observer: str) -> np.ndarray:
     return rows["relative_rms_error"].astype(float)
 
 
-def test_noise_grows_in_the_law_as_printed_and_in_no_other(table: StudyTable) -> None:
+def test_noise_grows_only_under_the_printed_law(table: StudyTable) -> None:
     grown = over_time(table, "continuous")
     assert grown[4] > 1.5 * grown[0]
     for name in ("sampled", "forgetting", "matched"):
         assert over_time(table, name)[:5] == pytest.approx(over_time(table, name)[0], rel=0.2)
 
 
-def test_jumps_of_the_noise_add_up_for_ever_with_identity_learning(
+def test_noise_jumps_accumulate_with_identity_learning(
     settings: dict[str, Any],
 ) -> None:
     """w^ is continuous and takes none of them back: each phase of tau has a random walk."""
@@ -70,7 +70,7 @@ def test_jumps_of_the_noise_add_up_for_ever_with_identity_learning(
     assert jumps[1:rounds] == pytest.approx(observer["K2"] * walks[1:], abs=1e-6)
 
 
-def test_the_seconds_of_the_scored_window_make_the_score(table: StudyTable) -> None:
+def test_score_is_computed_from_the_seconds_of_the_scored_window(table: StudyTable) -> None:
     """It begins a second after the onset at 5 s."""
     for name in ("sampled", "continuous", "forgetting", "adaptive", "matched"):
         score = table.where(sweep="noise", observer=name, level=1e-4)["relative_rms_error"][0]
@@ -78,7 +78,7 @@ def test_the_seconds_of_the_scored_window_make_the_score(table: StudyTable) -> N
         assert np.sqrt(np.mean(seconds**2)) == pytest.approx(score, rel=1e-9), name
 
 
-def test_a_second_is_relative_to_the_fault_of_the_scored_window(
+def test_each_second_is_relative_to_the_fault_in_the_scored_window(
     settings: dict[str, Any], table: StudyTable
 ) -> None:
     """The adaptive observer is too slow for noise: its seconds are those without."""
@@ -93,7 +93,7 @@ def test_a_second_is_relative_to_the_fault_of_the_scored_window(
     assert over_time(table, "adaptive")[5:] == pytest.approx(seconds, rel=1e-3)
 
 
-def test_the_level_that_is_shown_is_one_of_the_levels() -> None:
+def test_shown_level_is_one_of_the_levels() -> None:
     over = {"studies": {"matching": {"shown_noise": 2e-5}}}
     with pytest.raises(InputError, match=r"matching\.shown_noise: 2e-05 must be one of the noise"):
         check_parameters(fixed_parameters("ilo", over))

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 
 
-def test_lemma1_on_random_cases() -> None:
+def test_lemma1_holds_on_random_cases() -> None:
     rng = np.random.default_rng(0)
     tightest = np.inf
     for _ in range(100):
@@ -36,13 +36,13 @@ def test_lemma1_on_random_cases() -> None:
     assert tightest < 1.1  # the bound is attained, so the test could have failed
 
 
-def test_lemma1_by_hand() -> None:
+def test_lemma1_agrees_with_hand_calculation() -> None:
     # x = 2, y = 3, d = 1: (2 - 3 + 1)^2 = 0; alpha = (3, 2 + 1, 1 + 1 + 1).
     left, right = lemma1_sides([[2.0]], [[3.0]], [[1.0]], 1.0, 1.0, 1.0, 1.0, 1.0)
     assert (left[0], right[0]) == (0.0, 3 * 4 + 3 * 9 + 3 * 1)
 
 
-def test_theorem1_by_hand() -> None:
+def test_theorem1_agrees_with_hand_calculation() -> None:
     found = theorem1(10.0, 2.0, 0.5, 0.1, 1.0, gamma1=1, gamma2=0.5, gamma3=2, gamma4=4, rho1=0.25)
     factor = 1 + 0.25 + 4 / 4
     assert found.epsilon1 == pytest.approx(20 - 2 - 4 - 4 * factor * 0.01)
@@ -85,7 +85,7 @@ def smallest_observer_gain(k1: float, k2: float, spread: float) -> float:
 @pytest.mark.parametrize(
     ("k1", "k2", "fault"), [(0.2, 1.0, 1.0), (0.5, 0.5, 1.0), (0.9, 3.0, 1.0), (0.7, 2.0, 1.5)]
 )
-def test_required_observer_gain_against_a_search(k1: float, k2: float, fault: float) -> None:
+def test_required_observer_gain_agrees_with_a_search(k1: float, k2: float, fault: float) -> None:
     found = certify(1.0, fault, k1, k2).required_observer_gain
     assert found == pytest.approx(smallest_observer_gain(k1, k2, fault**2), rel=1e-5)
     above, below = found * 1.0001, found * 0.9999
@@ -109,7 +109,7 @@ def test_infimum_of_the_certified_ratio_is_one() -> None:
     assert barely.dc_error == pytest.approx(1.0001 * 0.5 / (1.0001 * 0.5 + 0.5))
 
 
-def test_certified_designs_miss_more_than_half_of_any_sinusoid() -> None:
+def test_error_of_certified_designs_exceeds_half_of_any_sinusoid() -> None:
     rng = np.random.default_rng(4)
     for _ in range(40):
         K1 = rng.normal(size=(3, 3))
@@ -127,7 +127,7 @@ def test_certified_designs_miss_more_than_half_of_any_sinusoid() -> None:
         assert np.linalg.norm(transfer[0], 2) == pytest.approx(design.dc_error, rel=1e-9)
 
 
-def test_certificate_promises_no_less_than_the_fault_itself() -> None:
+def test_certified_error_bound_is_at_least_the_fault() -> None:
     # Assumption 1 alone gives |u_f| <= k_d / (1 - k1): the error of an estimate that stays zero.
     for k1, k2 in [(0.1, 0.1), (0.5, 0.5), (0.9, 1.0), (0.9, 20.0)]:
         for factor in (1.01, 2.0, 1e3, 1e6):
@@ -147,14 +147,14 @@ def test_certificate_promises_no_less_than_the_fault_itself() -> None:
     assert np.sqrt(found.epsilon3 / found.rho1) == pytest.approx(1 / (1 - k1), rel=1e-4)
 
 
-def test_sign_of_the_correction_is_not_seen() -> None:
+def test_sign_of_the_correction_does_not_enter_the_certificate() -> None:
     K2 = np.array([[0.5, 0.1, 0], [0, 0.4, 0], [0, -0.1, 0.3]])
     plus, minus = (certify(40.0, 1.0, 0.5, sign * K2) for sign in (1, -1))
     assert plus.certified
     assert (plus.weights, plus.theorem) == (minus.weights, minus.theorem)
 
 
-def test_accurate_designs_need_an_absurd_observer_gain() -> None:
+def test_accurate_certified_designs_need_an_extreme_observer_gain() -> None:
     design = certify(100.0, 1.0, 0.9, 2000.0)
     assert not design.certified
     assert design.dc_error == pytest.approx(10 / 2010)
@@ -162,7 +162,7 @@ def test_accurate_designs_need_an_absurd_observer_gain() -> None:
     assert design.required_observer_gain == pytest.approx((0.81 + 4000 + 4e6) / (2 * 0.19))
 
 
-def test_printed_sign_of_16_is_violated() -> None:
+def test_inequality_16_with_the_printed_sign_is_violated() -> None:
     # w~ = 0, e(t - tau) = 0 and e = d: the derivative of (13) is e.e = d.d.
     d = np.array([1.0, 0.0, 0.0])
     design = certify(100.0, 1.0, 0.5, 1.0)
@@ -178,7 +178,7 @@ def gyroscopic_difference(rate: Array, estimate: Array) -> Array:
     return np.cross(estimate, estimate @ INERTIA) - np.cross(rate, rate @ INERTIA)
 
 
-def test_one_sided_gyroscopic_constant() -> None:
+def test_one_sided_gyroscopic_constant_bounds_the_coupling() -> None:
     rng = np.random.default_rng(6)
     rate, error = rng.normal(size=(2, 200000, 3))
     rate /= np.linalg.norm(rate, axis=1, keepdims=True)
@@ -271,7 +271,7 @@ def coupled_gains() -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("fault_rate", [0.0, 3.0])
 @pytest.mark.parametrize("identity", [True, False])
-def test_repaired_derivative_is_exact_at_rest(identity: bool, fault_rate: float) -> None:
+def test_corrected_derivative_is_exact_at_rest(identity: bool, fault_rate: float) -> None:
     observer_gain, fault_matrix = COUPLED
     K1, K2 = coupled_gains()
     K1 = np.eye(3) if identity else K1
@@ -288,7 +288,7 @@ def test_repaired_derivative_is_exact_at_rest(identity: bool, fault_rate: float)
     assert value == pytest.approx(value[0] + integral, abs=2e-3 * np.ptp(value))
 
 
-def test_repaired_function_decreases_where_the_printed_one_rises() -> None:
+def test_corrected_function_decreases_where_the_printed_one_rises() -> None:
     observer_gain, K1, K2 = 10 * np.eye(3), np.eye(3), 500 * np.eye(3)
     w, e, _, peak = simulate(
         observer_gain, np.eye(3), K1, K2, 0.05, samples=200, intervals=40, gyroscopic=True
@@ -307,12 +307,12 @@ def test_repaired_function_decreases_where_the_printed_one_rises() -> None:
     assert 0.2 < rising < 0.8
 
 
-def test_a_fault_without_effect_is_refused() -> None:
+def test_fault_without_effect_is_refused() -> None:
     with pytest.raises(InputError, match=r"^fault_matrix: must not be zero$"):
         certify(10.0, 0.0, 0.5, 0.1)
 
 
-def test_repaired_function_needs_its_conditions() -> None:
+def test_corrected_function_needs_its_conditions() -> None:
     repaired_weights(1.0, 1.0 + 1e-14, 500.0)  # a rounding above
     sheared = [[500, 100, 0], [0, 500, 0], [0, 0, 500]]
     for K1, K2, said in (
@@ -344,7 +344,7 @@ def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
         bound18(uncertified, w, e, k_d)
 
 
-def test_observer_gain_enters_with_its_symmetric_part() -> None:
+def test_observer_gain_enters_by_its_symmetric_part() -> None:
     """x^T Lambda x does not see the antisymmetric part: lambda_min is 10 for any of its sizes."""
     weights = {"gamma1": 1, "gamma2": 0.5, "gamma3": 2, "gamma4": 4, "rho1": 0.25}
     turned = 10 * np.eye(3) + 7 * np.array([[0, 1, -2], [-1, 0, 3], [2, -3, 0.0]])
@@ -357,7 +357,7 @@ def test_observer_gain_enters_with_its_symmetric_part() -> None:
     assert none.epsilon1 == pytest.approx(0 - 4 - 4 * (1 + 0.25 + 4 / 4) * 0.01)
 
 
-def test_the_repaired_function_by_hand_and_the_samples_that_it_takes() -> None:
+def test_corrected_function_agrees_with_hand_calculation() -> None:
     """J = 2, B_f = 1, K1 = 1/2, K2 = 4: P = 1/4, and V = 2 w^2 + int e^2 / 16."""
     weight, kept = repaired_weights(1.0, 0.5, 4.0, size=1)
     assert (weight, kept) == (0.25, 1 / 16)

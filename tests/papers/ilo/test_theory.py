@@ -37,9 +37,7 @@ def scalar_limit(observer_gain: float, K1: float, interval: float) -> float:
     return (1 + K1) * observer_gain / float(np.tanh(observer_gain * interval / (2 * MOMENTS[0])))
 
 
-def test_numbers_do_not_depend_on_what_was_asked_before(
-    settings: dict[str, Any], found: Numbers
-) -> None:
+def test_numbers_do_not_depend_on_earlier_calls(settings: dict[str, Any], found: Numbers) -> None:
     other = copy.deepcopy(settings)
     other["plant"]["fault_matrix"] = 0.6
     numbers = lookup(theory.measure(other, {}))
@@ -50,7 +48,7 @@ def test_numbers_do_not_depend_on_what_was_asked_before(
     assert {k: repr(v) for k, v in again.items()} == {k: repr(v) for k, v in found.items()}
 
 
-def test_what_theorem_1_certifies(found: Numbers) -> None:
+def test_designs_certified_by_theorem_1(found: Numbers) -> None:
     assert found["lemma_1", "violations"] == 0
     assert found["lemma_1", "violations_without_mismatch"] == 0
     assert found["theorem_1", "minimum_constant_error"] == pytest.approx(0.5, abs=1e-9)
@@ -60,7 +58,7 @@ def test_what_theorem_1_certifies(found: Numbers) -> None:
 
 
 @pytest.mark.parametrize("multiple", [1, 2, 5, 10])
-def test_gain_margin_against_the_scalar_limit(
+def test_gain_margin_agrees_with_the_scalar_limit(
     settings: dict[str, Any], found: Numbers, multiple: int
 ) -> None:
     mine = settings["observers"]["sampled"]
@@ -69,7 +67,7 @@ def test_gain_margin_against_the_scalar_limit(
     assert margin == pytest.approx(limit / mine["K2"])
 
 
-def test_the_sampled_gains_follow_their_rule() -> None:
+def test_sampled_gains_follow_their_rule() -> None:
     # z^2 - (1 + a - K2 (1 - a) / Lambda) z + a = 0 on principal axes, a = exp(-Lambda tau / J).
     def slowest(K2: float, observer_gain: float, interval: float) -> float:
         a = np.exp(-observer_gain * interval / np.array([*MOMENTS, 26.0]))
@@ -94,7 +92,7 @@ def test_the_sampled_gains_follow_their_rule() -> None:
     assert slowest(4150, observer_gain, interval) < chosen * (1 - 1e-4)
 
 
-def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
+def test_noise_gain_agrees_with_a_long_run(settings: dict[str, Any]) -> None:
     # A body of equal moments, so that axes do not couple: w' = -(lambda (w + n) + v) / j.
     scalar = copy.deepcopy(settings)
     j, lam, k2, tau = 20.0, 400.0, 1500.0, 0.01
@@ -112,7 +110,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
     assert gain == pytest.approx(np.std(seen), rel=0.01)
 
 
-def test_an_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> None:
+def test_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> None:
     wild = copy.deepcopy(settings)
     wild["observers"]["sampled"] |= {"observer_gain": 100.0, "update_interval": 0.01, "K2": 5000.0}
     numbers = limits(wild)
@@ -121,7 +119,7 @@ def test_an_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> Non
     assert numbers.at("sampled", "gain_margin", multiple=1) > 1
 
 
-def test_errors_grow_where_gains_are_unstable(settings: dict[str, Any]) -> None:
+def test_errors_grow_with_unstable_gains(settings: dict[str, Any]) -> None:
     """The constructor refuses such gains; the number says so, too."""
     wild = copy.deepcopy(settings)
     for factor, stable in ((0.99, True), (1.01, False)):
@@ -134,7 +132,7 @@ def test_errors_grow_where_gains_are_unstable(settings: dict[str, Any]) -> None:
         assert gain == pytest.approx(settings["observers"][name]["K1"])
 
 
-def test_with_a_factor_of_one_no_bound_holds_for_all_bounded_faults() -> None:
+def test_no_error_bound_exists_with_a_factor_of_one() -> None:
     # J s + Lambda + K2 / (1 - exp(-s tau)) is smallest just above omega = 2 pi n / tau, where the
     # phase of exp(-s tau) is -K2 / (J omega), and E = J omega / (Lambda + K2 / 2).
     J, observer_gain, K2, interval = 20.0, 100.0, 2000.0, 0.01
@@ -152,7 +150,7 @@ def test_with_a_factor_of_one_no_bound_holds_for_all_bounded_faults() -> None:
         assert largest(0.9, rounds) < (1 + 0.9) / (1 - 0.9)
 
 
-def test_accuracy_follows_the_interval(settings: dict[str, Any], found: Numbers) -> None:
+def test_error_scales_with_the_interval(settings: dict[str, Any], found: Numbers) -> None:
     # For a small interval e = s tau (J s + Lambda) / K2 u_f.
     mine = settings["observers"]["continuous"]
     response = np.linalg.norm((10j * INERTIA + mine["observer_gain"] * np.eye(3))[0, 0])
@@ -164,7 +162,7 @@ def test_accuracy_follows_the_interval(settings: dict[str, Any], found: Numbers)
         assert abs(error_transfer(omega, Law(*law))[0, 0, 0]) == pytest.approx(0.05, rel=1e-6)
 
 
-def test_a_fault_that_every_interval_follows_is_limited_by_its_period(
+def test_largest_interval_is_limited_by_the_period_of_the_fault(
     settings: dict[str, Any],
 ) -> None:
     slow = copy.deepcopy(settings)
@@ -174,7 +172,7 @@ def test_a_fault_that_every_interval_follows_is_limited_by_its_period(
     assert longest == pytest.approx(np.pi / 0.1)
 
 
-def test_the_integrator_is_near_by_the_square_of_the_phase(settings: dict[str, Any]) -> None:
+def test_difference_to_the_integrator_is_quadratic_in_the_phase(settings: dict[str, Any]) -> None:
     # 1 / (1 - exp(-x)) = 1 / x + 1 / 2 + x / 12: relative to the error this is (omega tau)^2 / 12
     # from an integrator with a proportional part. A v that is held lags by that half again, and
     # little more than omega tau = 0.01 is left without one; K1 below I is no integrator.
@@ -187,7 +185,7 @@ def test_the_integrator_is_near_by_the_square_of_the_phase(settings: dict[str, A
     assert distance["forgetting"] > 0.5
 
 
-def test_a_disturbance_at_a_round_of_the_updates_shows_as_its_mean(
+def test_disturbance_at_the_update_frequency_appears_as_its_mean(
     settings: dict[str, Any],
 ) -> None:
     # Updates see a sine at a multiple of 2 pi / tau as a constant, and with K1 = I v makes up for
@@ -203,7 +201,7 @@ def test_a_disturbance_at_a_round_of_the_updates_shows_as_its_mean(
     )
 
 
-def test_a_wrong_start_stays_only_with_identity_learning(measure: Measure) -> None:
+def test_wrong_initial_state_persists_only_with_identity_learning(measure: Measure) -> None:
     # The first rate error jumps into v as K2 w~(0) = (100, -60, 80) N m, and K1^k of it remains:
     # one limit of a jump of 100 is 50 or more.
     found = {
@@ -224,7 +222,9 @@ def test_a_wrong_start_stays_only_with_identity_learning(measure: Measure) -> No
         assert late["identity", "late_relative_error_after_other_start"] == same
 
 
-def test_a_right_start_leaves_no_residual(measure: Measure, changed: dict[str, Any]) -> None:
+def test_correct_initial_state_leaves_no_residual(
+    measure: Measure, changed: dict[str, Any]
+) -> None:
     # The step of the method is left, at Lambda / J of up to 1200 1/s.
     start = {"start_rate": changed["plant"]["initial_rate"]}
     for name in keys.VARIANTS:
@@ -233,7 +233,7 @@ def test_a_right_start_leaves_no_residual(measure: Measure, changed: dict[str, A
         assert numbers[LEARNING, "residual_after_other_start"] < 1e-7
 
 
-def test_slowing_down_is_harmless_up_to_the_limit_of_stability(
+def test_slowdown_is_harmless_up_to_the_stability_limit(
     measure: Measure, changed: dict[str, Any]
 ) -> None:
     limit = scalar_limit(1000.0, 1.0, 0.01)  # of ten times the interval
@@ -244,7 +244,7 @@ def test_slowing_down_is_harmless_up_to_the_limit_of_stability(
         assert (error < 1e-6) == stable, error
 
 
-def test_operations_counted_by_hand(settings: dict[str, Any]) -> None:
+def test_operation_counts_agree_with_hand_counts(settings: dict[str, Any]) -> None:
     def counted(variant: str, **given: Any) -> tuple[float, float]:
         mine = copy.deepcopy(settings)
         mine["theory"] |= given
@@ -262,7 +262,7 @@ def test_operations_counted_by_hand(settings: dict[str, Any]) -> None:
         assert counted(name) == (count, 3 * (4 + 6 + 6))
 
 
-def test_a_window_begins_with_its_first_instant_and_ends_before_its_last() -> None:
+def test_window_includes_its_start_and_excludes_its_end() -> None:
     time = np.arange(5) * 0.1
     errors = Errors(time, time + 1, time + 2, time + 3, time + 4)
     window = errors.window(0.1, 0.3)

@@ -28,9 +28,7 @@ def steepness(settings: dict[str, Any]) -> float:
     return float(np.sqrt(np.mean(slopes[2:] ** 2) / power))
 
 
-def test_a_straight_line_is_followed_at_a_distance(
-    settings: dict[str, Any], measure: Measure
-) -> None:
+def test_ramp_is_followed_with_a_constant_error(settings: dict[str, Any], measure: Measure) -> None:
     # Once settled, e = tau Lambda / K2 times the slope for the sampled variant, plus half an
     # interval for the hold less the half by which the sum leads.
     lag = (
@@ -49,7 +47,7 @@ def test_a_straight_line_is_followed_at_a_distance(
     assert error == pytest.approx(slope * steepness(settings), rel=0.1)
 
 
-def test_error_under_noise_is_that_of_the_noise_and_of_the_fault(
+def test_error_under_noise_combines_noise_and_fault_errors(
     settings: dict[str, Any], found: Numbers
 ) -> None:
     # Noise is drawn at each update: its part is the noise gain times 1e-5 rad/s, in the mean.
@@ -61,7 +59,7 @@ def test_error_under_noise_is_that_of_the_noise_and_of_the_fault(
     assert error == pytest.approx(np.hypot(noise, 0.0126), rel=0.05)
 
 
-def test_the_torque_of_a_wrong_inertia_is_estimated_with_the_fault(
+def test_torque_of_a_wrong_inertia_is_estimated_as_fault(
     measure: Measure, changed: dict[str, Any]
 ) -> None:
     # At rest J w' = B u + B_f u_f, so that with (1 + x) J there is (1 + x) u_f + x B_f^-1 B u to
@@ -87,7 +85,7 @@ def test_the_torque_of_a_wrong_inertia_is_estimated_with_the_fault(
         assert rate_error == pytest.approx(left / size, rel=0.02)
 
 
-def test_an_integrator_is_damped_as_the_parameter_file_asks(
+def test_integrator_has_the_damping_of_the_parameter_file(
     settings: dict[str, Any], found: Numbers
 ) -> None:
     # For slow faults e = Lambda / Gamma u_f', Lambda = 2 (Gamma J)^(1/2).

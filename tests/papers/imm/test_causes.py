@@ -82,7 +82,7 @@ class OfMixedState(Recorder):
         return self.inner.correct(posterior, y, u)
 
 
-def test_with_the_error_of_the_mixed_state_the_thin_layers_lose_the_leak() -> None:
+def test_thin_layers_miss_the_leak_with_the_error_of_the_mixed_state() -> None:
     job = read_job(keys.Parameters, deepcopy(settings()))
     body, plant = job.observers["svsf_thin_retuned"], record("velocity_step")
     one = bank(job.plant, body, plant.step)
@@ -93,7 +93,7 @@ def test_with_the_error_of_the_mixed_state_the_thin_layers_lose_the_leak() -> No
     assert np.mean(found["probability"][late, 2]) == pytest.approx(0.099, abs=1e-3)
 
 
-def test_mean_gains_are_those_by_which_filters_correct() -> None:
+def test_mean_gains_agree_with_the_corrections() -> None:
     job = read_job(keys.Parameters, deepcopy(settings()))
     body, plant = job.observers["svsf_thin_retuned"], record("velocity_step")
     one = bank(job.plant, body, plant.step)
@@ -108,7 +108,7 @@ def test_mean_gains_are_those_by_which_filters_correct() -> None:
         np.testing.assert_allclose(gain, np.mean(each.gains[120:], axis=0), rtol=1e-6, atol=1e-15)
 
 
-def test_the_whole_and_kalman_are_the_numbers_of_the_figure() -> None:
+def test_unmodified_and_kalman_rows_agree_with_the_figure() -> None:
     found, numbers = rows(), measured("fig5_switching")
     for svsf in ("svsf_retuned", "svsf_thin_retuned"):
         for variant, name in ((INTACT, svsf), (KALMAN, "kalman_retuned")):
@@ -123,7 +123,7 @@ def test_the_whole_and_kalman_are_the_numbers_of_the_figure() -> None:
             assert value == pytest.approx(numbers[svsf, quantity], rel=1e-12)
 
 
-def test_gains_that_do_not_move_may_be_frozen() -> None:
+def test_freezing_constant_gains_changes_nothing() -> None:
     """At the plateau of the thin layers no innovation moves: nothing switches there."""
     found = rows().where(observer="svsf_thin_retuned", quantity="fault_after")
     whole, frozen = found.value(sweep=INTACT), found.value(sweep=FROZEN)
@@ -139,7 +139,7 @@ def test_zero_gamma_changes_nothing_where_it_was_zero() -> None:
     assert found.value(sweep=ZERO_RATE) != found.value(sweep=INTACT)
 
 
-def test_rows_by_svsf_then_scale_then_variant() -> None:
+def test_rows_are_ordered_by_svsf_scale_and_variant() -> None:
     found = rows([1e-3, 1.0])
     wanted = [
         (name, variant, scale, number)
@@ -156,7 +156,7 @@ def test_rows_by_svsf_then_scale_then_variant() -> None:
     np.testing.assert_array_equal(found.where(run=SCANNED, level=1.0)["value"], stated)
 
 
-def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     two = rows([1e-3])
     monkeypatch.setattr(study_causes, "THREADS", 1)
     one = rows([1e-3])
@@ -164,7 +164,7 @@ def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch
         np.testing.assert_array_equal(one[column], two[column])
 
 
-def test_what_cannot_be_frozen_is_refused() -> None:
+def test_gains_that_cannot_be_frozen_are_refused() -> None:
     without = deepcopy(settings())
     without["observers"] = {"kalman_retuned": without["observers"]["kalman_retuned"]}
     with pytest.raises(InputError, match=r"^study\.observers: must have an SVSF"):

@@ -54,7 +54,7 @@ GRID = Grid(0.5, 10, 6, 2, 1)
         (1, np.nan), (None, np.nan),  # the start is left out
     ],
 )  # fmt: skip
-def test_the_time_of_an_alarm(row: int | None, time: float) -> None:
+def test_alarm_time_is_the_first_crossing(row: int | None, time: float) -> None:
     statistic = np.zeros(10)
     if row is not None:
         statistic[row] = 1.0
@@ -62,7 +62,7 @@ def test_the_time_of_an_alarm(row: int | None, time: float) -> None:
     assert np.isnan(alarm_time(statistic, 1.0, GRID))  # to reach a threshold is no alarm
 
 
-def test_what_alarms_say_of_a_detector() -> None:
+def test_detector_statistics_follow_from_alarms() -> None:
     times = np.array([-0.3, 0.0, 0.1, 0.2, 0.4, np.nan, np.nan])
     found = detection_rates(0.02, times)
     assert found.alarmed == Share(2, 7)
@@ -84,13 +84,13 @@ def test_what_alarms_say_of_a_detector() -> None:
         (1, 29, 0.0061, 0.1718),
     ],
 )
-def test_wilson_intervals_as_they_are_published(
+def test_wilson_intervals_agree_with_published_values(
     right: int, runs: int, low: float, high: float
 ) -> None:
     assert Share(right, runs).interval == pytest.approx((low, high), abs=5e-5)
 
 
-def test_the_gap_that_is_enough() -> None:
+def test_sufficient_gap_is_found() -> None:
     gaps = [0.01, 0.02, 0.08, 0.32]
     assert enough_gap(gaps, [0.5, 0.9, 1.0, 1.0], 0.95) == pytest.approx(0.04)
     assert enough_gap(gaps, [0.5, 0.75, 0.75, 1.0], 0.95) == pytest.approx(0.08 * 4**0.8)
@@ -122,7 +122,7 @@ def pair(name: str, **changed: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", ["kalman", "svsf"])
-def test_odds_of_a_bank(name: str) -> None:
+def test_log_odds_agree_with_bank_probabilities(name: str) -> None:
     one = pair(name)
     found = log_odds(one, *noisy())
     probability = run_bank(*one, *noisy())["probability"]
@@ -130,14 +130,14 @@ def test_odds_of_a_bank(name: str) -> None:
     assert np.abs(found).max() <= 700
 
 
-def test_a_bank_that_diverges_does_not_alarm() -> None:
+def test_diverging_bank_raises_no_alarm() -> None:
     one = pair("kalman", process_noise=1e150)
     measured, held = noisy()
     found = log_odds(one, 1e160 * measured, held)
     assert np.isneginf(found[-1])
 
 
-def test_without_mixing_filters_that_run_alone_give_what_their_bank_gives() -> None:
+def test_separate_filters_agree_with_an_unmixed_bank() -> None:
     one = pair("kalman", mixing=False)
     both = np.stack([likelihoods(one, mode, *noisy()) for mode in (0, 1)], axis=1)
     found = unmixed_log_odds(np.asarray(one[0].transition), both)
@@ -147,7 +147,7 @@ def test_without_mixing_filters_that_run_alone_give_what_their_bank_gives() -> N
     assert found[300] < -1 < 1 < found[-1], ends  # a guard: both modes have been detected
 
 
-def test_distances_are_those_of_the_innovations() -> None:
+def test_distances_agree_with_the_innovations() -> None:
     one = pair("kalman")
     normal = one[0].filters[0]
     assert isinstance(normal, KalmanFilter)
@@ -162,7 +162,7 @@ def test_distances_are_those_of_the_innovations() -> None:
         posterior = normal.predict(after.posterior, [held[k + 1], held[k]])
 
 
-def test_noise_of_the_states_has_the_covariance_of_the_model_at_rest() -> None:
+def test_state_noise_has_the_stated_covariance() -> None:
     A, H = np.array([[0.8, 0.1], [-0.2, 0.7]]), np.array([[1.0, 0.3]])
     one, other = (
         LinearModel(
@@ -207,12 +207,12 @@ def table(rows: Sequence[Row]) -> StudyTable:
     return StudyTable.of(rows, study_rows.KINDS)
 
 
-def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study_closeness, "THREADS", 1)
     assert repr(close()) == repr(few())  # nan is no other nan's equal
 
 
-def test_the_averaging_must_be_over_before_the_run_is() -> None:
+def test_evaluation_window_must_end_before_the_run() -> None:
     settings = deepcopy(parameters().settings("study", "closeness"))
     body = settings["study"]
     body["horizon"] = body["onset"] + body["averaging_time"]
@@ -224,7 +224,7 @@ def test_the_averaging_must_be_over_before_the_run_is() -> None:
         study_closeness.check(read_job(keys.Parameters, settings))
 
 
-def test_rows_come_by_plant_then_models_then_runs() -> None:
+def test_rows_are_ordered_by_plant_models_and_runs() -> None:
     wanted = []
     for sweep in ("exact_0.03", "exact_0.3", "driven_0.1"):
         for share in FEW["shares"]:
@@ -239,7 +239,7 @@ def test_rows_come_by_plant_then_models_then_runs() -> None:
     assert [tuple(row[name] for name in columns) for row in few()] == wanted
 
 
-def test_the_gap_is_the_one_between_the_models() -> None:
+def test_gap_is_computed_between_the_models() -> None:
     normal, _, leakage = modes(parse(keys.Plant, parameters().section("plant")))
     for row in few():
         if row["observer"] == "models":
@@ -250,13 +250,13 @@ def test_the_gap_is_the_one_between_the_models() -> None:
             assert row["value"] == nu_gap(*pairs)
 
 
-def test_more_runs_leave_the_first_as_they_were() -> None:
+def test_additional_runs_do_not_change_earlier_ones() -> None:
     fewer = close(runs=1, shares=[0.4], noise_levels=[0.3], driven_levels=[])
     kept = [r for r in few() if (r["sweep"], r["level"]) == ("exact_0.3", 0.4) and r["run"] < 2]
     assert repr(fewer) == repr(kept)
 
 
-def test_records_without_a_fault_are_others_than_those_with_one() -> None:
+def test_fault_free_records_differ_from_evaluated_ones() -> None:
     """And each run has a noise and an input of its own."""
     job = read_job(keys.Parameters, deepcopy(parameters().settings("study", "closeness")))
     one = next(study_closeness._pairs(job))
@@ -270,7 +270,7 @@ def test_records_without_a_fault_are_others_than_those_with_one() -> None:
     np.testing.assert_array_equal(longer[1][:rows], first[1])
 
 
-def test_far_models_are_reported_at_once_and_close_ones_under_noise_are_not() -> None:
+def test_distant_models_are_detected_at_once_and_close_ones_are_not() -> None:
     found = table(few())
     for name in ("kalman", "unmixed", "cusum"):
         far = curve(found, name, "exact_0.03")[-1]
@@ -280,7 +280,7 @@ def test_far_models_are_reported_at_once_and_close_ones_under_noise_are_not() ->
         assert near.detected.value < 0.9
 
 
-def test_metrics_are_those_of_the_runs() -> None:
+def test_metrics_agree_with_the_runs() -> None:
     found = table(few())
     numbers = {(one.observer, one.metric): one.value for one in measure(found, 0.95)}
     at = "noise=0.03 plant=exact"
@@ -300,7 +300,7 @@ def test_metrics_are_those_of_the_runs() -> None:
     assert numbers["models", "nu_gap share=0.4"] == curve(found, "glr", "exact_0.3")[-1].gap
 
 
-def test_the_unit_of_the_layers_is_the_one_of_the_study() -> None:
+def test_layer_unit_of_the_parameter_file_reproduces_the_observer() -> None:
     """A unit that is the parameter file's own gives what the observer gives."""
     rows = table(close(layer_scales=[1.0], noise_levels=[0.03], driven_levels=[], shares=[0.4]))
     stated = rows.where(observer="svsf")["value"]

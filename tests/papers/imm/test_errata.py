@@ -62,7 +62,7 @@ def mixing(transition: Array, mu: Array) -> tuple[Array, Array]:
     return weights.T, np.exp(predicted)
 
 
-def test_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
+def test_equation_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
     c = printed_sums(STICKY, THIRDS)
     assert c == pytest.approx([0.318, 0.977 / 3, 1 / 3])
     assert c.sum() < 0.98
@@ -84,7 +84,7 @@ def test_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
 
 
 @pytest.mark.parametrize("model", [NORMAL, MOTION], ids=["velocity", "motion"])
-def test_12_without_the_transpose_gives_no_covariance(model: LinearModel) -> None:
+def test_equation_12_without_the_transpose_gives_no_covariance(model: LinearModel) -> None:
     A, Q, P = model.arrays.A, model.arrays.Q, np.eye(model.states)
     printed = A @ P @ A + Q
     asymmetry = np.abs(printed - printed.T).max() / np.abs(printed).max()
@@ -113,7 +113,7 @@ def smooth(model: LinearModel, psi: Any, gamma: float = 0.1) -> SmoothVariableSt
     return SmoothVariableStructureFilter(model, psi, gamma)
 
 
-def test_15_without_the_pseudo_inverse_fits_as_many_outputs_as_states_alone() -> None:
+def test_equation_15_without_the_pseudo_inverse_needs_as_many_outputs_as_states() -> None:
     e = np.array([0.1, -0.4, 3.0])
     gain = printed_gain(e, np.zeros(3), np.ones(3), 0.1)
     with pytest.raises(ValueError, match="broadcast"):
@@ -124,7 +124,7 @@ def test_15_without_the_pseudo_inverse_fits_as_many_outputs_as_states_alone() ->
     assert updated.posterior.mean == pytest.approx(expected, rel=1e-13)
 
 
-def test_15_agrees_with_ours_for_the_identity() -> None:
+def test_equation_15_agrees_with_the_implementation_for_the_identity() -> None:
     psi, last = np.array([0.5, 20.0]), np.array([0.3, -2.0])
     filters, posterior = smooth(FULL, psi), Gaussian(np.zeros(2), np.eye(2), last)
     for e in ([0.2, 3.0], [-4.0, -30.0], [1e-9, 1e9]):
@@ -136,7 +136,7 @@ def test_15_agrees_with_ours_for_the_identity() -> None:
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0, 3.0])
-def test_15_without_the_inverse_contracts_no_error_but_for_the_identity(scale: float) -> None:
+def test_equation_15_without_the_inverse_contracts_only_for_the_identity(scale: float) -> None:
     # e(k+1|k+1) = (1 - h) e(k+1|k) without gamma: for h = 3 it doubles.
     model = scalar(scale)
     e = np.array([0.7])
@@ -146,7 +146,7 @@ def test_15_without_the_inverse_contracts_no_error_but_for_the_identity(scale: f
     assert updated.posterior.error == pytest.approx([0.0], abs=1e-15)
 
 
-def test_15_divides_by_an_innovation_of_zero() -> None:
+def test_equation_15_divides_by_zero_for_a_zero_innovation() -> None:
     with np.errstate(invalid="ignore"), pytest.raises(np.linalg.LinAlgError, match="Singular"):
         printed_gain(np.array([0.0, 1.0]), np.ones(2), np.ones(2), 0.1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -160,7 +160,7 @@ def test_15_divides_by_an_innovation_of_zero() -> None:
     assert near.posterior.covariance == pytest.approx(updated.posterior.covariance, rel=1e-14)
 
 
-def test_15_with_the_gain_of_the_sample_before_comes_a_sample_late() -> None:
+def test_equation_15_with_the_previous_gain_is_one_sample_late() -> None:
     # The left-hand side is K_k, and (16) uses K_{k+1}: with the former a step of the plant finds
     # a gain that was made for no error, and leaves all of it.
     model = scalar()
@@ -175,7 +175,7 @@ def test_15_with_the_gain_of_the_sample_before_comes_a_sample_late() -> None:
 # --- (19): a product of vectors over a matrix ---------------------------------------------------
 
 
-def test_19_has_a_matrix_for_an_exponent_and_must_have_a_quadratic_form() -> None:
+def test_exponent_of_equation_19_must_be_a_quadratic_form() -> None:
     kalman = KalmanFilter(MOTION)
     posterior = kalman.init(np.zeros(5), np.diag([9.0, 0.3, 2e-3, 1e-3, 1e-3])).posterior
     e = np.array([0.02, 0.5, -20.0])
@@ -191,7 +191,7 @@ def test_19_has_a_matrix_for_an_exponent_and_must_have_a_quadratic_form() -> Non
     )
 
 
-def test_19_is_ours_for_one_output() -> None:
+def test_equation_19_agrees_with_the_implementation_for_one_output() -> None:
     kalman = KalmanFilter(NORMAL)
     updated = kalman.correct(kalman.init(np.zeros(4), 0.1).posterior, [0.3], [0.0])
     e, S = updated.innovation[0], updated.innovation_covariance[0, 0]
@@ -202,7 +202,7 @@ def test_19_is_ours_for_one_output() -> None:
 # --- (20) and (21): c_j is one number c ---------------------------------------------------------
 
 
-def test_20_over_the_c_of_each_mode_would_leave_likelihoods_and_no_probabilities() -> None:
+def test_equation_20_divided_by_c_of_each_mode_gives_no_probabilities() -> None:
     # c_j is the letter of (8) too. Over that, mu_j = Lambda_j; over the sum (21), one number for
     # all j, they are probabilities.
     mu, likelihood = np.array([0.6, 0.3, 0.1]), np.array([0.8, 2.5, 7.0])
@@ -220,7 +220,7 @@ def test_20_over_the_c_of_each_mode_would_leave_likelihoods_and_no_probabilities
 # --- (2) and (14) have no D u -------------------------------------------------------------------
 
 
-def test_without_feedthrough_the_acceleration_is_predicted_wrong_by_all_of_d_u() -> None:
+def test_acceleration_without_feedthrough_is_wrong_by_d_u() -> None:
     u = np.full((1, 1), 1.5)
     z = simulated(MOTION, u)
     without = motion_model("normal", feedthrough=False)
@@ -237,7 +237,7 @@ def test_without_feedthrough_the_acceleration_is_predicted_wrong_by_all_of_d_u()
     [(KalmanFilter, 0.5033), (lambda model: smooth(model, [0.01, 0.3, 20.0]), 0.0579)],
     ids=["KF", "SVSF"],
 )
-def test_without_feedthrough_estimates_are_biased(
+def test_estimates_without_feedthrough_are_biased(
     build: Callable[[LinearModel], Any], bias: float
 ) -> None:
     # At rest under u = 1.5 the velocity is 0.9101 * 1.5 and the acceleration zero.
@@ -252,7 +252,7 @@ def test_without_feedthrough_estimates_are_biased(
     assert velocity[1][-1] - z[-1, 1] == pytest.approx(bias, rel=1e-3)
 
 
-def test_the_bias_of_the_kalman_filter_is_that_of_its_steady_gain() -> None:
+def test_kalman_bias_agrees_with_the_steady_gain() -> None:
     # The position grows without end, so the error moves: e+ = (I - K H)(A e) - K D u at rest.
     A, _, H, D, Q, R = MOTION.arrays
     P = solve_discrete_are(A.T, H.T, Q, R)
@@ -261,7 +261,7 @@ def test_the_bias_of_the_kalman_filter_is_that_of_its_steady_gain() -> None:
     assert error[1] == pytest.approx(0.5033, rel=1e-3)
 
 
-def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one() -> None:
+def test_bank_without_feedthrough_diagnoses_the_normal_actuator_as_faulty() -> None:
     # What is left out is h1 u: 27.03 for the normal actuator, 2.34 for the leaky one. The input of
     # the step before stands in the measurements, which are limits from the left.
     wave = square_wave(200, 20)
@@ -282,7 +282,7 @@ def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one()
 # --- (7): the sum's index is raised, and its name is another's ----------------------------------
 
 
-def test_7_is_no_predicted_probability_of_a_mode() -> None:
+def test_equation_7_is_not_a_predicted_mode_probability() -> None:
     # What the chain predicts is c_j of (8): one number a mode, together one.
     weights, c = mixing(STICKY, MU)
     assert c == pytest.approx(MU @ STICKY)
@@ -294,7 +294,7 @@ def test_7_is_no_predicted_probability_of_a_mode() -> None:
 # --- Nomenclature: j is the number of filters, or one of them -----------------------------------
 
 
-def test_with_j_for_the_number_of_filters_one_sum_would_serve_all() -> None:
+def test_index_j_as_number_of_filters_gives_one_sum_for_all_modes() -> None:
     weights, c = mixing(STICKY, MU)
     number = 3
     printed = STICKY * MU[:, None] / (STICKY[:number, number - 1] @ MU[:number])
@@ -306,7 +306,7 @@ def test_with_j_for_the_number_of_filters_one_sum_would_serve_all() -> None:
 # --- Fig. 8's caption: an increased layer -------------------------------------------------------
 
 
-def test_an_increased_layer_has_not_what_fig_8_shows() -> None:
+def test_increased_layer_does_not_reproduce_fig_8() -> None:
     quoted = 0.8
     for factor, agrees in ((0.01, True), (100.0, False)):
         changes = {"observers": {"svsf_thin_tuned": {"layer_factor": factor}}}

@@ -20,20 +20,20 @@ Array = NDArray[np.float64]
 # --- The cumulative sum -------------------------------------------------------------------------
 
 
-def test_the_sum_by_hand() -> None:
+def test_cumulative_sum_agrees_with_hand_calculation() -> None:
     increments = [1.0, -3.0, 2.0, 0.5, -1.0, np.nan, 4.0, -0.25]
     assert cusum(increments).tolist() == [1.0, 0.0, 2.0, 2.5, 1.5, 1.5, 5.5, 5.25]
     assert cusum([-1.0, 2.0], 0.5).tolist() == [0.0, 2.0]
     assert cusum([]).tolist() == []
 
 
-def test_a_record_goes_on_where_another_ended() -> None:
+def test_consecutive_records_equal_one() -> None:
     increments = np.random.default_rng(1).normal(-0.1, 1.0, 500)
     whole, first = cusum(increments), cusum(increments[:180])
     np.testing.assert_array_equal(cusum(increments[180:], first[-1]), whole[180:])
 
 
-def test_the_sum_is_the_largest_of_all_sums_that_end_here() -> None:
+def test_cumulative_sum_is_the_maximum_of_all_sums_ending_here() -> None:
     """Page's other form, max over j of s(j+1) + ... + s(k), or zero: what makes it a test."""
     increments = np.random.default_rng(2).normal(0.0, 1.0, 60)
     largest = [
@@ -59,14 +59,14 @@ PUBLISHED = [  # Montgomery, Introduction to Statistical Quality Control, one-si
 
 
 @pytest.mark.parametrize(("threshold", "mean", "published"), PUBLISHED)
-def test_the_chain_gives_the_run_lengths_that_are_published(
+def test_markov_chain_gives_the_published_run_lengths(
     threshold: float, mean: float, published: float
 ) -> None:
     assert run_length(threshold, mean) == pytest.approx(published, rel=6e-3)
 
 
 @pytest.mark.parametrize(("threshold", "mean"), [(3.0, 0.0), (4.0, 0.0), (4.0, 1.0), (5.0, 2.0)])
-def test_run_lengths_are_those_of_the_chain(threshold: float, mean: float) -> None:
+def test_run_lengths_agree_with_the_markov_chain(threshold: float, mean: float) -> None:
     wanted, runs = run_length(threshold, mean), 3000
     stream = np.random.default_rng(3)
     lengths = []
@@ -98,7 +98,7 @@ def distances() -> Array:
     return np.asarray(np.sum(found @ np.linalg.inv(covariance) * found, axis=1))
 
 
-def test_the_ratio_is_the_one_of_normal_densities() -> None:
+def test_likelihood_ratio_agrees_with_normal_densities() -> None:
     """For each row, length and factor the densities themselves, and the best factor by search."""
     found, covariance = innovations()
 
@@ -121,7 +121,7 @@ def test_the_ratio_is_the_one_of_normal_densities() -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5, 4.0, 0.2])
-def test_the_ratio_of_innovations_of_one_size(factor: float) -> None:
+def test_likelihood_ratio_of_constant_innovations_agrees_with_closed_form(factor: float) -> None:
     """n m (c - 1 - ln c) / 2 over n samples, zero where they are smaller than expected."""
     n = np.arange(1, 33)
     wanted = 0.5 * n * M * max(0.0, factor - 1 - np.log(factor)) * (factor > 1)
@@ -129,7 +129,7 @@ def test_the_ratio_of_innovations_of_one_size(factor: float) -> None:
     np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
 
 
-def test_of_one_length_false_alarms_are_those_of_the_chi_squared_law() -> None:
+def test_false_alarms_of_one_window_length_are_chi_squared() -> None:
     n, threshold = 8, 1.5
     drawn = stats.chi2.rvs(M, size=(20_000, n), random_state=np.random.default_rng(5))
     last = np.array([inflation_glr(rows, M, [n])[-1] for rows in drawn])
@@ -138,7 +138,7 @@ def test_of_one_length_false_alarms_are_those_of_the_chi_squared_law() -> None:
     assert np.mean(last > threshold) == pytest.approx(wanted, abs=3 * np.sqrt(wanted / len(last)))
 
 
-def test_more_lengths_see_no_less() -> None:
+def test_more_window_lengths_never_reduce_the_statistic() -> None:
     record = stats.chi2.rvs(M, size=300, random_state=np.random.default_rng(6))
     record[200:] *= 1.6
     few, some, all_lengths = (
@@ -151,7 +151,7 @@ def test_more_lengths_see_no_less() -> None:
     assert some[-1] > 0.8 * all_lengths[-1]
 
 
-def test_missing_samples_are_as_if_they_had_not_been() -> None:
+def test_missing_samples_are_skipped() -> None:
     record = np.random.default_rng(7).chisquare(M, 60) * 1.3
     gaps = np.sort(np.random.default_rng(8).choice(60, 15, replace=False))
     holed = record.copy()
@@ -169,7 +169,7 @@ def test_missing_samples_are_as_if_they_had_not_been() -> None:
 # --- On filters ---------------------------------------------------------------------------------
 
 
-def test_distances_from_a_filter_that_is_right_and_a_filter_that_is_not() -> None:
+def test_distances_of_matched_and_mismatched_filters_agree_with_likelihoods() -> None:
     """Twice what the likelihood of a record falls short of that of one at rest."""
     model = LinearModel([[0.9]], [[1.0]], [[1.0]], Q=0.1, R=1.0, sampling_period=1.0)
     one = KalmanFilter(model)
@@ -206,7 +206,7 @@ def test_distances_from_a_filter_that_is_right_and_a_filter_that_is_not() -> Non
         (lambda: inflation_glr([1.0], 1, [np.nan]), "lengths", "must be whole numbers from 1 to"),
     ],
 )
-def test_what_is_no_record_is_reported(call: Any, parameter: str, said: str) -> None:
+def test_invalid_record_is_reported(call: Any, parameter: str, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         call()
     assert caught.value.parameter == parameter

@@ -7,13 +7,13 @@ from reobserve.replication.parameters.job import read_job
 from tests.papers.imm.test_paper import parameters
 
 
-def test_boundary_layers_are_stated_in_the_units_of_the_outputs() -> None:
+def test_boundary_layers_are_stated_in_output_units() -> None:
     changes = {"observers": {"svsf": {"layer_scale": 1e-3}}}
     job = read_job(keys.Parameters, parameters(changes).settings("plot", "fig5_plain"))
     assert notes.layers(job) == "Boundary layers of [0.1, 1, 10] y s, y and y/s."
 
 
-def test_a_thinner_layer_is_a_factor() -> None:
+def test_thinner_layer_is_stated_as_a_factor() -> None:
     changes = {"observers": {"svsf": {"layer_factor": 0.25}}}
     job = read_job(keys.Parameters, parameters(changes).settings("plot", "fig5_plain"))
     assert notes.layers(job).endswith("] × 0.25 y s, y and y/s.")

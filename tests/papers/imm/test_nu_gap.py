@@ -54,12 +54,12 @@ def random_plant(rng: np.random.Generator, order: int, spread: float = 1.0) -> t
 
 
 @pytest.mark.parametrize(("k1", "k2"), [(2, 3), (-1, 2), (0.1, -30), (1, -1), (1e-9, 1e9)])
-def test_static_gains_are_as_far_apart_as_on_the_sphere(k1: float, k2: float) -> None:
+def test_distance_of_static_gains_is_the_chordal_distance(k1: float, k2: float) -> None:
     expected = abs(k1 - k2) / np.hypot(1, k1) / np.hypot(1, k2)
     assert nu_gap(([k1], [1]), ([k2], [1])) == pytest.approx(expected, rel=1e-15)
 
 
-def test_the_plants_of_zhou_and_doyle() -> None:
+def test_plants_of_zhou_and_doyle_have_the_published_gaps() -> None:
     # |n1 d2 - n2 d1| = 200 and both lengths are 100^2 + 1 + 4 omega^2: greatest at rest.
     assert nu_gap(LAG, UNSTABLE) == pytest.approx(200 / 10001, rel=1e-14)
     assert nu_gap(LAG, SECOND_ORDER) == pytest.approx(0.8988, abs=5e-5)
@@ -67,14 +67,14 @@ def test_the_plants_of_zhou_and_doyle() -> None:
 
 
 @pytest.mark.parametrize("ratio", [1.001, 1.5, 40.0])
-def test_integrators_are_farthest_apart_between_their_crossovers(ratio: float) -> None:
+def test_integrators_differ_most_between_their_crossovers(ratio: float) -> None:
     # (k - 1) w / sqrt((1 + w^2)(k^2 + w^2)) is greatest at w^2 = k, the poles are on the axis.
     expected = (ratio - 1) / (ratio + 1)
     found = nu_gap(([3e4], [1, 0]), ([3e4 * ratio], [1, 0]))
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_undamped_oscillators_are_farthest_apart_between_their_frequencies() -> None:
+def test_undamped_oscillators_differ_most_between_their_frequencies() -> None:
     # For 1 / (s^2 + a^2) and 1 / (s^2 + b^2) with x = s^2 + a^2 and c = b^2 - a^2, kappa is
     # c / sqrt((1 + x^2)(1 + (x + c)^2)), greatest at x = -c / 2 for c below 2.
     c = 0.6
@@ -82,7 +82,7 @@ def test_undamped_oscillators_are_farthest_apart_between_their_frequencies() -> 
     assert found == pytest.approx(c / (1 + c**2 / 4), rel=1e-14)
 
 
-def test_the_gap_reaches_one_where_the_graphs_are_orthogonal() -> None:
+def test_gap_is_one_for_orthogonal_graphs() -> None:
     # c = 2 in the formula above: phi has a root on the axis.
     assert nu_gap(([1], [1, 0, 1]), ([1], [1, 0, 3])) == pytest.approx(1, abs=1e-14)
     assert nu_gap(([2, 1], [1, 3]), ([-0.5, 1], [1, 5])) == pytest.approx(1, abs=1e-14)
@@ -149,7 +149,9 @@ def winding(first: Plant, second: Plant) -> int:
     ("first", "second", "printed"),
     [(NORMAL, LEAKAGE, 0.408), (NORMAL, FRICTION, 0.253), (FRICTION, LEAKAGE, 0.193)],
 )
-def test_the_actuator_models(first: Plant, second: Plant, printed: float) -> None:
+def test_gaps_of_the_actuator_models_agree_with_50_digits(
+    first: Plant, second: Plant, printed: float
+) -> None:
     found = nu_gap(first, second)
     assert found == pytest.approx(printed, abs=5e-4)
     assert winding(first, second) == 0
@@ -157,7 +159,7 @@ def test_the_actuator_models(first: Plant, second: Plant, printed: float) -> Non
 
 
 @pytest.mark.parametrize("spread", [0.5, 3.0])
-def test_random_plants_near_each_other(spread: float) -> None:
+def test_gaps_of_nearby_random_plants_agree_with_50_digits(spread: float) -> None:
     rng = np.random.default_rng(11)
     values = []
     for _ in range(15):
@@ -172,7 +174,7 @@ def test_random_plants_near_each_other(spread: float) -> None:
 
 
 @pytest.mark.parametrize("ratio", [1.5, 4.0, 30.0])
-def test_the_search_begins_where_integrators_are_farthest_apart(ratio: float) -> None:
+def test_search_starts_where_integrators_differ_most(ratio: float) -> None:
     """At the geometric mean of their crossovers; at rest and at infinity they are as one."""
     first, second = (np.array([0.0, gain]) for gain in (0.5, 0.5 * ratio))
     integrator = np.array([1.0, 0.0])
@@ -180,7 +182,7 @@ def test_the_search_begins_where_integrators_are_farthest_apart(ratio: float) ->
     assert np.abs(found - 0.5 * np.sqrt(ratio)).min() < 1e-12
 
 
-def test_the_search_begins_at_every_peak_of_the_distance() -> None:
+def test_search_starts_at_every_peak_of_the_distance() -> None:
     """As a dense grid sees them, of resonances that are not so sharp that roots are rounded."""
     rng, peaks = np.random.default_rng(5), 0
     omega = np.geomspace(1e-3, 1e3, 100_001)
@@ -199,7 +201,7 @@ def test_the_search_begins_at_every_peak_of_the_distance() -> None:
     assert peaks > 20
 
 
-def test_the_gap_is_one_exactly_if_the_plot_winds() -> None:
+def test_gap_is_one_exactly_if_the_winding_condition_fails() -> None:
     rng = np.random.default_rng(12)
     counts = [0, 0]
     for _ in range(60):
@@ -217,7 +219,7 @@ def test_the_gap_is_one_exactly_if_the_plot_winds() -> None:
 # --- A metric -----------------------------------------------------------------------------------
 
 
-def test_symmetry_and_the_triangle_inequality() -> None:
+def test_gap_is_symmetric_and_satisfies_the_triangle_inequality() -> None:
     rng = np.random.default_rng(13)
     proper = 0
     for _ in range(60):
@@ -234,7 +236,7 @@ def test_symmetry_and_the_triangle_inequality() -> None:
 
 
 @pytest.mark.parametrize("plant", [NORMAL, FRICTION, LEAKAGE, LAG, UNSTABLE, ([1e-9], [1, 0, 1])])
-def test_equal_plants_however_scaled_have_no_gap(plant: Plant) -> None:
+def test_equal_plants_have_no_gap_in_any_scaling(plant: Plant) -> None:
     # The last one: phi = (s^2 + 1)^2 + 1e-18, which rounding would put on the axis.
     assert nu_gap(plant, plant) == 0
     scaled = tuple(-8.0 * np.asarray(p) for p in plant)
@@ -242,7 +244,7 @@ def test_equal_plants_however_scaled_have_no_gap(plant: Plant) -> None:
 
 
 @pytest.mark.parametrize("factor", [-3.0, 1e-6, 7e40])
-def test_scaling_both_polynomials_leading_zeros_and_units_of_time_change_nothing(
+def test_gap_does_not_depend_on_scaling_leading_zeros_or_time_unit(
     factor: float,
 ) -> None:
     expected = nu_gap(NORMAL, LEAKAGE)
@@ -256,7 +258,7 @@ def test_scaling_both_polynomials_leading_zeros_and_units_of_time_change_nothing
     assert nu_gap(*faster) == pytest.approx(expected, rel=1e-13)
 
 
-def test_inverses_are_as_far_apart() -> None:
+def test_inverse_plants_have_the_same_gap() -> None:
     rng = np.random.default_rng(14)
     below = 0
     for _ in range(40):
@@ -272,7 +274,7 @@ def test_inverses_are_as_far_apart() -> None:
 
 
 @pytest.mark.parametrize("gain", [0.1, 0.9, 0.9999, 1.0001, 1.1, 30.0])
-def test_an_unstable_pole_is_near_a_gain_only_if_a_loop_would_move_it(gain: float) -> None:
+def test_unstable_pole_is_near_a_gain_only_if_feedback_stabilises_it(gain: float) -> None:
     # phi = k^2 - 1 - s has its root at the mirror image of the pole that feedback of k gives
     # k / (s - 1): on the right, as it must be, for k above 1. kappa is monotone in omega.
     rest, fast = 2 * gain / (1 + gain**2), gain / np.hypot(1, gain)
@@ -282,15 +284,13 @@ def test_an_unstable_pole_is_near_a_gain_only_if_a_loop_would_move_it(gain: floa
     assert nu_gap(*pair[::-1]) == pytest.approx(expected, rel=1e-14)
 
 
-def test_small_gains_cannot_make_up_for_a_pole_that_crossed_over() -> None:
+def test_gap_is_one_if_a_pole_changes_sides_even_for_small_gains() -> None:
     pair = ([0.1], [1, 1]), ([0.1], [1, -1])
     assert chordal_distance_with_50_digits(*pair) == pytest.approx(0.2 / 1.01, rel=1e-14)
     assert nu_gap(*pair) == 1
 
 
-def test_a_gain_that_stabilises_a_plant_with_more_margin_than_the_gap_stabilises_the_other() -> (
-    None
-):
+def test_gain_with_margin_above_the_gap_stabilises_both_plants() -> None:
     rng = np.random.default_rng(15)
 
     def stable(plant: Plant, gain: float) -> bool:

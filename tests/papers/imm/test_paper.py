@@ -66,7 +66,7 @@ def changed_record(scenario: str, seed: int = SEED, **values: Any) -> Series:
 
 
 @pytest.mark.parametrize("scenario", ["plain", "step"])
-def test_samples_and_fault_are_those_of_the_parameters(scenario: str) -> None:
+def test_samples_and_fault_agree_with_the_parameters(scenario: str) -> None:
     found, stated = record(scenario), parameters().section("scenarios", scenario)
     horizon = parameters().section("plant", "horizon")
     np.testing.assert_allclose(found.time, np.arange(len(found.time)) * stated["period"])
@@ -100,7 +100,7 @@ def test_plain_noise_is_one_per_cent_of_each_output() -> None:
     np.testing.assert_allclose(matched, stated**2, rtol=0.05)
 
 
-def test_noise_does_not_move_the_plant() -> None:
+def test_noise_does_not_affect_the_plant() -> None:
     plain = record("plain")
     quiet = changed_record("plain", noise=[0, 0, 0, 0])
     np.testing.assert_array_equal(quiet["motion"], plain["motion"])
@@ -120,7 +120,7 @@ def test_noise_of_one_output_does_not_change_that_of_others() -> None:
     np.testing.assert_allclose(parts[0], 2 * parts[1], rtol=0, atol=1e-9)
 
 
-def test_the_pseudo_random_input() -> None:
+def test_pseudo_random_input_is_a_maximum_length_sequence() -> None:
     found = record("plain")
     volts, period = found["input"], found.step
     begin, bit, length = round(0.5 / period), round(0.01 / period), 127
@@ -137,7 +137,7 @@ def test_the_pseudo_random_input() -> None:
         assert sequence @ np.roll(sequence, shift) == -1
 
 
-def test_the_step() -> None:
+def test_step_record_settles_at_the_static_gains() -> None:
     found = record("step")
     np.testing.assert_array_equal(found["input"], 1.5 * (found.time > 0.5 - 1e-9))
     gain = [ActuatorModel(*ACTUATOR[name]).gain for name in ("normal", "leakage")]
@@ -146,7 +146,7 @@ def test_the_step() -> None:
     assert found["motion"][-1, 1] == pytest.approx(1.5 * gain[1], rel=1e-6)
 
 
-def test_a_share_of_the_leak() -> None:
+def test_partial_leak_interpolates_the_coefficients() -> None:
     found = changed_record("step", share=0.5)
     numerator, denominator = (
         (ACTUATOR["normal"][k][-1] + ACTUATOR["leakage"][k][-1]) / 2 for k in (0, 1)
@@ -157,7 +157,7 @@ def test_a_share_of_the_leak() -> None:
 # --- What the banks say -------------------------------------------------------------------------
 
 
-def test_the_plain_kalman_bank_diagnoses_the_leak() -> None:
+def test_plain_kalman_bank_diagnoses_the_leak() -> None:
     """The paper has its own at 85 % normal and 10 % leakage; this one is sure, and right."""
     found = measured("fig5_plain")
     assert found["kalman", "normal_before"] > 0.999
@@ -167,7 +167,7 @@ def test_the_plain_kalman_bank_diagnoses_the_leak() -> None:
 
 
 @pytest.mark.parametrize("figure", ["fig5", "fig6", "fig7", "fig8"])
-def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> None:
+def test_calibrated_banks_reproduce_the_quoted_values_within_the_band(figure: str) -> None:
     found, band = measured(figure), parameters().section("metrics", "band")
     for name in parameters().section("figures", figure, "observers"):
         stated = parameters().section("observers", name)
@@ -179,7 +179,7 @@ def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> 
         assert found[name, "leakage_spread"] < 0.1
 
 
-def test_friction_as_the_fault() -> None:
+def test_friction_fault_is_diagnosed_only_without_mixing() -> None:
     """With little process noise it is diagnosed without mixing, and with it never.
 
     Each step the filter of a mode whose probability is next to nothing starts from what others
@@ -250,7 +250,7 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
 
 @pytest.mark.parametrize("realisation", REALISATIONS)
 @pytest.mark.parametrize("algorithm", ["kalman", "smooth_variable_structure"])
-def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> None:
+def test_estimate_stage_agrees_with_a_direct_bank_run(algorithm: str, realisation: str) -> None:
     body, found = observer(algorithm, realisation), record("plain")
     settings = {"plant": parameters().section("plant"), "observer": body}
     estimate = observe.estimate(settings, found)
@@ -286,7 +286,7 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
         np.testing.assert_allclose(estimate["chattering_correction"][1:], jumps, atol=1e-15)
 
 
-def test_nothing_is_outside_wide_layers() -> None:
+def test_no_error_is_outside_wide_layers() -> None:
     for figure in ("fig5_plain", "fig7_plain"):
         estimates = evaluator().figure(figure).estimates
         for name, estimate in estimates.items():
@@ -298,7 +298,7 @@ def test_nothing_is_outside_wide_layers() -> None:
     assert share[-1000:].mean() > 0.99
 
 
-def test_mixing_can_be_left_out() -> None:
+def test_mixing_is_optional() -> None:
     body = observer("kalman", "motion")
     settings = {"plant": parameters().section("plant"), "observer": {**body, "mixing": False}}
     assert observe.build(settings, 1e-3).mixing is False
@@ -325,11 +325,11 @@ def scores(probability: Array, fault: int = 2) -> dict[str, float]:
     return {name: value for name, value, _ in probabilities(RULES, TIME, probability, 5.0, fault)}
 
 
-def test_windows_begin_after_their_first_bound_and_end_with_the_second() -> None:
+def test_windows_exclude_their_start_and_include_their_end() -> None:
     np.testing.assert_allclose(TIME[window(TIME, 3.0, 3.03, closed="right")], [3.01, 3.02, 3.03])
 
 
-def test_scores_of_known_probabilities() -> None:
+def test_scores_of_known_probabilities_are_exact() -> None:
     found = scores(
         constant_pieces(
             (0.0, (0.98, 0.01, 0.01)),
@@ -348,7 +348,7 @@ def test_scores_of_known_probabilities() -> None:
     assert found == pytest.approx(wanted, abs=1e-12)
 
 
-def test_the_overshoot_counts_below_the_plateau_as_well() -> None:
+def test_overshoot_counts_below_the_plateau_too() -> None:
     below = constant_pieces(
         (0.0, (0.98, 0.01, 0.01)), (5.2, (0.4, 0.1, 0.5)), (6.0, (0.1, 0.1, 0.8)),
         (6.3, (0.3, 0.1, 0.6)),
@@ -356,14 +356,14 @@ def test_the_overshoot_counts_below_the_plateau_as_well() -> None:
     assert scores(below)["overshoot"] == pytest.approx(0.2, abs=1e-12)
 
 
-def test_a_change_at_the_onset_itself_is_no_detection() -> None:
+def test_change_at_the_onset_is_not_a_detection() -> None:
     found = scores(constant_pieces((0.0, (1, 0, 0)), (5.0, (0, 0, 1))))
     assert np.isnan(found["alarm_samples"])
     # The sample at 5 s belongs to what was before.
     assert found["normal_before"] == pytest.approx(1 - 1 / 200)
 
 
-def test_an_alarm_that_rang_before_the_fault_is_a_false_one() -> None:
+def test_alarm_before_the_fault_is_false() -> None:
     """Within the window before the fault or from its end up to the fault; not in the start."""
     leak = (5.03, (0.1, 0.1, 0.8))
     for begin, heard in ((2.5, 3.0), (3.5, np.nan), (4.9, np.nan)):
@@ -372,13 +372,13 @@ def test_an_alarm_that_rang_before_the_fault_is_a_false_one() -> None:
         assert found["alarm_samples"] == pytest.approx(heard, nan_ok=True), begin
 
 
-def test_what_never_comes_is_not_a_number() -> None:
+def test_missing_detection_is_nan() -> None:
     found = scores(constant_pieces((0.0, (0.95, 0.05, 0.0))))
     assert np.isnan(found["alarm_samples"])
     assert found["diagnosed_share"] == 0.0
 
 
-def test_another_fault() -> None:
+def test_diagnosed_share_depends_on_the_stated_fault() -> None:
     rows = constant_pieces((0.0, (0.95, 0.05, 0.0)), (5.5, (0.1, 0.8, 0.1)))
     assert scores(rows, fault=1)["diagnosed_share"] == 1.0
     assert scores(rows, fault=2)["diagnosed_share"] == 0.0
@@ -392,7 +392,7 @@ def flipping() -> Array:
     return values
 
 
-def test_a_probability_that_flips_is_far_from_its_mean() -> None:
+def test_oscillating_probability_has_a_large_deviation_from_its_mean() -> None:
     found = scores(flipping())
     assert found["normal_after"] == pytest.approx(0.4)
     assert found["leakage_after"] == pytest.approx(0.6)
@@ -405,7 +405,7 @@ def test_a_probability_that_flips_is_far_from_its_mean() -> None:
     assert far == pytest.approx(np.sqrt(2 * 0.24 / 3))
 
 
-def test_distance_of_steady_probabilities() -> None:
+def test_distance_of_steady_probabilities_is_exact() -> None:
     rows = constant_pieces((0.0, (0.9, 0.1, 0.0)), (5.0, (0.5, 0.1, 0.4)))
     rows[TIME > 10 - 1e-9] = rows[TIME < 5][:1]  # the last sample, one of 300
     exact = constant_pieces((0.0, (0.9, 0.1, 0.0)), (5.0, (0.5, 0.1, 0.4)))
@@ -590,7 +590,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_CONFIG)
-def test_a_bad_value_is_reported_in_one_sentence(case: str) -> None:
+def test_invalid_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]
     with pytest.raises(InputError) as caught:
         check_parameters(parameters(changes))
@@ -600,5 +600,5 @@ def test_a_bad_value_is_reported_in_one_sentence(case: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_the_config_is_accepted() -> None:
+def test_config_is_accepted() -> None:
     check_parameters(parameters())

@@ -81,14 +81,14 @@ def targets(of: Parameters) -> int:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_the_same_bits_each_time_and_on_any_number_of_threads(
+def test_search_is_bitwise_reproducible_on_any_number_of_threads(
     threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(search, "THREADS", threads)
     assert json.dumps(found()) == json.dumps(first()[0])
 
 
-def test_what_was_found_is_what_its_numbers_give() -> None:
+def test_found_distance_agrees_with_its_numbers() -> None:
     one = first()[0]
     numbers = np.array([one["found"][name] for name in TUNED])
     trial = calibration(small_parameters(), small_record()).try_out(numbers)
@@ -99,7 +99,7 @@ def test_what_was_found_is_what_its_numbers_give() -> None:
     assert one["worst_nearby"] == pytest.approx(one["distance"], rel=1e-6)
 
 
-def test_what_was_found_lies_within_the_bounds_with_three_digits() -> None:
+def test_found_numbers_are_within_bounds_and_rounded_to_three_digits() -> None:
     body = small_parameters().section("searches", "calibrated")
     low, high = search.bounds(parse(keys.Search, body))
     values = np.array([first()[0]["found"][name] for name in TUNED])
@@ -148,7 +148,7 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[Array]:
     return found
 
 
-def test_the_search_comes_to_the_best_there_is(tried: list[Array]) -> None:
+def test_search_finds_the_known_optimum(tried: list[Array]) -> None:
     one = found(population=3, generations=120)
     np.testing.assert_allclose(np.log10(list(one["found"].values())), np.log10(BEST), atol=0.05)
     assert one["distance"] < 0.02
@@ -156,7 +156,7 @@ def test_the_search_comes_to_the_best_there_is(tried: list[Array]) -> None:
     assert max(numbers[-1] for numbers in tried) > 0.05
 
 
-def test_another_seed_takes_another_way(tried: list[Array]) -> None:
+def test_another_seed_takes_another_path(tried: list[Array]) -> None:
     settings = small_parameters().settings("search", "calibrated")
     for seed in (SEED, SEED + 1, SEED):
         search.run({**settings, "seed": seed}, small_record(), str)
@@ -165,7 +165,7 @@ def test_another_seed_takes_another_way(tried: list[Array]) -> None:
     assert np.any(ways[0] != ways[1])
 
 
-def test_the_distance_of_a_choice_is_the_worst_of_itself_and_opposite_corners(
+def test_each_candidate_is_scored_by_the_worst_of_itself_and_opposite_corners(
     tried: list[Array],
 ) -> None:
     one = found(neighbour_pairs=2, spread=0.25)
@@ -195,7 +195,7 @@ def test_the_distance_of_a_choice_is_the_worst_of_itself_and_opposite_corners(
         ({"leave": "seldom"}, "leave", "'seldom' must be a list of numbers"),
     ],
 )
-def test_bad_bounds_are_refused_before_any_trial(
+def test_invalid_bounds_are_refused_before_any_trial(
     bad: Tree, key: str, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Calibration, "try_out", lambda *_: pytest.fail("a bank was run"))
@@ -235,14 +235,14 @@ def own_parameters(name: str) -> Calibration:
 
 
 @pytest.mark.parametrize("name", SEARCHES)
-def test_the_kept_numbers_are_those_of_the_parameters(name: str) -> None:
+def test_stored_numbers_agree_with_the_parameters(name: str) -> None:
     assert list(kept(name)["search"]["found"]) == list(TUNED)
     found = list(kept(name)["search"]["found"].values())
     np.testing.assert_allclose(found, own_parameters(name).stated(), rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", SEARCHES)
-def test_the_kept_distance_is_what_the_numbers_give(name: str) -> None:
+def test_stored_distance_agrees_with_the_numbers(name: str) -> None:
     one = kept(name)["search"]
     trial = own_parameters(name).try_out(np.array(list(one["found"].values())))
     assert one["distance"] == pytest.approx(trial.distance, abs=1e-9)
@@ -253,7 +253,7 @@ def test_the_kept_distance_is_what_the_numbers_give(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SEARCHES)
-def test_the_kept_search_counts_right(name: str) -> None:
+def test_stored_search_has_consistent_counts(name: str) -> None:
     one = kept(name)["search"]
     observers = parameters().settings("search", name)["observers"].values()
     sought = sum(len(body["quoted"]) + body["quoted_high"] for body in observers)
@@ -268,7 +268,7 @@ def test_the_kept_search_counts_right(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SEARCHES)
-def test_the_kept_search_is_the_one_that_the_parameters_states(name: str) -> None:
+def test_stored_search_agrees_with_the_parameters(name: str) -> None:
     was, now = kept(name)["provenance"]["settings"], parameters().settings("search", name)
     for part in ("plant", "search", "seed"):
         assert was[part] == now[part], part
@@ -282,7 +282,7 @@ def test_the_kept_search_is_the_one_that_the_parameters_states(name: str) -> Non
                 assert known[NAMED.get(key, key)] == value, (observer, key)
 
 
-def test_thin_layers_alone_switch_in_what_the_search_for_it_found() -> None:
+def test_only_thin_layers_switch_in_the_found_setting() -> None:
     least = parameters().section("searches", "switching", "switching")
     outside = kept("switching")["search"]["outside"]
     assert outside["svsf_retuned"] < least < outside["svsf_thin_retuned"]
@@ -296,14 +296,16 @@ def test_thin_layers_alone_switch_in_what_the_search_for_it_found() -> None:
     ("wide", "thin", "right"),
     [(0.0, 0.2, True), (0.0, 0.01, True), (0.01, 0.2, False), (0.0, 0.009, False)],
 )
-def test_which_layers_must_switch(wide: float, thin: float, right: bool) -> None:
+def test_switching_check_accepts_only_the_required_layers(
+    wide: float, thin: float, right: bool
+) -> None:
     observers = own_parameters("calibrated").observers
     trial = Trial({}, 0.0, {"svsf_tuned": wide, "svsf_thin_tuned": thin})
     assert switches(trial, observers, 0.01) == right
     assert not switches(Trial({}, 0.0), observers, 0.01)
 
 
-def test_layers_that_do_not_switch_are_farther_away_than_any_that_do() -> None:
+def test_non_switching_layers_score_worse_than_switching_ones() -> None:
     plain, still = found(), found(switching=0.5)
     assert still["worst_nearby"] == pytest.approx(plain["worst_nearby"] + search.STILL, abs=0.2)
 
@@ -313,7 +315,7 @@ def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) -> None:
+def test_search_command_writes_its_result_and_reports_progress(tmp_path: Path) -> None:
     (tmp_path / "parameters.json").write_text(small_parameters().text(), encoding="utf-8")
     write_record(tmp_path / "plant.parquet", small_parameters())
     output = tmp_path / "found.search.json"
@@ -328,7 +330,7 @@ def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) 
     assert stored["provenance"]["settings"] == small_parameters().settings("search", "calibrated")
 
 
-def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path) -> None:
+def test_failing_search_command_reports_why_and_writes_nothing(tmp_path: Path) -> None:
     bad = parameters({**SMALL, "searches": {"calibrated": {"leave": [0.2, 0.1]}}})
     (tmp_path / "parameters.json").write_text(bad.text(), encoding="utf-8")
     write_record(tmp_path / "plant.parquet", bad)
@@ -345,7 +347,7 @@ def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path
         assert not output.exists()
 
 
-def test_a_search_over_what_its_banks_do_not_share_is_refused() -> None:
+def test_search_over_parameters_not_shared_by_the_banks_is_refused() -> None:
     """Before the first trial: it would give all of them one noise, whatever was stated."""
     settings = deepcopy(small_parameters().settings("search", "calibrated"))
     noise = settings["observers"]["svsf_thin_tuned"]["process_noise"]

@@ -76,7 +76,7 @@ def lost(sweep: str, level: float) -> list[Row]:
 STATED = rows_of("stated", 1.0)
 
 
-def test_reach_is_where_the_worst_of_all_values_leaves_the_band() -> None:
+def test_range_ends_where_the_worst_value_leaves_the_band() -> None:
     rows = [
         *STATED,
         *rows_of("leave", 0.5, loud_normal=0.05),
@@ -112,12 +112,12 @@ def test_reach_is_where_the_worst_of_all_values_leaves_the_band() -> None:
         ),
     ],
 )  # fmt: skip
-def test_reach_of_known_rows(rows: list[Row], wanted: tuple[float, float]) -> None:
+def test_range_of_known_rows_is_exact(rows: list[Row], wanted: tuple[float, float]) -> None:
     for order in (1, -1):
         assert reach(RULES, table([*STATED, *rows][::order]), "leave") == pytest.approx(wanted)
 
 
-def test_numbers_that_are_outside_as_stated_may_not_move() -> None:
+def test_numbers_outside_the_band_as_stated_have_no_range() -> None:
     rows = [
         *rows_of("stated", 1.0, loud_normal=0.2),
         *rows_of("leave", 0.5),
@@ -145,7 +145,7 @@ def kept_text(**changes: Any) -> str:
         (kept_text(found={"leave": 0.1}), "holds other numbers than the search tunes; rerun it"),
     ],
 )
-def test_a_kept_file_that_is_none(tmp_path: Path, text: str | None, said: str) -> None:
+def test_invalid_stored_file_is_refused(tmp_path: Path, text: str | None, said: str) -> None:
     path = tmp_path / "kept.json"
     if text is not None:
         path.write_text(text, encoding="utf-8")
@@ -168,7 +168,7 @@ def neighbourhood(changes: Tree | None = None, factors: Sequence[float] = ()) ->
     return study.run(settings, record("step"))
 
 
-def test_the_parameter_has_what_the_search_found() -> None:
+def test_parameter_file_holds_the_search_result() -> None:
     found = values(neighbourhood())
     kept = json.loads(KEPT.read_text(encoding="utf-8"))["search"]
     for name in ("trials", "tuned", "targets", "distance"):
@@ -176,7 +176,7 @@ def test_the_parameter_has_what_the_search_found() -> None:
     assert found["all", "stated", 1.0, "distance"] == pytest.approx(kept["distance"], rel=1e-9)
 
 
-def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_factor_changes_only_one_number(monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[list[float]] = []
 
     def try_out(self: Calibration, numbers: Any) -> Trial:
@@ -197,7 +197,7 @@ def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> 
     assert listed == [("stated", 1.0), *((name, level) for name in TUNED for level in steps)]
 
 
-def test_banks_that_are_tuned_together_share_their_numbers() -> None:
+def test_jointly_tuned_banks_must_share_their_numbers() -> None:
     settings = deepcopy(settings_of("neighbourhood"))
     settings["observers"]["svsf_thin_tuned"]["self_transition"] = 0.9
 
@@ -223,7 +223,7 @@ def changes(**stated: Any) -> list[Row]:
     return study.run(settings, record("step"))
 
 
-def test_as_stated_are_the_numbers_of_the_figures() -> None:
+def test_unmodified_settings_agree_with_the_figures() -> None:
     found = values(changes())
     for figure in ("fig5", "fig7"):
         numbers = measured(figure)
@@ -244,7 +244,7 @@ def test_as_stated_are_the_numbers_of_the_figures() -> None:
         assert max(abs(rows[0] - rows[1]), abs(rows[2] - rows[3])) > least, sweep
 
 
-def test_a_change_to_what_it_was_changes_nothing() -> None:
+def test_change_to_the_present_value_changes_nothing() -> None:
     scenario = parameters().section("scenarios", "step")
     rows = changes(
         prbs=scenario["input"], square=scenario["input"], sweep=scenario["input"],
@@ -258,7 +258,7 @@ def test_a_change_to_what_it_was_changes_nothing() -> None:
         assert found[sweep] == found["as_stated"], sweep
 
 
-def test_layers_are_those_of_the_svsfs_and_mixing_is_everybodys() -> None:
+def test_layer_changes_affect_only_svsfs_and_mixing_affects_all() -> None:
     found = values(changes(layer_factors=[1e-4]))
     quantities = [("kalman_tuned", q) for q in QUANTITIES]
     for name, quantity in quantities:
@@ -273,7 +273,7 @@ def test_layers_are_those_of_the_svsfs_and_mixing_is_everybodys() -> None:
         assert value == pytest.approx(stated, rel=1e-12)
 
 
-def test_a_study_refuses_before_it_runs_what_it_cannot_use(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_study_refuses_invalid_settings_before_any_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the key of the study, and without one run."""
     for method in study.METHODS:
         monkeypatch.setitem(study.METHODS, method, lambda *_: pytest.fail("has run"))
@@ -285,7 +285,7 @@ def test_a_study_refuses_before_it_runs_what_it_cannot_use(monkeypatch: pytest.M
         changes(periods=[1e-9])
 
 
-def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibration, "THREADS", 1)
     settings = deepcopy(settings_of("changes"))
     settings["study"].update({"periods": [0.01], "shares": [0.9], "layer_factors": [0.1]})

@@ -49,7 +49,7 @@ def two_states(C: Any, R: float = 1.0) -> LinearModel:
     return LinearModel(A, np.empty((2, 0)), C, Q=[0.2, 0.5], R=R)
 
 
-def test_what_no_output_sees_moves_by_its_own_block() -> None:
+def test_unmeasured_states_follow_their_own_block() -> None:
     assert corrected_radius(two_states([[1.0, 0.0]]), "pseudo") == pytest.approx(0.7)
     assert corrected_radius(two_states([[0.0, 3.0]]), "pseudo") == pytest.approx(0.5)
     # In the direction (1, 1) / sqrt(2), what is left is along d = (1, -1) / sqrt(2): d' A d.
@@ -57,7 +57,7 @@ def test_what_no_output_sees_moves_by_its_own_block() -> None:
     assert corrected_radius(two_states([[1.0, 1.0]]), "pseudo") == pytest.approx(along)
 
 
-def test_the_weighted_inverse_is_the_kalman_gain_without_measurement_noise() -> None:
+def test_weighted_inverse_equals_the_kalman_gain_without_measurement_noise() -> None:
     """The first state is known, and tells of the second by a12 x2 and noise of variance q1."""
     p = scipy.linalg.solve_discrete_are([[0.7]], [[0.3]], [[0.5]], [[0.2]])[0, 0]
     left = 0.7 - 0.7 * p * 0.3 / (0.3 * p * 0.3 + 0.2) * 0.3
@@ -66,13 +66,13 @@ def test_the_weighted_inverse_is_the_kalman_gain_without_measurement_noise() -> 
 
 
 @pytest.mark.parametrize("mode", ACTUATOR)
-def test_radii_of_the_actuator_are_those_of_blocks(mode: str) -> None:
+def test_actuator_radii_agree_with_their_blocks(mode: str) -> None:
     for model, measured in ((velocity_model(mode), 1), (motion_model(mode), 3)):
         block = np.abs(np.linalg.eigvals(model.arrays.A[measured:, measured:])).max()
         assert corrected_radius(model, "pseudo") == pytest.approx(block, rel=1e-9)
 
 
-def test_the_radius_is_that_of_the_slowest_mode_and_of_the_inverse() -> None:
+def test_radius_follows_the_slowest_mode_and_the_inverse() -> None:
     largest = max(
         np.abs(np.linalg.eigvals(velocity_model(mode).arrays.A[1:, 1:])).max() for mode in ACTUATOR
     )
@@ -91,7 +91,7 @@ def test_the_radius_is_that_of_the_slowest_mode_and_of_the_inverse() -> None:
     assert radii["observer_canonical", "weighted"] < 0.95
 
 
-def test_full_correction_is_unstable_in_three_of_the_32_combinations() -> None:
+def test_full_correction_is_unstable_in_three_of_32_combinations() -> None:
     """Whatever the noise: at the ends of its ranges, where they differ most, and at random."""
     tree = fixed_parameters("imm").tree["observers"]["kalman"]
     random = np.random.default_rng(1)
@@ -140,7 +140,7 @@ def leak() -> tuple[Array, Array, Array, int]:
     return control, leaking, healthy, begin
 
 
-def test_within_an_endless_layer_the_single_filter_errs_as_much_as_its_model() -> None:
+def test_single_filter_in_an_infinite_layer_has_the_model_error() -> None:
     _, leaking, healthy, begin = leak()
     apart = np.sqrt(np.mean((leaking - healthy)[begin:, 1] ** 2))
     assert apart > 0.1
@@ -148,7 +148,7 @@ def test_within_an_endless_layer_the_single_filter_errs_as_much_as_its_model() -
     assert wide["svsf", "single_prediction_error"] == pytest.approx(apart, rel=1e-6)
 
 
-def test_without_a_fault_there_is_no_error() -> None:
+def test_no_fault_gives_no_error() -> None:
     numerator, denominator = ACTUATOR["normal"]
     same = {"leakage_numerator": numerator, "leakage_denominator": denominator}
     values = found({"plant": same})
@@ -156,13 +156,13 @@ def test_without_a_fault_there_is_no_error() -> None:
         assert values[name, "single_prediction_error"] < 1e-9
 
 
-def test_a_filter_that_trusts_its_measurements_still_predicts_by_its_model() -> None:
+def test_filter_with_exact_measurements_still_predicts_by_its_model() -> None:
     """What it corrects to is right but for rounding; a priori the wrong model shows."""
     values = found({"observers": {"kalman": {"measurement_noise": [1e-12] * 3}}})
     assert values["kalman", "single_prediction_error"] > 1e-3
 
 
-def test_a_bank_that_never_leaves_its_first_mode_is_its_filter() -> None:
+def test_bank_staying_in_its_first_mode_equals_that_filter() -> None:
     for realisation in ("motion", "velocity"):
         certain = {"initial_mode": "normal", "self_transition": 1.0, "realisation": realisation}
         banks = ("kalman", "svsf", "svsf_thin")
@@ -172,7 +172,7 @@ def test_a_bank_that_never_leaves_its_first_mode_is_its_filter() -> None:
             assert values[name, "bank_prediction_error"] == pytest.approx(single, rel=1e-12)
 
 
-def test_the_bank_predicts_what_its_filters_do_weighted_by_the_chain() -> None:
+def test_bank_prediction_is_the_markov_weighted_filter_prediction() -> None:
     """By (7) to (9), (11) and (8), from what a bank that is run sample by sample remembers."""
     rules = fixed_parameters("imm").section("theory")
     control, leaking, _, begin = leak()
@@ -198,7 +198,7 @@ def test_the_bank_predicts_what_its_filters_do_weighted_by_the_chain() -> None:
     )
 
 
-def test_a_bank_of_equal_models_has_no_error() -> None:
+def test_bank_of_equal_models_has_no_error() -> None:
     numerator, denominator = ACTUATOR["normal"]
     alike = {
         f"{mode}_{part}": value
@@ -213,7 +213,7 @@ def test_a_bank_of_equal_models_has_no_error() -> None:
 # --- The layers ---------------------------------------------------------------------------------
 
 
-def test_a_priori_errors_may_leave_layers_and_a_posteriori_ones_do_not() -> None:
+def test_only_a_priori_errors_leave_the_layers() -> None:
     """By a filter that is run by hand; |e| (1 - |e| / psi) is a quarter of psi at most."""
     rules = fixed_parameters("imm").section("theory")
     control, leaking, healthy, begin = leak()
@@ -230,7 +230,7 @@ def test_a_priori_errors_may_leave_layers_and_a_posteriori_ones_do_not() -> None
     assert np.abs(after[late] / layer).max() < 0.3
 
 
-def test_a_layer_as_wide_as_the_model_is_wrong_corrects_it() -> None:
+def test_layer_as_wide_as_the_model_error_corrects_it() -> None:
     values = stated()
     wide = found({"observers": {"svsf": {"layer_factor": 1e12}}})
     opened = values["model", "open_velocity_error"]
@@ -243,7 +243,7 @@ def test_a_layer_as_wide_as_the_model_is_wrong_corrects_it() -> None:
 # --- The stage ----------------------------------------------------------------------------------
 
 
-def test_the_same_numbers_whatever_the_seed_of_the_run() -> None:
+def test_theory_does_not_depend_on_the_seed() -> None:
     assert found(seed=SEED + 1) == stated()
 
 
@@ -262,7 +262,9 @@ def test_the_same_numbers_whatever_the_seed_of_the_run() -> None:
         ({"input": 3}, "input", "list of terms"),
     ],
 )
-def test_bad_rules_are_reported_in_one_sentence(rules: dict[str, Any], key: str, said: str) -> None:
+def test_invalid_rules_are_reported_in_one_sentence(
+    rules: dict[str, Any], key: str, said: str
+) -> None:
     with pytest.raises(InputError) as caught:
         found({"theory": rules})
     assert caught.value.parameter == f"imm.theory.{key}"

@@ -85,7 +85,7 @@ BAD_CALLS: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_CALLS)
-def test_one_call(case: str) -> None:
+def test_invalid_design_call_is_refused_in_one_sentence(case: str) -> None:
     changes, sentence = BAD_CALLS[case]
     with pytest.raises(InputError, match=f"^{sentence}") as caught:
         normal_form_observer(**{**VAN_DER_POL, **changes})
@@ -96,12 +96,12 @@ def test_one_call(case: str) -> None:
 
 @pytest.mark.parametrize("order", [-1, 13])
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
-def test_an_order_that_the_series_do_not_reach(kind: Any, order: int) -> None:
+def test_order_beyond_the_series_is_refused(kind: Any, order: int) -> None:
     with pytest.raises(InputError, match=rf"^order: {order} must be from 0 to 12, one less"):
         kind(form(), order, sampling_period=0.01)
 
 
-def test_numbers_of_two_kinds_and_an_injection_with_an_offset() -> None:
+def test_invalid_injection_is_refused() -> None:
     system = form().problem.system
     exact = PolynomialMap.from_terms("l", [], 2, 1, exact=True)
     with pytest.raises(InputError, match=r"^injection: must be exact if the system is, and only"):
@@ -120,7 +120,7 @@ def test_numbers_of_two_kinds_and_an_injection_with_an_offset() -> None:
 
 
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
-def test_initial_estimates_and_states(kind: Any) -> None:
+def test_invalid_initial_estimates_and_states_are_refused(kind: Any) -> None:
     observer = kind(form(), 4, sampling_period=0.01)
     with pytest.raises(InputError, match=r"^state: has shape \(3,\), must be a list of"):
         observer.init([0, 0, 0])
@@ -205,7 +205,9 @@ BAD_CONFIG: dict[str, tuple[dict[str, Any], str, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_CONFIG)
-def test_bad_parameters(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_parameters_are_refused(
+    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     changes, where, what = BAD_CONFIG[case]
     target = tmp_path / "parameters.json"
     arguments = [

@@ -68,7 +68,7 @@ def scalar(pole: Any) -> Case:
     return Case([-y + y**2], [y], [(pole + 1) * y])
 
 
-def test_nonresonance_of_a_alone_is_not_enough() -> None:
+def test_nonresonance_of_a_alone_is_not_sufficient() -> None:
     """Definition 3.5 is about A only; what decides is A against F, as in Proposition 3.10."""
     case, degree = scalar(-2), 6
     assert all(m * -2 - -2 != 0 for m in range(2, degree + 1))
@@ -85,7 +85,7 @@ def test_nonresonance_of_a_alone_is_not_enough() -> None:
     assert lowest_degree(other.residual_of_s([y.ring(p) for p in S])) > degree
 
 
-def test_the_poincare_domain_of_a_excludes_nothing() -> None:
+def test_poincare_domain_of_a_excludes_nothing() -> None:
     """Every stable A has its eigenvalues there; for F, as in Section 1, it is a condition."""
     draw = np.random.default_rng(3)
     for _ in range(50):
@@ -140,7 +140,7 @@ def test_new_coordinates_multiply_the_output_by_the_inverse_jacobian() -> None:
     assert times(adjoint, fed) == [-2 * determinant, -4 * determinant]
 
 
-def test_the_gain_of_remark_4_23_lacks_l0() -> None:
+def test_gain_of_remark_4_23_lacks_l0() -> None:
     """dT/dz is n by n and I at the origin; L(x) of Section 2.2 is n by p and L0 there."""
     problem = van_der_pol().problem(5)
     L = PolynomialMap(problem.basis, lie_transform(problem, solver_for(problem)).L)
@@ -152,7 +152,7 @@ def test_the_gain_of_remark_4_23_lacks_l0() -> None:
         at_zero @ np.array([1.0])  # times y - h, which has p entries
 
 
-def test_the_printed_t_has_one_monomial_twice() -> None:
+def test_printed_t_has_one_monomial_twice() -> None:
     """0.0277778 z1 z2^2 stands twice; the first of them belongs to z1^2 z2."""
     first = transformation(van_der_pol(), 5)[0]
     half = 0.5e-7
@@ -162,7 +162,7 @@ def test_the_printed_t_has_one_monomial_twice() -> None:
     assert abs(2 * 0.0277778 - float(first.coeff(x1 * x2**2))) > 0.02
 
 
-def test_one_row_is_no_transformation_with_an_inverse() -> None:
+def test_single_printed_row_has_no_inverse() -> None:
     """T(z) "and its inverse" are printed as one row, which is the first of two."""
     T = transformation(van_der_pol(), 5)
     S = inverted(T, 5)
@@ -172,7 +172,7 @@ def test_one_row_is_no_transformation_with_an_inverse() -> None:
     assert lowest_degree(difference([parts(p, 1, 5) for p in wrong], [x1, x2])) == 3
 
 
-def test_a_bar_for_a_tilde() -> None:
+def test_bar_is_printed_for_a_tilde() -> None:
     """T_k = T_1 / 1! + ... cannot be z + the same sum: it begins with terms of degree 2."""
     case = random_case(1, 2, 1)
     T = transformation(case, 4)
@@ -186,7 +186,7 @@ def test_a_bar_for_a_tilde() -> None:
     assert [parts(p, 1, 1) for p in higher] == [0 * x1, 0 * x1] != z
 
 
-def test_the_equations_referred_to_are_others() -> None:
+def test_equation_references_are_wrong() -> None:
     """The text before the display of Remark 4.22 names (7); what is transformed is (8)."""
     case = van_der_pol()
     z = list(variables(2))
@@ -197,7 +197,7 @@ def test_the_equations_referred_to_are_others() -> None:
 
 
 @pytest.mark.parametrize(("case", "degree"), [(van_der_pol(), 5), (random_case(1, 2, 1), 3)])
-def test_the_terms_are_taken_at_the_transformed_state(case: Case, degree: int) -> None:
+def test_terms_are_evaluated_at_the_transformed_state(case: Case, degree: int) -> None:
     """ad_Az T~ = f(T) + L(T) L0 h(T) - A T; with z for T on the right it is another equation."""
     T = transformation(case, degree)
     z = list(T[0].ring.gens)

@@ -177,7 +177,7 @@ MISMATCH = {
 
 
 @pytest.mark.parametrize(("case", "degree"), [("van der pol", 7), ("generic", 5)])
-def test_the_corrected_recursion_gives_t_and_the_generator(case: str, degree: int) -> None:
+def test_corrected_recursion_gives_t_and_the_generator(case: str, degree: int) -> None:
     found = recursion(CASES[case], degree)
     assert not any(difference(found.T, right(case, degree)))
     problem = CASES[case].problem(degree)
@@ -187,7 +187,7 @@ def test_the_corrected_recursion_gives_t_and_the_generator(case: str, degree: in
 
 
 @pytest.mark.parametrize(("variant", "case"), MISMATCH)
-def test_misread_recursions_give_a_wrong_t_from_a_known_degree_on(variant: str, case: str) -> None:
+def test_literal_recursions_give_a_wrong_t_from_a_known_degree_on(variant: str, case: str) -> None:
     degree, size = MISMATCH[variant, case]
     found = recursion(CASES[case], degree, **VARIANTS[variant]).T
     wrong = difference(found, right(case, degree))
@@ -224,7 +224,7 @@ def missed(T: Polynomials) -> set[tuple[int, int]]:
     }
 
 
-def test_the_printed_transformation_is_t_to_all_its_digits() -> None:
+def test_printed_transformation_agrees_with_t_to_all_digits() -> None:
     assert len(printed_terms()) == 10
     T = right("van der pol", 5)
     assert missed(T) == set()
@@ -233,7 +233,7 @@ def test_the_printed_transformation_is_t_to_all_its_digits() -> None:
     assert len(missed(inverted(T, 5))) == 10  # and not that of S
 
 
-def test_the_printed_digits_tell_the_variants_apart_where_they_can() -> None:
+def test_printed_digits_distinguish_the_variants() -> None:
     fifth = {m for m in printed_terms() if sum(m) == 5}
     for variant, switches in VARIANTS.items():
         wrong = missed(recursion(van_der_pol(), 5, **switches).T)
@@ -247,7 +247,7 @@ def test_the_printed_digits_tell_the_variants_apart_where_they_can() -> None:
 # ------------------------------------------------------------------------------ other formulas
 
 
-def test_the_injection_is_subtracted_in_the_transformed_equation() -> None:
+def test_injection_is_subtracted_in_the_transformed_equation() -> None:
     # {I + dT/dz} (A z + L0 y): with y = h(x) and the plus sign not even the linear terms agree.
     case, T = van_der_pol(), right("van der pol", 5)
     x = list(T[0].ring.gens)
@@ -257,7 +257,7 @@ def test_the_injection_is_subtracted_in_the_transformed_equation() -> None:
     assert [parts(p, 1, 1) for p in printed] == [-4 * x[0], -8 * x[0]]  # 2 L0 H x
 
 
-def test_the_identity_observer_adds_the_gain_times_h_minus_y() -> None:
+def test_identity_observer_adds_the_gain_times_h_minus_y() -> None:
     system = van_der_pol().problem(5, exact=False).system
     injection = van_der_pol().problem(5, exact=False).injection
     gain = normal_form(system, 5, injection=injection).gain
@@ -280,7 +280,7 @@ def test_the_identity_observer_adds_the_gain_times_h_minus_y() -> None:
     np.testing.assert_allclose(slopes["corrected"], half, atol=1e-5)
 
 
-def test_the_sum_for_the_gain_must_end_at_k() -> None:
+def test_sum_for_the_gain_must_end_at_k() -> None:
     # T of order k has degree k + 1: its derivative has a part of degree k, which L_k must match.
     k = 4
     jacobian = [c.diff(v) for c in right("van der pol", k + 1) for v in variables(2)]
@@ -319,7 +319,7 @@ def sums(eigenvalues: list[Any], degree: int) -> list[Any]:
         ([[-2, 1, 0], [0, -3, 1], [0, 0, -5]], [-2, -3, -5], 2),
     ],
 )
-def test_the_eigenvalues_of_lemma_4_17(A: Any, eigenvalues: list[int], degree: int) -> None:
+def test_eigenvalues_agree_with_lemma_4_17(A: Any, eigenvalues: list[int], degree: int) -> None:
     t = sympy.Symbol("t")
     known = sympy.prod([t - value for value in sums(eigenvalues, degree)])
     assert sympy.expand(matrix_of_ad(A, degree).charpoly(t).as_expr() - known) == 0
@@ -328,7 +328,7 @@ def test_the_eigenvalues_of_lemma_4_17(A: Any, eigenvalues: list[int], degree: i
     assert not matrix_of_ad(A, degree).is_diagonal()
 
 
-def test_the_eigenvalues_of_lemma_4_17_when_they_are_complex() -> None:
+def test_complex_eigenvalues_agree_with_lemma_4_17() -> None:
     found = np.linalg.eigvals(np.array(matrix_of_ad([[-2, 1], [-5, 1]], 3), dtype=float))
     half = np.sqrt(11) / 2 * 1j
     wanted = np.array(sums([-0.5 + half, -0.5 - half], 3))
@@ -336,7 +336,7 @@ def test_the_eigenvalues_of_lemma_4_17_when_they_are_complex() -> None:
     assert max(distances.min(axis=0).max(), distances.min(axis=1).max()) < 1e-6
 
 
-def test_a_singular_ad_is_no_obstacle_once_the_gain_is_unknown() -> None:
+def test_singular_ad_is_harmless_if_the_gain_is_unknown() -> None:
     """Remark 4.19 is about a given gain; eliminated, it puts F in place of one A."""
     case = van_der_pol((-5, -7))
     ad = matrix_of_ad(case.A, 3)
@@ -360,14 +360,14 @@ def test_a_singular_ad_is_no_obstacle_once_the_gain_is_unknown() -> None:
     np.testing.assert_allclose(form.T.coefficients, T.astype(float), atol=1e-12)
 
 
-def test_the_generator_has_one_degree_more_than_remark_4_22_says() -> None:
+def test_generator_degree_is_one_above_remark_4_22() -> None:
     for m, U in enumerate(recursion(GENERIC, 5).U):
         assert {sum(powers) for p in U for powers in p.monoms()} == {m + 2}
     # As ad_Ax keeps the degree, (21) could not hold otherwise: f_1 is quadratic.
     assert lowest_degree(parts(p, 2, 2) for p in GENERIC.f) == 2
 
 
-def test_the_second_row_of_the_triangle_ends_with_f_0_1() -> None:
+def test_second_row_of_the_triangle_ends_with_f_0_1() -> None:
     # (15) for some f and U: f_i^(m) has degree i + m + 1, and so one degree in each row.
     x = variables(2)
     f = [

@@ -51,7 +51,7 @@ def largest_exponent(kind: str, order: int, count: int = 4000, *, cubic: bool = 
     return float(floquet_exponents(van_der_pol_cycle(), slopes(x) + gain @ fed)[0])
 
 
-def test_period_of_van_der_pol() -> None:
+def test_limit_cycle_of_van_der_pol_agrees_with_known_values() -> None:
     cycle = van_der_pol_cycle()
     assert cycle.period == pytest.approx(PERIOD, abs=2e-12)
     x = cycle.points(720)
@@ -62,7 +62,7 @@ def test_period_of_van_der_pol() -> None:
     np.testing.assert_allclose(exponents, [0.0, 1 - 2.0593769948], atol=1e-9)
 
 
-def test_sum_of_the_exponents_with_a_constant_gain() -> None:
+def test_sum_of_exponents_agrees_with_liouville_for_constant_gain() -> None:
     """By Liouville it is the mean trace, -2 + 1 - <x1^2>; here both have the same real part."""
     x = van_der_pol_cycle().points(4000)
     exponents = floquet_exponents(van_der_pol_cycle(), slopes(x) + L0H)
@@ -72,7 +72,7 @@ def test_sum_of_the_exponents_with_a_constant_gain() -> None:
 
 
 @pytest.mark.parametrize(("kind", "order"), [(kind, order) for kind in GAINS for order in (2, 4)])
-def test_trace_formula_for_any_gain(kind: str, order: int) -> None:
+def test_sum_of_exponents_agrees_with_the_trace_for_any_gain(kind: str, order: int) -> None:
     x = van_der_pol_cycle().points(4000)
     gain = exact_gain(kind, order)
     jacobians = slopes(x) + np.array([gain(point) @ L0H for point in x])
@@ -82,14 +82,14 @@ def test_trace_formula_for_any_gain(kind: str, order: int) -> None:
     assert exponents[0] == pytest.approx(largest_exponent(kind, order), abs=1e-11)
 
 
-def test_the_exponents_of_the_figure() -> None:
+def test_exponents_of_the_figure_agree_with_the_cycle() -> None:
     assert largest_exponent("series", 0) == pytest.approx(-1.5296884974, abs=1e-9)
     assert largest_exponent("series", 4) == pytest.approx(-1.0669219076, abs=1e-8)
     assert largest_exponent("series", 2) == pytest.approx(0.19606127, abs=1e-6)
     assert largest_exponent("jacobian", 2, cubic=True) == pytest.approx(-0.5, abs=1e-9)
 
 
-def test_an_independent_fundamental_matrix() -> None:
+def test_fundamental_matrix_agrees_with_an_independent_integration() -> None:
     cycle, gain = van_der_pol_cycle(), exact_gain("series", 4)
 
     def right(_: float, values: Array) -> Any:
@@ -106,14 +106,14 @@ def test_an_independent_fundamental_matrix() -> None:
     )
 
 
-def test_order_four_in_the_number_of_points() -> None:
+def test_error_is_of_order_four_in_the_number_of_points() -> None:
     counts = np.array([400, 800, 1600])
     exact = largest_exponent("series", 4, 16_000)
     errors = [abs(largest_exponent("series", 4, count) - exact) for count in counts]
     assert np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(-4.0, abs=0.4)
 
 
-def test_constant_matrices_have_their_eigenvalues_for_exponents() -> None:
+def test_exponents_of_constant_matrices_are_their_eigenvalues() -> None:
     cycle = van_der_pol_cycle()
     J = np.array([[-2.0, 1.0, 0.0], [-5.0, 1.0, 0.0], [1.0, 2.0, -0.3]])
     exponents = floquet_exponents(cycle, np.broadcast_to(J, (4000, 3, 3)))
@@ -121,7 +121,7 @@ def test_constant_matrices_have_their_eigenvalues_for_exponents() -> None:
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_a_fundamental_matrix_that_overflows_is_refused() -> None:
+def test_overflowing_fundamental_matrix_is_refused() -> None:
     cycle = van_der_pol_cycle()
     huge = np.broadcast_to(1e90 * np.eye(2), (4, 2, 2))
     with pytest.raises(InputError, match="the fundamental matrix is not"):
@@ -129,14 +129,14 @@ def test_a_fundamental_matrix_that_overflows_is_refused() -> None:
 
 
 @pytest.mark.parametrize("shape", [(3, 2, 2), (4, 2, 3), (0, 2, 2), ()])
-def test_jacobians_of_a_wrong_shape_are_refused(shape: tuple[int, ...]) -> None:
+def test_jacobians_of_wrong_shape_are_refused(shape: tuple[int, ...]) -> None:
     said = f"jacobians: has shape {shape}, must be (2 m, n, n)"
     with pytest.raises(InputError) as error:
         floquet_exponents(van_der_pol_cycle(), np.ones(shape))
     assert str(error.value) == said
 
 
-def test_a_cycle_that_is_a_circle() -> None:
+def test_circular_limit_cycle_has_known_exponents() -> None:
     """x' = J x + x (1 - |x|^2) turns once in 2 pi on the unit circle and comes to it as e^-2t."""
     circle = system(
         "x1 + x2 - x1*(x1**2 + x2**2)", "-x1 + x2 - x2*(x1**2 + x2**2)", "-3*x3 + x1**2"
@@ -162,17 +162,17 @@ NO_CYCLE = {
 
 
 @pytest.mark.parametrize("case", NO_CYCLE)
-def test_no_limit_cycle(case: str) -> None:
+def test_system_without_limit_cycle_is_refused(case: str) -> None:
     dynamics, start, settle = NO_CYCLE[case]
     with pytest.raises(InputError, match=r"^initial_state: leads to no limit cycle within"):
         limit_cycle(system(*dynamics), start, settle)
 
 
-def test_an_escape_in_finite_time() -> None:
+def test_system_escaping_in_finite_time_is_refused() -> None:
     with np.errstate(all="ignore"), pytest.raises(InputError, match="no limit cycle"):
         limit_cycle(system("x1 + x1**3", "-x2"), [1.0, 0.0], 20.0)
 
 
-def test_an_initial_state_of_another_size() -> None:
+def test_initial_state_of_wrong_size_is_refused() -> None:
     with pytest.raises(InputError, match=r"^initial_state: has shape \(3,\), must be a list of 2"):
         limit_cycle(system("x2", "-x1 - x2"), [1.0, 0.0, 0.0], 20.0)

@@ -37,7 +37,7 @@ def found(form: str, quantity: str, *cubic: float) -> float:
     return float(value)
 
 
-def test_the_injection_that_is_exact_errs_as_its_transformed_form_does() -> None:
+def test_exact_injection_has_the_error_of_the_transformed_form() -> None:
     """With (1/3, 1/3) y^3 the series end, and both forms are one."""
     ratio = found("cubic", "median_ise_ratio", 1 / 3, 1 / 3)
     assert ratio == pytest.approx(found("injection", "median_ise_ratio"), rel=1e-4)
@@ -46,7 +46,7 @@ def test_the_injection_that_is_exact_errs_as_its_transformed_form_does() -> None
     assert share == found("injection", "share_better")
 
 
-def test_a_coefficient_below_zero_does_better() -> None:
+def test_negative_coefficient_has_smaller_error() -> None:
     for second in (-1 / 3, 0.0, 1 / 3):
         shares = [found("cubic", "share_better", first, second) for first in (-1 / 3, 1 / 3)]
         assert shares[0] >= 0.5 > shares[1]
@@ -55,20 +55,20 @@ def test_a_coefficient_below_zero_does_better() -> None:
     assert found("constant", "share_better") == 0
 
 
-def test_a_run_that_diverges_is_no_better_and_of_no_ratio() -> None:
+def test_diverging_run_is_not_better_and_has_no_ratio() -> None:
     ise, reference = [1.0, np.nan, 4.0], [2.0, 2.0, 2.0]
     assert share_better(ise, reference) == pytest.approx(1 / 3)
     assert ratios(ise, reference).tolist() == [0.5, np.inf, 2.0]
 
 
-def test_settings_as_drawings_write_them() -> None:
+def test_figure_labels_state_the_settings() -> None:
     terms = [(1, 1, -2), (2, 1, -4), (1, 3, 0.3333333333333333), (2, 3, -0.9)]
     injection = [{"component": c, "powers": [p], "coefficient": v} for c, p, v in terms]
     assert vector(injection) == "(−2 y + 1/3 y³, −4 y − 0.9 y³)"
     assert pair([2.0, 0.5]) == "(2, 0.5)"
 
 
-def test_every_observer_has_a_line_of_its_own() -> None:
+def test_every_observer_has_its_own_line() -> None:
     assert set(OBSERVERS) == set(evaluator().parameters.tree["observers"])
     for kept in (OBSERVERS.values(), [style for style, _ in FORMS.values()]):
         styles = list(kept)

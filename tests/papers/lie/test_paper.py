@@ -107,7 +107,7 @@ def figure_of(observer: str) -> dict[tuple[str, str], float]:
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
-def test_errors_of_the_figure(observer: str) -> None:
+def test_errors_of_the_figure_agree_with_an_integration(observer: str) -> None:
     error, found = error_of(observer), figure_of(observer)
     squares = STEP * (np.sum(error**2, axis=0) - 0.5 * (error[0] ** 2 + error[-1] ** 2))
     size = np.linalg.norm(error, axis=1)
@@ -124,7 +124,7 @@ def test_errors_of_the_figure(observer: str) -> None:
     assert found[observer, "decay_rate"] == pytest.approx(slope, rel=1e-5, abs=1e-8)
 
 
-def test_what_follows_from_the_figure() -> None:
+def test_conclusions_of_the_figure_hold() -> None:
     value = {**measured("fig1_forms"), **measured("fig1")}
     # Order 4 gains in the total, and loses in what is measured, at the end and in the long run.
     assert 0.89 < value["order4", "ise"] / value["constant", "ise"] < 0.9
@@ -138,7 +138,7 @@ def test_what_follows_from_the_figure() -> None:
     assert value["cycle", "period"] == pytest.approx(6.6632868593231, abs=1e-10)
 
 
-def test_orders_by_the_study() -> None:
+def test_study_of_orders_agrees_with_known_results() -> None:
     value = measured("fig1_orders")
     for order in (0, 4, 8):
         assert value.at("series", "ise", order=order) == value.at("series", "ise", order=order + 1)
@@ -150,7 +150,7 @@ def test_orders_by_the_study() -> None:
     assert len(orders) == 1
 
 
-def test_scoring_of_a_known_error() -> None:
+def test_scores_of_a_known_error_are_exact() -> None:
     time = np.arange(4001) * 0.005
     error = np.stack([np.exp(-0.5 * time), 2 * np.exp(-0.5 * time)], axis=1)
     np.testing.assert_allclose(integral_of_squares(error, 0.005), [1, 4], rtol=1e-5)
@@ -161,7 +161,7 @@ def test_scoring_of_a_known_error() -> None:
     assert settling_time(np.zeros((10, 2)), 0.1, 0.02) == 0.0
 
 
-def test_all_of_the_ensemble_start_from_the_estimate_of_the_first() -> None:
+def test_ensemble_shares_the_initial_estimate() -> None:
     """The one state that is that estimate is left out: there is no error to begin with."""
     settings = deepcopy(evaluator().parameters.settings("study", "ensemble"))
     settings["study"].update(half_width=0.5, points=3, orders=[2])
@@ -203,7 +203,7 @@ def test_all_ten_printed_coefficients_agree() -> None:
     assert all(float(row["computed"]) == pytest.approx(float(row["decimal"])) for row in rows)
 
 
-def test_a_table_goes_up_to_the_degree_of_its_design_and_no_further() -> None:
+def test_table_ends_at_the_degree_of_its_design() -> None:
     def of_degree(degree: int) -> Callable[[dict[str, Any]], None]:
         def change(settings: dict[str, Any]) -> None:
             settings["design"]["degree"] = 5
@@ -217,7 +217,7 @@ def test_a_table_goes_up_to_the_degree_of_its_design_and_no_further() -> None:
         table_rows(of_degree(6))
 
 
-def test_exact_coefficients_by_another_arithmetic() -> None:
+def test_exact_coefficients_agree_with_another_arithmetic() -> None:
     """T as the inverse of S, worked out on polynomials of sympy."""
     S = exact_series(5)[0]
     wanted = {
@@ -244,7 +244,7 @@ def _powers(term: str) -> tuple[int, int]:
     [("-0.101852", "yes"), ("-0.10185", "yes"), ("-0.102", "yes"), ("-0.101853", "no"),
      ("-0.101851", "no"), ("0.101852", "no"), ("-0.1018519", "yes"), ("-0.1018520", "no")],
 )  # fmt: skip
-def test_a_digit_that_is_wrong(text: str, agrees: str) -> None:
+def test_wrong_digit_of_a_printed_coefficient_is_detected(text: str, agrees: str) -> None:
     def change(settings: dict[str, Any]) -> None:
         settings["table"]["printed"][0]["text"] = text
 
@@ -252,10 +252,10 @@ def test_a_digit_that_is_wrong(text: str, agrees: str) -> None:
     assert printed == [agrees] + ["yes"] * 9
 
 
-def test_the_config_is_accepted() -> None:
+def test_config_is_accepted() -> None:
     check_parameters(evaluator().parameters)
 
 
-def test_the_gain_of_the_figure_is_not_the_constant_one() -> None:
+def test_gain_of_the_figure_is_not_constant() -> None:
     """A guard for the reference itself: L(x) differs from I where the observers run."""
     assert np.max(np.abs(exact_gain("series", 4)(START) - np.eye(2))) > 0.5

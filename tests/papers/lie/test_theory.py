@@ -67,7 +67,7 @@ def theory() -> dict[tuple[str, str], float]:
     return {(m.observer, m.metric): m.value for m in evaluator().theory()}
 
 
-def test_numbers_that_are_known() -> None:
+def test_theory_numbers_agree_with_known_values() -> None:
     value = theory()
     # A has the trace -1 and the determinant 3
     error = np.sqrt(11) / 2 - 1.65831
@@ -77,7 +77,7 @@ def test_numbers_that_are_known() -> None:
     assert value["nonlinear", "inverse_radius"] == 0
 
 
-def test_what_is_exact_is_zero() -> None:
+def test_exact_quantities_have_zero_error() -> None:
     value = theory()
     for name in ("linear", "random", "unobservable"):
         assert value[name, "largest_residual"] == 0
@@ -86,7 +86,7 @@ def test_what_is_exact_is_zero() -> None:
     assert value["ad", "off_diagonal"] == 0
 
 
-def test_the_printed_eigenvalues_leave_one_output() -> None:
+def test_printed_eigenvalues_determine_the_output() -> None:
     """Two equations for the two entries of H, whose only solution is y = x1."""
     h1, h2 = sympy.symbols("h1 h2")
     A = sympy.Matrix([[0, 1], [-1, 1]]) + sympy.Matrix([-2, -4]) * sympy.Matrix([[h1, h2]])
@@ -99,7 +99,7 @@ def test_the_printed_eigenvalues_leave_one_output() -> None:
         design_stage.compute(settings)
 
 
-def test_the_errors_that_are_compared_are_those_of_the_ensemble() -> None:
+def test_compared_errors_are_those_of_the_ensemble() -> None:
     """The whole state in one, its components in the other, from the same initial states."""
     outcome = Outcome((1.0, 2.0), 3.0, diverged=False)
     assert (outcome.ise, outcome.ise_of("x"), outcome.ise_of("x1"), outcome.ise_of("x2")) == (
@@ -113,7 +113,7 @@ def test_the_errors_that_are_compared_are_those_of_the_ensemble() -> None:
     assert theory()["identity", "share_settled"] == 1
 
 
-def test_the_operations_of_the_methods(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_operation_counts_support_the_claim(monkeypatch: pytest.MonkeyPatch) -> None:
     """The claim `lie_is_faster`: T degree by degree takes half to a tenth of the operations."""
     done: list[str] = []
 
@@ -143,7 +143,7 @@ def test_the_operations_of_the_methods(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 2 < ratios[0] < ratios[1] < ratios[2] < 12
 
 
-def test_decays_near_the_origin_are_those_of_the_slowest_mode() -> None:
+def test_decay_near_the_origin_follows_the_slowest_mode() -> None:
     # A node, x' = -x and -3 x: after a while the state is its first component.
     x1, x2 = variables(2)
     (y,) = variables(1)
@@ -168,7 +168,7 @@ def test_decays_near_the_origin_are_those_of_the_slowest_mode() -> None:
     )
 
 
-def test_the_system_of_the_siegel_domain() -> None:
+def test_siegel_domain_system_has_the_stated_eigenvalues() -> None:
     """F has its eigenvalues on the imaginary axis, A its own where the parameters say."""
     problem = theory_stage.siegel(read_job(keys.Parameters, settings_of_theory()).theory)
     assert np.allclose(np.linalg.eigvals(problem.F).real, 0.0)
@@ -186,20 +186,20 @@ def settings_of_theory() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4])
-def test_the_matrix_of_ad_by_another_arithmetic(degree: int) -> None:
+def test_matrix_of_ad_agrees_with_another_arithmetic(degree: int) -> None:
     A = [[QQ(-2), QQ(1)], [QQ(-5), QQ(1)]]
     wanted = np.array(matrix_of_ad(A, degree), dtype=float)
     np.testing.assert_array_equal(ad_matrix(np.array([[-2.0, 1.0], [-5.0, 1.0]]), degree), wanted)
 
 
-def test_sums_of_eigenvalues_by_hand() -> None:
+def test_sums_of_eigenvalues_agree_with_hand_calculation() -> None:
     found = np.sort(sums_of_eigenvalues(np.diag([-1.0, -3.0]), 2).real)
     # -2, -4, -6 plus 1 or plus 3
     np.testing.assert_allclose(found, [-5, -3, -3, -1, -1, 1])
 
 
 @pytest.mark.parametrize("unobservable", [False, True])
-def test_random_problems(unobservable: bool) -> None:
+def test_random_problems_have_the_requested_properties(unobservable: bool) -> None:
     for k in range(3):
         problem = random_problem(random_stream(7, "t", str(k)), 3, 3, 3, unobservable=unobservable)
         system = problem.system
@@ -218,7 +218,7 @@ def test_random_problems(unobservable: bool) -> None:
         assert systems.lowest_degree(difference(S, variables(3))) == 2
 
 
-def test_a_resonant_problem_is_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resonant_problem_is_sampled_again(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse_once(problem: Any) -> None:
         monkeypatch.undo()
         first.append(problem)
@@ -231,7 +231,7 @@ def test_a_resonant_problem_is_drawn_again(monkeypatch: pytest.MonkeyPatch) -> N
     assert not np.array_equal(first[0].A, second.A)
 
 
-def test_a_wrong_series_is_found_out() -> None:
+def test_wrong_series_is_detected() -> None:
     problem = van_der_pol().problem(5)
     right = Solutions(problem)
     assert (right.difference(), right.residual()) == (0, 0)
@@ -247,7 +247,7 @@ def test_a_wrong_series_is_found_out() -> None:
     assert other.residual() >= 1
 
 
-def test_runs_tell_a_linear_error_from_another() -> None:
+def test_runs_distinguish_linear_from_nonlinear_errors() -> None:
     case = Case([2.0, 0.5], [0.0, 0.0], 5.0, 2e-3)
     exact, truncated = form(5, with_cubic=True), form(5)
     assert deviation_from_linear(exact, 2, case) < 1e-11
@@ -262,7 +262,7 @@ def test_runs_tell_a_linear_error_from_another() -> None:
     assert np.log2(near[0] / near[1]) == pytest.approx(6.0, abs=0.3)
 
 
-def test_the_share_of_pole_choices_by_another_count() -> None:
+def test_share_of_pole_choices_agrees_with_another_count() -> None:
     stated = read_job(keys.Parameters, settings_of_theory()).theory
     rules = replace(
         stated, seed=5, printed_degree=3, poles=[-1.0, -3.0], choices=40, tries=2, margin=0.05
@@ -288,7 +288,7 @@ def test_the_share_of_pole_choices_by_another_count() -> None:
     assert 0 < far < 40
 
 
-def test_the_least_ratio_is_over_initial_states() -> None:
+def test_minimum_ratio_is_taken_over_initial_states() -> None:
     def row(name: str, order: int, quantity: str, value: float) -> dict[str, Any]:
         return {"form": name, "order": order, "quantity": quantity, "value": value}
 
@@ -309,7 +309,7 @@ def test_the_least_ratio_is_over_initial_states() -> None:
 
 
 @pytest.mark.parametrize("degree", [2, 3])
-def test_one_degree_with_a_wrong_spectrum_shows(
+def test_wrong_spectrum_at_one_degree_is_detected(
     monkeypatch: pytest.MonkeyPatch, degree: int
 ) -> None:
     """The number is the worst over the degrees of the parameter file, whichever that is."""

@@ -20,7 +20,7 @@ SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
 @pytest.mark.parametrize("paper", ["delay", "ilo", "imm", "lie"])
-def test_a_theory_in_parts_gives_what_it_gives_whole(paper: str) -> None:
+def test_theory_computed_in_parts_agrees_with_the_whole(paper: str) -> None:
     """With a few claims, each at a sample of all its choices."""
     parameters = Parameters.load(ROOT, paper, seed=SEED)
     claims = [

@@ -83,25 +83,25 @@ def first(code: Code) -> Robustness:
     return one
 
 
-def test_what_is_kept_is_what_would_be_drawn(code: Code, first: Robustness) -> None:
+def test_cached_samples_equal_new_samples(code: Code, first: Robustness) -> None:
     again = found(claim(620), {"it": first.to_keep}, samples=60)
     assert as_made(again) == first
     assert code.calls == 1 + 2  # as stated, and the first two samples
     assert again.cached == 58 or first.refused[0] < 2
 
 
-def test_more_are_drawn_than_are_kept(code: Code, first: Robustness) -> None:
+def test_missing_samples_are_added_to_cached_ones(code: Code, first: Robustness) -> None:
     longer = found(claim(620), {"it": first.to_keep}, samples=80)
     assert longer.samples == 80
     assert longer.trials[:60] == first.trials
     assert as_made(longer) == found(claim(620), samples=80)
 
 
-def test_fewer_draws_than_are_kept_lose_none(first: Robustness) -> None:
+def test_requesting_fewer_samples_keeps_all_cached_ones(first: Robustness) -> None:
     assert as_made(found(claim(620), {"it": first.to_keep}, samples=20)) == first
 
 
-def test_a_change_of_the_code_is_noticed(code: Code, first: Robustness) -> None:
+def test_change_of_the_code_invalidates_cached_samples(code: Code, first: Robustness) -> None:
     code.factor = 1.001
     moved = found(claim(620), {"it": first.to_keep}, samples=60)
     assert moved.cached == 0
@@ -111,7 +111,7 @@ def test_a_change_of_the_code_is_noticed(code: Code, first: Robustness) -> None:
 
 
 @pytest.mark.parametrize("what", ["bound", "seed", "value"])
-def test_other_claims_and_parameter_files_take_nothing(
+def test_cached_samples_are_not_used_for_other_claims_or_parameters(
     code: Code, first: Robustness, what: str
 ) -> None:
     parameters = ILO
@@ -123,7 +123,7 @@ def test_other_claims_and_parameter_files_take_nothing(
     assert found(one, {"it": first.to_keep}, 60, parameters).cached == 0
 
 
-def test_a_damaged_file_is_reported(code: Code, first: Robustness, tmp_path: Path) -> None:
+def test_damaged_file_is_reported(code: Code, first: Robustness, tmp_path: Path) -> None:
     path = tmp_path / samples_path("ilo")
     keep(tmp_path, "ilo", {"it": first})
     assert read_cached(path, "ilo") == {"it": first.to_keep}
@@ -136,7 +136,7 @@ def test_a_damaged_file_is_reported(code: Code, first: Robustness, tmp_path: Pat
         read_cached(path, "ilo")
 
 
-def test_no_flip_is_kept_where_nobody_looked(code: Code, tmp_path: Path) -> None:
+def test_unsearched_reversal_is_not_cached(code: Code, tmp_path: Path) -> None:
     silent = assess(Evaluator(ILO), [claim()], 20, reversals=False)
     keep(tmp_path, "ilo", silent)
     assert read_cached(tmp_path / samples_path("ilo"), "ilo") == {}
@@ -145,7 +145,7 @@ def test_no_flip_is_kept_where_nobody_looked(code: Code, tmp_path: Path) -> None
     assert looked.reversal is not None
 
 
-def test_draws_are_alike_but_for_rounding() -> None:
+def test_samples_agree_up_to_rounding() -> None:
     assert alike((1.0, float("nan"), float("inf")), (1.0 + 1e-9, float("nan"), float("inf")))
     assert not alike((1.0,), (1.0 + 1e-5,))
     assert not alike((), None)
@@ -155,7 +155,7 @@ def test_draws_are_alike_but_for_rounding() -> None:
 
 
 @pytest.mark.parametrize("paper", ["delay", "eso", "ilo", "imm", "lie"])
-def test_draws_are_kept_of_every_claim_as_it_is(paper: str) -> None:
+def test_every_claim_has_current_cached_samples(paper: str) -> None:
     """Where this fails, `make samples` makes those that are missing."""
     parameters = default_parameters(ROOT, paper)
     claims = [one for one in read_registry(ROOT, parameters).claims if one.checks and one.choices]
@@ -165,7 +165,7 @@ def test_draws_are_kept_of_every_claim_as_it_is(paper: str) -> None:
     }
 
 
-def test_the_command_goes_on_and_checks(
+def test_samples_command_resumes_and_checks(
     code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     project = tmp_path / "project"

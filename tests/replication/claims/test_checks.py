@@ -47,14 +47,14 @@ def check(**body: Any) -> Check:
         ({"value": "theory bound none", "over": "theory bound none", "below": 1}, False),  # nan
     ],
 )  # fmt: skip
-def test_a_check_holds_where_arithmetic_says_so(body: dict[str, Any], holds: bool) -> None:
+def test_check_holds_as_computed_by_hand(body: dict[str, Any], holds: bool) -> None:
     asked = check(**body)
     assert asked.holds(NUMBERS) is holds
     # One number tells as much as all of them.
     assert asked.satisfied_by(asked.deciding(NUMBERS)) is holds
 
 
-def test_a_number_of_a_study_is_named_by_its_coordinates() -> None:
+def test_study_number_is_selected_by_its_coordinates() -> None:
     numbers = {"fig1": {("a", "error gain=2 noise=1e-05"): 0.5}}
     for text in ("error gain=2 noise=1e-05", "error noise=1.0e-5 gain=2.0"):
         one = check(value=f"fig1 a {text}", below=1)
@@ -62,7 +62,7 @@ def test_a_number_of_a_study_is_named_by_its_coordinates() -> None:
         assert one.measured(numbers) == "fig1 a error gain=2 noise=1e-05 = 0.5, must be below 1"
 
 
-def test_one_reference_serves_a_whole_list() -> None:
+def test_single_reference_applies_to_a_whole_list() -> None:
     both = check(value=["fig1 a error", "fig1 b error"], over="fig1 b error", within=[0.2, 1])
     assert both.values(NUMBERS) == pytest.approx([0.2, 1.0])
     assert both.references == (
@@ -71,7 +71,7 @@ def test_one_reference_serves_a_whole_list() -> None:
     )
 
 
-def test_a_reader_is_reported_the_number_and_what_is_asked() -> None:
+def test_check_reports_the_number_and_the_condition() -> None:
     one = check(value="fig1 a error", below=0.03)
     assert one.measured(NUMBERS) == "fig1 a error = 0.02, must be below 0.03"
     ratio = check(value="fig1 a error", over="fig1 b error", above=1)
@@ -97,7 +97,7 @@ def test_a_reader_is_reported_the_number_and_what_is_asked() -> None:
         ("fig1 a delay", "metric: fig1 has no 'delay' of a; there are: error"),
     ],
 )
-def test_a_number_that_nobody_has_is_one_sentence(text: str, said: str) -> None:
+def test_unknown_number_is_reported_in_one_sentence(text: str, said: str) -> None:
     with pytest.raises(InputError) as caught:
         check(value=text, below=1).holds(NUMBERS)
     assert str(caught.value) == said
@@ -136,7 +136,7 @@ def test_a_number_that_nobody_has_is_one_sentence(text: str, said: str) -> None:
         ),
     ],
 )
-def test_a_check_that_is_none_is_one_sentence(body: dict[str, Any], said: str) -> None:
+def test_invalid_check_is_reported_in_one_sentence(body: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError) as caught:
         Check.parse(body)
     assert str(caught.value) == said
@@ -146,7 +146,7 @@ def test_a_check_that_is_none_is_one_sentence(body: dict[str, Any], said: str) -
     ("bound", "relation", "worst"),
     [([1, 3], "within", "3.5"), (2, "below", "3.5"), (2, "above", "1.2")],
 )
-def test_the_worst_of_a_list_is_farthest_from_what_is_asked(
+def test_worst_of_a_list_is_farthest_from_the_condition(
     bound: Any, relation: str, worst: str
 ) -> None:
     """3.5 is 1.5 off the middle of 1 and 3, and 1.2 is 0.8 off."""

@@ -36,7 +36,7 @@ def values(start: Parameters, pattern: str, count: int = 4000) -> np.ndarray:
     )
 
 
-def test_a_magnitude_is_drawn_evenly_over_decades() -> None:
+def test_magnitude_is_sampled_log_uniformly() -> None:
     drawn = values(ILO, GAIN)  # 500 to 5000: a decade
     assert drawn.min() >= 500
     assert drawn.max() <= 5000
@@ -44,19 +44,19 @@ def test_a_magnitude_is_drawn_evenly_over_decades() -> None:
     assert abs(share - math.log10(2)) < 4 * math.sqrt(0.21 / len(drawn))
 
 
-def test_a_number_stays_whole_only_if_its_value_and_its_range_are() -> None:
+def test_sampled_number_is_integer_only_if_value_and_range_are() -> None:
     assert Knob(("a",), (), 2, (1, 4)).at(0.6) == 3
     assert Knob(("a",), (), 2, (1, 3.5)).at(0.6) == pytest.approx(2.5)
     assert Knob(("a",), (), 2.0, (1, 3)).at(0.7) == pytest.approx(2.4)
 
 
-def test_a_shorter_range_is_drawn_evenly() -> None:
+def test_narrow_range_is_sampled_uniformly() -> None:
     drawn = values(parameters(mass={"value": 2.0, "range": [1.0, 5.0]}), "plant.mass")
     assert abs(np.mean(drawn) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(drawn))
     assert abs(np.mean(drawn < 2.0) - 0.25) < 4 * math.sqrt(0.19 / len(drawn))
 
 
-def test_numbers_of_a_vector_are_drawn_each_by_its_pattern() -> None:
+def test_vector_entries_are_sampled_by_their_patterns() -> None:
     start = parameters(noise={"value": [1.0, 2.0, 3.0], "range": {"0": [0, 1], "2": [3.0, 3.5]}})
     drawn = values(start, "plant.noise", 200)
     assert np.all((drawn[:, 0] >= 0) & (drawn[:, 0] <= 1))
@@ -65,14 +65,14 @@ def test_numbers_of_a_vector_are_drawn_each_by_its_pattern() -> None:
     assert np.ptp(drawn[:, 2]) > 0.4
 
 
-def test_two_patterns_allow_what_both_do() -> None:
+def test_overlapping_patterns_allow_only_common_values() -> None:
     spans = {"*.size": [0.0, 1.0], "0.size": [0.25, 2.0]}
     start = parameters(fault={"value": [{"kind": "constant", "size": 0.5}], "range": spans})
     (knob,) = find_choice(start, "plant.fault").knobs
     assert (knob.name, knob.span) == ("plant.fault.0.size", (0.25, 1.0))
 
 
-def test_whole_numbers_stay_whole_and_words_are_words() -> None:
+def test_sampled_integers_stay_integers_and_words_stay_words() -> None:
     drawn = values(parameters(order={"value": 2, "range": [1, 4]}), "plant.order")
     assert set(drawn.tolist()) == {1, 2, 3, 4}
     drawn = values(
@@ -81,7 +81,7 @@ def test_whole_numbers_stay_whole_and_words_are_words() -> None:
     assert abs(np.mean(drawn == "A") - 0.5) < 0.1
 
 
-def test_draws_keep_to_the_grid_that_the_code_asks_for() -> None:
+def test_samples_lie_on_the_required_grid() -> None:
     start = parameters(hold={"value": 0.3, "range": [0.05, 1.0], "multiple_of": 0.1})
     drawn = values(start, "plant.hold", 400)
     grid = {0.05} | {round(0.1 * k, 1) for k in range(1, 11)}  # the ends are always allowed
@@ -95,7 +95,7 @@ def test_draws_keep_to_the_grid_that_the_code_asks_for() -> None:
     assert not np.all(drawn[:, 0] * 2 == np.round(drawn[:, 0] * 2))
 
 
-def test_a_pattern_moves_its_keys_together() -> None:
+def test_pattern_moves_its_keys_together() -> None:
     choice = find_choice(ILO, "observers.*.K2")
     assert len(choice.keys) == 3
     assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
@@ -107,7 +107,7 @@ def test_a_pattern_moves_its_keys_together() -> None:
     assert ILO.section("observers", "sampled")["K2"] == 5000.0  # untouched
 
 
-def test_the_seed_can_be_drawn() -> None:
+def test_seed_can_be_sampled() -> None:
     choice = find_choice(ILO, "seed")
     assert choice.names == ("seed",)
     samples = [sample(ILO, [choice], k) for k in range(5)]
@@ -116,7 +116,7 @@ def test_the_seed_can_be_drawn() -> None:
     assert len(seeds) == 5
 
 
-def test_a_place_in_the_range_is_where_its_value_stands() -> None:
+def test_range_position_maps_to_its_value() -> None:
     (knob,) = find_choice(ILO, GAIN).knobs
     assert knob.place(500) == 0
     assert knob.place(5000) == pytest.approx(1)
@@ -143,20 +143,20 @@ def test_a_place_in_the_range_is_where_its_value_stands() -> None:
         ("plant.step", "depends_on: plant.step is a numerical resolution, no choice"),
     ],
 )
-def test_what_is_no_choice_is_one_sentence(pattern: str, said: str) -> None:
+def test_invalid_choice_is_reported_in_one_sentence(pattern: str, said: str) -> None:
     with pytest.raises(InputError) as caught:
         find_choice(ILO, pattern)
     assert str(caught.value) == said
 
 
-def test_rounding_to_the_grid_does_not_leave_the_range() -> None:
+def test_rounding_to_the_grid_stays_within_the_range() -> None:
     """The ends 0.16 and 0.98 round to 0.2 and, were it inside, to 1.0."""
     start = parameters(spacing={"value": 0.5, "range": [0.16, 0.98], "multiple_of": 0.1})
     (knob,) = find_choice(start, "plant.spacing").knobs
     assert [knob.at(place) for place in (0.0, 0.5, 1.0)] == [0.2, 0.6, 0.98]
 
 
-def test_half_of_the_draws_take_a_value_that_the_paper_names() -> None:
+def test_half_of_the_samples_take_a_value_named_in_the_paper() -> None:
     drawn = values(
         parameters(mass={"value": 2.0, "range": [1.0, 5.0], "named": [1.0]}), "plant.mass"
     )

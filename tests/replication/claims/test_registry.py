@@ -42,7 +42,7 @@ def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
     return read_registry(tmp_path, ILO).claims
 
 
-def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
+def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
     one, other = registry(tmp_path, one=GOOD, other=OTHER)
     assert (one.statement, one.why) == ("It is accurate.", "A twentieth.")
     assert one.threshold == "after"
@@ -105,7 +105,7 @@ def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_claim_that_is_wrong_is_one_sentence(
+def test_invalid_claim_is_reported_in_one_sentence(
     tmp_path: Path, change: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -113,7 +113,7 @@ def test_a_claim_that_is_wrong_is_one_sentence(
     assert str(caught.value) == said
 
 
-def test_bounds_that_nobody_set_are_refused(tmp_path: Path) -> None:
+def test_threshold_without_a_source_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^claims\.ilo\.one\.threshold: is missing: say who set"):
         registry(tmp_path, one={key: GOOD[key] for key in GOOD if key != "threshold"})
 
@@ -130,7 +130,7 @@ def test_bounds_that_nobody_set_are_refused(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_registry_that_is_none_is_one_sentence(
+def test_invalid_registry_is_reported_in_one_sentence(
     tmp_path: Path, text: str | None, said: str
 ) -> None:
     registry(tmp_path, other=OTHER)
@@ -143,7 +143,7 @@ def test_a_registry_that_is_none_is_one_sentence(
     assert str(caught.value).removeprefix(f"{path}: ") == said
 
 
-def test_wording_decides_nothing() -> None:
+def test_wording_does_not_affect_the_digest() -> None:
     tree = {"limitations": "a", "choices": {"gains": ["b"]}, "claims": {"one": GOOD}}
     other = {**tree, "limitations": "c", "claims": {"one": {**GOOD, "statement": "d", "why": "e"}}}
     assert decisive(tree) == decisive(other)
@@ -152,13 +152,13 @@ def test_wording_decides_nothing() -> None:
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_the_registries_of_the_papers_are_sound(paper: str) -> None:
+def test_registries_of_the_papers_are_valid(paper: str) -> None:
     parameters = Parameters.load(ROOT, paper)
     claims = read_registry(ROOT, parameters).claims
     assert list(amiss(claims)) == []
 
 
-def test_claims_that_do_not_go_together_are_named() -> None:
+def test_inconsistent_claims_are_named() -> None:
     one, two, three = (Claim("ilo", name, statement=name, promised=("abstract",)) for name in "abc")
     assert list(amiss([one, two, three])) == []
     (said,) = amiss([replace(one, testable=False), Claim("ilo", "d", statement="d")])
@@ -169,7 +169,7 @@ def test_claims_that_do_not_go_together_are_named() -> None:
 
 
 @pytest.mark.parametrize("paper", ERRATA)
-def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
+def test_every_erratum_names_an_existing_test(paper: str) -> None:
     for erratum in read_errata(ROOT, paper):
         file, _, test = erratum.test.partition("::")
         text = (ROOT / file).read_text(encoding="utf-8")
@@ -177,7 +177,7 @@ def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
 
 
 @pytest.mark.parametrize("paper", ERRATA)
-def test_no_claim_depends_on_what_an_erratum_settles(paper: str) -> None:
+def test_no_claim_depends_on_a_choice_settled_by_an_erratum(paper: str) -> None:
     parameters = Parameters.load(ROOT, paper)
     known = {key for key, _ in parameters.entries()}
     drawn = {key for claim in read_registry(ROOT, parameters).claims for key in claim.keys}
@@ -196,7 +196,7 @@ def test_no_claim_depends_on_what_an_erratum_settles(paper: str) -> None:
         ({"corrected": "a"}, "corrected: is what is printed"),
     ],
 )
-def test_an_erratum_that_is_wrong_is_one_sentence(
+def test_invalid_erratum_is_reported_in_one_sentence(
     tmp_path: Path, change: dict[str, str], said: str
 ) -> None:
     words = {"place": "(1)", "printed": "a", "corrected": "b", "why": "c", "certainty": "likely"}
@@ -217,7 +217,7 @@ def test_an_erratum_that_is_wrong_is_one_sentence(
         {"expensive": True},
     ],
 )
-def test_over_what_is_drawn_is_decisive(change: dict[str, Any]) -> None:
+def test_sampled_choices_affect_the_digest(change: dict[str, Any]) -> None:
     assert decisive({"claims": {"one": GOOD}}) != decisive({"claims": {"one": {**GOOD, **change}}})
     groups = {"claims": {"one": GOOD}, "choices": {"gains": ["a"]}}
     assert decisive(groups) != decisive({**groups, "choices": {"gains": ["b"]}})

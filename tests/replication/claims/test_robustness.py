@@ -61,7 +61,7 @@ def found(one: Claim, samples: int = 400) -> Robustness:
     return assess(Evaluator(ILO), [one], samples)["it"]
 
 
-def test_the_share_is_that_of_the_range() -> None:
+def test_share_of_samples_agrees_with_the_range() -> None:
     """Near the line between the verdicts, so that no number of samples here decides."""
     one = found(claim("fig1 a gain", GAIN, above=630))  # 0.1 of a decade from 500
     assert one.firm is None
@@ -71,7 +71,7 @@ def test_the_share_is_that_of_the_range() -> None:
     assert one.share == one.held / 400
 
 
-def test_draws_end_when_they_decide() -> None:
+def test_sampling_stops_when_decided() -> None:
     turns_over = found(claim("fig1 a gain", GAIN, above=1000))
     assert turns_over.firm is False
     assert 20 <= turns_over.samples < 100
@@ -82,7 +82,7 @@ def test_draws_end_when_they_decide() -> None:
     assert fails.interval() == (0.0, pytest.approx(1 - holds.interval()[0]))
 
 
-def test_the_same_readers_are_asked_about_all_claims() -> None:
+def test_all_claims_use_the_same_samples() -> None:
     """What they set for one claim they set for another, and each ends when it is decided."""
     quick = claim("fig1 a gain", GAIN, above=1900)
     slow = replace(claim("fig1 a gain", FORGETTING, GAIN, above=400), name="slow")
@@ -92,20 +92,20 @@ def test_the_same_readers_are_asked_about_all_claims() -> None:
     assert gains[0] == gains[1][:20]
 
 
-def test_a_trial_keeps_what_was_chosen_and_what_came_out() -> None:
+def test_sample_stores_its_choices_and_outcome() -> None:
     one = found(claim("fig1 a gain", GAIN, above=400), 3)
     assert one.names == (GAIN,)
     assert [trial.outcome.numbers for trial in one.trials] == [t.values for t in one.trials]
     assert one.stated.numbers == (2000.0,)
 
 
-def test_draws_that_cannot_differ_are_reported() -> None:
+def test_samples_that_cannot_differ_are_reported() -> None:
     assert found(claim("fig1 a share", GAIN, above=0)).alike  # K1 does not move with the gain
     assert not found(claim("fig1 a gain", GAIN, above=0)).alike
     assert not found(claim("fig1 a share", GAIN, above=0), 7).alike  # too few to say
 
 
-def test_the_same_seed_draws_the_same_and_other_claims_do_not_matter() -> None:
+def test_samples_depend_on_the_seed_but_not_on_other_claims() -> None:
     one, other = (
         claim("fig1 a gain", GAIN, above=1000),
         claim("fig1 a share", FORGETTING, above=0.7),
@@ -115,7 +115,7 @@ def test_the_same_seed_draws_the_same_and_other_claims_do_not_matter() -> None:
     assert alone == both
 
 
-def test_the_smallest_change_is_found_to_a_part_of_the_range() -> None:
+def test_smallest_reversing_change_is_found_within_tolerance() -> None:
     """From 2000 to 1000 is log10(2) of a decade; the interval from 1/4 of the way is halved."""
     one = found(claim("fig1 a gain", GAIN, above=1000), 1)
     assert one.reversal is not None
@@ -126,7 +126,7 @@ def test_the_smallest_change_is_found_to_a_part_of_the_range() -> None:
     assert one.reversal.end == pytest.approx(2000 * 10**-one.reversal.size)
 
 
-def test_of_two_changes_the_smaller_is_reported() -> None:
+def test_smaller_of_two_reversing_changes_is_reported() -> None:
     """K1 reaches 0.91 after 0.02 of its range; the gain reaches 4000 after 0.3 of its own."""
     two = claim("fig1 a gain", GAIN, FORGETTING, below=4000)
     two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a share", "below": 0.91})))
@@ -137,7 +137,7 @@ def test_of_two_changes_the_smaller_is_reported() -> None:
     assert reversal.end >= 0.91
 
 
-def test_another_word_is_a_change_of_the_whole_range() -> None:
+def test_changing_a_word_counts_as_the_whole_range() -> None:
     one = claim("fig1 a variant", VARIANT, below=1.5)
     assert found(one, 1).reversal == Reversal(VARIANT, "1", "sampled", "forgetting", 1.0)
     assert found(claim("fig1 a variant", VARIANT, below=2.5), 1).reversal is None
@@ -148,14 +148,14 @@ def test_another_word_is_a_change_of_the_whole_range() -> None:
     assert reversal.key == GAIN  # which moves by less
 
 
-def test_a_claim_that_fails_is_flipped_too_and_one_that_cannot_flip_is_not() -> None:
+def test_failing_claim_is_reversed_too_if_possible() -> None:
     reversal = found(claim("fig1 a gain", GAIN, below=1000), 1).reversal
     assert reversal is not None
     assert reversal.end < 1000
     assert found(claim("fig1 a gain", GAIN, above=1), 1).reversal is None
 
 
-def test_a_draw_that_diverges_does_not_hold() -> None:
+def test_diverging_sample_counts_as_failed() -> None:
     one = found(claim("fig2 a gain", GAIN, above=0))
     assert one.firm is False
     assert one.held + one.diverged == one.samples
@@ -164,7 +164,7 @@ def test_a_draw_that_diverges_does_not_hold() -> None:
     assert one.reversal.end < 1000
 
 
-def test_a_draw_that_is_refused_does_not_hold() -> None:
+def test_refused_sample_counts_as_failed() -> None:
     one = found(claim("fig3 a gain", GAIN, above=0))
     assert (one.held + len(one.refused), one.diverged) == (one.samples, 0)
     assert all(gain < 1000 for k in one.refused for gain in one.trials[k].values)
@@ -174,7 +174,7 @@ def test_a_draw_that_is_refused_does_not_hold() -> None:
     assert one.to_keep.samples[one.refused[0]] is None
 
 
-def test_draws_of_what_can_be_end_with_the_first_example() -> None:
+def test_existence_claim_stops_at_the_first_example() -> None:
     rare = claim("fig1 a gain", GAIN, above=4000)  # a tenth of the samples, not as stated
     can, seldom = found(replace(rare, quantifier="can")), found(rare)
     assert (can.firm, can.samples) == (True, 20)
@@ -186,7 +186,7 @@ def test_draws_of_what_can_be_end_with_the_first_example() -> None:
     assert (none.firm, none.samples, none.held) == (True, 36, 0)
 
 
-def test_an_expensive_claim_is_looked_at_the_ends_only(shown: list[str]) -> None:
+def test_expensive_claim_is_searched_at_range_ends_only(shown: list[str]) -> None:
     expensive = replace(claim("fig1 a gain", GAIN, above=1000), expensive=True)
     one = found(expensive, 4)
     assert one.samples == 4
@@ -196,7 +196,7 @@ def test_an_expensive_claim_is_looked_at_the_ends_only(shown: list[str]) -> None
     assert len(shown) == 1 + 4 + 2 + 4
 
 
-def test_where_nobody_looks_there_is_no_flip(shown: list[str], tmp_path: Path) -> None:
+def test_no_reversal_is_reported_without_a_search(shown: list[str], tmp_path: Path) -> None:
     one = claim("fig1 a gain", GAIN, above=100)
     silent = assess(Evaluator(ILO), [one], 4, reversals=False)["it"]
     assert (silent.samples, silent.reversal, silent.looked) == (4, None, False)
@@ -206,7 +206,7 @@ def test_where_nobody_looks_there_is_no_flip(shown: list[str], tmp_path: Path) -
     assert read_robustness(tmp_path / "robustness.json", "ilo") == {"it": silent}
 
 
-def test_what_depends_on_nothing_or_is_broken_is_left_out() -> None:
+def test_claims_without_choices_and_broken_claims_are_skipped() -> None:
     free = claim("fig1 a gain", above=0)
     unknown = claim("fig1 a gains", GAIN, above=0)
     assert assess(Evaluator(ILO), [free, unknown], 4) == {}

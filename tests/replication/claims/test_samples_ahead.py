@@ -103,7 +103,7 @@ def make_all(
 
 
 @pytest.mark.parametrize("chunks", [1, 2, 5, 18])
-def test_chunks_in_any_order_give_the_bytes_of_draws_in_one(
+def test_chunks_in_any_order_give_the_bytes_of_a_single_run(
     code: Code, tmp_path: Path, chunks: int
 ) -> None:
     whole = gathered()
@@ -114,7 +114,7 @@ def test_chunks_in_any_order_give_the_bytes_of_draws_in_one(
     assert gathered(paths[: len(paths) // 2]) == whole  # what is missing is drawn
 
 
-def test_who_gathers_draws_nothing_again(code: Code, tmp_path: Path) -> None:
+def test_gathering_chunks_computes_no_samples_again(code: Code, tmp_path: Path) -> None:
     made = read_chunks(make_all(tmp_path, 5), "ilo")
     code.asked.clear()
     assert any(one.refused for one in assess_made(made).values())
@@ -125,7 +125,7 @@ def assess_made(made: MadeSamples) -> dict[str, Robustness]:
     return assess(Evaluator(ILO), CLAIMS, DRAWS, reversals=False, made=made)
 
 
-def test_a_chunk_does_not_draw_on_where_it_decides_a_claim(code: Code, tmp_path: Path) -> None:
+def test_chunk_stops_sampling_a_decided_claim(code: Code, tmp_path: Path) -> None:
     """The first one knows that; later ones, which do not wait for it, sample all their numbers."""
     ends = {name: one.samples for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
     assert ends["soon decided"] < 45 < ends["later decided"] < DRAWS == ends["near the line"]
@@ -135,21 +135,19 @@ def test_a_chunk_does_not_draw_on_where_it_decides_a_claim(code: Code, tmp_path:
         assert second[name]["numbers"] == list(range(45, DRAWS))
 
 
-def test_a_chunk_draws_nothing_of_a_claim_that_cached_samples_decide(
-    code: Code, tmp_path: Path
-) -> None:
+def test_chunk_skips_claims_decided_by_cached_samples(code: Code, tmp_path: Path) -> None:
     cached = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
     chunk = json.loads(make(tmp_path, "50-59", cached).read_text())["claims"]
     assert chunk["soon decided"]["numbers"] == []
 
 
 @pytest.mark.parametrize("name", ["", "7", "9-2", "1-2-3", "-1-5", "0-1e3"])
-def test_a_chunk_is_named_by_two_rising_numbers(name: str) -> None:
+def test_chunk_is_named_by_two_increasing_numbers(name: str) -> None:
     with pytest.raises(InputError, match=r"^chunk: .* must be two rising numbers, as 50-99$"):
         numbers_of(name)
 
 
-def test_a_chunk_that_is_made_again_is_the_same(code: Code, tmp_path: Path) -> None:
+def test_recomputed_chunk_is_identical(code: Code, tmp_path: Path) -> None:
     paths = make_all(tmp_path, 5)
     before = [path.read_bytes() for path in paths]
     for chunk in reversed(chunks_of(DRAWS, 5)):
@@ -157,13 +155,13 @@ def test_a_chunk_that_is_made_again_is_the_same(code: Code, tmp_path: Path) -> N
     assert [path.read_bytes() for path in paths] == before
 
 
-def test_chunks_serve_more_draws(code: Code, tmp_path: Path) -> None:
+def test_chunks_can_be_extended_with_more_samples(code: Code, tmp_path: Path) -> None:
     paths = make_all(tmp_path, 5)
     assert gathered(paths, samples=2 * DRAWS) == gathered(samples=2 * DRAWS)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.001])
-def test_chunks_leave_out_what_is_kept_unless_the_code_has_changed(
+def test_chunks_omit_cached_samples_unless_the_code_changed(
     code: Code, tmp_path: Path, factor: float
 ) -> None:
     cached = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, 40).items()}
@@ -174,9 +172,7 @@ def test_chunks_leave_out_what_is_kept_unless_the_code_has_changed(
     assert bool(drawn) == (factor != 1)
 
 
-def test_chunks_of_other_parameter_files_and_claims_are_not_taken(
-    code: Code, tmp_path: Path
-) -> None:
+def test_chunks_of_other_parameters_or_claims_are_refused(code: Code, tmp_path: Path) -> None:
     paths = make_all(tmp_path, 2)
     other = replace(CLAIMS[0], checks=(Check.parse({"value": "fig1 a gain", "above": 621}),))
     alone = assess(Evaluator(ILO), [other], 20)
@@ -195,7 +191,7 @@ def test_chunks_of_other_parameter_files_and_claims_are_not_taken(
         (("claims", "soon decided", "basis"), None, "basis"),
     ],
 )
-def test_a_damaged_chunk_is_reported(
+def test_damaged_chunk_is_reported(
     code: Code, tmp_path: Path, path: tuple[str | int, ...], value: object, said: str
 ) -> None:
     chunk = make(tmp_path, "0-5")

@@ -38,7 +38,7 @@ def drawn(samples: int = 40) -> Robustness:
     return Robustness(Outcome(True, (0.2, 1.0)), NAMES, trials)
 
 
-def test_the_choice_that_decides_explains_nearly_all() -> None:
+def test_deciding_choice_explains_nearly_everything() -> None:
     """It decides in the middle of its range, which a correlation would not see; a seed has none."""
     (found,) = influences([drawn(200)])
     assert found[0].name == "a.strong"
@@ -48,13 +48,13 @@ def test_the_choice_that_decides_explains_nearly_all() -> None:
     assert all(abs(one.share) < 0.2 for one in found[1:])
 
 
-def test_a_word_that_separates_all_draws_explains_all() -> None:
+def test_word_separating_all_samples_explains_everything() -> None:
     trials = [Trial((("x", "y")[k % 2],), Outcome(k % 2 == 0, (1.0,))) for k in range(40)]
     (found,) = influences([Robustness(Outcome(True, (1.0,)), ("a.word",), trials)])
     assert found[0].share == pytest.approx(1 - 1 / 20)  # one change of the outcome in 40
 
 
-def test_the_measure_is_chatterjees() -> None:
+def test_dependence_measure_agrees_with_chatterjee() -> None:
     """By its formula with ties: 1 - n sum |r_i+1 - r_i| / (2 sum l_i (n - l_i))."""
     one = drawn(30)
     order = sorted(one.trials, key=lambda trial: trial.values[1])
@@ -67,7 +67,7 @@ def test_the_measure_is_chatterjees() -> None:
     assert {each.name: each.share for each in found}["a.weak"] == pytest.approx(expected)
 
 
-def test_probabilities_are_corrected_for_all_looks() -> None:
+def test_p_values_are_corrected_for_multiple_tests() -> None:
     """Benjamini & Yekutieli: p_(i) n (1 + 1/2 + ... + 1/n) / i, the least of those from i on."""
     both = influences([drawn(40), drawn(100)])
     alone = [chatterjeexi(*one).pvalue for one in (columns(drawn(40)) + columns(drawn(100)))]
@@ -88,17 +88,17 @@ def columns(one: Robustness) -> list[tuple[list[float], list[int]]]:
     ]
 
 
-def test_few_draws_tell_of_no_choice() -> None:
+def test_few_samples_give_no_significant_choice() -> None:
     assert influences([drawn(15)]) == [[]]
 
 
-def test_the_check_that_fails_most_decides() -> None:
+def test_check_that_fails_most_often_decides() -> None:
     never = Check.parse({"value": "fig1 a gain", "above": 2.0})
     assert deciding_check(claim(BELOW, ABOVE), drawn()) == 0
     assert deciding_check(claim(BELOW, never), drawn()) == 1
 
 
-def test_how_far_a_bound_may_move() -> None:
+def test_bound_margin_agrees_with_sorted_samples() -> None:
     """All of 40 samples lie between 0.1 and 0.49; the 36th in order is what 0.9 hangs on."""
     numbers = [0.1 + 0.01 * k for k in range(40)]
     outcomes = [Outcome(True, (number,)) for number in numbers]
@@ -122,7 +122,7 @@ def test_how_far_a_bound_may_move() -> None:
     assert both == {BELOW: (-math.inf, math.inf), never: (1.0, math.inf)}
 
 
-def test_a_curve_has_all_draws_in_order() -> None:
+def test_curve_shows_all_samples_in_order() -> None:
     one = drawn()
     figure = specification_curves([claim(BELOW, ABOVE)], {"it_is_small": one})
     curve, choices = figure.axes
@@ -138,7 +138,7 @@ def test_a_curve_has_all_draws_in_order() -> None:
     assert [label.get_text() for label in choices.get_yticklabels()] == list(NAMES)
 
 
-def test_bars_are_of_claims_that_turn_over() -> None:
+def test_bars_are_ordered_by_sensitivity() -> None:
     one = drawn()
     figure = sensitivity_bars([claim(BELOW, ABOVE)], {"it_is_small": one})
     (axes,) = figure.axes
@@ -147,7 +147,7 @@ def test_bars_are_of_claims_that_turn_over() -> None:
     assert axes.get_title(loc="left") == f"it is small: held in {one.held} of 40 samples"
 
 
-def test_where_nothing_is_to_draw_a_sentence_says_so() -> None:
+def test_empty_sensitivity_figure_states_the_reason() -> None:
     for draw in (specification_curves, sensitivity_bars):
         (text,) = draw([claim(BELOW)], {}).texts
         assert text.get_text().startswith("No ")

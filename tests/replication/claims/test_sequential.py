@@ -36,7 +36,7 @@ def simulate(share: float, most: int, runs: int = 400) -> tuple[float, float, fl
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.88, 0.9, 0.92, 0.97, 1.0])
-def test_it_errs_as_seldom_as_it_says_however_often_one_looks(share: float) -> None:
+def test_sequential_test_keeps_its_error_rate(share: float) -> None:
     says_above, says_below, _ = simulate(share, 400)
     wrong = says_above if share < LINE else says_below
     # Five standard deviations of the simulation above what is allowed.
@@ -47,14 +47,16 @@ def test_it_errs_as_seldom_as_it_says_however_often_one_looks(share: float) -> N
     ("share", "most", "decided", "samples"),
     [(0.2, 40, 1.0, 5), (0.5, 40, 0.99, 9), (0.7, 160, 0.99, 35), (0.97, 160, 0.7, 100)],
 )
-def test_what_it_costs(share: float, most: int, decided: float, samples: int) -> None:
+def test_sequential_test_has_the_stated_cost(
+    share: float, most: int, decided: float, samples: int
+) -> None:
     """Far from the line few samples decide; `samples` is the number that suffices on average."""
     says_above, says_below, mean = simulate(share, most)
     assert (says_above if share > LINE else says_below) >= decided
     assert mean <= samples
 
 
-def test_the_evidence_is_that_of_the_mixture_over_fractions() -> None:
+def test_evidence_agrees_with_the_exact_mixture() -> None:
     """For k agreeing samples the second gambler has 1 / ((n + 1) binom(n, k)) over p^k q^(n-k)."""
     for samples in range(1, 40):
         for agreed in range(samples):
@@ -66,7 +68,7 @@ def test_the_evidence_is_that_of_the_mixture_over_fractions() -> None:
             assert above(LINE, agreed, samples) is (None if stands else False)
 
 
-def test_the_interval_leaves_the_line_when_it_decides() -> None:
+def test_interval_excludes_the_threshold_when_decided() -> None:
     for samples in range(1, 120):
         for agreed in range(samples + 1):
             low, high = interval(agreed, samples)

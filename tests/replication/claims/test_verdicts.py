@@ -70,7 +70,7 @@ def drawn(held: int, samples: int, stated: bool = True, number: float = 0.0) -> 
     ],
 )
 @pytest.mark.parametrize("parameters", [ILO, marked()])
-def test_one_setting_decides_what_can_be_and_what_is_always_so(
+def test_single_setting_decides_existence_and_always_claims(
     quantifier: Quantifier,
     held: bool,
     share: tuple[int, int] | None,
@@ -106,14 +106,14 @@ def test_one_setting_decides_what_can_be_and_what_is_always_so(
         (replace(FREE, testable=False), ILO, True, None, "not testable"),
     ],
 )
-def test_the_verdict_follows_the_rule(
+def test_verdict_follows_the_rule(
     claim: Claim, parameters: Parameters, held: bool, share: tuple[int, int] | None, word: str
 ) -> None:
     robustness = None if share is None else drawn(*share, stated=held)
     assert verdict(claim, parameters, held, robustness) == word
 
 
-def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
+def test_table_reports_the_findings(tmp_path: Path) -> None:
     checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
     claim = replace(DEPENDENT, checks=checks, statement="It is small.", why="A twentieth.")
     reversal = Reversal(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
@@ -173,7 +173,7 @@ def made(*verdicts: str, promised: Iterable[int] = ()) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
-def test_a_replication_stands_or_falls_with_its_main_claims() -> None:
+def test_replication_depends_on_its_main_claims() -> None:
     good, other, bad = "reproduced", "reproduced only by calibration", "contradicted"
     assert replicated(made(good, good, bad, promised=[0, 1]))
     assert replicated(made(good, good, other, promised=[0, 1, 2]))
@@ -207,13 +207,13 @@ def test_a_replication_stands_or_falls_with_its_main_claims() -> None:
         ),
     ],
 )
-def test_how_near_a_title_is_to_the_other(words: str, said: str) -> None:
+def test_title_margin_states_what_would_change_the_verdict(words: str, said: str) -> None:
     spelled = {"r": "reproduced", "c": "contradicted", "d": "depends on unstated choices"}
     rows = made(*(spelled[word] for word in words), promised=range(len(words)))
     assert title_margin(rows) == said
 
 
-def test_the_titles_under_other_choices_of_main_claims() -> None:
+def test_verdict_under_other_choices_of_main_claims() -> None:
     rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0, 2])
     rows[3] |= {"place": "Section 2", "promised": "conclusions"}
     head, _, reported = titles(rows).strip().splitlines()
@@ -228,12 +228,12 @@ def test_the_titles_under_other_choices_of_main_claims() -> None:
     assert "| none | [Re] 1 of 1" in titles([row | {"promised": "abstract"} for row in rows[:1]])
 
 
-def test_broken_claims_count() -> None:
+def test_broken_claims_are_counted() -> None:
     good, bad = "reproduced", "contradicted"
     assert count(made(good, bad, bad))["a"]["contradicted"] == 2
 
 
-def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
+def test_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     rows = [dict.fromkeys(HEADER, "") | one for one in made("reproduced", "not testable")]
     rows[0] |= {"promised": "abstract", "threshold": "stated", "figures": "fig1 theory"}
     rows = [row | {"paper": "ilo"} for row in rows]
@@ -325,7 +325,7 @@ def satisfied(claim: Claim, numbers: Numbers) -> list[bool]:
 
 
 @pytest.mark.parametrize("claim", CLAIMS)
-def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
+def test_each_check_of_a_claim_can_reverse_it(claim: Claim) -> None:
     """Fed with what satisfies it a check holds; with what just does not, the claim is refuted."""
     for check in claim.checks:
         alone = replace(claim, checks=(check,), choices=())
@@ -341,7 +341,7 @@ def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
         assert not outcome(claim, whole).held
 
 
-def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> None:
+def test_verdicts_are_inserted_between_markers_in_the_readme(tmp_path: Path) -> None:
     readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
     readme.write_text("before\n<!-- verdicts -->\nold\n<!-- end -->\nafter\n")
     verdicts.write_text("| new |\n")
@@ -362,7 +362,7 @@ REPORTED = """| paper | claims |
 """
 
 
-def test_of_papers_that_were_not_decided_the_readme_keeps_its_rows(tmp_path: Path) -> None:
+def test_readme_keeps_rows_of_papers_not_evaluated(tmp_path: Path) -> None:
     readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
     readme.write_text(f"<!-- verdicts -->\n\n{REPORTED}\n<!-- end -->\n")
     verdicts.write_text("| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n")
@@ -374,6 +374,6 @@ def test_of_papers_that_were_not_decided_the_readme_keeps_its_rows(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])
-def test_a_place_beyond_the_units_has_none(place: int, unit: str) -> None:
+def test_position_beyond_the_units_has_no_unit(place: int, unit: str) -> None:
     reversal = Reversal(f"a.b.{place}", "V, A", 1.0, 2.0, 0.5)
     assert format_reversal(reversal) == f"a.b.{place} from 1 to 2{unit} (50 % of its range)"

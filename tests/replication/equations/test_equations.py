@@ -58,7 +58,7 @@ def test_every_paper_has_a_table() -> None:
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_what_the_table_names_is_what_cites_the_equation(paper: str) -> None:
+def test_table_entries_agree_with_citations_in_docstrings(paper: str) -> None:
     named = {(name, one.place) for one in table(paper).equations for name in one.implemented}
     citing = {
         (name, place)
@@ -78,7 +78,7 @@ def _all_docstrings() -> dict[str, str]:
     return {name: text for texts in docstrings().values() for name, text in texts.items()}
 
 
-def test_all_that_docstrings_cite_is_in_a_table() -> None:
+def test_all_equations_cited_in_docstrings_are_in_a_table() -> None:
     """A number without the name of a paper is of one that its module names, or belongs to."""
     unknown = []
     for module, texts in docstrings().items():
@@ -98,7 +98,7 @@ def test_all_that_docstrings_cite_is_in_a_table() -> None:
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_the_tests_that_are_named_are_there(paper: str) -> None:
+def test_named_tests_exist(paper: str) -> None:
     for one in table(paper).equations:
         for test in one.tests:
             file, _, name = test.partition("::")
@@ -131,9 +131,7 @@ TELLING = {
 
 @pytest.mark.parametrize("paper", FIVE)
 @pytest.mark.parametrize("folder", TELLING)
-def test_what_claims_errata_and_parameter_files_cite_is_in_the_table(
-    folder: str, paper: str
-) -> None:
+def test_equations_cited_in_config_are_in_the_table(folder: str, paper: str) -> None:
     tree = read_yaml(ROOT / f"config/{folder}/{paper}.yaml")
     found = [place for text in _texts(tree, *TELLING[folder]) for place in places_in(text)]
     assert found
@@ -141,7 +139,7 @@ def test_what_claims_errata_and_parameter_files_cite_is_in_the_table(
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_notes_name_errata_and_claims_that_are_there(paper: str) -> None:
+def test_notes_name_existing_errata_and_claims(paper: str) -> None:
     errata = read_yaml(ROOT / f"config/errata/{paper}.yaml")["errata"]
     claims = read_yaml(ROOT / f"config/claims/{paper}.yaml")["claims"]
     for one in table(paper).equations:
@@ -154,7 +152,7 @@ def test_notes_name_errata_and_claims_that_are_there(paper: str) -> None:
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_docstrings_name_the_paper_in_one_form(paper: str) -> None:
+def test_docstrings_cite_the_paper_in_one_form(paper: str) -> None:
     name = table(paper).cited_as
     first = re.split(r"[ ,]", name)[0]
     for where, text in _all_docstrings().items():

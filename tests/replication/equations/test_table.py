@@ -20,7 +20,7 @@ from .citations import cited, places_in
 ROOT = Path(__file__).parents[3]
 
 IMM = "reobserve.observers.imm.IMM"
-TEST = "tests/observers/test_imm.py::test_with_mixing_they_do"
+TEST = "tests/observers/test_imm.py::test_mixed_kalman_bank_depends_on_coordinates"
 FIRST = {"number": "1", "statement": "It is\n  linear.", "implemented": [IMM], "tests": [TEST]}
 LAST = {"number": "2", "statement": "A step.", "implemented": [], "tests": [], "note": "A step."}
 OTHER = {**LAST, "number": "Theorem 1"}
@@ -36,7 +36,7 @@ def written(folder: Path, *equations: Any, **top: Any) -> Path:
     return folder
 
 
-def test_an_equation_is_found_as_a_person_writes_it(tmp_path: Path) -> None:
+def test_equation_is_found_in_any_usual_notation(tmp_path: Path) -> None:
     table = read_equations(written(tmp_path, FIRST, OTHER, LAST), "toy")
     assert [one.place for one in table.equations] == ["(1)", "Theorem 1", "(2)"]
     for asked in ("1", "(1)", " 1 "):
@@ -81,7 +81,7 @@ def test_an_equation_is_found_as_a_person_writes_it(tmp_path: Path) -> None:
         ({"note": 3}, "equations.0.note: 3 must be a word"),
     ],
 )
-def test_an_entry_that_is_wrong_is_one_sentence(
+def test_invalid_entry_is_reported_in_one_sentence(
     tmp_path: Path, change: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -106,7 +106,7 @@ def test_an_entry_that_is_wrong_is_one_sentence(
         ([3], {}, ".equations.0: 3 must be a mapping of keys to values"),
     ],
 )
-def test_a_table_that_is_wrong_is_one_sentence(
+def test_invalid_table_is_reported_in_one_sentence(
     tmp_path: Path, equations: list[Any], top: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -114,7 +114,7 @@ def test_a_table_that_is_wrong_is_one_sentence(
     assert str(caught.value) == f"equations.toy{said}"
 
 
-def test_one_equation_is_printed_with_files_and_lines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_equation_is_printed_with_files_and_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["equations", "imm", "(22)", "--project", str(ROOT)]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
     assert head == "Gadsden et al. 2011, (22)"
@@ -123,10 +123,10 @@ def test_one_equation_is_printed_with_files_and_lines(capsys: pytest.CaptureFixt
     file, _, line = lines[at + 1].strip().partition(":")
     assert (ROOT / file).read_text().splitlines()[int(line) - 1].startswith("def combine(")
     shown = [one.split("::")[1] for one in lines if one.startswith("shown by")]
-    assert "test_three_models_of_three_outputs_agree_with_fifty_digits" in shown
+    assert "test_three_models_with_three_outputs_agree_with_50_digits" in shown
 
 
-def test_what_nothing_implements_says_why(
+def test_unimplemented_equation_states_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = str(written(tmp_path, FIRST, OTHER, LAST))
@@ -156,7 +156,7 @@ def test_what_nothing_implements_says_why(
         (["toy", "1"], f"'{IMM}x': there is no 'IMMx' in imm.py"),
     ],
 )
-def test_what_cannot_be_shown_is_one_sentence(
+def test_unknown_equation_is_reported_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: list[str], said: str
 ) -> None:
     folder = written(tmp_path, {**FIRST, "implemented": [f"{IMM}x"]}, LAST)
@@ -165,7 +165,7 @@ def test_what_cannot_be_shown_is_one_sentence(
     assert (shown.out, shown.err) == ("", f"reobserve: {said}\n")
 
 
-def test_a_folder_without_tables_is_reported(
+def test_folder_without_tables_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "config/papers").mkdir(parents=True)
@@ -177,9 +177,7 @@ def test_a_folder_without_tables_is_reported(
         )
 
 
-def test_a_folder_that_cannot_be_listed_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreadable_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def denied(*_: Any) -> None:
         raise PermissionError(13, "Permission denied")
 
@@ -196,12 +194,12 @@ def test_a_folder_that_cannot_be_listed_is_reported(
     ["reobserve", "reobserve.observers", "reobserve.observers.imm", "reobserve.nothing.here",
      "reobserve.observers.imm._as_transition", "reobserve.observers.imm.as_floats"],
 )  # fmt: skip
-def test_what_is_no_public_definition_is_refused(name: str) -> None:
+def test_non_public_definition_is_refused(name: str) -> None:
     with pytest.raises(InputError):
         find_source(name)
 
 
-def test_a_method_is_found_in_its_class() -> None:
+def test_method_is_found_in_its_class() -> None:
     source = find_source(f"{IMM}.init")
     assert source.file == Path(reobserve.__file__).parent / "observers/imm.py"
     assert source.docstring.startswith("The state before the first row of a record.")
@@ -209,7 +207,7 @@ def test_a_method_is_found_in_its_class() -> None:
     assert lines[source.line - 1].startswith("    def init(")
 
 
-def test_what_texts_cite() -> None:
+def test_citations_are_found_in_text() -> None:
     assert places_in("(1), x(0) and f (23); see (4) to (6)") == ["(1)", "(23)", "(4)", "(5)", "(6)"]
     assert places_in("Propositions 4.1, 4.2 and 5.1; Assumptions 1 to 3 and 7") == [
         "Proposition 4.1", "Proposition 4.2", "Proposition 5.1",

@@ -109,7 +109,7 @@ def rewrite(name: str, old: str, new: str) -> Callable[[], None]:
     return lambda: write_text(name, text(name).replace(old, new))
 
 
-def test_what_agrees_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+def test_agreement_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     rewrite(f"{BUILT}/fig1.metrics.csv", "0.5", "0.5000000000001")()
     assert main(["figdiff"]) == 0
@@ -139,7 +139,7 @@ def test_what_agrees_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
          "is not in the parameter file"),
     ],
 )  # fmt: skip
-def test_what_does_not_agree_is_said_and_shown(
+def test_differences_are_reported_and_plotted(
     capsys: pytest.CaptureFixture[str], change: Callable[[], object], verdict: str, said: str
 ) -> None:
     change()
@@ -152,7 +152,7 @@ def test_what_does_not_agree_is_said_and_shown(
     assert shown in text("figdiff/index.html")
 
 
-def test_accepting_is_guarded(
+def test_accept_refuses_unsafe_calls(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refused(reason: str = "a good reason", *papers: str) -> str:
@@ -171,7 +171,7 @@ def test_accepting_is_guarded(
     assert "nothing is accepted in CI" in refused()
 
 
-def test_accepting_renews_what_moved_and_keeps_the_reason(
+def test_accept_updates_changed_numbers_and_stores_the_reason(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     draw(f"{BUILT}/fig1.png", "state y")

@@ -54,7 +54,7 @@ def difference(reference: Path, figure: Figure) -> PixelDifference:
     return compare(read_pixels(reference), read_pixels(new), "fig1")
 
 
-def test_a_moved_curve_is_seen_twice_and_rounding_is_not(reference: Path) -> None:
+def test_moved_curve_is_detected_but_rounding_is_not(reference: Path) -> None:
     assert difference(reference, drawing()) == PixelDifference(0.0, 1.0, None)
     for shift in (3, -3):
         found = difference(reference, drawing(shift=shift))
@@ -72,13 +72,13 @@ def test_a_moved_curve_is_seen_twice_and_rounding_is_not(reference: Path) -> Non
     [{"label": "rate [rad/h]"}, {"label": "rate [nad/s]"}, {"note": "RMS 0.46 %"},
      {"note": "RMS 0,45 %"}],
 )  # fmt: skip
-def test_one_sign_of_a_label_is_seen(reference: Path, changed: dict[str, str]) -> None:
+def test_changed_sign_in_a_label_is_detected(reference: Path, changed: dict[str, str]) -> None:
     found = difference(reference, drawing(**changed))
     assert found.exceeded
     assert found.similarity < 0.9
 
 
-def test_the_numbers_are_known_for_a_flat_picture_and_for_one_pixel() -> None:
+def test_similarity_of_flat_images_and_one_pixel_agrees_with_formula() -> None:
     """SSIM of two flat pictures a, b is (2ab + C) / (a^2 + b^2 + C), C = (0.01 * 255)^2."""
     flat = np.full((60, 40, 3), 100, dtype=np.uint8)
     found = compare(flat, flat + 10, "fig1")
@@ -95,7 +95,7 @@ def test_the_numbers_are_known_for_a_flat_picture_and_for_one_pixel() -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 50), (7, 7)])
-def test_small_pictures_and_changes_at_the_edge_are_compared(size: tuple[int, int]) -> None:
+def test_small_images_and_edge_changes_are_compared(size: tuple[int, int]) -> None:
     white = np.full((*size, 3), 255, dtype=np.uint8)
     black = white.copy()
     black[-1, -1] = 0
@@ -103,7 +103,7 @@ def test_small_pictures_and_changes_at_the_edge_are_compared(size: tuple[int, in
 
 
 @pytest.mark.parametrize("start", [0, 200, 5000])
-def test_a_damaged_picture_is_named(reference: Path, tmp_path: Path, start: int) -> None:
+def test_damaged_image_is_named(reference: Path, tmp_path: Path, start: int) -> None:
     path = tmp_path / "fig1.png"
     whole = reference.read_bytes()
     path.write_bytes(whole[:start] + b"\0" * 40 + whole[start + 40 :])

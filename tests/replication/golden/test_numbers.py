@@ -55,7 +55,7 @@ def moved(golden: dict[Key, Number], found: dict[Key, Number]) -> list[str]:
         (number("2", ""), number("two"), "golden 2, found two"),
     ],
 )
-def test_a_number_that_moves_is_named(
+def test_changed_number_is_named(
     golden: dict[Key, Number], found: dict[Key, Number], said: str
 ) -> None:
     lines = moved(golden, found)
@@ -63,7 +63,7 @@ def test_a_number_that_moves_is_named(
     assert not said or lines[0].startswith(f"made fig1, watch rms: {said}")
 
 
-def test_of_a_series_the_sample_that_is_furthest_off_is_named() -> None:
+def test_largest_deviation_of_a_series_is_named() -> None:
     golden = samples({0.0: 1.0, 0.5: 2.0, 1.0: 3.0}, "0.1")
     assert moved(golden, samples({0.0: 1.05, 0.5: 2.0, 1.0: 3.0})) == []
     assert moved(golden, samples({0.0: 1.2, 0.5: 1.6, 1.0: 3.0})) == [
@@ -81,7 +81,7 @@ def kept(step: float, steps: int) -> dict[Key, Number]:
 
 
 @pytest.mark.parametrize(("steps", "count"), [(100, 28), (1000, 28), (8, 9), (333, 23), (639, 42)])
-def test_samples_are_even_and_the_same_with_half_the_step(steps: int, count: int) -> None:
+def test_samples_are_even_and_unchanged_with_half_the_step(steps: int, count: int) -> None:
     found = kept(0.02, steps)
     values = {float(time): float(one.value) for (_, name, time), one in found.items()
               if name == "x_1"}  # fmt: skip
@@ -91,7 +91,7 @@ def test_samples_are_even_and_the_same_with_half_the_step(steps: int, count: int
     assert found.keys() <= kept(0.01, 2 * steps).keys()
 
 
-def test_a_record_is_kept_with_the_first_figure_that_shows_it() -> None:
+def test_record_is_stored_with_the_first_figure_showing_it() -> None:
     figures = {
         "fig1": {"scenario": "slow", "observers": ["a", "b"]},
         "fig2": {"scenario": "slow", "observers": ["b", "c"]},
@@ -117,13 +117,13 @@ def test_a_record_is_kept_with_the_first_figure_that_shows_it() -> None:
         (1.0, 0.0, float("inf"), None),
     ],
 )
-def test_the_tolerance_follows_from_what_was_measured(
+def test_tolerance_follows_from_the_measured_changes(
     size: float, processor: float, halved: float, allowed: float | None
 ) -> None:
     assert tolerance(size, processor, halved) == allowed
 
 
-def test_only_what_moved_is_renewed() -> None:
+def test_only_changed_numbers_are_updated() -> None:
     """Also in its last digits; a number that has become undetermined is listed."""
     still, new = ("watch", "rms", ""), ("watch", "peak", "")
     golden = {still: Number("0.5", "V", "2e-6"), new: Number("3", "V", "1e-9")}
@@ -140,14 +140,14 @@ def test_only_what_moved_is_renewed() -> None:
     assert again == {still: golden[still], new: Number("3.23", "V")}
 
 
-def test_each_sample_has_the_tolerance_of_its_own_step() -> None:
+def test_each_sample_has_its_own_tolerance() -> None:
     found = samples({0.0: 1.0, 0.5: 2.0, 1.0: float("nan")})
     halved = samples({0.0: 1.0, 0.5: 2.0000084, 1.0: 3.0})
     new = acceptance.renewed({}, found, [found], halved)
     assert [one.tolerance for one in new.values()] == ["2e-12", "1.7e-05", "2e-12"]
 
 
-def test_renewing_writes_what_moved_and_nothing_else(
+def test_update_writes_only_changed_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figure = {"scenario": "slow", "observers": []}
@@ -170,7 +170,7 @@ def test_renewing_writes_what_moved_and_nothing_else(
 
 
 @pytest.mark.nightly
-def test_a_process_evaluates_as_this_one_does() -> None:
+def test_subprocess_evaluates_like_this_process() -> None:
     golden, here = read_numbers(golden_file(ROOT, "lie", "fig1")), EVALUATORS["lie"]
     there = conditions.evaluate(ROOT, "lie", {})
     assert set(there) == set(part_names(PARAMETER_FILES["lie"].tree))
@@ -180,7 +180,7 @@ def test_a_process_evaluates_as_this_one_does() -> None:
     assert halved["fig1"]["constant", "ise", ""] != there["fig1"]["constant", "ise", ""]
 
 
-def test_a_rounding_error_is_one_unit_in_the_last_place() -> None:
+def test_rounding_error_is_one_unit_in_the_last_place() -> None:
     one, other = (
         kind(PARAMETER_FILES["ilo"]).run("plant", "constant")
         for kind in (Evaluator, conditions.Rounded)
@@ -191,7 +191,7 @@ def test_a_rounding_error_is_one_unit_in_the_last_place() -> None:
         assert np.array_equal(off == 0, values == np.round(values))
 
 
-def test_what_cannot_be_evaluated_is_one_sentence() -> None:
+def test_failing_evaluation_is_reported_in_one_sentence() -> None:
     with pytest.raises(ReobserveError, match=r"^nobody: .*there is no 'nobody'") as caught:
         conditions.evaluate(ROOT, "nobody")
     assert "\n" not in str(caught.value)
@@ -207,7 +207,7 @@ def test_what_cannot_be_evaluated_is_one_sentence() -> None:
         (",N m", "", "line 2 has not 6 cells"),
     ],
 )
-def test_a_damaged_golden_file_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_damaged_golden_file_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
     path = tmp_path / "fig1.csv"
     text = golden_file(ROOT, "ilo", "fig1").read_text(encoding="utf-8")
     path.write_text(text.replace(old, new, 1))

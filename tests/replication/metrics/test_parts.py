@@ -28,7 +28,7 @@ def theory(size: float) -> list[float]:
     return [metric.value for metric in (*errors(size), *delays())]
 
 
-def test_what_is_asked_for_is_computed_and_no_more() -> None:
+def test_only_requested_parts_are_computed() -> None:
     with only(["delay"]):
         assert theory(1.0) == [1.0, 2.0, 3.0]  # not yet known who gives what
     assert theory(1.0) == [1.0, 2.0, 3.0]

@@ -21,7 +21,7 @@ TEXT = [{name: str(cell) for name, cell in row.items()} for row in ROWS]
 
 
 @pytest.mark.parametrize("rows", [ROWS, TEXT])
-def test_cells_are_what_their_columns_hold(rows: list[dict[str, Any]]) -> None:
+def test_cells_are_converted_by_column_type(rows: list[dict[str, Any]]) -> None:
     table = StudyTable.of(rows, KINDS)
     assert len(table) == 4
     assert table["form"].tolist() == ["b", "a", "b", "b"]
@@ -44,7 +44,7 @@ def test_rows_are_found_by_their_coordinates() -> None:
         table.where(frm="b")
 
 
-def test_groups_come_in_the_order_of_the_rows_and_curves_in_that_of_their_levels() -> None:
+def test_groups_follow_row_order_and_curves_follow_levels() -> None:
     table = StudyTable.of(TEXT[::-1], KINDS)
     groups = {key: rows["level"].tolist() for key, rows in table.groups("form", "order")}
     assert groups == {("b", 4): [3.0, 0.1], ("b", 2): [3.0], ("a", 2): [0.1]}
@@ -57,7 +57,7 @@ def test_groups_come_in_the_order_of_the_rows_and_curves_in_that_of_their_levels
     assert list(curve) == [0.1, 3.0]
 
 
-def test_no_study_is_a_table_without_rows() -> None:
+def test_missing_study_is_an_empty_table() -> None:
     assert not StudyTable()
     assert not StudyTable.of([], KINDS)
     assert StudyTable.of([], KINDS)["value"].tolist() == []

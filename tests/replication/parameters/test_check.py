@@ -41,12 +41,12 @@ def refused(paper: str, overrides: Tree) -> str:
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
-def test_the_parameter_files_as_they_are_can_be_built(paper: str) -> None:
+def test_parameter_files_of_the_papers_are_valid(paper: str) -> None:
     check_parameters(Parameters.load(ROOT, paper))
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
-def test_what_every_job_sees_is_declared(paper: str) -> None:
+def test_every_job_uses_only_declared_keys(paper: str) -> None:
     parameters, keys = Parameters.load(ROOT, paper), declared_keys(paper)
     jobs = [("theory", "")]
     for stage, section in (
@@ -202,7 +202,7 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
 
 
 @pytest.mark.parametrize("case", OVERRIDES)
-def test_an_override_is_refused_with_what_is_wrong(case: str) -> None:
+def test_invalid_override_is_refused_with_the_reason(case: str) -> None:
     paper, overrides, said = OVERRIDES[case]
     message = refused(paper, overrides)
     assert message.startswith(said)
@@ -216,18 +216,18 @@ TAKEN: list[tuple[str, Tree]] = [
 
 
 @pytest.mark.parametrize(("paper", "overrides"), TAKEN)
-def test_the_most_that_is_taken(paper: str, overrides: Tree) -> None:
+def test_limiting_values_are_accepted(paper: str, overrides: Tree) -> None:
     check_parameters(Parameters.load(ROOT, paper, overrides))
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
-def test_a_scenario_with_a_title_only(paper: str) -> None:
+def test_scenario_with_only_a_title_is_refused(paper: str) -> None:
     said = refused(paper, {"scenarios": {"new": {"title": "mine"}}})
     assert said.startswith(f"{paper}.scenarios.new.")
     assert said.endswith("is missing; the scenario needs it")
 
 
-def test_an_interval_of_2_to_the_63() -> None:
+def test_interval_of_2_to_the_63_is_refused() -> None:
     said = refused("ilo", {"observers": {"forgetting": {"update_interval": 2**63}}})
     assert said == (
         "ilo.observers.forgetting.update_interval: is an integer beyond 2^53, must be one that "
@@ -246,7 +246,7 @@ MODELS = {
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("section", MODELS)
-def test_a_name_that_is_more_than_a_name(section: str, name: str) -> None:
+def test_unsafe_name_is_refused(section: str, name: str) -> None:
     """Backticks ran a command, dots left the project, a space broke it, $ never matched."""
     paper, model = MODELS[section]
     said = refused(paper, {section: {name: {"like": model}}})
@@ -254,7 +254,7 @@ def test_a_name_that_is_more_than_a_name(section: str, name: str) -> None:
     assert "is no name" in said
 
 
-def test_names_that_are_names() -> None:
+def test_valid_names_are_accepted() -> None:
     for name in ("a", "A1_b", "x" * 60):
         check_parameters(Parameters.load(ROOT, "ilo", {"scenarios": {name: {"like": "constant"}}}))
 
@@ -265,7 +265,7 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_paper_with_a_name_that_is_none(project: Path) -> None:
+def test_paper_with_an_invalid_name_is_refused(project: Path) -> None:
     shutil.copy(project / "config/papers/ilo.yaml", project / "config/papers/a b.yaml")
     with pytest.raises(InputError, match=r"^config\.papers: 'a b' is no name"):
         known_papers(project)
@@ -299,7 +299,7 @@ def test_a_paper_with_a_name_that_is_none(project: Path) -> None:
         ("lie", ("theory",), "lie.theory: is missing"),
     ],
 )
-def test_a_key_that_the_file_itself_lacks(
+def test_key_missing_in_the_file_is_reported(
     project: Path, paper: str, path: tuple[str, ...], said: str
 ) -> None:
     """Without overrides, too: a slip in a parameter file was found by a job, minutes later."""
@@ -345,7 +345,7 @@ CALLS: dict[str, tuple[Tree, str]] = {
 
 
 @pytest.mark.parametrize("case", CALLS)
-def test_what_a_call_hands_over(case: str) -> None:
+def test_invalid_call_configuration_is_refused(case: str) -> None:
     changes, said = CALLS[case]
     with pytest.raises(InputError) as caught:
         check_config(ROOT, {**CONFIG, **changes}, known_papers(ROOT))
@@ -353,14 +353,14 @@ def test_what_a_call_hands_over(case: str) -> None:
 
 
 @pytest.mark.parametrize(("word", "taken"), [("true", True), ("false", False)])
-def test_truths_of_the_command_line(word: str, taken: bool) -> None:
+def test_boolean_words_of_the_command_line_are_converted(word: str, taken: bool) -> None:
     config = {**CONFIG, "reversals": word}
     take_truths(config)
     assert config["reversals"] is taken
     check_config(ROOT, config, known_papers(ROOT))
 
 
-def test_an_observer_that_a_study_names_is_there_and_of_its_form() -> None:
+def test_observer_named_by_a_study_must_exist_with_the_right_form() -> None:
     observers = {"here": Observed("relay")}
     assert named(observers, "here", Observed) is observers["here"]
     with pytest.raises(InputError, match=r"^observers: must have 'her'; did you mean 'here'\?$"):
@@ -369,7 +369,7 @@ def test_an_observer_that_a_study_names_is_there_and_of_its_form() -> None:
         named(observers, "here", int)
 
 
-def test_a_parameter_without_declared_keys_is_reported() -> None:
+def test_parameter_without_declared_keys_is_reported() -> None:
     with pytest.raises(InputError, match=r"^nobody: has a parameter file, but there is no module "):
         declared_keys("nobody")
 
@@ -379,14 +379,14 @@ class Observed:
     algorithm: str
 
 
-def test_other_words_are_no_truths() -> None:
+def test_other_words_are_not_converted_to_booleans() -> None:
     config = {**CONFIG, "reversals": "no"}
     take_truths(config)
     with pytest.raises(InputError, match=r"^config.reversals: 'no' must be one of true and false"):
         check_config(ROOT, config, known_papers(ROOT))
 
 
-def test_a_tree_without_end() -> None:
+def test_too_deeply_nested_tree_is_refused() -> None:
     deep: Any = []
     for _ in range(20_000):
         deep = [deep]

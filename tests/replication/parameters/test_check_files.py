@@ -51,7 +51,7 @@ def project(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("case", FAULTS)
-def test_a_fault_is_named_before_the_first_job(project: Path, case: str) -> None:
+def test_error_in_config_is_reported_before_the_first_job(project: Path, case: str) -> None:
     file, old, new, said = FAULTS[case]
     path = project / "config" / file
     text = path.read_text(encoding="utf-8")
@@ -64,20 +64,20 @@ def test_a_fault_is_named_before_the_first_job(project: Path, case: str) -> None
 
 
 @pytest.mark.parametrize("unit", ["m3/s!", "cumecs"])
-def test_a_unit_that_is_none_is_refused(project: Path, unit: str) -> None:
+def test_invalid_unit_is_refused(project: Path, unit: str) -> None:
     path = project / "config/papers/ilo.yaml"
     path.write_text(path.read_text(encoding="utf-8").replace("kg m^2", unit, 1), encoding="utf-8")
     with pytest.raises(InputError, match=rf"^ilo\.plant\.inertia\.unit: '{unit}' is no unit"):
         run(project, ["ilo"], {})
 
 
-def test_a_style_sheet_that_is_damaged_is_named(project: Path) -> None:
+def test_damaged_style_sheet_is_named(project: Path) -> None:
     path = project / "config/styles/slides.mplstyle"
     path.write_text("font.siez: 3\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"slides\.mplstyle"):
         run(project, [], {})
 
 
-def test_all_is_sound_as_it_stands(capsys: pytest.CaptureFixture[str]) -> None:
+def test_config_of_the_project_is_valid(capsys: pytest.CaptureFixture[str]) -> None:
     run(ROOT, [], {})
     assert capsys.readouterr().err.count("are sound\n") == 5

@@ -50,7 +50,7 @@ def load_tree(
     return Parameters.load(project, "ilo", overrides)
 
 
-def test_a_job_sees_the_designs_that_are_named(project: Path, designed: dict[str, Any]) -> None:
+def test_job_receives_the_designs_it_names(project: Path, designed: dict[str, Any]) -> None:
     parameters = load_tree(project, designed)
     high, low = {"pole": 9.0}, {"pole": 2.0}
     plant = parameters.section("plant")
@@ -73,7 +73,7 @@ def test_a_job_sees_the_designs_that_are_named(project: Path, designed: dict[str
     }  # fmt: skip
 
 
-def test_a_paper_without_designs_has_no_word_of_them() -> None:
+def test_paper_without_designs_has_no_design_keys() -> None:
     parameters = Parameters.load(ROOT, "ilo")
     for stage, name in (("study", "matching"), ("metrics", "fig4_matched"), ("plot", "fig1")):
         assert "designs" not in parameters.settings(stage, name)
@@ -91,7 +91,7 @@ def test_a_paper_without_designs_has_no_word_of_them() -> None:
         ("figures", "fig4_matched", "study"),
     ],
 )
-def test_what_is_named_must_exist(
+def test_named_designs_must_exist(
     project: Path, designed: dict[str, Any], section: str, name: str, key: str
 ) -> None:
     right = designed[section][name][key]
@@ -112,7 +112,7 @@ def test_what_is_named_must_exist(
         ("tables", "table1.metrics"),
     ],
 )
-def test_a_name_must_serve_as_part_of_a_file_name(
+def test_name_must_be_usable_in_a_file_name(
     project: Path, designed: dict[str, Any], section: str, wrong: str
 ) -> None:
     designed[section][wrong] = copy.deepcopy(next(iter(designed[section].values())))

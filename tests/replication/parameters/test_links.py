@@ -36,13 +36,13 @@ def values(tree: dict[str, Any]) -> tuple[float, ...]:
         ({"plant": {"a": 3}, "observers": {"one": {"c": {"value": 2}}}}, (3, 3, 2)),
     ],
 )
-def test_a_linked_value_follows_until_it_is_overridden(
+def test_linked_value_follows_until_overridden(
     overrides: dict[str, Any], found: tuple[float, ...]
 ) -> None:
     assert values(resolve(TREE, overrides, "toy")) == found
 
 
-def test_a_link_has_the_unit_of_the_other_and_its_own_words() -> None:
+def test_link_has_the_unit_of_its_target_and_its_own_texts() -> None:
     found = resolve(TREE, {}, "toy")["plant"]["b"]
     assert found == {
         "value": 1.0, "unit": "m", "source": "assumed", "why": "As a.", "same_as": "plant.a"
@@ -63,14 +63,14 @@ def test_a_link_has_the_unit_of_the_other_and_its_own_words() -> None:
         ({"same_as": "plant.a", "value": 1.0}, "toy.plant.b.value: must not stand beside same_as"),
     ],
 )
-def test_a_link_to_nothing_is_refused(entry: dict[str, Any], said: str) -> None:
+def test_link_to_a_missing_entry_is_refused(entry: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError) as caught:
         resolve({"plant": {"a": ENTRY, "b": entry}}, {}, "toy")
     assert str(caught.value).startswith(said)
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
-def test_every_link_of_a_paper_follows(paper: str) -> None:
+def test_every_link_of_a_paper_follows_its_target(paper: str) -> None:
     entries = dict(Parameters.load(ROOT, paper).entries())
     for key, target in links_in(iter(entries.items())).items():
         assert entries[key]["value"] == entries[target]["value"], key
@@ -88,7 +88,7 @@ def test_theory_and_observers_follow_the_scenario_and_the_plant() -> None:
         assert observer["initial_rate"] == [0.08, -0.03, 0.04]
 
 
-def test_samples_keep_links_too() -> None:
+def test_samples_preserve_links() -> None:
     parameters = Parameters.load(ROOT, "ilo", seed=1)
     choice = find_choice(parameters, "plant.initial_rate")
     sampled, rates = sample(parameters, [choice], 3)

@@ -33,7 +33,7 @@ def printed(capsys: Capture, *command: str) -> list[str]:
     return [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
 
 
-def test_parameters_come_with_unit_source_and_range(project: Path, capsys: Capture) -> None:
+def test_parameters_are_listed_with_unit_source_and_range(project: Path, capsys: Capture) -> None:
     assert printed(capsys, "params", "toy", "observers.slow") == [
         "key value unit source range",
         " ".join("-" * width for width in (44, 26, 12, 40, 24)),
@@ -53,7 +53,7 @@ def test_parameters_come_with_unit_source_and_range(project: Path, capsys: Captu
     ]
 
 
-def test_parameters_of_a_build_are_those_it_was_made_of(project: Path, capsys: Capture) -> None:
+def test_parameters_of_a_build_are_those_used(project: Path, capsys: Capture) -> None:
     parameters = Parameters.load(project, "toy", {"scenarios": {"push": {"disturbance": 3.0}}})
     path = project / "results/toy/parameters.json"
     path.parent.mkdir(parents=True)
@@ -65,7 +65,7 @@ def test_parameters_of_a_build_are_those_it_was_made_of(project: Path, capsys: C
     assert built == "scenarios.push.disturbance 3 1/s user override"
 
 
-def test_signals_choices_and_ranges_are_spelled(
+def test_signals_choices_and_ranges_are_printed(
     project: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = project / "config/papers/toy.yaml"
@@ -87,7 +87,7 @@ def test_signals_choices_and_ranges_are_spelled(
     assert narrow[1] == " ".join("-" * width for width in (36, 20, 9, 26, 18))
 
 
-def test_a_paper_is_listed_with_what_is_built(project: Path, capsys: Capture) -> None:
+def test_paper_is_listed_with_its_build_state(project: Path, capsys: Capture) -> None:
     listed = printed(capsys, "list", "toy")
     assert listed[0].startswith("toy ")
     assert "fig1 A disturbance estimated not built" in listed
@@ -125,7 +125,7 @@ def options(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
                 yield from options(command)
 
 
-def test_a_default_is_what_the_help_says() -> None:
+def test_defaults_agree_with_the_help() -> None:
     """Words as `all` or `this one` stand for what is not given."""
     said = {
         (action.dest, match[1], str(action.default))

@@ -28,7 +28,7 @@ def entry(parameters: Parameters, key: str) -> dict[str, Any]:
     return dict(parameters.entries())[key]
 
 
-def test_a_folder_of_papers_that_cannot_be_read_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_folder_of_papers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: Any) -> None:
         raise PermissionError(13, "Permission denied")
 
@@ -38,7 +38,7 @@ def test_a_folder_of_papers_that_cannot_be_read_is_named(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
-def test_every_entry_has_a_source_and_assumptions_their_reason(paper: str) -> None:
+def test_every_entry_has_a_source_and_every_assumption_a_reason(paper: str) -> None:
     entries = dict(Parameters.load(ROOT, paper).entries())
     assert len(entries) > (50 if paper == "ilo" else 0)
     for key, body in entries.items():
@@ -49,7 +49,7 @@ def test_every_entry_has_a_source_and_assumptions_their_reason(paper: str) -> No
         assert body["unit"], key
 
 
-def test_no_number_of_the_paper_stands_in_the_source() -> None:
+def test_source_code_has_no_numbers_of_the_paper() -> None:
     """The gains and constants that only config may hold."""
     folder = ROOT / "src/reobserve/papers/ilo"
     text = "\n".join(path.read_text() for path in folder.rglob("*.py"))
@@ -57,7 +57,7 @@ def test_no_number_of_the_paper_stands_in_the_source() -> None:
         assert number not in text
 
 
-def test_a_bare_value_replaces_the_value_and_says_so() -> None:
+def test_bare_override_replaces_the_value_and_is_marked() -> None:
     parameters = load({"observers": {"sampled": {"K2": 1500}}})
     body = entry(parameters, "observers.sampled.K2")
     assert (body["value"], body["unit"], body["source"]) == (1500, "N m s/rad", OVERRIDDEN)
@@ -68,21 +68,21 @@ def test_a_bare_value_replaces_the_value_and_says_so() -> None:
     assert entry(parameters, other)["source"] == "assumed"
 
 
-def test_an_override_may_bring_its_own_source() -> None:
+def test_override_may_have_its_own_source() -> None:
     over = {"plant": {"horizon": {"value": 12, "source": "our rig"}}}
     assert entry(load(over), "plant.horizon")["source"] == "our rig"
     with pytest.raises(InputError, match=r"ilo\.plant\.horizon\.unit: 'ms' must be 's'"):
         load({"plant": {"horizon": {"value": 5000, "unit": "ms"}}})
 
 
-def test_words_that_spell_numbers_are_numbers() -> None:
+def test_numeric_words_are_converted_to_numbers() -> None:
     """Snakemake hands nested --config values over as words."""
     parameters = load({"observers": {"sampled": {"K2": "1e3", "label": "7"}}})
     assert parameters.section("observers", "sampled")["K2"] == 1000.0
     assert parameters.section("observers", "sampled")["label"] == "7"
 
 
-def test_like_starts_from_a_sibling_and_changes_only_what_is_said() -> None:
+def test_like_copies_a_sibling_and_changes_only_stated_keys() -> None:
     parameters = load({"observers": {"mine": {"like": "forgetting", "K1": 0.8}}})
     mine, model = (
         parameters.section("observers", "mine"),
@@ -93,7 +93,7 @@ def test_like_starts_from_a_sibling_and_changes_only_what_is_said() -> None:
         load({"observers": {"mine": {"like": "forgeting"}}})
 
 
-def test_the_parameter_survives_its_file(tmp_path: Path) -> None:
+def test_parameters_round_trip_through_a_file(tmp_path: Path) -> None:
     parameters = Parameters.load(ROOT, "ilo", seed=7)
     path = tmp_path / "parameters.json"
     path.write_text(parameters.text())
@@ -103,7 +103,7 @@ def test_the_parameter_survives_its_file(tmp_path: Path) -> None:
         Parameters.read(path)
 
 
-def test_a_job_sees_what_it_may_depend_on_and_nothing_else() -> None:
+def test_job_depends_only_on_its_own_entries() -> None:
     """Change every entry in turn: the digest of a job moves if and only if it should."""
     parameters = load()
     jobs = {
@@ -130,7 +130,7 @@ def test_a_job_sees_what_it_may_depend_on_and_nothing_else() -> None:
     }  # fmt: skip
 
 
-def test_refined_halves_steps_only() -> None:
+def test_refinement_halves_only_steps() -> None:
     before, after = dict(load().entries()), dict(load().refined().entries())
     halved = {key for key in before if before[key]["value"] != after[key]["value"]}
     assert halved == {
@@ -157,7 +157,7 @@ BREAKS = {
 
 
 @pytest.mark.parametrize("case", BREAKS)
-def test_the_schema_bites(project: Path, case: str) -> None:
+def test_schema_rejects_invalid_entries(project: Path, case: str) -> None:
     change, said = BREAKS[case]
     path = project / "config/papers/ilo.yaml"
     tree = read_yaml(path)
@@ -169,7 +169,7 @@ def test_the_schema_bites(project: Path, case: str) -> None:
     assert said in str(caught.value)
 
 
-def test_a_range_must_fit_the_value(project: Path) -> None:
+def test_range_must_contain_the_value(project: Path) -> None:
     path = project / "config/papers/ilo.yaml"
     tree = read_yaml(path)
     tree["plant"]["control"]["range"]["*.amplitud"] = [0, 1]
@@ -178,7 +178,7 @@ def test_a_range_must_fit_the_value(project: Path) -> None:
         Parameters.load(project, "ilo")
 
 
-def test_a_value_must_be_one_of_its_choices(project: Path) -> None:
+def test_value_must_be_one_of_its_choices(project: Path) -> None:
     path = project / "config/papers/ilo.yaml"
     tree = read_yaml(path)
     tree["plant"]["step"]["value"] = 2e-4
@@ -190,7 +190,7 @@ def test_a_value_must_be_one_of_its_choices(project: Path) -> None:
     )
 
 
-def test_a_file_that_is_no_yaml_is_named(project: Path) -> None:
+def test_invalid_yaml_file_is_named(project: Path) -> None:
     path = project / "config/papers/ilo.yaml"
     path.write_text("plant: [1, 2")
     with pytest.raises(InputError, match=r"ilo\.yaml: is not YAML"):
@@ -200,7 +200,7 @@ def test_a_file_that_is_no_yaml_is_named(project: Path) -> None:
         Parameters.load(project, "ilo")
 
 
-def test_leaves_walk_lists_and_mappings() -> None:
+def test_leaves_include_lists_and_mappings() -> None:
     assert list(leaves([{"a": 1, "b": [2, 3]}])) == [
         ((0, "a"), 1), ((0, "b", 0), 2), ((0, "b", 1), 3),
     ]  # fmt: skip
@@ -208,7 +208,7 @@ def test_leaves_walk_lists_and_mappings() -> None:
 
 
 @pytest.mark.parametrize("value", ["3", None, [[1, 2], [3]], [1, "x"], {"a": 1}, float("nan")])
-def test_what_is_no_number_is_refused(value: Any) -> None:
+def test_non_number_is_refused(value: Any) -> None:
     with pytest.raises(InputError, match=r"K1: .*(is not a number|not finite)"):
         as_floats("K1", value)
 
@@ -220,13 +220,13 @@ def test_what_is_no_number_is_refused(value: Any) -> None:
         {"scenarios": {"noisy": {"designs": {"new": {"like": "old"}}}}},
     ],
 )
-def test_a_section_is_open_at_the_top_only(overrides: dict[str, Any]) -> None:
+def test_nested_unknown_keys_are_refused(overrides: dict[str, Any]) -> None:
     """A study of `eso` is called like the section that takes designs of one's own."""
     with pytest.raises(InputError, match="unknown key"):
         Parameters.load(ROOT, "eso", overrides)
 
 
-def test_a_value_that_the_paper_names_lies_in_its_range() -> None:
+def test_values_named_in_the_paper_lie_in_the_range() -> None:
     tree = copy.deepcopy(Parameters.load(ROOT, "ilo").tree)
     tree["observers"]["sampled"]["K2"]["named"] = [1e6]
     with pytest.raises(

@@ -51,7 +51,7 @@ def watched(browser: Browser, file: Path) -> Iterator[Watched]:
     assert outside == []
 
 
-def test_every_figure_is_seen(watched: Watched, file: Path) -> None:
+def test_every_figure_is_visible(watched: Watched, file: Path) -> None:
     figures = watched.page.locator("article.drawn")
     missing = watched.page.locator("article.drawn .card .gap").count()
     found = watched.page.evaluate(FIGURES)
@@ -65,7 +65,7 @@ def test_every_figure_is_seen(watched: Watched, file: Path) -> None:
     assert missing == (1 if "gaps" in file.parts[-3] else 0)
 
 
-def test_a_link_into_something_closed_opens_it(watched: Watched) -> None:
+def test_link_into_a_closed_section_opens_it(watched: Watched) -> None:
     page = watched.page
     name = page.locator("details:not([open]) [id]").first.get_attribute("id")
     inside = page.locator(f"[id='{name}']")
@@ -74,7 +74,7 @@ def test_a_link_into_something_closed_opens_it(watched: Watched) -> None:
     inside.wait_for(state="visible")
 
 
-def test_text_stands_out_in_both_schemes(watched: Watched) -> None:
+def test_text_has_contrast_in_both_colour_schemes(watched: Watched) -> None:
     page = watched.page
     page.evaluate(OPEN_ALL)
     for scheme in ("light", "dark"):
@@ -89,7 +89,7 @@ def test_text_stands_out_in_both_schemes(watched: Watched) -> None:
 
 
 @pytest.mark.parametrize("width", [1280, 1152, 961, 800])
-def test_a_window_shows_it_without_scrolling_sideways(watched: Watched, width: int) -> None:
+def test_window_needs_no_horizontal_scrolling(watched: Watched, width: int) -> None:
     page = watched.page
     page.set_viewport_size({"width": width, "height": 900})
     for _ in range(2):
@@ -100,7 +100,7 @@ def test_a_window_shows_it_without_scrolling_sideways(watched: Watched, width: i
     page.set_viewport_size(WIDE)
 
 
-def test_a_phone_shows_it_without_scrolling_sideways(browser: Browser, file: Path) -> None:
+def test_phone_needs_no_horizontal_scrolling(browser: Browser, file: Path) -> None:
     phone = {"is_mobile": True, "has_touch": True, "device_scale_factor": 2}
     opened = Watched(browser, file.as_uri(), viewport=PHONE, **phone)
     for _ in range(2):
@@ -116,7 +116,7 @@ def scale(page: Page) -> float:
     return float(page.locator("dialog").get_attribute("data-scale"))
 
 
-def test_a_figure_is_enlarged_by_keyboard_and_wheel(browser: Browser, small_page: Path) -> None:
+def test_figure_zooms_by_keyboard_and_wheel(browser: Browser, small_page: Path) -> None:
     opened = Watched(browser, small_page.as_uri(), viewport=WIDE)
     page = opened.page
     dialog, image = page.locator("dialog"), page.locator("dialog img")
@@ -146,7 +146,7 @@ def test_a_figure_is_enlarged_by_keyboard_and_wheel(browser: Browser, small_page
     opened.context.close()
 
 
-def test_two_fingers_enlarge_a_figure(browser: Browser, small_page: Path) -> None:
+def test_figure_zooms_by_pinch(browser: Browser, small_page: Path) -> None:
     opened = Watched(browser, small_page.as_uri(), viewport=PHONE, is_mobile=True, has_touch=True)
     page = opened.page
     page.locator("a.zoom").first.tap()
@@ -170,7 +170,7 @@ def test_two_fingers_enlarge_a_figure(browser: Browser, small_page: Path) -> Non
     opened.context.close()
 
 
-def test_without_a_script_a_figure_still_opens(browser: Browser, small_page: Path) -> None:
+def test_figure_opens_without_javascript(browser: Browser, small_page: Path) -> None:
     size = {"width": 1000, "height": 700}
     opened = Watched(browser, small_page.as_uri(), java_script_enabled=False, viewport=size)
     figure = opened.page.locator("article.drawn").first
@@ -182,9 +182,7 @@ def test_without_a_script_a_figure_still_opens(browser: Browser, small_page: Pat
     opened.context.close()
 
 
-def test_print_shows_what_is_closed_on_a4_and_cuts_no_figure(
-    browser: Browser, small_page: Path
-) -> None:
+def test_print_shows_closed_sections_and_cuts_no_figure(browser: Browser, small_page: Path) -> None:
     opened = Watched(browser, small_page.as_uri())
     page = opened.page
     closed = "document.querySelectorAll('details:not([open])').length"

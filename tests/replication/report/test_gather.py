@@ -40,7 +40,7 @@ def claims(folder: Path) -> dict[str, Claim]:
     return {claim.name: claim for claim in gathered(folder)[1]["claims"]}
 
 
-def test_a_whole_build_has_no_gaps(project: Path) -> None:
+def test_complete_build_has_no_gaps(project: Path) -> None:
     report, paper = gathered(project)
     assert report["gaps"] == []
     assert (paper["name"], paper["short"], paper["doi"]) == ("toy", "Example (2000)", "10.0000/toy")
@@ -49,7 +49,7 @@ def test_a_whole_build_has_no_gaps(project: Path) -> None:
     assert paper["tables"][0]["content"]["left_out"] == 0
 
 
-def test_a_figure_has_its_caption_files_and_claims(project: Path) -> None:
+def test_figure_has_its_caption_files_and_claims(project: Path) -> None:
     figure = gathered(project)[1]["figures"][0]
     assert figure["title"] == "A disturbance estimated"
     assert figure["source"] == "Example 2000, Fig. 1"
@@ -61,7 +61,7 @@ def test_a_figure_has_its_caption_files_and_claims(project: Path) -> None:
     assert (figure["image"]["width"], figure["image"]["height"]) == (400, 200)  # 300 pt are 400 px
 
 
-def test_numbers_stand_by_observer_with_what_they_mean(project: Path) -> None:
+def test_numbers_are_listed_by_observer_with_their_meaning(project: Path) -> None:
     table = gathered(project)[1]["figures"][0]["numbers"]
     assert table["header"] == ["metric", "placed", "slow", "unit", "what it is"]
     assert table["rows"] == [
@@ -73,7 +73,7 @@ def test_numbers_stand_by_observer_with_what_they_mean(project: Path) -> None:
 
 
 @pytest.mark.parametrize(("most", "shown"), [(MAX_ROWS, MAX_ROWS), (None, MAX_ROWS + 7)])
-def test_long_tables_are_cut_and_sparse_ones_are_lists(
+def test_long_tables_are_shortened_and_sparse_ones_become_lists(
     tmp_path: Path, most: int | None, shown: int
 ) -> None:
     rows = [f"o{k},error_at_{k},{-k},1" for k in range(MAX_ROWS + 7)]
@@ -85,7 +85,7 @@ def test_long_tables_are_cut_and_sparse_ones_are_lists(
     assert (len(table["rows"]), table["left_out"]) == (shown, MAX_ROWS + 7 - shown)
 
 
-def test_claims_come_with_checks_and_robustness(project: Path) -> None:
+def test_claims_include_checks_and_robustness(project: Path) -> None:
     better = claims(project)["placed_is_better"]
     assert better.measured == (
         "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4",
@@ -100,7 +100,7 @@ def test_claims_come_with_checks_and_robustness(project: Path) -> None:
     assert claims(project)["double_pole"].robustness is None
 
 
-def test_no_flip_found_is_another_thing_than_none_looked_for(project: Path) -> None:
+def test_unsearched_reversal_differs_from_none_found(project: Path) -> None:
     for reversal, looked in (("", True), (NOT_LOOKED_FOR, False)):
         write_claims(project, [CLAIMS[0], CLAIMS[1] | {"reversal": reversal}, *CLAIMS[2:]])
         found = claims(project)["placed_is_better"].robustness
@@ -108,7 +108,7 @@ def test_no_flip_found_is_another_thing_than_none_looked_for(project: Path) -> N
         assert (found.reversal_key, found.reversal, found.looked) == ("", "", looked)
 
 
-def test_the_same_choice_of_two_observers_is_one_row(project: Path) -> None:
+def test_same_choice_of_two_observers_is_one_row(project: Path) -> None:
     path = project / "config/papers/toy.yaml"
     slow = path.read_text().partition("  slow:\n")[2].partition("\nstudies:")[0]
     path.write_text(path.read_text().replace("  slow:\n", f"  twin:\n{slow}  slow:\n"))
@@ -122,7 +122,7 @@ def test_the_same_choice_of_two_observers_is_one_row(project: Path) -> None:
     assert sum(paper["statuses"].values()) == len(paper["known_keys"])
 
 
-def test_values_and_ranges_read_well() -> None:
+def test_values_and_ranges_are_formatted() -> None:
     assert value_lines(-1e7) == ("−1e+07",)
     assert value_lines(0.000125) == ("0.000125",)
     assert value_lines(1.5707963267948966) == ("1.57079632679",)
@@ -135,7 +135,7 @@ def test_values_and_ranges_read_well() -> None:
     assert range_lines({"*.from": [5.0, 5.0], "0": [0.0, 1e-4]}) == ("*.from: 5", "0: 0 to 0.0001")
 
 
-def test_captions_without_a_title_are_left_alone() -> None:
+def test_captions_without_a_title_are_unchanged() -> None:
     assert without_title("<p>(a) The fault.</p>", "Other") == ("<p>(a) The fault.</p>", "")
     assert without_title("<p><strong>a &lt; b</strong> (Fig. 2), in full.</p>", "a < b") == (
         "<p>In full.</p>", "Fig. 2",
@@ -155,7 +155,7 @@ TAKEN = {
 
 
 @pytest.mark.parametrize("path", TAKEN)
-def test_a_missing_file_is_one_gap_in_its_place(project: Path, path: str) -> None:
+def test_missing_file_is_one_gap_in_its_place(project: Path, path: str) -> None:
     (project / path).unlink()
     report, paper = gathered(project)
     (gap,) = report["gaps"]
@@ -189,7 +189,7 @@ DAMAGED = [
 
 
 @pytest.mark.parametrize(("path", "content", "said"), DAMAGED)
-def test_a_damaged_file_is_one_gap(project: Path, path: str, content: str, said: str) -> None:
+def test_damaged_file_is_one_gap(project: Path, path: str, content: str, said: str) -> None:
     (project / path).write_text(content)
     (sentence,) = sentences(project)
     assert sentence.startswith((path, said))
@@ -200,7 +200,7 @@ def test_a_damaged_file_is_one_gap(project: Path, path: str, content: str, said:
     ("change", "said"),
     [({"verdict": "fine"}, "'fine' must be a verdict"), ({"held": "some"}, "'some' must be a wh")],
 )
-def test_a_damaged_table_of_claims_is_one_gap(
+def test_damaged_table_of_claims_is_one_gap(
     project: Path, change: dict[str, str], said: str
 ) -> None:
     write_claims(project, [row | change if "reversal" in row else row for row in CLAIMS])
@@ -209,12 +209,12 @@ def test_a_damaged_table_of_claims_is_one_gap(
     assert said in sentence
 
 
-def test_a_paper_without_claims_in_the_table_is_a_gap(project: Path) -> None:
+def test_paper_without_claims_in_the_table_is_a_gap(project: Path) -> None:
     write_claims(project, [])
     assert sentences(project) == ["results/claims.csv: has no claim of toy"]
 
 
-def test_broken_claims_are_gaps_with_their_sentence(project: Path) -> None:
+def test_broken_claims_are_gaps_with_their_message(project: Path) -> None:
     write_claims(project, [*CLAIMS, BROKEN])
     report, paper = gathered(project)
     assert [(gap.place, gap.sentence) for gap in report["gaps"]] == [
@@ -227,9 +227,7 @@ def test_broken_claims_are_gaps_with_their_sentence(project: Path) -> None:
     ("missing", "step"),
     [("fig1.svg", "fig1.plot"), ("theory.metrics.csv", "theory")],
 )
-def test_a_job_that_refused_says_why_its_file_is_missing(
-    project: Path, missing: str, step: str
-) -> None:
+def test_missing_file_quotes_the_error_of_its_job(project: Path, missing: str, step: str) -> None:
     (project / "results/toy" / missing).unlink()
     for log in (project / "logs/toy").iterdir():
         log.write_text(f"{log.read_text()}reobserve: toy: {log.stem} cannot be made\n")
@@ -237,7 +235,7 @@ def test_a_job_that_refused_says_why_its_file_is_missing(
     assert sentences(project) == [f"results/toy/{missing}: {reported}"]
 
 
-def test_a_log_does_not_explain_numbers_that_are_there_and_damaged(project: Path) -> None:
+def test_damaged_numbers_do_not_quote_the_log(project: Path) -> None:
     (project / "results/toy/theory.metrics.csv").write_text("a,b\n1,2\n")
     log = project / "logs/toy/theory.log"
     log.write_text(f"{log.read_text()}reobserve: toy: it cannot be\n")
@@ -255,7 +253,7 @@ def png(width: int, height: int) -> bytes:
     ("formats", "kind"),
     [("[pdf, png, svg]", "image/svg+xml"), ("[pdf, png]", "image/png"), ("[pdf]", None)],
 )
-def test_vectors_are_preferred_then_png_then_a_link(
+def test_vector_formats_are_preferred_to_png_and_links(
     project: Path, formats: str, kind: str | None
 ) -> None:
     configure(project, "[toy]", formats)
@@ -271,7 +269,7 @@ def test_vectors_are_preferred_then_png_then_a_link(
     assert kind != "image/png" or (image["width"], image["height"]) == (40, 20)
 
 
-def test_a_damaged_vector_falls_back_to_png_and_both_to_a_link(project: Path) -> None:
+def test_damaged_vector_falls_back_to_png_then_to_a_link(project: Path) -> None:
     configure(project, "[toy]", "[svg, png]")
     (project / "results/toy/fig1.svg").write_text(SVG[:40])
     for picture in PICTURES:
@@ -288,7 +286,7 @@ def test_a_damaged_vector_falls_back_to_png_and_both_to_a_link(project: Path) ->
 @pytest.mark.parametrize(
     ("text", "said"), [(None, "cannot be read"), ("papers: [toy]\n", "formats: is missing")]
 )
-def test_without_a_config_there_is_no_page(project: Path, text: str | None, said: str) -> None:
+def test_missing_config_is_refused(project: Path, text: str | None, said: str) -> None:
     path = project / "config/config.yaml"
     path.unlink()
     if text:
@@ -297,7 +295,7 @@ def test_without_a_config_there_is_no_page(project: Path, text: str | None, said
         gathered(project)
 
 
-def test_what_was_built_may_differ_from_the_config(project: Path) -> None:
+def test_build_may_differ_from_the_config(project: Path) -> None:
     configure(project, "[other]", "[svg, png]")
     report = gather(project, project / PAGE, ["toy"], ["svg"])
     assert [paper["name"] for paper in report["papers"]] == ["toy"]
@@ -311,7 +309,7 @@ def test_what_was_built_may_differ_from_the_config(project: Path) -> None:
         ("Hardware\t: Board\n", "by itself"),  # not every kernel names a model
     ],
 )
-def test_the_processor_is_the_first_that_the_kernel_names(
+def test_processor_name_is_the_first_in_cpuinfo(
     reported: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "cpuinfo").write_text(reported)
@@ -322,7 +320,7 @@ def test_the_processor_is_the_first_that_the_kernel_names(
     assert environment(tmp_path)["processor"] == wanted
 
 
-def test_the_commit_is_that_of_the_folder_and_not_of_one_around_it(tmp_path: Path) -> None:
+def test_commit_is_that_of_the_project_folder(tmp_path: Path) -> None:
     inner = tmp_path / "thesis" / "project"
     inner.mkdir(parents=True)
     (inner / "file").touch()

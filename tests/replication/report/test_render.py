@@ -52,7 +52,7 @@ def outline(page: str) -> Outline:
     return parser
 
 
-def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_page_contains_everything(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = page_of(project)
     text = unescape(re.sub(r"[ \n]+", " ", page))
     for reported in (
@@ -78,7 +78,7 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize("gaps", [False, True])
-def test_links_have_targets_and_headings_an_order(project: Path, gaps: bool) -> None:
+def test_links_have_targets_and_headings_are_ordered(project: Path, gaps: bool) -> None:
     if gaps:
         write_claims(project, [*CLAIMS, BROKEN])
         for name in ("results/toy/fig1.svg", "results/toy/fig1.caption.rst"):
@@ -96,7 +96,7 @@ def test_links_have_targets_and_headings_an_order(project: Path, gaps: bool) -> 
     assert found.unnamed == []
 
 
-def test_claims_link_to_figures_and_keys_and_back(project: Path) -> None:
+def test_claims_and_figures_link_to_each_other(project: Path) -> None:
     page = page_of(project)
     claim = page.partition('id="toy-claim-placed_is_better"')[2].partition("</article>")[0]
     assert '<a href="#toy-fig1">fig1</a> slow late_rms_error' in claim
@@ -125,7 +125,7 @@ def test_gaps_are_counted_at_the_top_and_shown_in_place(
     assert "2 gaps\n" in capsys.readouterr().out
 
 
-def test_only_the_environment_differs_between_two_builds(
+def test_pages_of_two_builds_differ_only_in_the_environment(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = page_of(project)
@@ -137,20 +137,20 @@ def test_only_the_environment_differs_between_two_builds(
     assert page_of(project) == second
 
 
-def test_links_are_relative_to_where_the_page_is(project: Path) -> None:
+def test_links_are_relative_to_the_page(project: Path) -> None:
     elsewhere = project / "pages" / "out" / "page.html"
     report_command(project, elsewhere)
     assert 'href="../../results/toy/fig1.svg"' in elsewhere.read_text()
 
 
-def test_keys_that_differ_in_one_part_are_reported_once() -> None:
+def test_keys_differing_in_one_part_are_listed_once() -> None:
     assert alike(("a.x.k", "b", "a.y.k", "a.x.m", "c.d")) == [
         ("a.", [("x", "a.x.k"), ("y", "a.y.k")], ".k"), ("", [("b", "b")], ""),
         ("a.", [("x", "a.x.m")], ".m"), ("", [("c.d", "c.d")], ""),
     ]  # fmt: skip
 
 
-def test_names_of_figures_are_found_in_a_text() -> None:
+def test_figure_names_are_found_in_text() -> None:
     assert parts("fig1 over fig1_forms, fig12", ("fig1", "fig1_forms")) == [
         ("fig1", True), (" over ", False), ("fig1_forms", True), (", fig12", False),
     ]  # fmt: skip
@@ -169,7 +169,7 @@ def test_names_of_figures_are_found_in_a_text() -> None:
         ("claims.html.jinja", "{% if %}", "cannot be filled"),
     ],
 )
-def test_a_template_that_cannot_be_filled_is_named(
+def test_invalid_template_is_named(
     project: Path, tmp_path: Path, name: str, text: str | None, said: str
 ) -> None:
     folder = tmp_path / "templates"

@@ -34,7 +34,7 @@ def caption(folder: Path, title: str) -> str:
 
 
 @pytest.mark.parametrize("title", TITLES)
-def test_titles_and_labels_are_shown_as_they_stand(tmp_path: Path, title: str) -> None:
+def test_titles_and_labels_are_escaped(tmp_path: Path, title: str) -> None:
     page = caption(tmp_path, title)
     shown = " ".join(title.split()).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     assert f"<strong>{shown}</strong>" in page
@@ -54,11 +54,11 @@ LINKS = [
 
 
 @pytest.mark.parametrize("text", LINKS)
-def test_links_lead_to_the_web_only(text: str) -> None:
+def test_only_web_links_are_kept(text: str) -> None:
     assert "href" not in to_html("caption", f"Before {text} after.")
 
 
-def test_links_to_the_web_stay() -> None:
+def test_web_links_are_unchanged() -> None:
     page = to_html("caption", "`one <https://a.org>`__ and http://b.org/c.")
     assert re.findall(r'href="([^"]*)"', page) == ["https://a.org", "http://b.org/c"]
 
@@ -86,7 +86,7 @@ def test_directives_and_roles_are_refused(text: str) -> None:
     assert "root:" not in str(caught.value)
 
 
-def test_classes_and_names_of_the_page_are_its_own() -> None:
+def test_classes_and_ids_from_text_are_removed() -> None:
     page = to_html(
         "caption", ".. class:: gap\n\nA paragraph.\n\n.. _top: https://a.org\n\nSee top_."
     )
@@ -112,7 +112,7 @@ def check_policy(page: str) -> None:
     ]
 
 
-def test_the_report_allows_its_own_script_and_style_and_no_other(project: Path) -> None:
+def test_report_allows_only_its_own_script_and_style(project: Path) -> None:
     page = project / "results/report.html"
     report_command(project, page)
     check_policy(page.read_text(encoding="utf-8"))

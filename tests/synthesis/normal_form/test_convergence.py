@@ -36,7 +36,7 @@ def scalar(a: float, b: float, pole: float, degree: int) -> NormalForm:
 @pytest.mark.parametrize(
     ("a", "b", "pole"), [(1, 1, -0.5), (1, 1, -1.37), (-1, 2, -0.5), (-0.3, 1.2, -0.5), (2, 3, -1)]
 )
-def test_scalar_system(a: float, b: float, pole: float) -> None:
+def test_radius_of_a_scalar_system_agrees_with_theory(a: float, b: float, pole: float) -> None:
     form = scalar(a, b, pole, 13)
     coefficient, wanted = 1.0, [0.0]
     for k in range(13):
@@ -53,14 +53,14 @@ def test_scalar_system(a: float, b: float, pole: float) -> None:
 
 @pytest.mark.parametrize("scale", [1e-4, 1e-2, 10.0, 100.0, 1e4])
 @pytest.mark.parametrize("degree", [13, 25])
-def test_the_radius_knows_no_units(scale: float, degree: int) -> None:
+def test_radius_does_not_depend_on_units(scale: float, degree: int) -> None:
     """In other units of x the radius is the same number in these units."""
     one = convergence(scalar(1, 1, -0.5, degree).S).radius
     other = convergence(scalar(1, 1 / scale, -0.5, degree).S).radius
     assert other == pytest.approx(scale * one, rel=1e-6)
 
 
-def test_far_poles_need_more_degrees_than_there_are() -> None:
+def test_radius_for_distant_poles_is_refused_or_within_a_factor_of_two() -> None:
     """The parts obey their law only from a degree of some |pole / a| on: a guess is no help."""
     try:
         found = convergence(scalar(-1, 1, -7.7, 13).S).radius
@@ -83,12 +83,14 @@ GEOMETRIC = [
 
 
 @pytest.mark.parametrize(("text", "variables", "degree", "radius", "within"), GEOMETRIC)
-def test_known_radii(text: str, variables: int, degree: int, radius: float, within: float) -> None:
+def test_estimated_radii_agree_with_known_ones(
+    text: str, variables: int, degree: int, radius: float, within: float
+) -> None:
     found = convergence(expanded(text, variables, degree))
     assert found.radius == pytest.approx(radius, rel=within)
 
 
-def test_growth_along_directions() -> None:
+def test_growth_along_directions_agrees_with_closed_form() -> None:
     """1 / (1 - x1 - 2 x2) converges on a ray as far as |x1 + 2 x2| < 1, for ever on another."""
     domain = convergence(expanded("1/(1 - x1 - 2*x2)", 2, 13))
     points = np.array([[1.0, 0.0], [0.0, 1.0], [0.3, 0.3], [-0.2, -0.1], [2.0, -1.0], [0.0, 0.0]])
@@ -116,19 +118,19 @@ def test_part_norms_bound_the_values_on_the_sphere() -> None:
         assert (largest >= 0.8 * norms / np.sqrt(dimensions)).all()
 
 
-def test_part_norms_by_hand() -> None:
+def test_part_norms_agree_with_hand_calculation() -> None:
     norms = part_norms(expanded("3 - 4*x1 + x1**2 + x1*x2 + 2*x2**2", 2, 3))
     np.testing.assert_allclose(norms, [3, 4, np.sqrt(1 + 0.5 + 4), 0], rtol=1e-15)
 
 
-def test_a_series_that_ends_converges_everywhere() -> None:
+def test_finite_series_converges_everywhere() -> None:
     domain = convergence(expanded("x1 + x2**3/3", 2, 13))
     assert domain.radius == np.inf
     assert not domain.outside(np.array([[1e6, -1e6]])).any()
     assert warning(domain, np.array([[1e6, -1e6]]), 0.1) is None
 
 
-def test_a_series_that_ends_but_for_rounding() -> None:
+def test_finite_series_is_recognised_despite_rounding() -> None:
     """The cubic injection of the example in floats."""
     system = PolynomialSystem.from_expressions(["x2", "(1 - x1**2)*x2 - x1"], ["x1"], NAMES[:2], 3)
     cubic = from_expressions("l", ["-2*y + y**3/3", "-4*y + y**3/3"], ["y"], 3)
@@ -136,14 +138,14 @@ def test_a_series_that_ends_but_for_rounding() -> None:
 
 
 @pytest.mark.parametrize("degree", [3, 5, 11])
-def test_too_short_a_series_is_refused(degree: int) -> None:
+def test_too_short_series_is_refused(degree: int) -> None:
     problem = van_der_pol().problem(degree, exact=False)
     S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
     with pytest.raises(InputError, match=rf"^degree: {degree} leaves \d parts with terms from"):
         convergence(S)
 
 
-def test_van_der_pol_beyond_the_paper() -> None:
+def test_radius_for_van_der_pol_falls_below_the_cycle_amplitude() -> None:
     """From degree to degree the estimate falls toward a value below the amplitude of the cycle."""
     problem = van_der_pol().problem(41, exact=False)
     S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
@@ -155,7 +157,7 @@ def test_van_der_pol_beyond_the_paper() -> None:
     assert far.tolist() == [True, False, False]
 
 
-def test_the_warning_says_how_far_how_long_and_when() -> None:
+def test_domain_warning_states_distance_duration_and_time() -> None:
     domain = convergence(expanded("1/(1 - x1 - x2)", 2, 9))
     states = np.array([[0.0, 0.0], [0.2, 0.2], [0.5, 0.46], [1.0, 1.0]])
     assert warning(domain, states[:2], 0.25) is None
@@ -182,7 +184,7 @@ def test_check_domain_warns_and_returns_the_sentence() -> None:
     assert given[0].filename == __file__
 
 
-def test_the_error_is_four_times_what_fewer_degrees_differ_by() -> None:
+def test_radius_error_is_four_times_the_change_with_fewer_degrees() -> None:
     """1 / (1 - x) + 1 / (3/2 - x)^3, its coefficients by hand and the fits by another way."""
     found = convergence(expanded("1/(1 - x1) + 1/(3/2 - x1)**3", 1, 13))
     degrees = np.array(found.degrees)
@@ -199,13 +201,13 @@ def test_the_error_is_four_times_what_fewer_degrees_differ_by() -> None:
     assert found.error > 0.1, "more than the least"
 
 
-def test_an_estimate_that_repeats_errs_by_a_twentieth_all_the_same() -> None:
+def test_radius_error_is_at_least_five_percent() -> None:
     """The parts of 1 / (1 - x) are all one: every fit finds the radius 1."""
     assert convergence(expanded("1/(1 - x1)", 1, 13)).error == 0.05
 
 
 @pytest.mark.parametrize(("degree", "lowest"), [(11, 6), (12, 6), (13, 7)])
-def test_the_fit_is_over_the_upper_half_of_the_degrees(degree: int, lowest: int) -> None:
+def test_radius_fit_uses_the_upper_half_of_the_degrees(degree: int, lowest: int) -> None:
     found = convergence(expanded("1/(1 - x1)", 1, degree))
     assert found.degrees == tuple(range(lowest, degree + 1))
 
@@ -214,7 +216,7 @@ def test_the_fit_is_over_the_upper_half_of_the_degrees(degree: int, lowest: int)
     ("text", "degree", "without"),
     [("1/(1 - x1) + 3/(1 + x1)**2", 13, "0.964"), ("log(1 + x1) + 1/(2 - x1)", 9, "1.21")],
 )
-def test_estimates_that_differ_by_more_than_a_twentieth_are_none(
+def test_radius_is_undefined_if_estimates_differ_by_more_than_five_percent(
     text: str, degree: int, without: str
 ) -> None:
     """Two singularities at one distance: the parts of even and odd degree follow two laws."""

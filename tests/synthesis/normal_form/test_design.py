@@ -60,7 +60,7 @@ def simulated(described: Any, start: list[float], times: Array) -> tuple[Array, 
 
 @pytest.mark.parametrize("form", ["identity", "transformed"])
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_one_call_for_a_system_of_ones_own(name: str, form: str) -> None:
+def test_one_call_designs_an_observer_for_a_user_defined_system(name: str, form: str) -> None:
     described, poles, start = SYSTEMS[name]
     step, steps = 0.02, 800
     x, y = simulated(described, start, np.arange(2 * steps + 1) * step / 2)
@@ -79,7 +79,7 @@ def test_one_call_for_a_system_of_ones_own(name: str, form: str) -> None:
 
 
 @pytest.mark.parametrize("gain", GAINS)
-def test_one_call_is_the_construction_step_by_step(gain: str) -> None:
+def test_one_call_agrees_with_the_stepwise_construction(gain: str) -> None:
     _, y = simulated(DUFFING, [0.4, 0.1], np.arange(201) * 0.01)
     system = PolynomialSystem.from_expressions(*DUFFING, 9)
     injection = injection_for(system, [-1.2, -2.1])
@@ -97,7 +97,7 @@ def test_one_call_is_the_construction_step_by_step(gain: str) -> None:
             assert left.state.values.tobytes() == right.state.values.tobytes()
 
 
-def test_symbols_of_sympy_serve_as_text_does() -> None:
+def test_sympy_symbols_and_text_are_equivalent() -> None:
     angle, rate = sympy.symbols("angle rate", real=True)
     one = normal_form_observer([rate, -sympy.sin(angle) - rate / 5], [angle], [angle, rate],
                                order=4, sampling_period=0.1, poles=[-1, -1.7])  # fmt: skip
@@ -107,7 +107,7 @@ def test_symbols_of_sympy_serve_as_text_does() -> None:
     )
 
 
-def test_what_is_no_polynomial_is_expanded_up_to_degree_nine_unless_more_is_needed() -> None:
+def test_non_polynomials_are_expanded_to_degree_nine_by_default() -> None:
     for more, degree in (({}, 9), ({"expanded": 5}, 5), ({"expanded": 5, "degree": 13}, 13)):
         observer = normal_form_observer(["sin(x) + x**10 + x**14"], ["x"], ["x"], order=4,
                                         sampling_period=0.1, poles=[-0.5], **more)  # fmt: skip
@@ -116,7 +116,7 @@ def test_what_is_no_polynomial_is_expanded_up_to_degree_nine_unless_more_is_need
         assert last == pytest.approx(1.0 / math.factorial(degree), rel=1e-14)
 
 
-def test_the_domain_can_be_checked_after_one_call() -> None:
+def test_domain_can_be_checked_after_one_call() -> None:
     """The series of f go up to degree 25, enough for the radius, though the gain is of order 4."""
     observer = normal_form_observer(["x - x**2"], ["x"], ["x"], order=4, sampling_period=0.1,
                                     poles=[-0.5], degree=25)  # fmt: skip
@@ -134,7 +134,7 @@ def example() -> NormalForm:
 
 @pytest.mark.parametrize("order", [0, 4, 8])
 @pytest.mark.parametrize("gain", GAINS)
-def test_gain_at_points_against_finite_differences(gain: str, order: int) -> None:
+def test_gain_agrees_with_finite_differences(gain: str, order: int) -> None:
     form, draw = example(), np.random.default_rng(2)
     x = 0.5 * draw.normal(size=(6, 2))
     found = gain_at(gain, order, form.S, form.T, form.gain, x)
@@ -159,7 +159,7 @@ def test_gain_at_points_against_finite_differences(gain: str, order: int) -> Non
     np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8)
 
 
-def test_an_unknown_reading_of_the_gain() -> None:
+def test_unknown_gain_variant_is_refused() -> None:
     form = example()
     with pytest.raises(InputError, match="'jacobain' must be one of series, jacobian, composed"):
         gain_at("jacobain", 4, form.S, form.T, form.gain, np.zeros((1, 2)))
@@ -168,7 +168,7 @@ def test_an_unknown_reading_of_the_gain() -> None:
 # -- resonance
 
 
-def test_smallest_divisor_of_the_example() -> None:
+def test_smallest_divisor_of_the_example_agrees_with_hand_calculation() -> None:
     """m.alpha of degree 2 is 1 +- sqrt(3) i or 1, lambda is (-1 +- sqrt(11) i) / 2."""
     found = example().resonance
     assert found is not None
@@ -181,7 +181,7 @@ def test_smallest_divisor_of_the_example() -> None:
     assert found.poincare
 
 
-def test_resonance_against_a_search_by_hand() -> None:
+def test_resonance_agrees_with_a_brute_force_search() -> None:
     F, A = np.diag([-1.0, -2.6]), np.diag([-4.3, -9.1])
     found = resonance(F, A, monomials(2, 6))
     assert (found.powers, found.eigenvalue) == ((4, 2), -9.1 + 0j)
@@ -214,14 +214,16 @@ def test_resonant_poles_are_refused_with_m_and_lambda() -> None:
         ([1e-17, 5.0], False),  # zero but for rounding
     ],
 )  # fmt: skip
-def test_domains_of_poincare_and_siegel(eigenvalues: list[complex], inside: bool) -> None:
+def test_poincare_and_siegel_domains_are_distinguished(
+    eigenvalues: list[complex], inside: bool
+) -> None:
     assert in_poincare_domain(np.array(eigenvalues)) is inside
 
 
 # -- placement
 
 
-def test_placement_with_one_output_is_ackermanns_formula() -> None:
+def test_placement_with_one_output_agrees_with_ackermann() -> None:
     described = (
         ["x2 + x1**2", "2*x1 - x2 + x3", "x1*x2 - 3*x3 + x1"],
         ["x1 + x3"],
@@ -239,20 +241,20 @@ def test_placement_with_one_output_is_ackermanns_formula() -> None:
 
 
 @pytest.mark.parametrize("poles", [[-1, -2, -3], [-1, -1, -2], [-1 + 3j, -1 - 3j, -5]])
-def test_placement_with_two_outputs(poles: list[complex]) -> None:
+def test_placement_with_two_outputs_gives_the_poles(poles: list[complex]) -> None:
     system = PolynomialSystem.from_expressions(*TWO_OUTPUTS, 2)
     A = system.F + injection_for(system, poles) @ system.H
     np.testing.assert_allclose(np.poly(A), np.poly(poles), rtol=1e-6, atol=1e-6)
 
 
-def test_outputs_that_repeat_each_other() -> None:
+def test_redundant_outputs_are_accepted() -> None:
     """Two sensors of the same thing are no reason to refuse."""
     system = PolynomialSystem.from_expressions(["x2", "-x1"], ["x1", "2*x1"], ["x1", "x2"], 2)
     A = system.F + injection_for(system, [-1, -2]) @ system.H
     np.testing.assert_allclose(np.poly(A), [1, 3, 2], atol=1e-9)
 
 
-def test_hidden_modes_that_decay_may_be_kept() -> None:
+def test_stable_unobservable_modes_are_allowed() -> None:
     described = (["x2", "-x1 - x2", "-3*x3 + x1**2"], ["x1"], ["x1", "x2", "x3"])
     system = PolynomialSystem.from_expressions(*described, 2)
     A = system.F + injection_for(system, [-1.3, -2.2, -3.0]) @ system.H

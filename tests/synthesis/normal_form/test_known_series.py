@@ -76,7 +76,7 @@ def scalar(a: Any, b: Any, pole: Any) -> Case:
 
 
 @pytest.mark.parametrize(("a", "b", "pole"), SCALAR)
-def test_one_state_against_the_hypergeometric_series(a: Any, b: Any, pole: Any) -> None:
+def test_one_state_agrees_with_the_hypergeometric_series(a: Any, b: Any, pole: Any) -> None:
     (x,) = variables(1)
     degree = 14
     (S,), (T,) = solve(scalar(a, b, pole), degree)
@@ -88,7 +88,7 @@ def test_one_state_against_the_hypergeometric_series(a: Any, b: Any, pole: Any) 
 
 
 @pytest.mark.parametrize(("a", "b", "pole"), SCALAR)
-def test_one_state_in_floats_against_the_sum_of_the_series(a: Any, b: Any, pole: Any) -> None:
+def test_one_state_in_floats_agrees_with_the_sum_of_the_series(a: Any, b: Any, pole: Any) -> None:
     problem = scalar(a, b, pole).problem(40, exact=False)
     form = normal_form(problem.system, 40, injection=problem.injection)
     a, b, pole = (float(fraction(QQ(v))) for v in (a, b, pole))
@@ -97,7 +97,7 @@ def test_one_state_in_floats_against_the_sum_of_the_series(a: Any, b: Any, pole:
         assert float(form.S([x])[0]) == pytest.approx(float(known), rel=1e-13)
 
 
-def test_the_sign_of_the_argument_matters() -> None:
+def test_wrong_sign_of_the_argument_gives_another_series() -> None:
     (x,) = variables(1)
     (s,), _ = solve(scalar(1, 1, -2), 4)
     # By hand, 2 s_1 + 1 = -2 s_1 and so on: -1/4, then 2/4 and 3/5 and 3/6 times the one before.
@@ -133,14 +133,14 @@ PLANE = {
 
 
 @pytest.mark.parametrize("name", PLANE)
-def test_a_series_that_ends_is_found_and_nothing_above_it(name: str) -> None:
+def test_finite_series_has_no_higher_terms(name: str) -> None:
     S, T, h, l = PLANE[name]  # noqa: E741
     case = built_from(S, T, A2, h, l)
     assert not any(case.residual_of_s(S))  # what the case claims, by other arithmetic
     assert solve(case, 8) == (S, T)
 
 
-def test_a_series_of_three_states_and_two_outputs_that_ends() -> None:
+def test_finite_series_of_three_states_and_two_outputs_is_exact() -> None:
     a, b, c = variables(3)
     u, v = variables(2)
     S = [a, b + a**2, c + a * b - b**2 / 2]
@@ -168,7 +168,7 @@ def test_van_der_pol_with_cubic_injection_ends_at_degree_3() -> None:
     assert found == ([x1, x2 + x1**3 / 3], [x1, x2 - x1**3 / 3])
 
 
-def test_van_der_pol_with_cubic_injection_by_an_identity_of_sympy() -> None:
+def test_van_der_pol_with_cubic_injection_satisfies_the_sympy_identity() -> None:
     a, b = sympy.symbols("a b")
     third = sympy.Rational(1, 3)
     f = sympy.Matrix([b, (1 - a**2) * b - a])
@@ -223,7 +223,7 @@ def quadratic_output() -> PolyElement:
     return sum((q * monomial([x1, x2], m) for m, q in QUADRATIC.items()), x1 + x2)
 
 
-def test_a_linear_system_with_a_quadratic_output() -> None:
+def test_linear_system_with_quadratic_output_agrees_with_closed_form() -> None:
     f = [ALPHA[0] * x1, ALPHA[1] * x2]
     case = Case(f, [quadratic_output()], [c * y for c in L0])
     assert sympy.Matrix(
@@ -235,7 +235,7 @@ def test_a_linear_system_with_a_quadratic_output() -> None:
     assert S[1].coeff(x1**2) == 1  # by hand: 3/4 * 1 / ((-1/2) (-3/2))
 
 
-def test_a_linear_system_with_a_quadratic_output_in_other_coordinates() -> None:
+def test_linear_system_with_quadratic_output_agrees_in_other_coordinates() -> None:
     # x = V w with w as above: f, h, l and S follow.
     V, back = [[QQ(1), QQ(1)], [QQ(1), QQ(2)]], [[QQ(2), QQ(-1)], [QQ(-1), QQ(1)]]
     w = times(back, [x1, x2])
@@ -246,7 +246,7 @@ def test_a_linear_system_with_a_quadratic_output_in_other_coordinates() -> None:
     assert found == times(V, [p.compose(at_w) for p in diagonal_answer()])
 
 
-def test_a_linear_system_of_whole_numbers_in_floats() -> None:
+def test_linear_system_of_integers_is_computed_in_floats() -> None:
     exact = Case([-x1, -2 * x2], [quadratic_output()], [c * y for c in L0])
     floats = exact.problem(2, exact=False)
     system = PolynomialSystem(PolynomialMap.linear([[-1, 0], [0, -2]]), floats.system.output)
@@ -292,7 +292,7 @@ def test_resonance_is_refused_from_its_degree_on(poles: tuple[int, int], degree:
 
 
 @pytest.mark.parametrize(("off", "refused"), [(1e-4, False), (1e-6, False), (1e-10, True)])
-def test_half_of_all_digits_may_be_lost_and_no_more(off: float, refused: bool) -> None:
+def test_near_resonance_may_lose_half_of_the_digits(off: float, refused: bool) -> None:
     """x' = -x and z' = -(2 + off) z + x^2, of which S = z - x^2 / off, to as many digits."""
     system = PolynomialSystem.from_expressions(
         ["-x", f"-(2 + {off!r})*z + x**2"], ["z"], ["x", "z"], 2
@@ -308,7 +308,7 @@ def test_half_of_all_digits_may_be_lost_and_no_more(off: float, refused: bool) -
         assert S[1, 3] == pytest.approx(-1.0 / off, rel=1e-14 / off)
 
 
-def test_a_row_in_which_everything_cancels_is_resonance_too() -> None:
+def test_cancelling_row_is_resonance() -> None:
     """F = A = diag(-1, -3): -3 = 3 * -1, so the coefficient of x1^3 in the second row is free."""
     matrix = np.array([[Fraction(-1), Fraction(0)], [Fraction(0), Fraction(-3)]], dtype=object)
     basis = monomials(2, 3)

@@ -99,7 +99,7 @@ def rows(polynomials: Polynomials, n: int) -> list[Polynomials]:
 
 
 @pytest.mark.parametrize(("case", "degree"), CASES)
-def test_the_roads_meet_exactly_and_solve_the_equations(case: Case, degree: int) -> None:
+def test_all_methods_agree_exactly_and_solve_the_equations(case: Case, degree: int) -> None:
     problem = case.problem(degree)
     solver = solver_for(problem)
     S, T = solve_s(problem, solver), solve_t(problem, solver)
@@ -119,7 +119,7 @@ def test_the_roads_meet_exactly_and_solve_the_equations(case: Case, degree: int)
 
 
 @pytest.mark.parametrize(("case", "degree"), CASES)
-def test_the_gain_is_the_jacobian_of_t_at_s(case: Case, degree: int) -> None:
+def test_gain_is_the_jacobian_of_t_at_s(case: Case, degree: int) -> None:
     problem = case.problem(degree)
     n = problem.system.states
     lie = lie_transform(problem, solver_for(problem))
@@ -188,7 +188,7 @@ def brute_force(case: Case, degree: int) -> tuple[Polynomials, Polynomials]:
         pytest.param(random_case(13, 3, 2, degree=2), 3, id="n3-p2"),
     ],
 )
-def test_against_unknown_coefficients_and_sympy(case: Case, degree: int) -> None:
+def test_series_agree_with_brute_force_coefficients(case: Case, degree: int) -> None:
     problem = case.problem(degree)
     solver = solver_for(problem)
     S, T = brute_force(case, degree)
@@ -227,14 +227,14 @@ def test_complex_eigenvalues_leave_no_imaginary_part(degree: int) -> None:
 
 
 @pytest.mark.parametrize(("n", "p", "degree", "seed"), RANDOM)
-def test_float_roads_against_exact_ones(n: int, p: int, degree: int, seed: int) -> None:
+def test_float_methods_agree_with_exact_ones(n: int, p: int, degree: int, seed: int) -> None:
     error, imaginary = float_error(random_case(seed, n, p), degree)
     assert error < 1e-12
     assert imaginary < 1e-12
 
 
 @pytest.mark.parametrize("name", DEFECTIVE)
-def test_float_roads_without_enough_eigenvectors(name: str) -> None:
+def test_float_methods_work_for_defective_matrices(name: str) -> None:
     case, degree = DEFECTIVE[name]
     error, imaginary = float_error(case, degree)
     assert error < 1e-11
@@ -242,7 +242,7 @@ def test_float_roads_without_enough_eigenvectors(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DEFECTIVE)
-def test_exact_roads_meet_without_enough_eigenvectors(name: str) -> None:
+def test_exact_methods_agree_for_defective_matrices(name: str) -> None:
     case, degree = DEFECTIVE[name]
     degree = min(degree, 4 if len(case.f) < 4 else 3)
     problem = case.problem(degree)
@@ -253,7 +253,7 @@ def test_exact_roads_meet_without_enough_eigenvectors(name: str) -> None:
     assert lowest_degree(case.residual_of_s(entries(problem, lie.S))) > degree
 
 
-def test_the_cases_are_what_they_are_called() -> None:
+def test_defective_cases_have_the_stated_jordan_form() -> None:
     def is_one_block(matrix: list[list[Any]], value: int) -> bool:
         n = len(matrix)
         N = sympy.Matrix([[sympy.Rational(str(v)) for v in row] for row in matrix])
@@ -286,7 +286,7 @@ def slopes(values: np.ndarray, radii: np.ndarray) -> list[float]:
         *((random_case(5, 4, 1), degree, degree + 1) for degree in (2, 3)),
     ],
 )
-def test_the_residual_falls_with_the_power_above_the_degree(
+def test_residual_falls_with_the_power_above_the_degree(
     case: Case, degree: int, slope: int
 ) -> None:
     problem = case.problem(degree, exact=False)
@@ -315,7 +315,7 @@ def test_the_residual_falls_with_the_power_above_the_degree(
         assert slopes(column, radii)[-1] == pytest.approx(slope, abs=0.1)
 
 
-def test_fractions_come_out_as_fractions() -> None:
+def test_exact_input_gives_exact_results() -> None:
     problem = van_der_pol().problem(4)
     solver = solver_for(problem)
     for table in (
@@ -328,7 +328,7 @@ def test_fractions_come_out_as_fractions() -> None:
 
 @pytest.mark.parametrize("degree", [1, 2, 4])
 @pytest.mark.parametrize("compiled", [True, False])
-def test_a_linear_substitution_is_that_of_the_values(degree: int, compiled: bool) -> None:
+def test_linear_substitution_agrees_with_point_values(degree: int, compiled: bool) -> None:
     """p(G w) at points; as plain Python, too, which sees what leaves its arrays."""
     draw = np.random.default_rng(degree)
 
