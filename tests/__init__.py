@@ -1,4 +1,5 @@
-"""Tests, by the rooms of the package."""
+"""Tests; the folders mirror the packages."""
 
-# The papers that the README, the citation and some tests are about; others need no word there.
+# The papers covered by the README, the citation file and some tests; other papers need no entry
+# there.
 FIVE = ("ilo", "lie", "delay", "imm", "eso")

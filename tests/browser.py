@@ -1,4 +1,4 @@
-"""A real browser for tests of pages, the system's Chromium, and what a page is held to."""
+"""A real browser (the system's Chromium) for tests of pages, and the requirements on a page."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MISSING = (
 
 
 def find_browser() -> str | None:
-    """The first browser on the PATH that runs; a script that calls for a snap does not count."""
+    """The first working browser on the PATH; a script that requests a snap does not count."""
     for name in NAMES:
         path = shutil.which(name)
         if path is None:
@@ -36,7 +36,7 @@ def find_browser() -> str | None:
     return None
 
 
-# All text that is shown, where many elements are styled alike the first of them.
+# All visible text; of many elements with the same style only the first.
 TEXT = """
   const seen = new Set();
   const sort = (element) => element ? `${element.tagName}.${element.getAttribute("class")}` : "";
@@ -51,7 +51,7 @@ TEXT = """
   });
 """
 
-# WCAG: the least contrast of text to what is behind it. All colours here are solid.
+# WCAG: the minimum contrast between text and background. All colours here are opaque.
 CONTRAST = f"""() => {{ {TEXT}
   const channels = (text) => text.match(/[\\d.]+/g).map(Number);
   const light = (text) => {{
@@ -86,7 +86,7 @@ PHONE = {"width": 360, "height": 740}
 
 
 class Watched:
-    """A page, and what it complained of or asked for while it was open."""
+    """A page, with its errors and the requests it made while open."""
 
     def __init__(self, browser: Browser, address: str, **options: object) -> None:
         self.context = browser.new_context(**options)
@@ -101,7 +101,7 @@ class Watched:
 
 @cache
 def _launched(path: str) -> Browser:
-    """One for the whole process: Playwright cannot be started in it again while it runs."""
+    """One instance per process: Playwright cannot be started twice."""
     playwright = sync_playwright().start()
     atexit.register(playwright.stop)
     return playwright.chromium.launch(executable_path=path)
@@ -109,7 +109,7 @@ def _launched(path: str) -> Browser:
 
 @pytest.fixture(scope="session")
 def browser() -> Browser:
-    """Headless Chromium. Where there is none, tests are skipped; in CI they fail."""
+    """Headless Chromium. Without it tests are skipped; in CI they fail."""
     path = find_browser()
     if path is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(MISSING)

@@ -1,7 +1,7 @@
-"""What holds for all tests: pinned code paths, profiles of hypothesis, and which tests are nightly.
+"""Settings of all tests: pinned code paths, hypothesis profiles and the nightly marker.
 
-Code paths are pinned before numpy is imported, as in the command line, so that sums round alike and
-two test processes on two cores do not fight over threads for matrices of five rows.
+Code paths are pinned before numpy is imported, as in the command line, so that sums round
+identically and two test processes on two cores do not compete for threads over small matrices.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from reobserve.core.code_paths import pin_code_paths
 
 pin_code_paths()
 
-# The same examples each time: few, or more with `--hypothesis-profile=nightly`. New ones each time
+# The same examples each time: few, or more with `--hypothesis-profile=nightly`. New examples each
 # with `--hypothesis-profile=thorough`.
 hypothesis.settings.register_profile(
     "few", max_examples=12, derandomize=True, deadline=None, database=None
@@ -28,11 +28,11 @@ hypothesis.settings.register_profile("thorough", max_examples=1000, deadline=60_
 hypothesis.settings.load_profile("few")
 
 
-# Fixtures that start a browser, a Slurm or the build of the documentation.
+# Fixtures that start a browser, Slurm or the build of the documentation.
 NIGHTLY = {"browser", "slurm", "site"}
 
-# Where several processes test, those of a file share one. So do these, which edit the built project
-# and restore it, or read the same documentation.
+# With several processes, the tests of one file run in one process. So do these files, which edit
+# and restore the built project, or read the same documentation.
 SHARED = {
     f"tests/{folder}/test_{name}.py": folder
     for folder, names in {
@@ -64,9 +64,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is nightly by its fixtures; where several processes test, start the build first.
+    """Mark nightly tests by their fixtures; with several processes, start the build first.
 
-    What only reads the build comes last, so that no process waits for it.
+    Tests that only read the build come last, so that no process waits for it.
     """
     for item in items:
         if NIGHTLY & set(getattr(item, "fixturenames", ())):

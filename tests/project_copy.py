@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def copy_project(project: Path, target: Path) -> None:
-    """Copy what git tracks or would track; what was built stays behind."""
+    """Copy what git tracks or would track, without build results."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
         cwd=project, capture_output=True, text=True, check=True,
@@ -22,10 +22,11 @@ def copy_project(project: Path, target: Path) -> None:
 
 
 def copy_environment(folder: Path) -> dict[str, str]:
-    """The variables under which commands run the package in the ``src`` of a folder."""
+    """The environment variables with which commands run the package in the ``src`` of a folder."""
     return {
         **os.environ,
-        "PYTHONDONTWRITEBYTECODE": "",  # each of many processes would compile the package again
+        # otherwise each of many processes would compile the package again
+        "PYTHONDONTWRITEBYTECODE": "",
         "PYTHONPATH": str(folder / "src"),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]),
     }

@@ -1,4 +1,4 @@
-"""What pages and the README tell of each paper, with the numbers that the build has."""
+"""The statements with numbers in pages and the README, computed from the golden numbers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def of_ilo() -> Iterator[str]:
     figures = [golden_metrics("ilo", name) for name in ("fig1", "fig2", "fig3", "fig5")]
     for observer in ("sampled", "continuous", "forgetting"):
         errors = [figure[observer, "relative_rms_error"] for figure in figures]
-        # What the integration leaves of an error of zero is no number to tell.
+        # A vanishing error is only integration error.
         scores = [percent(error) if error > 1e-5 else "< 0.001 %" for error in errors]
         yield f"| `{observer}` | {' | '.join(scores)} |"
     fig4 = golden_metrics("ilo", "fig4")
@@ -152,7 +152,7 @@ def _with_noise(rho: float) -> tuple[str, str]:
     return "order2_noise", f"varying_rms_delay_error noise_rho={rho:g}"
 
 
-_NOISE = 0.1  # of the outputs, for the detectors that are compared
+_NOISE = 0.1  # of the outputs, for the compared detectors
 
 
 def of_imm() -> Iterator[str]:
@@ -213,7 +213,7 @@ def _gap(value: float) -> str:
 
 
 def _of_layers_that_switch() -> Iterator[str]:
-    """The setting in which thin layers are left, and what switching has to do with the lead."""
+    """The setting with thin layers only, and how switching relates to the lead."""
     found = golden_metrics("imm", "fig5_switching")
     causes = golden_metrics("imm", "fig8_causes")
     near = golden_metrics("imm", "fig5_switching_neighbourhood")
@@ -303,7 +303,7 @@ def of_eso() -> Iterator[str]:
 _ESO_FAULTS = ("actuator", "sensor")
 
 
-# Digits that are names: figures, equations, remarks, gains, orders, licences.
+# Digits that are part of names: figures, equations, remarks, gains, orders, licences.
 NAMES = re.compile(
     r"Figs?\. \d|\(\d+\)|Remark \d\.\d|Theorem \d|\bK[12]\b|\bm = \d|\border \d|BSD 3-Clause"
     r"|\[1/s\]|`[^`]*`|!\[.*?\]\(.*?\)|\]\(tests/reference/.*?\)",

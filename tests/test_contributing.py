@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md: what it tells people to type and to look at is there."""
+"""CONTRIBUTING.md: its commands and places exist."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_named_places_exist() -> None:
 
 
 def test_named_subcommands_and_rules_exist() -> None:
-    """Those of the Makefile and the workflows of CI, and the rules of the profile for Slurm."""
+    """Those in the Makefile, the CI workflows, and the rules of the Slurm profile."""
     files = (ROOT / "Makefile", *(ROOT / ".github/workflows").glob("*.yml"))
     text = "\n".join(path.read_text(encoding="utf-8") for path in files)
     named = set(re.findall(r"(?:^\t|bin/)reobserve ([a-z]+)\b", text, re.MULTILINE))

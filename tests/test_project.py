@@ -1,4 +1,4 @@
-"""Rules of the project: package imports, locks, the README, the words that are used."""
+"""Rules of the project: package imports, locks, the README, and wording."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ def test_packages_import_only_those_before_them() -> None:
         assert not inside(closure, *never), path
 
 
-# Packages without a folder of tests of their own, and where they are tested instead.
+# Packages without their own test folder, and where they are tested instead.
 TESTED_ELSEWHERE = {
-    "cli": "tests/pipeline",  # what is typed is run in copies of the project
+    "cli": "tests/pipeline",  # commands are run in copies of the project
     "__main__": "tests/pipeline",
 }
 
@@ -90,7 +90,7 @@ def test_tests_mirror_the_packages() -> None:
     assert all(any((ROOT / folder).rglob("test_*.py")) for folder in TESTED_ELSEWHERE.values())
 
 
-# What samples; captions do without.
+# Modules that plot; captions do not.
 DRAWING = ("look", "figures", "fitting", "formats", "pgf")
 
 
@@ -109,7 +109,7 @@ def test_heavy_packages_are_imported_only_where_needed() -> None:
 
 
 def test_short_job_imports_no_heavy_packages() -> None:
-    """Looking around needs neither numpy's friends nor a plot."""
+    """Listing commands import neither scipy nor plotting."""
     command = (
         "import sys; from reobserve.cli.main import main; main(['list']); "
         "print([m for m in ('numba', 'scipy', 'matplotlib', 'pandas', 'cvxpy', 'pyarrow') "
@@ -141,7 +141,7 @@ def test_lock_files_pin_by_hash_and_name_no_host(name: str) -> None:
 
 
 def tracked() -> Iterator[tuple[str, str]]:
-    """The names and texts of what git tracks, without pictures, tables and locks."""
+    """The names and texts of tracked files, without images, tables and locks."""
     listed = subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
@@ -158,7 +158,7 @@ def test_tracked_files_name_no_local_paths() -> None:
 
 
 def test_files_named_in_comments_and_texts_exist() -> None:
-    """Tests are left out: they name files of projects that they make."""
+    """Tests are excluded: they name files of projects that they make."""
     folders = r"\.ci|\.github|benchmarks|config|profiles|src|tests|workflow"
     kinds = "md|py|rst|sh|smk|toml|yaml|yml"
     named = re.compile(rf"(?<![\w/.$<}}*-])(?:{folders})/[\w./-]*\w\.(?:{kinds})\b")
@@ -172,12 +172,12 @@ def test_files_named_in_comments_and_texts_exist() -> None:
     assert ("README.md", "docs/pages/findings/ilo.md") not in found
     assert (".ci/run", "tests/browser.py") in found
     missing = {(name, path) for name, path in found if not (ROOT / path).exists()}
-    # The example is laid over the project.
+    # The example is copied over the project.
     assert {(n, p) for n, p in missing if not any((ROOT / "examples").glob(f"*/{p}"))} == set()
 
 
 def test_workflow_rules_are_short_and_use_only_commands() -> None:
-    """A reader sees paths, wildcards and commands; what is computed stands in the package."""
+    """A reader sees paths, wildcards and commands; computations are in the package."""
     rules = [ROOT / "Snakefile", ROOT / "workflow/Snakefile", *ROOT.glob("workflow/rules/*.smk")]
     lines = [line for path in rules for line in path.read_text().splitlines()]
     assert len(lines) < 560
@@ -209,7 +209,7 @@ def test_metadata_agrees() -> None:
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_all_metrics_are_explained(paper: str) -> None:
-    """All that are kept, and no others."""
+    """All stored metrics, and no others."""
     reported = [pattern for pattern, _ in meanings(paper)]
     tree = Parameters.load(ROOT, paper).tree
     parts = [part for part in part_names(tree) if part not in tree.get("tables", {})]
@@ -235,7 +235,7 @@ def test_lists_of_metrics_agree_with_the_papers(tmp_path: Path) -> None:
             write_lists(tmp_path)
 
 
-# Words that the field does not use for these things, with those that it does.
+# Unusual words, with the terms to use instead.
 WORDS = {
     "ledgers?": "parameter file, parameters", "told": "given, reported", "anew": "again",
     "beliefs?": "posterior", "headlines?": "main claim", "fore(tell|tells|told)": "predict",
@@ -270,7 +270,7 @@ def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParse
                 yield from commands(inner)
 
 
-@pytest.mark.parametrize("parser", commands(command_parser()), ids=lambda parser: parser.prog)
+@pytest.mark.parametrize("parser", list(commands(command_parser())), ids=lambda parser: parser.prog)
 def test_command_passes_the_arguments_of_its_function(
     parser: argparse.ArgumentParser,
 ) -> None:

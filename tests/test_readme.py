@@ -1,4 +1,4 @@
-"""The README: its code runs and is typed, and it has no number of its own."""
+"""The README: its code runs and is typed, and its numbers come from the build."""
 
 from __future__ import annotations
 
@@ -53,18 +53,18 @@ def test_python_examples_of_readme_and_library_page_run(
     names: dict[str, object] = {}
     for block in blocks:
         exec(compile(block, "library.md", "exec"), names)
-    # J w' of the record is all "fault" here: the first axis moves, and 1.5 of it couples over.
+    # All of J w' in the record counts as "fault" here: the first axis moves, and 1.5 of it couples.
     time, fault = names["time"], names["run"]["fault"]  # type: ignore[index]
     expected = 0.01 * np.cos(time)[:, None] * [36, 1.5, 0]  # type: ignore[operator]
     assert np.max(np.abs(fault[1000:] - expected[1000:])) < 0.02
-    # The record is no exact motion of the pendulum, but near one.
+    # The record is not an exact motion of the pendulum, but close to one.
     rate = names["motion"]["state"][1000:, 1]  # type: ignore[index]
     assert np.max(np.abs(rate - np.gradient(names["angle"], time)[1000:])) < 0.01  # type: ignore[arg-type]
     # A motor at rest under half a volt has lost half a volt.
     assert abs(names["found"]["actuator_fault"][-1, 0] + 0.5) < 1e-6  # type: ignore[index]
-    # It swings as the sound model does.
+    # It oscillates like the healthy model.
     assert names["diagnosis"]["probability"][1000:, 0].mean() > 0.9  # type: ignore[index]
-    # What was lost is filled in, and no torque is found where there was none.
+    # Lost samples are filled, and no torque is found where there was none.
     filtered, torques = names["filtered"], names["torques"]
     assert filtered.missing == 10  # type: ignore[attr-defined]
     assert np.max(np.abs(filtered["state"][:, 0] - names["angle"])) < 1e-3  # type: ignore[index, operator]
@@ -76,10 +76,11 @@ def python_of(text: str) -> list[str]:
 
 
 def test_python_examples_pass_mypy(tmp_path: Path) -> None:
-    """As strictly as the library itself: a reader's checker knows what a call gives."""
+    """With the strictness of the library: a type checker of the reader knows the results of
+    calls."""
     (tmp_path / "reported.py").write_text("".join(python_of(LIBRARY)), encoding="utf-8")
     strict = ("--strict", "--config-file", str(ROOT / "pyproject.toml"))
-    cache = ("--cache-dir", str(ROOT / ".mypy_cache"))  # in which `make check` left the library
+    cache = ("--cache-dir", str(ROOT / ".mypy_cache"))  # the cache of `make check` for the library
     done = subprocess.run(
         [sys.executable, "-m", "mypy", *strict, *cache, "reported.py"],
         cwd=tmp_path, env={**os.environ, "MYPYPATH": str(ROOT / "src")},
@@ -124,7 +125,7 @@ def test_numbers_in_the_readme_agree_with_the_build(text: str) -> None:
 
 
 def test_readme_has_no_other_numbers() -> None:
-    """Without code, names and what is compared above, no digit is left."""
+    """Outside code, names and the compared numbers there are no digits."""
     before, _, rest = README.partition("<!-- verdicts -->")
     verdicts, _, after = rest.partition("<!-- end -->")
     reported = [str(parameter.values[0]) for parameter in NUMBERS]

@@ -28,7 +28,7 @@ TREES = [
 ]  # fmt: skip
 
 words = st.sampled_from(WORDS) | st.text(st.characters(exclude_characters="/"), max_size=8)
-# Other numbers in place of a step or a horizon would only take long.
+# Other numbers for a step or a horizon would only make the run long.
 numbers = st.sampled_from(NUMBERS) | st.integers(-3, 3) | st.floats(-4, 4)
 values = st.one_of(numbers, words, st.sampled_from(TREES))
 
@@ -66,7 +66,7 @@ def changed(draw: st.DrawFn, tree: Any, odd: st.SearchStrategy[Any] = values) ->
 
 @st.composite
 def scaled(draw: st.DrawFn, old: Any) -> Any:
-    """A number times another, a text and a bit, a list that is shorter or longer."""
+    """A number times another, text with an addition, a longer or shorter list."""
     if isinstance(old, bool) or old is None or isinstance(old, dict):
         return [old]
     if isinstance(old, int | float):
@@ -78,7 +78,7 @@ def scaled(draw: st.DrawFn, old: Any) -> Any:
 
 @st.composite
 def damaged(draw: st.DrawFn, content: bytes, tokens: list[bytes] | None = None) -> bytes:
-    """Bytes with some cut out, repeated, replaced, or with one of the tokens among them."""
+    """Bytes with parts removed, repeated or replaced, or with a token inserted."""
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, len(content)))
         end = at + draw(st.sampled_from([0, 1, 2, 8, 64, len(content)]))
@@ -92,12 +92,12 @@ def damaged(draw: st.DrawFn, content: bytes, tokens: list[bytes] | None = None) 
 
 
 def as_json(tree: Any) -> bytes:
-    """Plain data as a program writes it."""
+    """Plain data as a program would write it."""
     return json.dumps(tree).encode()
 
 
 def as_yaml(tree: Any) -> bytes:
-    """Plain data as a person may write it."""
+    """Plain data as a person might write it."""
     try:
         return yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False).encode()
     except UnicodeEncodeError:  # half of a surrogate pair

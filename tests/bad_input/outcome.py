@@ -1,4 +1,4 @@
-"""What must become of bad input."""
+"""The required outcome of invalid input."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from reobserve.cli.main import command_parser, main
 from reobserve.core.errors import ReobserveError
 
 ROOT = Path(__file__).parents[2]
-LONGEST = 1000  # characters of a message
-MEMORY = 4 << 30  # bytes that a call may ask for
+LONGEST = 1000  # maximum length of a message
+MEMORY = 4 << 30  # maximum memory that a call may request
 
 
 class RefusedError(ReobserveError):
-    """The command line refused, with an exit code and in one line."""
+    """The command line refused, with an exit code and a one-line message."""
 
 
 def is_accepted(call: Callable[[], object], files: Mapping[str, bytes] | None = None) -> bool:
-    """Make a call in a folder that holds these files: True if it returns, False if it refuses.
+    """Make a call in a folder with these files: True if it returns, False if it refuses.
 
-    Anything else fails: another exception, a message that is not one line, a file that a refused
-    call has left or changed, one outside of the folder, or one that is half-written.
+    Anything else fails: another exception, a message of several lines, a file left or changed by a
+    refused call, a file outside the folder, or a half-written file.
     """
     with tempfile.TemporaryDirectory() as scratch:
         top = Path(scratch).resolve()
@@ -60,7 +60,8 @@ def is_accepted(call: Callable[[], object], files: Mapping[str, bytes] | None = 
 
 
 def command(*words: object, stdin: bytes = b"", parse_only: bool = False) -> None:
-    """Run ``reobserve`` in this process, or its parser alone; `RefusedError` if it refuses."""
+    """Run ``reobserve``, or only its parser, in this process; raises `RefusedError` if it
+    refuses."""
     out, err = io.StringIO(), io.StringIO()
     line, before = list(map(str, words)), sys.stdin
     sys.stdin = SimpleNamespace(buffer=io.BytesIO(stdin))  # type: ignore[assignment]
@@ -81,7 +82,7 @@ def command(*words: object, stdin: bytes = b"", parse_only: bool = False) -> Non
 
 
 def _files(top: Path) -> dict[str, object]:
-    """Files by their name, with what shows that one has changed."""
+    """Files by name, with a value that changes when the file does."""
     found: dict[str, object] = {}
     for folder, _, names in os.walk(top):
         for name in names:
@@ -92,7 +93,7 @@ def _files(top: Path) -> dict[str, object]:
 
 
 def _link_project(source: Path, target: Path, names: tuple[str, ...]) -> None:
-    """Complete a folder that has some files of a project by links to the others."""
+    """Complete a folder with some project files by links to the others."""
     for name in names:
         if (target / name).is_dir():
             inside = tuple(path.name for path in (source / name).iterdir())
@@ -103,7 +104,7 @@ def _link_project(source: Path, target: Path, names: tuple[str, ...]) -> None:
 
 @contextlib.contextmanager
 def _limited_memory() -> Iterator[None]:
-    """Answer a call that asks for `MEMORY` more than there is in use with a `MemoryError`."""
+    """Let a call that requests `MEMORY` more than is in use fail with a `MemoryError`."""
     used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
     limits = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (used * resource.getpagesize() + MEMORY, limits[1]))

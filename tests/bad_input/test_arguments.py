@@ -37,7 +37,7 @@ class NoRepr:
         raise RuntimeError("no repr")
 
 
-# Objects of another kind, by name; what is made of the valid argument comes from a function.
+# Objects of other types, by name; functions derive one from the valid argument.
 THINGS: dict[str, Callable[[Any], Any]] = {
     "nothing": lambda _: None, "text": lambda _: "text", "empty text": lambda _: "",
     "long text": lambda _: "x" * 20_000, "bytes": lambda _: b"1", "true": lambda _: True,
@@ -56,7 +56,7 @@ NUMBERS = [
     np.float32(0.1), np.int8(1), np.uint64(2**63), np.float16(1), np.longdouble("1e400"),
     Fraction(1, 3), Decimal("0.1"), np.array(1.0), np.array([1.0]), float("inf"), -float("inf"),
 ]  # fmt: skip
-# What must never pass for a number, by the names that `Call.takes` has.
+# What must never be accepted as a number, by the names used in `Call.takes`.
 NEVER: dict[str, list[Any]] = {
     "complex": [1j, 1 + 2j],
     "not a number": [float("nan"), np.float64("nan"), Decimal("nan")],
@@ -66,7 +66,7 @@ NEVER: dict[str, list[Any]] = {
 
 
 def arrays(valid: Any, at: int) -> dict[str, Callable[[], Any]]:
-    """Arrays that are like the valid one but for one thing."""
+    """Arrays that differ from the valid one in one respect."""
     array = np.array(valid, dtype=np.float64)
     rows = array if array.ndim else array.reshape(1)
     at %= max(array.size, 1)
@@ -126,7 +126,7 @@ def is_numeric(valid: Any) -> bool:
 
 @st.composite
 def odd_argument(draw: st.DrawFn, valid: Any) -> tuple[str, Any]:
-    """What stands in for a valid argument, and what it is called."""
+    """A replacement for a valid argument, and its name."""
     which = draw(st.sampled_from(["thing", "number", "array", "array", "array"]))
     if which == "thing" or not is_numeric(valid):
         name = draw(st.sampled_from(list(THINGS)))
@@ -158,7 +158,7 @@ def test_arguments_of_odd_type_shape_or_value_are_accepted_or_refused(data: st.D
 
 def test_every_public_name_has_a_call() -> None:
     called = {name.partition(",")[0].rpartition(".")[2] for name in calls()}
-    results = {"DivergenceError", "Estimate", "InputError", "Run"}  # nobody constructs them
+    results = {"DivergenceError", "Estimate", "InputError", "Run"}  # not constructed by users
     assert set(reobserve.__all__) - called - results == {"replicate"}  # tests/replication
 
 

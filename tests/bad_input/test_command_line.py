@@ -31,7 +31,7 @@ OPTIONS = [
     "--nope", "-x", "--", "--out",
     "--design-file", "--overrides", "--formats", "--papers", "--study-file", "--built", "--reason",
 ]  # fmt: skip
-# What builds for minutes or changes the project is parsed and not run.
+# Commands that build for minutes or change the project are only parsed.
 SLOW = {
     "figdiff", "accept", "samples", "check", "readme", "report", "robustness",
     "sensitivity", "sample", "search", "theory", "study", "archive", "tune", "score", "moved",
@@ -101,7 +101,7 @@ def test_odd_overrides_are_accepted_or_refused(paper: str, data: st.DataObject) 
     name = data.draw(st.sampled_from(list(tree[section])))
     if data.draw(st.booleans()):
         over = {section: {name: data.draw(values | changed(tree[section][name]))}}
-    else:  # an entry of the user's own that starts from another
+    else:  # a user-defined entry that starts from another
         added = {"like": name, **data.draw(st.dictionaries(words, values, max_size=1))}
         over = {section: {data.draw(st.just("mine") | words): added}}
     text = as_yaml(over).decode(errors="replace")
@@ -128,7 +128,7 @@ def reobserve(
 
 
 def refusal(done: subprocess.CompletedProcess[bytes]) -> str:
-    """The one line by which a process has refused."""
+    """The one line that a process printed when it refused."""
     message = done.stderr.decode()
     last = message.rstrip("\n").rpartition("\n")[2]
     assert done.returncode in (1, 2)
@@ -140,7 +140,7 @@ def refusal(done: subprocess.CompletedProcess[bytes]) -> str:
 
 @pytest.fixture
 def places(tmp_path: Path) -> Path:
-    """A folder with a thing of each kind in it."""
+    """A folder that contains a file system entry of each kind."""
     folder = tmp_path / "work"
     (folder / "folder").mkdir(parents=True)
     (folder / "file").write_bytes(b"x\n")

@@ -1,4 +1,4 @@
-"""Right-hand sides as text: of the grammar, beside it, and hostile."""
+"""Right-hand sides as text: valid, invalid and hostile."""
 
 from __future__ import annotations
 

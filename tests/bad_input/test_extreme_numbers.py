@@ -1,6 +1,6 @@
-"""The largest and smallest numbers in each argument of synthesis: a result or a refusal.
+"""The largest and smallest numbers in each argument of synthesis give a result or a refusal.
 
-Never another exception, and no warning of numpy before a refusal.
+Never another exception, and no numpy warning before a refusal.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.library.calls.models import linear_model
 from .test_arguments import is_numeric
 
 EXTREMES = (1e150, 5e299, 1e308, -1e308, 1e-300, 5e-324)
-# Designs by matrix inequalities take a second each; what they are made of is among the others.
+# Designs by matrix inequalities take a second each; their parts are tested among the others.
 SLOW = ("extended_state.pi.", "extended_state.pd_pi.", "floquet.limit_cycle")
 NAMES = [
     name
@@ -32,7 +32,7 @@ NAMES = [
 
 
 def replaced(valid: Any) -> Iterator[Any]:
-    """The valid argument with an extreme for one entry, and for all."""
+    """The valid argument with one entry, or all entries, replaced by an extreme number."""
     array = np.asarray(valid, dtype=None if np.iscomplexobj(valid) else np.float64)
     for extreme in EXTREMES:
         one = array.copy()

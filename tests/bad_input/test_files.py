@@ -1,4 +1,4 @@
-"""Files that a command reads, with a few changes."""
+"""Files read by commands, with a few changes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .outcome import command, is_accepted
 
 @dataclass(frozen=True)
 class Reader:
-    """What reads a file: ``tree`` or ``content`` is a valid one, ``others`` stand beside it."""
+    """A reader of a file: ``tree`` or ``content`` is valid, ``others`` are files next to it."""
 
     file: str
     call: Callable[[], object]
@@ -35,7 +35,7 @@ class Reader:
     others: Mapping[str, bytes] = field(default_factory=dict)
 
     def accepts(self, content: bytes) -> bool:
-        """Whether it accepts other content of the file."""
+        """Whether other content of the file is accepted."""
         return is_accepted(self.call, {**self.others, self.file: content})
 
     @cached_property
@@ -170,7 +170,7 @@ def record(name: str) -> dict[str, bytes]:
 
 
 EXAMPLES = ("kalman", "levant", "eso", "adaptive-pi", "luenberger-gain", "svsf")
-QUICK = [kind for kind in FAMILIES if kind != "eso"]  # others take a solver seconds
+QUICK = [kind for kind in FAMILIES if kind != "eso"]  # other choices take a solver seconds
 READERS: dict[Callable[..., Reader], list[Any]] = {
     parameter_file: [*valid.PAPERS],
     checked_file: ["eso"],
@@ -235,7 +235,7 @@ def test_changed_files_are_accepted_or_refused(reader: Callable[..., Reader]) ->
 
 
 def bomb(width: int, depth: int) -> bytes:
-    """Each line names the one before many times: short to write, without end to read."""
+    """Each line refers to the previous one several times: short to write, endless to expand."""
     lines = [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * width)}]" for k in range(1, depth)]
     return "\n".join(["a0: &a0 [x]", *lines]).encode()
 

@@ -1,4 +1,4 @@
-"""No command overwrites a file that it reads, whatever it is named there."""
+"""No command overwrites a file that it reads, under whatever name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records as Parquet: columns of another kind, odd values, other metadata."""
+"""Parquet records with columns of other types, odd values and other metadata."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROWS = 41
 
 
 def kinds(values: Any) -> dict[str, Any]:
-    """What a column may be instead, by its name."""
+    """Replacements of a column, by name."""
     rows = len(values)
     at = np.arange(rows)
     return {
@@ -56,7 +56,7 @@ def kinds(values: Any) -> dict[str, Any]:
 
 
 def shapes(table: pa.Table, name: str) -> dict[str, pa.Table]:
-    """What a table may be instead, by its name."""
+    """Replacements of a table, by name."""
     names = table.column_names
     texts = [b"", b"null", b"[]", b"{", b"\xff", b"1", b'{"channels": {}}', b"NaN"]
     renamed = [word.encode(errors="replace").decode() for word in WORDS]

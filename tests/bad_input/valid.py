@@ -1,4 +1,4 @@
-"""Valid files of every kind: those of the project, and what the commands make of them."""
+"""Valid files of every kind, from the project and from its commands."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .outcome import ROOT, command
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="bad-input-")
 
-# Of each paper a scenario, an observer of it, and the design that the observer needs.
+# A scenario, an observer and, if needed, a design of each paper.
 OBSERVERS = {
     "ilo": ("constant", "sampled", ""),
     "lie": ("figure", "order4", "linear"),
@@ -43,13 +43,13 @@ def paper(name: str) -> Any:
 
 @cache
 def parameters(paper: str) -> Path:
-    """The parameters of a paper as a build stores them."""
+    """The parameters of a paper as stored by a build."""
     return _made("stage", "parameters", paper, "--project", ROOT, name=f"{paper}.json")
 
 
 @cache
 def record(paper: str) -> Path:
-    """The plant's record of the scenario of `OBSERVERS`."""
+    """The record of the plant for the scenario in `OBSERVERS`."""
     scenario = OBSERVERS[paper][0]
     return _made("stage", "plant", parameters(paper), scenario, name=f"{paper}.parquet")
 
@@ -61,7 +61,7 @@ def design(paper: str, name: str) -> Path:
 
 
 def observing(paper: str) -> list[object]:
-    """The words by which the observer of `OBSERVERS` reads ``in.parquet``."""
+    """The arguments with which the observer in `OBSERVERS` reads ``in.parquet``."""
     name = OBSERVERS[paper][2]
     chosen = ["--design-file", design(paper, name)] if name else []
     line = ["stage", "observe", parameters(paper), "in.parquet", OBSERVERS[paper][1]]
@@ -70,7 +70,7 @@ def observing(paper: str) -> list[object]:
 
 @cache
 def results() -> dict[str, bytes]:
-    """What the verdicts on the claims of `eso` are computed from."""
+    """The results from which the verdicts on the claims of `eso` are computed."""
     nothing = {"paper": "eso", "seed": 0, "samples": 1, "claims": {}}
     found = {"parameters.json": parameters("eso").read_bytes()}
     found["robustness.json"] = json.dumps(nothing).encode()
@@ -94,7 +94,7 @@ def claims_table() -> bytes:
 
 @cache
 def study() -> tuple[Path, list[Path]]:
-    """The study of the orders of `lie`, and the estimates that its figure shows."""
+    """The study of orders of `lie`, and the estimates shown in its figure."""
     read, estimates = (parameters("lie"), record("lie")), []
     for name in paper("lie")["figures"]["fig1_orders"]["observers"]:
         chosen = design("lie", paper("lie")["observers"][name]["design"])
@@ -106,7 +106,7 @@ def study() -> tuple[Path, list[Path]]:
 
 @cache
 def saved_design(kind: str) -> bytes:
-    """The design of the example of a kind."""
+    """The example design of a kind of observer."""
     made: Any = family(kind)
     path = Path(_FOLDER.name, f"{kind}.design.json")
     save_design(path, made.designed(parse_yaml(made.example, "model.yaml")))
@@ -115,7 +115,7 @@ def saved_design(kind: str) -> bytes:
 
 @cache
 def specification(name: str) -> Any:
-    """What `reobserve estimate` is reported about the record of an example."""
+    """The specification with which `reobserve estimate` reads the record of an example."""
     return parse_yaml(specification_text(name), name)
 
 

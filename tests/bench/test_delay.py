@@ -1,4 +1,4 @@
-"""The task of the delay: records against an adaptive integrator, methods on a known delay."""
+"""The delay task: records against an adaptive integrator, methods on a known delay."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATH = Path(__file__).parents[2] / "config/bench/delay.yaml"
 TASK = Task.read(PATH)
 PLANT: Plant = TASK.plant_in("nominal")
 NOMINAL = Condition("as tuned")
-QUIET = 1e-9  # noise that does not count
+QUIET = 1e-9  # negligible noise
 T = 0.02
 
 
@@ -29,7 +29,7 @@ def quiet(classes: list[str], levels: list[float], seed: int, **changed: float) 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_record_agrees_with_an_adaptive_integrator(seed: int) -> None:
-    """With ramps, whose straight lines are known between samples, and u by its derivatives."""
+    """With ramps, which are linear between samples, and u from its derivatives."""
     record = quiet(["ramp"], PLANT.levels, seed)
     u = CubicHermiteSpline(record.time, record.inputs[:, 0], record.inputs[:, 1])
     tau = record.truth[:, 0] + PLANT.middle
@@ -50,7 +50,7 @@ def test_inputs_come_with_their_derivatives() -> None:
     u, rate, bend = record.inputs.T
     assert np.gradient(u, T, edge_order=2)[1:-1] == pytest.approx(rate[1:-1], abs=2e-3)
     assert np.gradient(rate, T, edge_order=2)[1:-1] == pytest.approx(bend[1:-1], abs=4e-3)
-    # Three lines of the amplitude 1: u'' <= 2.6^2 + ..., and a speed of 0.3 is one in time.
+    # Three spectral lines of amplitude 1: u'' <= 2.6^2 + ...; the speed 0.3 only rescales time.
     slow = quiet(["step"], PLANT.levels, 3, speed=0.5)
     assert slow.inputs[::2, 0] == pytest.approx(u[: len(u) // 2 + 1], abs=1e-12)
 
@@ -60,7 +60,9 @@ def test_delay_has_steps_ramps_and_oscillations() -> None:
         steps = np.diff(quiet(["step"], PLANT.levels, seed).truth[:, 0])
         assert np.count_nonzero(np.abs(steps) > 1e-9) == 3
         ramps = quiet(["ramp"], PLANT.levels, seed).truth[:, 0]
-        assert np.count_nonzero(np.abs(np.diff(ramps, 2)) > 1e-9) == 2  # from third to third
+        assert (
+            np.count_nonzero(np.abs(np.diff(ramps, 2)) > 1e-9) == 2
+        )  # from one third of the record to the next
         swings = quiet(["swing"], PLANT.levels, seed).truth[:, 0]
         width = np.ptp(PLANT.levels)
         assert np.abs(np.diff(swings)).max() <= 0.5 * width * PLANT.swing[1] * T + 1e-9
@@ -72,10 +74,11 @@ def test_delay_has_steps_ramps_and_oscillations() -> None:
             assert inside.max() <= PLANT.levels[1]
 
 
-# Settings that find a constant delay, the speed of the input, and how near, as a median and always:
-# by the errors of Hermite's cubic; of straight lines, T^2 u'' / (8 u'); of a parabola through costs
-# on a grid of 0.1 s; by the chatter of a relay, M T, while u' does not vanish; and of a Taylor
-# series, tau u'' / (2 u') and tau^2 u''' / (6 u') of tau, which have no bound where u' vanishes.
+# Settings that find a constant delay, the speed of the input, and the median and largest error:
+# by the errors of Hermite's cubic; of linear interpolation, T^2 u'' / (8 u'); of a parabola through
+# costs on a grid of 0.1 s; by the chatter of a relay, M T, while u' does not vanish; and of a
+# Taylor series, tau u'' / (2 u') and tau^2 u''' / (6 u') of tau, which are unbounded where u'
+# vanishes.
 FOUND = {
     "extended_1": ({"rho": 5.0, "threshold": 0.01}, 0.1, 0.1, np.inf),
     "extended_2": ({"rho": 5.0, "threshold": 0.01}, 0.1, 0.005, 0.02),

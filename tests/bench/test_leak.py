@@ -1,4 +1,4 @@
-"""Detectors of a leak: their statistics, thresholds and scores against known answers."""
+"""Leak detectors: statistics, thresholds and scores against known answers."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_healthy_records_have_independent_noise() -> None:
     noise = [one.measurements - record.measurements for one in record.healthy()]  # type: ignore[attr-defined]
     before = slice(0, int(np.argmax(record.truth > 0)))
     for one in (*noise, noise[0] - noise[1], noise[1] - noise[2]):
-        assert one[before].std() > 1.2 * PLANT.noise  # sqrt 2 of it, and the voltages
+        assert one[before].std() > 1.2 * PLANT.noise  # sqrt 2 of the noise, and the voltages
 
 
 def test_normalised_innovations_are_chi_squared() -> None:
@@ -72,7 +72,7 @@ def test_normalised_innovations_are_chi_squared() -> None:
 
 
 def by_hand(one: KalmanFilter, other: KalmanFilter, y: Array, u: Array) -> Array:
-    """Page's sum by matrices; the second filter starts again where the sum is zero."""
+    """Page's sum by matrices; the second filter restarts when the sum is zero."""
     means, spreads = [np.zeros((4, 1))] * 2, [leak.REST * np.eye(4)] * 2
     models, g, found = [one.model, other.model], 0.0, []
     for k in range(len(y)):
@@ -105,7 +105,7 @@ def test_restarted_sum_agrees_with_matrix_recursion() -> None:
 
 
 def test_restart_shortens_delay_for_distant_models() -> None:
-    """Towards the identified leak: with a model of half of it the other sum is the earlier one."""
+    """For the identified leak; with a model of half of it the other sum is larger earlier."""
 
     def delay(restarts: bool, share: float) -> float:
         settings = {"process": 0.004, "share": share}
@@ -142,7 +142,7 @@ def test_scores_count_delays_misses_and_false_alarms() -> None:
 
 @pytest.mark.parametrize("method", ["glr", "cusum"])
 def test_threshold_comes_from_healthy_records(method: str) -> None:
-    """So many of these very records exceed it, and kept it is that of the nominal condition."""
+    """The stated share of these records exceeds it; stored, it is that of the nominal condition."""
     make: Any = {"glr": leak.glr, "cusum": partial(leak.sum_of_ratios, True)}[method]
     level = leak.NOMINAL
     records = leak._healthy(PLANT, level, PERIOD)

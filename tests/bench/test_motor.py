@@ -1,4 +1,4 @@
-"""The task `motor`: its records, and methods on records where the answer is known."""
+"""The `motor` task: its records, and methods on records with known answers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def task() -> Task:
 
 
 def quiet(**keys: Any) -> Any:
-    """The plant with next to no noise and disturbances."""
+    """The plant with negligible noise and disturbances."""
     return replace(task().plant_in("nominal"), noise=1e-12, disturbance=(1e-12, 1e-12), **keys)
 
 
@@ -45,7 +45,7 @@ def recorded(seed: int, plant: Any, **condition: Any) -> Record:
 
 
 def test_record_solves_the_differential_equation() -> None:
-    """By an adaptive method, without what is random; sines bend least between samples."""
+    """By an adaptive method and without random parts; with the slowest sines."""
     record = recorded(5, quiet(faults=["sine"]))
     J, b, K, R, L = 0.01, 0.1, 0.01, 1.0, 0.5
 
@@ -75,12 +75,12 @@ def test_disturbances_and_noise_have_the_stated_sizes() -> None:
     # x' = A x + Dd d: uniform d held for 0.1 s has the deviation a / sqrt(3).
     decay = np.exp(-1.0)
     speed = 0.2 / np.sqrt(3) * 0.1 * (1 - decay) / np.sqrt(1 - decay**2)
-    assert alone[::5, 0].std() == pytest.approx(speed, rel=0.25)  # a hundred draws
+    assert alone[::5, 0].std() == pytest.approx(speed, rel=0.25)  # one hundred values
 
 
 @pytest.mark.parametrize("method", FAST)
 def test_methods_find_constant_faults_exactly(method: str) -> None:
-    """Without noise, disturbance or a jump of the voltage all are exact in the end."""
+    """All methods are exact in the end without noise, disturbance or voltage jumps."""
     plant = quiet(faults=["step"], onset=(0.5, 1.0), turn=40.0)
     record = recorded(2, plant)
     run = motor.METHODS[method](plant, FAST[method], PERIOD, 0.01)
@@ -90,7 +90,7 @@ def test_methods_find_constant_faults_exactly(method: str) -> None:
 
 @pytest.mark.parametrize("method", FAST)
 def test_estimates_do_not_react_to_voltage_jumps(method: str) -> None:
-    """Not at all in discrete time; little where measurements go in straight lines in between."""
+    """Exact in discrete time; small in continuous time, where measurements are interpolated."""
     plant = quiet(faults=["ramp"], onset=(9.0, 9.5))
     record = recorded(2, plant)
     estimate = motor.METHODS[method](plant, FAST[method], PERIOD, 0.01)(record)

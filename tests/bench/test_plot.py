@@ -1,4 +1,4 @@
-"""Figures and the table show the numbers of results."""
+"""Figures and tables show the numbers of the results."""
 
 from __future__ import annotations
 

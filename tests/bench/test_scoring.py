@@ -1,4 +1,4 @@
-"""Comparisons on held-out records, on a task whose errors can be written down."""
+"""Comparisons on held-out records, on a task with errors in closed form."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_cells_hold_geometric_means_of_the_median_repeat(tmp_path: Path) -> None
             decided = not c.ratio[1] <= 1 <= c.ratio[2]
             decided |= math.log(c.ratio[2] / c.ratio[1]) <= 0.1
             assert decided or len(c.scores) == 64
-    # What is in no table is not drawn on.
+    # Rows that are in no table are not extended.
     assert {len(c.scores) for c in cells if c.condition == "high"} == {16}
 
 
@@ -186,7 +186,7 @@ def test_settings_tuned_for_another_task_are_refused(tmp_path: Path) -> None:
     for changed in changes:
         with pytest.raises(InputError, match=r"share\.json: training\.nominal is not of what"):
             read_tuned(toy(tmp_path, **changed), tmp_path / "tuned")
-    # Words, and methods beside it, decide nothing.
+    # Labels and other methods do not matter.
     words = {**stated()["methods"], "share": method(label="other", needs="more")}
     assert read_tuned(toy(tmp_path, title="new", methods=words), tmp_path / "tuned")
     more = {**stated()["methods"], "second": method(make="share")}

@@ -1,4 +1,4 @@
-"""Task files: what is wrong with one is reported by file, key and value."""
+"""Task files: errors are reported with file, key and value."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_method_is_constructed_from_noise_and_settings(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
 def test_records_are_paired_across_conditions(path: Path) -> None:
-    """The same faults and the same unit noise in all conditions of a seed."""
+    """All conditions of a seed have the same faults and the same unit noise."""
     task = Task.read(path)
     nominal = task.record("nominal", 3)
     for name, condition in task.conditions.items():

@@ -1,4 +1,4 @@
-"""The kept settings are those of the task files and of the code; results are those known before."""
+"""Stored settings agree with task files and code; results agree with published conclusions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def tuned(name: str) -> Any:
 
 @pytest.mark.parametrize("name", TASKS)
 def test_stored_settings_reproduce_their_objective(name: str) -> None:
-    """If not, records or methods have changed since: run `snakemake bench_tune` and keep those."""
+    """If not, records or methods have changed since: run `snakemake bench_tune` and store the new
+    ones.
+    """
     main = task(name).main
     for method, kept in tuned(name).items():
         one = kept.training[main].repeats[0]
@@ -43,7 +45,7 @@ def test_stored_settings_reproduce_their_objective(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def scored(as_built: Project) -> Any:
-    """Results of a task, as built."""
+    """Results of a task, computed once."""
 
     @cache
     def of(name: str) -> Results:
@@ -91,7 +93,7 @@ def test_augmented_filter_and_learning_observers_tie_on_torque(scored: Any) -> N
 def test_filter_with_known_noise_matches_retuned_filter(
     name: str, method: str, scored: Any
 ) -> None:
-    """The gain depends on the ratio of both covariances, which tuning found."""
+    """The gain depends on the ratio of the two covariances, which tuning found."""
     reported = error(scored(name), "noise", method, "", True)
     assert reported == pytest.approx(error(scored(name), "noise", method, "noise", True), rel=0.02)
     assert reported < error(scored(name), "noise", method, "", False)
@@ -106,7 +108,7 @@ def test_filters_beat_normal_forms_on_van_der_pol(scored: Any) -> None:
 
 
 def test_filter_with_known_noise_also_needs_the_disturbance_variance(scored: Any) -> None:
-    """On the motor: tuning three variances for one noise finds the gain, not their ratios."""
+    """On the motor, tuning three variances for one noise finds the gain, not their ratios."""
     found = scored("motor")
     reported = error(found, "noise", "random_walk", "", True)
     assert 1.02 < reported / error(found, "noise", "random_walk", "noise", True) < 1.1
@@ -116,7 +118,7 @@ def test_filter_with_known_noise_also_needs_the_disturbance_variance(scored: Any
 
 
 def test_derivative_action_gains_a_few_percent_on_the_motor(scored: Any) -> None:
-    """By the same criterion; and with the paper's factor and filter rate, nothing."""
+    """By the same criterion; with the paper's factor and filter rate it gains nothing."""
     tuned, own = (
         error(scored("motor"), "nominal", "pi", one, False)
         / error(scored("motor"), "nominal", "pd_pi", one, False)
@@ -138,7 +140,7 @@ def false_alarms(results: Results, condition: str, method: str, given: bool) -> 
 
 
 def test_thresholds_transfer_only_with_a_normalised_statistic(scored: Any) -> None:
-    """59 records leave 1.1 to 11.7 % of false alarms; 72 more of each condition count them."""
+    """59 records leave 1.1 to 11.7 % false alarms; 72 more per condition count them."""
     found = scored("leak")
     for method in task("leak").methods:
         for renewed in ("nominal", "noise", "model", "period"):
@@ -151,7 +153,7 @@ def test_thresholds_transfer_only_with_a_normalised_statistic(scored: Any) -> No
 
 
 def test_taylor_methods_improve_with_slower_inputs(scored: Any) -> None:
-    """The more the higher its order; the extended filter, which has none, is better throughout."""
+    """Higher orders gain most; the extended filter, which needs no series, is better throughout."""
     delay = scored("delay")
     first, second = (
         [error(delay, one, method, training, False) for one, training in
@@ -168,7 +170,7 @@ def test_taylor_methods_improve_with_slower_inputs(scored: Any) -> None:
 
 
 def test_delay_bank_is_better_after_jumps_and_single_filter_between(scored: Any) -> None:
-    """Beyond half a period of the input an extended filter goes the wrong way."""
+    """Beyond half a period of the input an extended filter converges to a wrong delay."""
     found = {(condition, method): error(scored("delay"), condition, method, "", False)
              for condition in ("steps", "swings") for method in ("ekf", "imm")}  # fmt: skip
     assert found["steps", "imm"] < 0.8 * found["steps", "ekf"]

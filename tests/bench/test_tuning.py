@@ -1,4 +1,4 @@
-"""Search for settings: against an objective with a known minimum, killed, and misused."""
+"""Search for settings: a known minimum, interrupted runs and invalid arguments."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def score(settings: Settings, record: float) -> float:
     return 0.1 * math.exp(off**2 + (settings["offset"] - 0.3) ** 2)
 
 
-LEAST = math.log(0.1) + math.log(2.0) ** 2  # at gain 3, which is right for neither record
+LEAST = math.log(0.1) + math.log(2.0) ** 2  # at gain 3, which is optimal for neither record
 
 
 def tuned(budget: int = 200, **options: Any) -> Tuned:
@@ -77,7 +77,7 @@ def test_log_avoids_repeated_evaluations(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         tune(make, RANGES, RECORDS, score, 40, 7, log=log)
-    log.write_text(log.read_text() + '[{"gain": 1.0, "off')  # what a killed process leaves
+    log.write_text(log.read_text() + '[{"gain": 1.0, "off')  # as left by a killed process
     again: list[Settings] = []
     found = tune(lambda one: again.append(one) or one, RANGES, RECORDS, score, 40, 7, log=log)
     assert found == tuned(40)

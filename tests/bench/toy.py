@@ -1,4 +1,4 @@
-"""A task in a folder of its own: the level of a signal under noise, of which a share is known."""
+"""A task in its own folder: the level of a noisy signal, of which a share is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Observers of every kind that is exported, with states to start from."""
+"""Observers of every exported kind, with initial states."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BODY = RigidBody([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]], fault_matrix=[1, 0.5,
 
 
 def model(factor: float = 1.0) -> LinearModel:
-    """Three states, two outputs of correlated noise, one of them with feedthrough."""
+    """Three states, two outputs with correlated noise, one of them with feedthrough."""
     A = factor * np.array([[0.9, 0.1, 0], [0, 0.8, 0.1], [0.05, 0, 0.7]])
     return LinearModel(
         A, [[0], [1], [0.5]], [[1, 0, 0], [0, 1, 0]], Q=[0.1, 0.2, 0.3], R=[[1, 0.2], [0.2, 2]],
@@ -42,7 +42,7 @@ def model(factor: float = 1.0) -> LinearModel:
 
 
 def free() -> LinearModel:
-    """The same without an input."""
+    """The same model without an input."""
     whole = model()
     return LinearModel(whole.A, np.zeros((3, 0)), whole.C, Q=whole.Q, R=whole.R)
 
@@ -62,7 +62,7 @@ def switching(inverse: str, factor: float = 1.0) -> SmoothVariableStructureFilte
 
 
 def gone_on(made: Any) -> Made:
-    """From the middle of a record."""
+    """A state in the middle of a record."""
     y = 0.2 * np.sin(np.arange(24.0)).reshape(8, 3)
     return made, made.run(y, 3 * y).state
 
@@ -75,7 +75,7 @@ def pendulum(**chosen: Any) -> Any:
 
 
 def high_gain() -> Made:
-    """All that text may hold, from the middle of a record."""
+    """All functions allowed in text, in the middle of a record."""
     drift = ["cosh(a)/7 - a**3", "sqrt(1 + w^2)*tan(a/3) - pi*w", "erf(s)**5 - 2*s - (w^2 + 3)^-1"]
     model = triangular_model(["a", "w", "s"], drift, "2**(1/2) - exp(-a)/10")
     made = HighGainObserver(model, 6.0, sampling_period=0.01)
@@ -84,7 +84,7 @@ def high_gain() -> Made:
 
 
 def extended(*, begun: bool = False, **chosen: Any) -> Made:
-    """Delays that meet both bounds, and an input that is not seen where it turns round."""
+    """Delays that reach both bounds, with an input that is unobservable at its turning points."""
     model = triangular_model(["a", "w"], ["-a", "-sin(a) - w^3"], "2 - a^2")
     parts = {"order": 2, "delay_bounds": (0.05, 0.4), "threshold": 0.4, **chosen}
     made = ExtendedHighGainObserver(model, 12.0, **parts, sampling_period=0.01)
@@ -138,14 +138,14 @@ CASES: dict[str, Callable[[], Made]] = {
 
 
 def designed(kind: str) -> Any:
-    """The design of the example of a kind, certified."""
+    """The certified design of the example of a kind."""
     made: Any = family(kind)
     found = made.designed(parse_yaml(made.example, "model.yaml"))
     return found, found.start()
 
 
 def observer_of(name: str) -> Made:
-    """One of `CASES`, or the example of a kind of design."""
+    """One of `CASES`, or the example of a design kind."""
     if name in CASES:
         return CASES[name]()
     design, state = designed(name.removeprefix("example-"))
@@ -153,7 +153,7 @@ def observer_of(name: str) -> Made:
 
 
 def columns_of(name: str, observer: Any) -> tuple[int, int]:
-    """How many columns it reads."""
+    """The number of columns that it reads."""
     if name.startswith("example-"):
         design, _ = designed(name.removeprefix("example-"))
         return len(design.measurements), len(design.inputs)

@@ -1,4 +1,4 @@
-"""Exported C does what `step` does, to 1e-12 of its estimates."""
+"""Exported C agrees with `step` to 1e-12 of the estimates."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.codegen.cases import NAMES, columns_of, observer_of
 
 SIGNALS = ("as measured", "as applied")
 
-# What makers of embedded software ask for beyond the flags that are printed.
+# Flags common in embedded software, in addition to the printed ones.
 STRICT = [
     "-Wconversion",
     "-Wdouble-promotion",
@@ -43,7 +43,7 @@ def ran(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
 
 
 def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
-    """The code of an observer; its record and what `step` makes of it."""
+    """Write the C code of an observer; returns its record and the results of `step`."""
     observer, state = observer_of(name)
     columns = columns_of(name, observer)
     program = program_of(observer, state, columns)
@@ -83,7 +83,7 @@ def test_c_code_compiles_without_warning_and_agrees(name: str, folder: Path) -> 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 def test_c_imm_probabilities_survive_underflowing_likelihoods(folder: Path) -> None:
-    """All likelihoods are below the smallest number there is: only their ratios can be had."""
+    """All likelihoods are below the smallest float, so only their ratios are usable."""
     observer, *_ = write("imm", folder)
     rows = [[1.0, 2.0], [0.9, 1.6], [0.8, 1.3], [3000.0, -2000.0], [1.1, 1.9]]
     (folder / "rows.c").write_text(
@@ -113,7 +113,7 @@ def test_c_imm_probabilities_survive_underflowing_likelihoods(folder: Path) -> N
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 def test_generated_c_test_detects_a_changed_digit(folder: Path) -> None:
-    """A compared number changed in its tenth digit, a gain in its eleventh."""
+    """A compared number is changed in its tenth digit, a gain in its eleventh."""
     write("kalman", folder)
     source = (folder / "kalman.c").read_text()
     assert "0.9, 0.1, 0.0" in source

@@ -1,4 +1,4 @@
-"""What cannot be exported, each with its reason."""
+"""Observers that cannot be exported, each with the reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ KALMAN = KalmanFilter(cases.model())
 
 
 class Own(KalmanFilter):
-    """An observer of a user's own."""
+    """A user-defined observer."""
 
 
 def bank(*filters: Any) -> Callable[[], Any]:

@@ -1,4 +1,4 @@
-"""Where functions change their sign, against what is known, and against scipy's own method."""
+"""Root search against known roots and against scipy's implementation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HARD: dict[str, tuple[Callable[[float], float], float]] = {
 
 
 def trials(function: Callable[[float], float]) -> list[float]:
-    """All places between 0 and 1 at which a function is asked for, those two first."""
+    """All points in [0, 1] at which a function is evaluated, the ends first."""
     newest, opposite = (0.0, function(0.0)), (1.0, function(1.0))
     former, places = newest, [0.0, 1.0]
     while abs(newest[0] - opposite[0]) > 2.0 * APART:
@@ -47,7 +47,7 @@ def trials(function: Callable[[float], float]) -> list[float]:
 
 
 def trials_of_scipy(function: Callable[[float], float]) -> list[float]:
-    """The places that scipy's method asks for, 0 and 1 first; but the last, which ends it."""
+    """The points that scipy evaluates, 0 and 1 first, without the final one."""
     places: list[float] = []
 
     def noted(rows: Array) -> Array:
@@ -73,4 +73,4 @@ def test_sign_change_is_found_where_interpolation_fails(name: str) -> None:
     function, where = HARD[name]
     places = trials(function)
     assert places[-1] == pytest.approx(where, abs=2.0 * APART)
-    assert len(places) <= 51  # as a bisection takes
+    assert len(places) <= 51  # as many as a bisection

@@ -24,7 +24,7 @@ LOOK = (
 
 
 def run(code: str, **variables: str) -> list[str]:
-    """What a new process prints, in which a warning is an error."""
+    """The output of a new process in which warnings are errors."""
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         env=unpinned(dict(os.environ)) | variables, capture_output=True, text=True, check=False,
@@ -40,7 +40,7 @@ def test_numpy_dispatch_is_disabled_without_warnings() -> None:
 
 
 def test_test_process_uses_the_pinned_code_paths() -> None:
-    """No plugin has imported numpy before; unless something is set outside."""
+    """No plugin has imported numpy before, unless the environment sets something else."""
     found = [name for name in simd.__cpu_dispatch__ if simd.__cpu_features__[name]]
     assert found == [] or os.environ.get(ENABLED) != " "
 
@@ -48,7 +48,7 @@ def test_test_process_uses_the_pinned_code_paths() -> None:
 def test_user_environment_takes_precedence() -> None:
     show = f"import os; print(pinned, os.environ['{KERNEL}'])"
     assert run(PIN + show, **{KERNEL: "Haswell"}) == ["False Haswell"]
-    # numpy refuses to start where features are enabled and disabled by name.
+    # numpy refuses to start if features are both enabled and disabled by name.
     everything = run(LOOK)
     some = run("import numpy; print(numpy._core._multiarray_umath.__cpu_dispatch__[0])")[0]
     found = run(PIN + LOOK + "print(pinned)", **{DISABLED: some} if some in everything[0] else {})
@@ -66,7 +66,9 @@ def test_importing_the_library_pins_nothing() -> None:
 
 
 def test_matrix_product_uses_the_pinned_kernel() -> None:
-    """A product of matrices, whose sums each kernel orders in its own way, is the pinned one."""
+    """The product of matrices rounds as by the pinned kernel; each kernel orders its sums
+    differently.
+    """
     code = (
         "import numpy as np; rng = np.random.default_rng(0); a = rng.standard_normal((40, 40)); "
         "print((a @ a).tobytes().hex()[:4000])"

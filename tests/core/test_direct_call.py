@@ -1,4 +1,4 @@
-"""Functions called from compiled loops by their addresses alone."""
+"""Functions called from compiled loops by address."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_compiled_loop_passes_views_and_numbers_to_a_function() -> None:
 
 
 def test_call_with_mismatched_types_does_not_compile() -> None:
-    """An address knows no types: what does not fit would be read as something else."""
+    """An address carries no types: mismatched arguments would be misread."""
     function = compiled_with_signature("void(float64[::1], float64, float64[::1])", _scaled)
     with pytest.raises(TypingError):
         _ask(function, ROWS, 3, np.empty_like(ROWS))

@@ -1,4 +1,4 @@
-"""YAML and JSON that a user writes: plain, bounded data, or one bounded sentence at once."""
+"""YAML and JSON written by users: plain bounded data, or one bounded message."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{key}: &{key} [{','.join([f'*{chr(ord(key) - 1)}'] * 9)}]\n" for key in "bcdefghi"
 )
 
-# What was found, by name: the text, and what is said of it.
+# Each case by name: the text, and its message.
 REFUSED = {
     "latin-1": ("a: n\xe9e".encode("latin-1"), r"byte 5 is not UTF-8"),
     "utf-16": ("a: 1".encode("utf-16"), r"byte 1 is not UTF-8"),
@@ -103,7 +103,7 @@ def nested(depth: int) -> Any:
 
 
 def test_already_parsed_data_is_checked() -> None:
-    """Snakemake reads --configfile and --config itself, and hands over what came of it."""
+    """Snakemake parses --configfile and --config itself and passes on the result."""
     import datetime
 
     check_plain(OrderedDict(a=[1, {"b": "c"}], d=None), "config")

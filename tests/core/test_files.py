@@ -1,4 +1,4 @@
-"""Outputs replace regular files only; tables, columns and pictures are checked whole."""
+"""Outputs replace only regular files; tables, columns and images are checked completely."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_outputs_replace_only_regular_files(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     read_only = tmp_path / "read_only"
     read_only.write_text("kept")
-    read_only.chmod(0o444)  # also root keeps it
+    read_only.chmod(0o444)  # also enforced for root
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(str(tmp_path / "socket"))
     before = sorted(os.listdir(tmp_path))
@@ -76,7 +76,7 @@ def test_outputs_replace_only_regular_files(tmp_path: Path) -> None:
 
 
 def test_temporary_file_does_not_follow_a_link(tmp_path: Path) -> None:
-    """What stands under the name of the half-written file is replaced, not written through."""
+    """An entry under the name of the temporary file is replaced, not written through."""
     elsewhere = tmp_path / "elsewhere"
     elsewhere.write_text("kept")
     (tmp_path / ".a.txt.partial").symlink_to(elsewhere)
@@ -91,7 +91,7 @@ def test_temporary_file_does_not_follow_a_link(tmp_path: Path) -> None:
 
 
 def test_concurrent_writers_of_one_file_take_turns(tmp_path: Path) -> None:
-    """One ended with "No such file": the other had moved what it was writing."""
+    """One used to end with "No such file", because the other had moved its temporary file."""
     path, begun, go_on = tmp_path / "a.txt", Event(), Event()
 
     def slowly(partial: Path) -> None:
@@ -226,7 +226,7 @@ def test_metrics_table_has_unique_numbers_with_units(tmp_path: Path, row: str, s
         _ = lookup(read_metrics(path))["a", "lag"]
 
 
-# --- Columns of users -----------------------------------------------------------------------------
+# --- Columns of user files ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -267,11 +267,11 @@ def test_parquet_columns_must_be_numeric(tmp_path: Path) -> None:
     assert read_columns(path)["a"].tolist() == [1.0, 2.0]
 
 
-# --- Pictures -------------------------------------------------------------------------------------
+# --- Images ---------------------------------------------------------------------------------------
 
 
 def png(width: int, height: int, *rows: bytes) -> bytes:
-    """A grey picture that says how large it is, whatever it holds."""
+    """A grey PNG that states this size, whatever it contains."""
 
     def chunk(name: bytes, content: bytes) -> bytes:
         check = zlib.crc32(name + content)
@@ -378,7 +378,7 @@ def test_standard_output_on_a_full_device_is_reported() -> None:
 
 
 def test_names_beyond_the_terminal_encoding_are_printed(tmp_path: Path) -> None:
-    """The list has names with accents, and a path has some that the locale does not know."""
+    """The list has names with accents, and a path has characters that the locale cannot encode."""
     ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
     reported = {**os.environ, **ascii_only, "PYTHONCOERCECLOCALE": "0"}
     folder = tmp_path / "née"

@@ -1,4 +1,4 @@
-"""Compilation by numba: the cache on disk, and what importing the package leaves alone."""
+"""Compilation by numba: the disk cache, and what importing the package leaves unchanged."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RUN = "from reobserve.core.sums import twice; print(twice(1.0), len(twice.stats.
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A folder with the least of the package, and a kernel that calls another module's."""
+    """A folder with a minimal package and a kernel that calls one of another module."""
     import reobserve
 
     root = Path(reobserve.__file__).parent
@@ -43,7 +43,7 @@ def package(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, program: str = RUN, **environment: str) -> str:
-    """The output of a program that prints nothing on stderr."""
+    """The output of a program that must print nothing on stderr."""
     variables = {"NUMBA_CACHE_DIR": "", "HOME": str(folder), "XDG_CACHE_HOME": ""}
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -68,7 +68,7 @@ def test_edited_kernel_is_recompiled_in_its_callers(package: Path) -> None:
 
 def test_unwritable_cache_folder_only_costs_time(package: Path) -> None:
     for name in ("", "core/"):
-        # A file where a folder must be stops root, too.
+        # A file in place of a folder also stops root.
         (package / f"reobserve/{name}__pycache__").write_text("")
     assert run(package) == "2.0 0\n"
     assert run(package) == "2.0 1\n", "from the cache folder of the user"
@@ -95,7 +95,7 @@ def test_importing_the_library_does_not_change_warnings_or_other_caches() -> Non
 
 
 def test_modules_import_only_public_numba_names() -> None:
-    """What its manual documents stands at the top, or in ``numba.extending``."""
+    """Names documented in its manual are at the top level or in ``numba.extending``."""
     import reobserve
 
     root = Path(reobserve.__file__).parent

@@ -1,4 +1,5 @@
-"""Files between stages: records, designs, robustness, parameters, checked whole when read."""
+"""Files between stages: records, designs, robustness and parameters, checked completely on
+reading."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ from tests.pipeline.conftest import ROOT
 
 Change = Callable[[Series], Series]
 
-# A record of ilo that is short: the plant of the parameter file over half a second.
+# A short record of ilo: the plant of the parameter file over half a second.
 SHORT = {
     "plant": {"horizon": 0.5},
     "scenarios": {
@@ -55,7 +56,7 @@ def parameters(tmp_path_factory: pytest.TempPathFactory) -> Parameters:
 
 @pytest.fixture(scope="module")
 def made(parameters: Parameters, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a parameter file, a record and an estimate, by the command line."""
+    """A folder with a parameter file, a record and an estimate, made by the command line."""
     folder = tmp_path_factory.mktemp("made")
     path = folder / "parameters.json"
     path.write_text(parameters.text())
@@ -67,7 +68,7 @@ def made(parameters: Parameters, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 def channel(name: str, change: Callable[[Any], Any], unit: str | None = None) -> Change:
-    """A series with one channel changed; its file is whole, so its digest is right."""
+    """A series with one channel changed; the file itself is intact, so its digest is valid."""
 
     def changed(series: Series) -> Series:
         one = series.channels[name]
@@ -212,7 +213,7 @@ def small() -> Series:
 
 
 def test_flipped_bit_is_refused_or_has_no_effect(tmp_path: Path) -> None:
-    """Every 23rd bit of a small file: what is read is what was written, or nothing is."""
+    """For every 23rd bit of a small file: reading gives the original or refuses."""
     path, series = tmp_path / "run.parquet", small()
     series.write(path)
     whole, refused = path.read_bytes(), 0

@@ -78,7 +78,7 @@ def test_tree_is_parsed_into_types_and_keeps_its_values() -> None:
 
 
 def changed(*path: str, **values: Any) -> dict[str, Any]:
-    """The tree with some keys of one branch other; None leaves a key out."""
+    """The tree with some keys of one branch changed; None removes a key."""
     tree: dict[str, Any] = {"plant": {**PLANT}, "observers": {}}
     tree["observers"] = {name: {**body} for name, body in TREE["observers"].items()}
     branch: Any = tree
@@ -251,7 +251,7 @@ def test_union_members_are_distinguished_by_a_key() -> None:
 
 
 def test_numbers_keep_all_their_digits() -> None:
-    """They go through JSON on their way."""
+    """They pass through JSON."""
     random = np.random.default_rng(1)
     bits = random.integers(0, 2**63, 10_000, dtype=np.uint64).view(np.float64)
     numbers = bits[np.isfinite(bits)].tolist()

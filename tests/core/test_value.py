@@ -1,4 +1,4 @@
-"""Fields that are converted, and what a repr tells of them."""
+"""Field conversion, and the repr of values."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_models_show_their_numbers() -> None:
         "RigidBody(inertia=[[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]], "
         "input_matrix=diag(1, 1, 1), fault_matrix=diag(1, 1, 1))"
     )
-    model = LinearModel([[0.5]], C=[[1.0]], Q=1.0, R=2.0, state_names=["x"])  # and other names none
+    model = LinearModel([[0.5]], C=[[1.0]], Q=1.0, R=2.0, state_names=["x"])  # and names no others
     assert repr(model).endswith("unusual=False, state_names=('x'))")
 
 

@@ -1,4 +1,4 @@
-"""The site, built once for all tests of it."""
+"""The site, built once for all its tests."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ MISSING = "no mkdocs to build the site with: make docs installs it"
 
 @dataclass(frozen=True)
 class Site:
-    """The folder of its pages, and what the build printed."""
+    """The folder of the site's pages and the output of the build."""
 
     folder: Path
     printed: str
 
     def page(self, path: str) -> str:
-        """The HTML of a page, by its folder."""
+        """The HTML of a page, by folder."""
         return (self.folder / path / "index.html").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
-    """As `make docs` builds it. Without mkdocs tests are skipped; in CI they fail."""
+    """Build as `make docs` does. Without mkdocs tests are skipped; in CI they fail."""
     if importlib.util.find_spec("mkdocs") is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(MISSING)
     folder = tmp_path_factory.mktemp("documentation")

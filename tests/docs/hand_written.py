@@ -1,4 +1,4 @@
-"""The pages of the documentation, as text: their blocks, code for cog, and links."""
+"""The documentation pages as text: blocks, cog code and links."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SNIPPET = re.compile(r"^<!-- \[\[\[cog\b(.*?)\]\]\] -->$", re.M | re.S)
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: its language, its options, its text, the line on which that begins."""
+    """A fenced block: language, options, text and its first line."""
 
     language: str
     options: str
@@ -26,7 +26,7 @@ class Block:
 
 
 def hand_written() -> list[Path]:
-    """Those in the three folders that teach."""
+    """The pages in the three folders of tutorials and guides."""
     return sorted(
         page
         for folder in ("tutorials", "how-to", "explanation")
@@ -35,12 +35,12 @@ def hand_written() -> list[Path]:
 
 
 def name(page: Path) -> str:
-    """The page as it is called in links from the root of the site."""
+    """The name of the page in links from the root of the site."""
     return page.relative_to(PAGES).as_posix()
 
 
 def blocks(page: Path) -> Iterator[Block]:
-    """The fenced blocks in order, those that code has printed among them."""
+    """The fenced blocks in order, including those printed by code."""
     text = _SNIPPET.sub(lambda found: "\n" * found[0].count("\n"), page.read_text(encoding="utf-8"))
     for found in _FENCE.finditer(text):
         language, _, options = found["head"].strip().partition(" ")
@@ -48,10 +48,10 @@ def blocks(page: Path) -> Iterator[Block]:
 
 
 def snippets(page: Path) -> list[str]:
-    """The code for cog."""
+    """The cog code."""
     return [found.strip() for found in _SNIPPET.findall(page.read_text(encoding="utf-8"))]
 
 
 def prose(page: Path) -> str:
-    """The text without its fenced blocks and without code for cog."""
+    """The text without fenced blocks and cog code."""
     return _FENCE.sub("", _SNIPPET.sub("", page.read_text(encoding="utf-8")))

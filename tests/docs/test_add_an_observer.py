@@ -1,4 +1,4 @@
-"""The page on adding an observer, followed literally: in a copy of the package, and outside."""
+"""The page on adding an observer, followed literally in a copy of the package and outside of it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def copied(folder: Path) -> Path:
 
 
 def installed(folder: Path) -> Path:
-    """The two files in a package of a user's, as pip would install it."""
+    """The two files in a user's package, installed as by pip."""
     package, about = folder / "tracking", folder / "tracking-1.0.dist-info"
     package.mkdir()
     about.mkdir()
@@ -69,7 +69,9 @@ def test_following_the_page_adds_an_observer_to_all_commands(
 
     assert len(TYPED) == 5
     for typed in TYPED:
-        if place is installed and "--example alpha-beta" in typed:  # a package has no examples
+        if (
+            place is installed and "--example alpha-beta" in typed
+        ):  # a user's package has no examples
             run(typed.replace("--example alpha-beta", "--example levant"))
             about, _, observer = TITLED[FAMILY].partition('RECORD = """\\\n')[2].partition("\n")
             assert about.startswith("# Alpha-beta")

@@ -23,7 +23,7 @@ KINDS = (
 
 WIDE = {"width": 1280, "height": 900}
 
-# What stands out of the page on the right, but for what scrolls in something that does not.
+# Elements that overflow to the right, except inside scrolling containers.
 OUTSIDE = """() => {
   const scrolls = (e) => e && e !== document.body
     && (["auto", "scroll", "hidden"].includes(getComputedStyle(e).overflowX)
@@ -37,17 +37,17 @@ OUTSIDE = """() => {
 
 class _Quiet(SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Print nothing."""
 
 
 class _Server(ThreadingHTTPServer):
     def handle_error(self, *_: object) -> None:
-        """Say nothing of what a page that is left no longer wants."""
+        """Ignore requests aborted by leaving a page."""
 
 
 @pytest.fixture(scope="module")
 def address(site: Site) -> Iterator[str]:
-    """Where the site is served, as any static host serves it."""
+    """The address of the site on a plain static server."""
     server = _Server(("127.0.0.1", 0), partial(_Quiet, directory=str(site.folder)))
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
@@ -58,20 +58,22 @@ def address(site: Site) -> Iterator[str]:
 
 
 def finish(opened: Watched, address: str) -> None:
-    """Close it; it must neither have complained nor asked another host for anything."""
+    """Close the page; it must have neither errors nor requests to other hosts."""
     opened.context.close()
     assert opened.complaints == []
     assert [url for url in opened.requests if not url.startswith((address, "data:"))] == []
 
 
 def test_text_has_contrast_and_nothing_overflows(browser: Browser, address: str) -> None:
-    """In light and in the dark; on a phone what is wide scrolls in itself, not the page."""
+    """In light and dark; on a phone wide elements scroll themselves, not the page."""
     opened = Watched(browser, address, viewport=WIDE)
     page = opened.page
     for kind in KINDS:
         page.set_viewport_size(WIDE)
         page.goto(address + kind)
-        page.add_style_tag(content="* { transition: none !important; }")  # or colours come late
+        page.add_style_tag(
+            content="* { transition: none !important; }"
+        )  # otherwise colours appear late
         for scheme in ("default", "slate"):
             page.evaluate(
                 "(one) => document.body.setAttribute(`data-md-color-scheme`, one)", scheme
@@ -116,7 +118,7 @@ def test_site_search_finds_an_observer(browser: Browser, address: str) -> None:
 
 
 def test_colour_scheme_follows_the_system_until_chosen(browser: Browser, address: str) -> None:
-    """That of the system, until another is chosen, which then stays."""
+    """The system's scheme, until another is chosen, which then persists."""
     scheme = "data-md-color-scheme"
     opened = Watched(browser, f"{address}findings/", viewport=PHONE, color_scheme="dark")
     page = opened.page

@@ -1,4 +1,4 @@
-"""What the hand-written pages say: blocks compile, references and links lead somewhere."""
+"""Hand-written pages: blocks compile, references and links resolve."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from reobserve.cli.main import command_parser
 
 from .hand_written import PAGES, ROOT, blocks, hand_written, name, prose, snippets
 
-WIDEST = 88  # letters of a line of code, beyond which it is scrolled on a desktop
+WIDEST = 88  # characters of a code line, beyond which a desktop scrolls
 
 any_page = pytest.mark.parametrize("page", sorted(PAGES.rglob("*.md")), ids=name)
 every_page = pytest.mark.parametrize("page", hand_written(), ids=name)
@@ -78,7 +78,7 @@ def test_every_link_resolves_in_the_repository(page: Path) -> None:
 
 @cache
 def anchors(page: Path) -> set[str]:
-    """Those that are stated, and those that a code host and the site make of headings."""
+    """Anchors that are stated, and those that code hosts and the site derive from headings."""
     text = prose(page)
     headings = re.findall(r"^#+ (?:<a [^>]*></a>)?(.*)$", text, flags=re.M)
     return {
@@ -112,9 +112,9 @@ def test_images_have_alternative_text() -> None:
 
 @every_page
 def test_commands_on_pages_can_be_parsed(page: Path) -> None:
-    """What a page tells to type is parsed, if it is a command of the project with arguments."""
+    """Commands of the project in pages, with their arguments, can be parsed."""
     for block in blocks(page):
-        text = block.text.replace("\n    ", " ")  # a long line goes on
+        text = block.text.replace("\n    ", " ")  # a long line continues
         for line in text.splitlines() if block.language == "console" else ():
             command = re.sub(r"\s+#.*", "", line)
             if not command.startswith("$ reobserve") or "--help" in command:

@@ -1,4 +1,4 @@
-"""Text of pages: formulas in MathML, names as links, text that is shown as it stands."""
+"""Text of pages: formulas in MathML, names as links, escaped text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages show what their code prints and samples now; how that is run, compared and copied."""
+"""Pages show what their code prints and plots now; how the code is run, compared and copied."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _NUMBER = re.compile(r"(?:(?<![\w)])[-+])?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def unit(number: str) -> float:
-    """Of the last digit that is printed."""
+    """One unit of the last printed digit."""
     digits, _, exponent = number.partition("e")
     return 10.0 ** (int(exponent or 0) - len(digits.partition(".")[2]))
 
 
 def changed(stored: str, found: str) -> list[tuple[str, str]]:
-    """Pairs of lines that differ, but for numbers by one unit of their last digit: what another
-    processor moves.
+    """Pairs of differing lines, except for one unit of a last digit, which depends on the
+    processor.
     """
 
     def same(one: str, other: str) -> bool:
@@ -41,7 +41,7 @@ def changed(stored: str, found: str) -> list[tuple[str, str]]:
 
 
 def runs(page: Path) -> bool:
-    """Whether it computes; if not, its parts are made of what the repository holds."""
+    """Whether it computes; if not, its parts are taken from the repository."""
     return any(re.search(r"page\.(run|show)\(|console\.", code) for code in snippets(page))
 
 

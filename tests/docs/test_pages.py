@@ -1,4 +1,4 @@
-"""Pages by hand: their numbers are those of the build, their code runs, all have a place."""
+"""Hand-written pages: their numbers agree with the build, their code runs, every page is listed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_numbers_in_findings_agree_with_the_build(paper: str) -> None:
 
 @pytest.mark.parametrize("paper", FIVE)
 def test_verdicts_in_findings_agree_with_the_accepted_ones(paper: str) -> None:
-    """Each link to a claim has its verdict as text, and each claim that is promised has a link."""
+    """Each link to a claim shows its verdict, and each promised claim has a link."""
     text = by_hand((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
     text = published_numbers.squeezed(text)
     reported = {claim: word for word, claim in re.findall(r"\[([^\]]*)\]\(#claim-(\w+)\)", text)}
@@ -47,7 +47,7 @@ def test_list_of_packages_is_complete_and_in_dependency_order() -> None:
 def test_listed_folders_exist() -> None:
     text = (PAGES / "project/index.md").read_text(encoding="utf-8")
     folders = re.findall(r"```text\n(.*?)```", text, re.DOTALL)[0]
-    # Two columns of names, each with what they hold.
+    # Two columns: names and contents.
     groups = re.findall(r"(?:^|\s{2,})([\w/.]+(?:, [\w/.]+)*)  ", folders, re.M)
     named = [name for group in groups for name in group.split(", ") if "/" in name]
     assert len(named) > 5

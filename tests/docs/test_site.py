@@ -1,4 +1,4 @@
-"""The built site: whole, without a dead link, and without anything that a network would give."""
+"""The built site: complete, without dead links and without requests to a network."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests import FIVE
 
 from .conftest import ROOT, Site
 
-# Where a browser asks for something without being asked to.
+# Tags for which a browser makes requests on its own.
 _ASKED = re.compile(
     r"<(?:link|script|img|source|iframe|object|use|image)\b[^>]*?\s(?:href|src|srcset|data)=\"([^\"]+)"
 )
@@ -48,7 +48,7 @@ def test_site_build_prints_no_warnings(site: Site) -> None:
 def test_every_link_resolves(site: Site) -> None:
     dead = set()
     for page in pages(site):
-        if page.name == "404.html":  # its links are the server's
+        if page.name == "404.html":  # handled by the server
             continue
         links = set(re.findall(r'\s(?:href|src)="([^"]*)"', page.read_text(encoding="utf-8")))
         for link in links:
@@ -121,7 +121,7 @@ def test_every_equation_has_a_row_with_a_link_to_code(site: Site, paper: str) ->
 
 @pytest.mark.parametrize("paper", FIVE)
 def test_paper_page_shows_claims_errata_figures_and_parameters(site: Site, paper: str) -> None:
-    """Each claim and erratum, each figure as it was accepted, each key of the parameter file."""
+    """Each claim and erratum, each accepted figure, each key of the parameter file."""
     found = anchors(site.folder / f"findings/{paper}/index.html")
     claims = yaml.safe_load((ROOT / f"config/claims/{paper}.yaml").read_text())["claims"]
     errata = yaml.safe_load((ROOT / f"config/errata/{paper}.yaml").read_text())["errata"]
@@ -153,7 +153,7 @@ def test_claim_is_shown_with_its_numbers(site: Site) -> None:
     held = sum(error < 5e-6 for error in drawn)
     assert "reproduced only by calibration" in reported
     assert "must be below 5e-06" in reported
-    samples = len(kept["samples"])  # those that were refused did not hold
+    samples = len(kept["samples"])  # refused samples count as failed
     assert f"Held in {held} of {samples} samples: {100 * held / samples:.0f} %" in reported
     assert "Depends on plant.output" in reported
 

@@ -1,4 +1,4 @@
-"""What the examples do, as one would write it by hand with the library."""
+"""The examples, written by hand with the library."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def rigid(make: Callable[[], Any]) -> Callable[[Columns], Run[Any]]:
 
 
 def motor_model(friction: float = 10.0) -> ro.LinearModel:
-    """That of the examples."""
+    """The model of the examples."""
     A, B = zero_order_hold([[-friction, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], PERIOD)
     return ro.LinearModel(
         A, B, np.eye(2), Q=[1e-4, 1e-4], R=[1e-3, 1e-4], unusual=True, sampling_period=PERIOD

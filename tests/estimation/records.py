@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def specification(name: str, **changes: Mapping[str, Any]) -> Specification:
-    """That of an example, with changed keys of its branches."""
+    """The specification of an example, with changed keys."""
     tree = parse_yaml(specification_text(name), name)
     for branch, keys in changes.items():
         if isinstance(tree.get(branch), dict) and isinstance(keys, dict):
@@ -42,7 +42,7 @@ def write_record(path: Path, columns: Mapping[str, Array]) -> Path:
 
 
 def read_results(path: Path) -> tuple[dict[str, Array], list[str]]:
-    """The columns of a CSV by their names without units, nan for empty cells; and the status."""
+    """The columns of a CSV by name without unit, nan for empty cells; and the status."""
     with path.open(encoding="utf-8", newline="") as stream:
         titles, *rows = csv.reader(stream)
     names = [title.partition(" [")[0] for title in titles]
@@ -54,7 +54,7 @@ def read_results(path: Path) -> tuple[dict[str, Array], list[str]]:
 
 
 def streamed(chosen: Specification, text: Path) -> str:
-    """The results of a record that comes line by line."""
+    """The results of a record that arrives line by line."""
     titles, *lines = text.read_text(encoding="utf-8").splitlines(keepends=True)
     estimation = Estimation(chosen, titles.strip().split(","), str(text))
     rows = RowByRow(estimation, titles.strip().split(","))

@@ -1,4 +1,4 @@
-"""Alarms: whether, when and how large; none of them while the observer forgets its start."""
+"""Alarms: whether, when and how large; none while the observer starts up."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ PERIOD = 0.1
 
 
 def followed(values: Array, sigmas: Array | None = None, **rule: Any) -> AlarmReport:
-    """What an alarm above 1 finds, in blocks of three rows; the same as in one block."""
+    """The result of an alarm above 1 in blocks of three rows, which must equal that of one
+    block."""
     reports = []
     for size in (3, len(values)):
         report = DataReport(alarms={"large": AlarmReport("V", rule.get("start_up", 0.0))})
@@ -78,7 +79,7 @@ def test_no_alarm_is_raised_during_start_up() -> None:
 
 @pytest.mark.parametrize("pole", [0.5, 0.9, 0.99, -0.8])
 def test_start_up_time_agrees_with_closed_form(pole: float) -> None:
-    """Of an error that goes by powers of a pole: to a hundredth of what it was."""
+    """For an error that decays by powers of a pole: down to one per cent of its start."""
 
     def run(y: Array) -> Array:
         return np.column_stack([y[0, 0] * pole ** np.arange(len(y)), np.zeros(len(y))])
@@ -106,10 +107,10 @@ def luenberger(alarm: dict[str, Any]) -> Specification:
 def test_wrong_initial_state_raises_no_alarm_but_a_step_does(
     stated: float | None, tmp_path: Path
 ) -> None:
-    """An observer with its pole at 0.9 that starts 5 m off; the level steps by 1 m at 20 s."""
+    """An observer with its pole at 0.9 starts 5 m off; the level steps by 1 m at 20 s."""
     level = np.where(np.arange(400) < 200, 5.0, 6.0)
     gap = np.ones(400, dtype=bool)
-    gap[300:330] = False  # after which the observer starts again
+    gap[300:330] = False  # after which the observer restarts
     time = PERIOD * np.arange(400)
     columns = {"t": time, "level": level}
     chosen = luenberger({} if stated is None else {"start_up": stated})
@@ -117,7 +118,7 @@ def test_wrong_initial_state_raises_no_alarm_but_a_step_does(
     estimate_file(chosen, record, tmp_path / "e.csv", report=tmp_path / "r.json")
     found, _ = read_results(tmp_path / "e.csv")
     reported = json.loads((tmp_path / "r.json").read_text())["alarms"]["off"]
-    expected = 4.5 if stated is None else stated  # 0.9^44 is below a hundredth
+    expected = 4.5 if stated is None else stated  # 0.9^44 is below one per cent
     assert reported["start_up"] == pytest.approx(expected)
     starts = [0.0, 33.0]
     early = np.any(

@@ -1,4 +1,4 @@
-"""What a terminal is reported of a record: a line for what there is to tell, and no other."""
+"""The data report on the terminal: one line for each finding, and no others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Timestamps that are dates: the same bits as seconds, whatever offset from UTC they have."""
+"""Timestamps given as dates: bitwise identical to seconds, for any offset from UTC."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ PERIOD = 0.01  # [s]
 START = datetime(2026, 3, 29, 0, 59, 58, 580_000, tzinfo=UTC)
 ROWS = 200
 VALUES = np.sin(np.arange(ROWS) / 10)
-CHANGE = timezone(timedelta(hours=2)), timezone(timedelta(hours=1))  # of clocks, after 1.42 s
+CHANGE = (
+    timezone(timedelta(hours=2)),
+    timezone(timedelta(hours=1)),
+)  # of clock changes, after 1.42 s
 
 
 def chosen(unit: str) -> Specification:

@@ -1,4 +1,4 @@
-"""Files as spreadsheets and loggers write them: read when the specification says so."""
+"""Files as written by spreadsheets and loggers, read if the specification states the dialect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Each observer on its example: the library's bits without a policy at work, else the truth."""
+"""Each observer on its example: bitwise the library's results without policies, else close to the
+truth.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,9 @@ from tests.estimation.records import read_results, specification, write_record
 NAMES = tuple(examples())
 Array = NDArray[np.float64]
 
-# By the column of the truth: how far the estimate may be off in the last fifth of the record, in
-# the root mean square, with even timestamps; and with jittered ones, a gap and a dead sensor. Where
-# a voltage jumps between two timestamps, the current is off until it is at rest.
+# By the column of the truth: the largest root mean square error in the last fifth of the record,
+# with even timestamps; and with jittered ones, a gap and a dead sensor. Where a voltage jumps
+# between two timestamps, the current is off until it settles.
 ERRORS = {
     "fault_1": (0.03, 0.03), "fault_2": (2e-3, 2e-3), "fault_3": (3e-3, 3e-3),
     "angle": (2e-4, 5e-4), "rate": (1e-3, 5e-3), "delay": (3e-3, 3e-3), "level": (1e-5, 2e-5),
@@ -42,7 +44,9 @@ def test_every_example_estimate_has_a_true_value() -> None:
 
 
 def test_driven_plant_is_integrated_to_fourth_order() -> None:
-    """Of time alone the rule is Simpson's, exact for cubics; of the state it is exp(h)'s series."""
+    """For functions of time the rule is Simpson's, exact for cubics; for the state it is exp(h)'s
+    series.
+    """
     time = np.array([0.0, 0.4, 1.0])
     pushed = _followed(lambda t, x: np.array([4 * t**3]), np.array([1.0]), time)
     assert pushed[:, 0] == pytest.approx(1 + time**4, rel=1e-14)
@@ -56,7 +60,7 @@ def test_record_is_sampled_as_specified(name: str) -> None:
     made, stated = simulated(name), specification(name).sampling.period
     assert made.period == stated
     assert np.diff(made.record()["t"]) == pytest.approx(1000.0 * stated, rel=1e-9)
-    # What is held changes at samples alone.
+    # Held values change only at samples.
     for held in made.held:
         steps = made.at(held, made.time).reshape(-1)[:-1].reshape(-1, 10)
         assert (steps == steps[:, :1]).all()
@@ -86,7 +90,7 @@ def test_estimates_are_bitwise_identical_to_the_library_without_policies(
 
 
 def errors(name: str, path: Path) -> dict[str, float]:
-    """The errors in the last fifth of results, their root mean square."""
+    """The root mean square errors in the last fifth of the results."""
     found, _ = read_results(path)
     time = found["time"]
     late = time > 0.8 * time[-1]

@@ -17,7 +17,7 @@ from reobserve.estimation.false_alarms import false_alarm_threshold
 def test_threshold_has_the_expected_exceedance_rate(
     count: int, false_alarm_probability: float, place: int
 ) -> None:
-    """Of uniform numbers the j-th of n is j / (n + 1) on average, exceeded by the rest."""
+    """For uniform numbers the j-th of n is j / (n + 1) on average; the rest exceed it."""
     ordered = np.arange(count, dtype=np.float64)
     shuffled = np.random.default_rng(1).permutation(ordered)
     assert false_alarm_threshold(shuffled, false_alarm_probability) == ordered[place - 1]

@@ -1,4 +1,6 @@
-"""Files in and out: the same numbers from any format and in pieces, and bad ones refused."""
+"""Input and output files: the same numbers from any format and block size; invalid files are
+refused.
+"""
 
 from __future__ import annotations
 
@@ -137,7 +139,9 @@ def test_report_describes_the_processing_of_the_record(tmp_path: Path) -> None:
     assert reported["missing"] == {"speed": 1}
     assert reported["mean_interval"] == pytest.approx(0.01)
     assert reported["warnings"] == made.report.warnings
-    assert reported["alarms"]["odd"]["threshold"] is None  # the record ends before its stretch does
+    assert (
+        reported["alarms"]["odd"]["threshold"] is None
+    )  # the record ends before the learning interval does
     assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -188,7 +192,7 @@ def test_misleading_settings_are_reported(tmp_path: Path) -> None:
 
 
 def test_unobservable_mode_is_reported() -> None:
-    """Two states on their own: the first is seen, the second stays as it starts."""
+    """Two decoupled states: the first is measured, the second keeps its initial value."""
     tree: dict[str, Any] = {
         "time": "discrete", "A": [[0.5, 0.0], [0.0, 1.0]], "B": [[0.0], [0.0]],
         "C": [[1.0, 0.0], [2.0, 0.0]], "Q": [0.1, 0.1], "R": [1.0, 1.0],
@@ -228,7 +232,7 @@ UNFORESEEN = "is wrong, or there is a fault from early on"
 def test_record_contradicting_the_model_is_reported(
     name: str, column: str, factor: float, said: str, tmp_path: Path
 ) -> None:
-    """Another unit (degrees a second for turns a minute), a sensor that is dead or turned round."""
+    """Another unit (degrees per second for rpm), or a dead or reversed sensor."""
     columns = simulated(name).record()
     good = estimate_file(specification(name), write_record(tmp_path / "r.csv", columns),
                          tmp_path / "e.csv")  # fmt: skip
@@ -330,7 +334,7 @@ def test_invalid_specifications_are_refused_naming_the_key(
     ["luenberger", "high-gain", "extended-high-gain"],
 )
 def test_design_file_provides_observer_names_and_units(kind: str, tmp_path: Path) -> None:
-    """That of an example, on a record of its signals."""
+    """The design of an example, on a record of its signals."""
     design = tmp_path / "design.json"
     for arguments in (
         ["design", kind, "--example", str(tmp_path / "model.yaml")],

@@ -1,4 +1,5 @@
-"""Lines of a stream: whole ones, until it ends, falls silent for too long or a signal comes."""
+"""Lines of a stream: complete ones, until it ends, falls silent for too long or a signal
+arrives."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ import pytest
 from reobserve.core.errors import InputError
 from reobserve.estimation.streaming import Lines, Stop, open_file
 
-LONGEST = 2**20  # bytes of a line
+LONGEST = 2**20  # bytes in a line
 
 
 def reported(content: bytes) -> list[str]:
@@ -26,7 +27,7 @@ def reported(content: bytes) -> list[str]:
 
 @contextmanager
 def soon(*acts: Any) -> Iterator[None]:
-    """Do one thing 0.1 s from now and, if there is another, that 3 s later."""
+    """Make the first call after 0.1 s and the second, if any, 3 s later."""
     timers = [threading.Timer(0.1 + 3.0 * k, act) for k, act in enumerate(acts)]
     for timer in timers:
         timer.start()
@@ -94,7 +95,7 @@ def test_signal_during_processing_waits_for_the_end_of_the_line(number: signal.S
 
 
 def followed(path: Path, idle: float, *acts: Any, offset: int = 0) -> tuple[list[str], int, float]:
-    """The lines, the bytes of those, and how long [s] it took."""
+    """The lines, their bytes, and the time [s] taken."""
     stop = Stop()
     with open_file(path, offset) as stream, stop.listening(), soon(*acts):
         since = time.monotonic()

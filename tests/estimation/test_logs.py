@@ -1,4 +1,4 @@
-"""Three logs with a fault each: whether, when and how large, at the first try."""
+"""Three logs with one fault each: detected, timed and sized without tuning."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tests.estimation.records import read_results
 
 LOGS = Path(__file__).parents[2] / "examples/logs"
 
-# Name of the log, the alarm, its column, when the fault begins, how large it is, and how much
-# later [s] the alarm may be: two time constants of the observer.
+# Log, alarm, column, time and size of the fault, and the allowed delay [s] of the alarm: two time
+# constants of the observer.
 FAULTS = [
     ("bias", "biased", "bias", 8.0, 1.5, 0.05),
     ("thruster", "stuck z", "fault_3", 6.4, 0.3, 0.3),
@@ -32,7 +32,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def estimated(name: str, logs: Path, specification: Path) -> dict[str, Any]:
-    """The report of a log."""
+    """The report on a log."""
     files = [str(specification), str(logs / f"{name}.csv")]
     written = ["--out", str(logs / "e.csv"), "--report", str(logs / "e.json")]
     assert main(["estimate", *files, *written]) == 0
@@ -62,7 +62,8 @@ def test_log_yields_the_correct_fault(
 
 
 def test_leak_is_overestimated_without_the_operating_point(logs: Path) -> None:
-    """What the outflow at 2 m is more than the linear model of the whole level has it."""
+    """The difference between the outflow at 2 m and that of the linear model for the whole
+    level."""
     text = (LOGS / "leak.yaml").read_text(encoding="utf-8")
     (logs / "leak.yaml").write_text(
         text.replace(", offset: 2.0", "")
@@ -72,5 +73,5 @@ def test_leak_is_overestimated_without_the_operating_point(logs: Path) -> None:
     )
     report = estimated("leak", logs, logs / "leak.yaml")
     found = report["alarms"]["leaking"]
-    assert found["first"] < 300.0  # before there is a leak
+    assert found["first"] < 300.0  # before the leak
     assert found["intervals"][0]["mean"] > 1.0  # 4 l/s - 2 m times 1 l/s a metre are missing

@@ -1,4 +1,4 @@
-"""The measured record: what a bank says by the compass alone against the gyroscope."""
+"""A measured record: a bank that uses only the compass, compared with the gyroscope."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def test_compass_bank_detects_sensor_rotation(tmp_path: Path) -> None:
     heading = np.degrees(np.unwrap(np.arctan2(found["field_y"], found["field_x"])))
     turned = np.trapezoid(rate, time)
     assert turned == pytest.approx(1035.6, abs=0.05)
-    assert heading[0] - heading[-1] == pytest.approx(turned, abs=2.0)  # it turns the field back
+    assert heading[0] - heading[-1] == pytest.approx(turned, abs=2.0)  # it reverses the field
 
     alarm = json.loads(report.read_text())["alarms"]["turning"]
     assert (alarm["first"], alarm["rows"]) == (pytest.approx(65.88, abs=0.005), 100)
 
 
 def instants(time: Any, raised: Any) -> tuple[float, float, int]:
-    """When it is raised first and last, and how often it switches."""
+    """When it is first and last raised, and how often it switches."""
     reported = time[raised]
     return reported[0], reported[-1], int(np.count_nonzero(np.diff(raised)))

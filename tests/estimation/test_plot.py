@@ -1,4 +1,4 @@
-"""What a plot of results shows: curves that break at gaps, bands, thresholds and alarms."""
+"""The plot of results: curves that break at gaps, bands, thresholds and alarms."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Those that are saved, which leaves an empty file."""
+    """The saved figures; the files stay empty."""
     saved: list[Any] = []
 
     def save(figure: Figure, path: Path, **_: Any) -> None:
@@ -33,7 +33,7 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def drawn(
     name: str, record: dict[str, Array], folder: Path, figures: list[Any], **changes: Any
 ) -> tuple[list[Any], dict[str, Array], Any]:
-    """The panels, the results and the report of a record, which comes in many blocks."""
+    """The panels, results and report of a record that arrives in many blocks."""
     text = write_record(folder / "r.csv", record)
     chosen = specification(name, **changes)
     made = estimate_file(chosen, text, folder / "e.csv", plot=folder / "e.png", block=2**14)
@@ -52,7 +52,7 @@ def test_curves_break_at_grey_gaps_and_bands_are_two_sigma(
     panel = axes[0]
     time, speed = panel.get_lines()[0].get_data()
     broken = np.flatnonzero(np.isnan(speed))
-    assert broken.tolist() == [110]  # ten rows are predicted, then the observer waits
+    assert broken.tolist() == [110]  # ten rows are predicted, then the observer pauses
     assert np.array_equal(np.delete(speed, broken), found["speed"])
     assert np.array_equal(np.delete(time, broken), found["time"])
     assert panel.get_ylabel() == "speed\n[rad/s]"
@@ -139,4 +139,4 @@ def test_long_record_is_plotted_by_minimum_and_maximum(tmp_path: Path, figures: 
         pair = found["a"][first : first + 2]
         here = corners[np.isclose(corners[:, 0], found["time"][first], atol=1e-6), 1]
         assert (here.min(), here.max()) == pytest.approx((pair.min(), pair.max()), rel=1e-12)
-    assert corners[:, 0].max() == pytest.approx(200.0)  # the row that has no partner
+    assert corners[:, 0].max() == pytest.approx(200.0)  # the row without a partner

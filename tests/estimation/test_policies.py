@@ -1,4 +1,4 @@
-"""What is uneven, lost or too long gone: filled, skipped, bridged or refused as was said."""
+"""Uneven, lost or missing samples: filled, skipped, bridged or refused as specified."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ EVEN = simulated("kalman").record()
 
 
 def kalman(columns: dict[str, Array], path: Path, **sampling: Any) -> Any:
-    """DataReport, results and statuses of a Kalman filter on a record."""
+    """Report, results and statuses of a Kalman filter on a record."""
     chosen = specification("kalman", sampling={"period": 0.01, **sampling})
     made = estimate_file(chosen, write_record(path / "r.csv", columns), path / "e.csv")
     return made.report, *read_results(path / "e.csv")
 
 
 def signal(columns: dict[str, Array], path: Path, **sampling: Any) -> Any:
-    """The same of a differentiator, which read its estimate plus the residual."""
+    """The same for a differentiator, whose input is its estimate plus the residual."""
     sampling = {"missing": "refuse", "at_gap": "refuse", **sampling}
     chosen = specification("levant", sampling=sampling)
     made = estimate_file(chosen, write_record(path / "r.csv", columns), path / "e.csv")
@@ -52,7 +52,7 @@ def test_lost_samples_are_bridged_by_prediction(tmp_path: Path) -> None:
     y = np.column_stack([EVEN["speed"] * (np.pi / 30), EVEN["current"] * 1e-3])
     y[50:53] = np.nan
     u = EVEN["voltage"].copy()
-    u[50:53] = u[49]  # an input that is not known is held
+    u[50:53] = u[49]  # an unknown input is held
     run = observer.run(y, u, state=observer.init([0, 0], 1.0))
     assert found["speed"] == pytest.approx(run["state"][:, 0], rel=1e-12)
     assert found["current sigma"] == pytest.approx(np.sqrt(run["variance"][:, 1]), rel=1e-12)
@@ -80,7 +80,7 @@ def test_gap_is_longer_than_the_specified_limit(at_gap: str, tmp_path: Path) -> 
     columns = without(EVEN, slice(300, 360))
     report, found, status = kalman(columns, tmp_path, missing="skip", gap=0.1, at_gap=at_gap)
     assert report.gaps == [[pytest.approx(2.99), pytest.approx(3.6)]]
-    assert status[300:310] == ["predicted"] * 10  # what is near enough to the last sample
+    assert status[300:310] == ["predicted"] * 10  # close enough to the last sample
     if at_gap == "coast":
         assert len(status) == 1001
         assert status.count("predicted") == 60
@@ -132,7 +132,7 @@ def test_uneven_timestamps_are_resampled_by_the_specified_method(
         "pchip": PchipInterpolator(at, volts)(time),
     }[method]
     assert read == pytest.approx(expected, abs=1e-9)
-    off = at / 0.01 - np.arange(600)  # from the grid that is nearest to all of them
+    off = at / 0.01 - np.arange(600)  # from the grid closest to all of them
     assert report.jitter == pytest.approx((off.max() - off.min()) / 2, abs=0.01)
     assert report.intervals == 599
 
@@ -150,7 +150,7 @@ def test_uneven_timestamps_are_resampled_by_the_specified_method(
     ],
 )  # fmt: skip
 def test_block_size_does_not_change_a_bit(name: str, sampling: dict[str, Any]) -> None:
-    """Rows one by one, in odd blocks, and all at once; timestamps, gaps and sensors are bad."""
+    """Row by row, in uneven blocks, and at once; timestamps, gaps and sensors are faulty."""
     chosen = specification(name, sampling=sampling)
     random = np.random.default_rng(8)
     plant = simulated(name)
@@ -252,7 +252,7 @@ def test_invalid_initial_state_is_refused_before_the_first_row(
     name: str, start: dict[str, Any], said: str
 ) -> None:
     changed = {f"initial_{key}": value for key, value in start.items()}
-    with pytest.raises(InputError) as error:  # as it is read, or as the observer is made
+    with pytest.raises(InputError) as error:  # when it is read, or when the observer is constructed
         Estimation(specification(name, observer=changed), list(simulated(name).record()), "it")
     assert str(error.value).startswith(f"observer.initial_{said}")
 
@@ -302,7 +302,8 @@ def test_saturated_values_are_counted_and_can_be_treated_as_missing(tmp_path: Pa
 
 
 def test_observer_receives_deviations_from_the_operating_point(tmp_path: Path) -> None:
-    """Columns with offsets give the bits of a record of deviations; residuals as of levels."""
+    """Columns with offsets give the bits of a record of deviations; residuals are those of
+    levels."""
     at = {"speed": 1500.0, "current": 250.0, "voltage": 24.0}
     levels = {name: values + at.get(name, 0.0) for name, values in EVEN.items()}
     less = {name: values - at.get(name, 0.0) for name, values in levels.items()}

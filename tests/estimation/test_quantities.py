@@ -1,4 +1,4 @@
-"""Units of a specification: which texts are some, and what they are converted to."""
+"""Units of a specification: valid texts and their conversions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Specifications and options that do not go together, each refused by its key."""
+"""Conflicting specifications and options, each refused naming the key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""State files: checked whole; what is mutated is refused, and nothing is taken from it."""
+"""State files are checked completely; a mutated file is refused and nothing of it is used."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def fresh(name: str) -> Estimation:
 
 @cache
 def saved(name: str) -> str:
-    """A state after 25 rows of an example, the last of them with an empty cell."""
+    """A state after 25 rows of an example, the last with an empty cell."""
     estimation, columns = fresh(name), simulated(name).record()
     rows = RowByRow(estimation, list(columns))
     for k in range(25):
@@ -46,7 +46,7 @@ def saved(name: str) -> str:
 
 
 def places(tree: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """All parts of a tree, by their keys."""
+    """All parts of a tree, by key."""
     parts = tree.items() if isinstance(tree, dict) else enumerate(tree)
     found = [place] if place else []
     for key, part in parts:
@@ -58,13 +58,13 @@ def places(tree: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def signed(tree: Any) -> Any:
-    """The same with the digest that goes with its content."""
+    """The same state with a digest that matches its content."""
     content = {name: part for name, part in tree.items() if name != "digest"}
     return {**content, "digest": _content(content)} if "digest" in tree else content
 
 
 def memory(estimation: Estimation) -> Any:
-    """All that a state file can change."""
+    """Everything that a state file can change."""
     interpolation = {name: _plain(value) for name, value in vars(estimation.interpolation).items()}
     return json.dumps(
         [_plain(estimation.state), _plain(estimation.report), _plain(estimation.timestamps.grid),
@@ -73,7 +73,7 @@ def memory(estimation: Estimation) -> Any:
 
 
 def read(tree: Any, name: str, folder: Path) -> Estimation | None:
-    """The estimation that goes on from a state; None if it is refused as it must be."""
+    """The estimation resumed from a state; None if it is refused as required."""
     path, estimation = folder / "s.json", fresh_again(name)
     text = json.dumps(tree)
     path.write_text(text)
@@ -98,7 +98,7 @@ def _made(name: str) -> Estimation:
 
 
 def fresh_again(name: str) -> Estimation:
-    """An estimation as `fresh` makes one, sooner."""
+    """An estimation as made by `fresh`, but faster."""
     made = copy.copy(_made(name))
     for part in ("report", "timestamps", "gaps", "interpolation"):
         setattr(made, part, copy.deepcopy(getattr(made, part)))
@@ -125,7 +125,7 @@ REPLACED = st.sampled_from(
 @given(data=st.data())
 @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_mutated_state_is_refused_or_equivalent(data: Any, tmp_path: Path) -> None:
-    """A part removed, replaced or renamed; with the old digest or one that goes with it."""
+    """A part removed, replaced or renamed; with the old digest or a matching one."""
     name = data.draw(st.sampled_from(NAMES))
     tree = json.loads(saved(name))
     before = copy.deepcopy(tree)
@@ -144,12 +144,12 @@ def test_mutated_state_is_refused_or_equivalent(data: Any, tmp_path: Path) -> No
     found = read(signed(tree) if resigned else tree, name, tmp_path)
     if found is not None and not resigned:
         assert tree == before
-    if found is not None:  # what is taken is what was written
+    if found is not None:  # what is accepted equals what was written
         save_state(tmp_path / "again.json", found, "d", tree["offset"])
         again = json.loads((tmp_path / "again.json").read_text())
         assert {**again, "digest": ""} == {**tree, "digest": ""}
         rows = RowByRow(found, list(simulated(name).record()))
-        with contextlib.suppress(ReobserveError):  # no other error, whatever it holds
+        with contextlib.suppress(ReobserveError):  # no other exception for any content
             rows.read(",".join(["250", *["0"] * (rows.width - 1)]))
             rows.finish()
         as_json(found.report, {})
@@ -195,7 +195,7 @@ DAMAGED: list[tuple[str, Any, str]] = [
 
 @pytest.mark.parametrize(("key", "value", "said"), DAMAGED)
 def test_message_names_file_and_key(key: str, value: Any, said: str, tmp_path: Path) -> None:
-    """With a digest that goes with the content, or else that alone would be reported."""
+    """With a matching digest; otherwise only the digest would be reported."""
     tree = json.loads(saved("kalman"))
     *path, last = key.split(".")
     parent = tree

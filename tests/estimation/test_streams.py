@@ -1,4 +1,4 @@
-"""Lines as they come: the bits of a whole record, also after a stop, and each at once."""
+"""Streamed lines: bitwise the results of a whole record, also after a stop, and without delay."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_streams_and_files_give_identical_bits_also_after_a_stop(name: str, tmp_
     rows = RowByRow(estimation, columns)
     out = header(estimation.titles)
     for k, line in enumerate(lines):
-        if k in (29, 60, 99):  # in front of a lost row, with an empty cell at hand, before a gap
+        if k in (29, 60, 99):  # before a lost row, at an empty cell, before a gap
             rows.settle()
             save_state(tmp_path / "s.json", estimation, name, None)
             estimation = Estimation(chosen, columns, str(text))
@@ -56,7 +56,7 @@ def test_streams_and_files_give_identical_bits_also_after_a_stop(name: str, tmp_
         out += rows.read(line)
     out += rows.finish()
     assert out.encode() == (tmp_path / "e.csv").read_bytes()
-    kept = ("warnings",)  # of a stream nothing is looked at twice
+    kept = ("warnings",)  # a stream is not read twice
     counted = {name: value for name, value in vars(whole.report).items() if name not in kept}
     assert {n: v for n, v in vars(estimation.report).items() if n not in kept} == counted
 
@@ -93,7 +93,7 @@ def test_stream_and_file_detect_the_same_saturation(tmp_path: Path) -> None:
 
 
 def test_stream_without_timestamps_does_not_mistake_a_measurement_for_time(tmp_path: Path) -> None:
-    """Not even a ramp that goes on by a sampling period from row to row."""
+    """Not even a ramp that rises by one sampling period per row."""
     chosen = specification("levant", columns={"time": {}, "measurements": [{"column": "ramp"}]})
     text = write_record(tmp_path / "r.csv", {"ramp": 0.01 * np.arange(60)})
     estimate_file(chosen, text, tmp_path / "e.csv")
@@ -156,7 +156,7 @@ def test_everything_is_compiled_before_the_first_row(
 def test_pending_lines_are_reported_at_the_end_of_a_stream(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a sensor that is silent at the end, what is between its rows is never known."""
+    """If a sensor is silent at the end, the values between its rows are never known."""
     columns = {title: values[:60].copy() for title, values in simulated("kalman").record().items()}
     columns["current"][57:] = np.nan
     text = write_record(tmp_path / "r.csv", columns)
@@ -173,7 +173,7 @@ def test_pending_lines_are_reported_at_the_end_of_a_stream(
 def test_stream_state_resumes_with_a_file_and_vice_versa(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A pipe has no place in a file, so all that a file holds then comes after it."""
+    """A pipe has no position in a file, so the whole file then follows."""
     spec, part = tmp_path / "s.yaml", tmp_path / "part.csv"
     spec.write_text(specification_text("kalman"))
     titles, *lines = record(tmp_path / "r.csv", "kalman", 50).read_bytes().splitlines(True)
@@ -188,12 +188,12 @@ def test_stream_state_resumes_with_a_file_and_vice_versa(
 
 
 def test_growing_file_is_followed(tmp_path: Path) -> None:
-    """Each line is there before the next one is written; a signal ends it, and it goes on."""
+    """Each line is processed before the next is written; a signal stops it, and it resumes."""
     spec, log = tmp_path / "s.yaml", tmp_path / "log.csv"
     spec.write_text(specification_text("levant"))
     text = record(tmp_path / "r.csv", "levant", 50).read_text().splitlines(keepends=True)
     whole = estimate_file(specification("levant"), tmp_path / "r.csv", tmp_path / "e.csv")
-    assert whole.report.estimates == 50  # the row that was lost among them
+    assert whole.report.estimates == 50  # including the lost row
     expected = (tmp_path / "e.csv").read_text().splitlines(keepends=True)
     log.write_text("".join(text[:3]))
     command = [
@@ -244,7 +244,7 @@ def test_invalid_line_is_refused(line: str, said: str) -> None:
 
 
 def test_step_takes_less_than_a_sampling_period() -> None:
-    """A loose bound, for busy machines; the benchmark measures it."""
+    """A loose bound for busy machines; the benchmark measures the time."""
     name = "imm-kalman"
     columns = list(simulated(name).record())
     rows = RowByRow(Estimation(specification(name), columns, "r"), columns)

@@ -1,4 +1,4 @@
-"""Timestamps: accepted as far off their places as `jitter` says, and otherwise with the value."""
+"""Timestamps may deviate from the grid by `jitter`; otherwise the message names the value."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PERIOD = 0.01
 
 
 def read(time: Array, **sampling: Any) -> tuple[Array, DataReport]:
-    """The slots of timestamps that come in blocks of seven, and what is reported of them."""
+    """The grid positions of timestamps in blocks of seven, and their report."""
     report = DataReport()
     stated = specification("kalman", sampling={"period": PERIOD, **sampling}).sampling
     made = Timestamps(stated, report, "r.csv")
@@ -34,7 +34,7 @@ def read(time: Array, **sampling: Any) -> tuple[Array, DataReport]:
 
 
 def jittered(seed: int, most: float, rows: int = 2000) -> Array:
-    """Timestamps up to ``most`` periods off the grid, both extremes among them."""
+    """Timestamps up to ``most`` periods off the grid, including both extremes."""
     off = np.random.default_rng(seed).uniform(-most, most, rows)
     off[[rows // 4, rows // 4 + 1]] = most, -most
     times: Array = 3.0 + PERIOD * (np.arange(rows) + off)
@@ -43,7 +43,7 @@ def jittered(seed: int, most: float, rows: int = 2000) -> Array:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_timestamps_are_accepted_up_to_the_jitter(seed: int) -> None:
-    """Whatever the offset of the first one, from which no grid can be reported."""
+    """For any offset of the first one, which does not define the grid."""
     time = jittered(seed, 0.38)
     slots, report = read(time, jitter=0.4)
     assert np.array_equal(slots, time)
@@ -55,7 +55,7 @@ def test_timestamps_are_accepted_up_to_the_jitter(seed: int) -> None:
 
 
 def test_single_shifted_timestamp_is_counted_once() -> None:
-    """Not in both intervals beside it."""
+    """Not in both adjacent intervals."""
     time = PERIOD * np.arange(100.0)
     time[50] += 0.3 * PERIOD
     _, report = read(time, jitter=0.16)

@@ -1,4 +1,4 @@
-"""The numbers of a build are the golden ones."""
+"""The numbers of a build agree with the golden numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is labelled numerical decides no claim: refined, it turns none over."""
+"""Numerical settings decide no claim: refining them reverses none."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from tests.pipeline.conftest import PAPERS, PARAMETER_FILES, ROOT
 
 pytestmark = pytest.mark.nightly
 
-STEPS = ("step", "period")  # so end the keys of steps in time, which are refined together
+STEPS = ("step", "period")  # endings of time step keys, which are refined together
 
 
 def numerical(paper: str) -> dict[str, list[str]]:
-    """The keys of settings that are refined together, by a name for them."""
+    """The settings that are refined together, by name."""
     keys = [key for key, entry in PARAMETER_FILES[paper].entries() if entry.get("numerical")]
     found = {key: [key] for key in keys if not key.endswith(STEPS)}
     return {"steps": [key for key in keys if key.endswith(STEPS)], **found}
 
 
 def refined(entry: dict[str, Any], key: str) -> Any:
-    """Half of a step, twice a number of points, runs or terms, within the range of the entry."""
+    """Half of a step, or twice a number of points, runs or terms, within the range of the entry."""
     if key.endswith(STEPS):
         return entry["value"] / 2
     value, span = 2 * entry["value"], entry.get("range")
@@ -42,7 +42,7 @@ SETTINGS = [
 
 @pytest.fixture(scope="module")
 def evaluators() -> dict[str, Outcomes]:
-    """Of each paper what its claims need, computed once."""
+    """The evaluations that the claims of each paper need, computed once."""
     return {}
 
 

@@ -1,4 +1,4 @@
-"""A parameter that is wrong by one per cent moves a golden number beyond its tolerance."""
+"""A parameter that is wrong by one per cent changes a golden number beyond its tolerance."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from reobserve.replication.golden.values import evaluated_numbers
 from reobserve.replication.parameters.parameters import Parameters, leaves, matches
 from tests.pipeline.conftest import EVALUATORS, PAPERS, PARAMETER_FILES, ROOT
 
-Place = tuple[str | int, ...]  # in a value: empty for the value itself
+Place = tuple[str | int, ...]  # position in a value: empty for the value itself
 
-# Words in a key or a place in its value for numbers that are names.
+# Words in a key or position that mark numbers used as names.
 NAMES = {"axis", "component", "powers"}
-# Flags of entries that no golden number need depend on; the schema says what each means.
+# Flags of entries on which no golden number need depend; the schema explains each.
 UNNOTICED = ("numerical", "levels", "plot_only", "expensive")
-# Sections that make no figure: a figure shows what a search finds, not where it looked, and a
-# theory is tried on its numbers.
+# Sections that make no figure: a figure shows the result of a search, not its range, and a theory
+# is evaluated at its numbers.
 UNSHOWN = ("searches.", "theory.")
 
 
 def twin(place: Place, value: Any) -> Place:
-    """The mirrored place of an entry of a symmetric matrix; any other place is its own."""
+    """The mirrored position of an entry of a symmetric matrix; any other position is its own."""
     if len(place) != 2 or not all(isinstance(step, int) for step in place):
         return place
     square = all(len(row) == len(value) for row in value)
@@ -38,7 +38,7 @@ def twin(place: Place, value: Any) -> Place:
 
 
 def is_constant(key: str, place: Place, value: Any, end: float) -> bool:
-    """Whether a value is a number other than zero that can be seen before the run ends."""
+    """Whether a value is a nonzero number that takes effect before the run ends."""
     if isinstance(value, str | bool) or value == 0 or NAMES & {*key.split("."), *place}:
         return False
     unseen = (place[-1:] == ("from",) and value < 0) or (place[-1:] == ("until",) and value >= end)
@@ -65,7 +65,8 @@ CONSTANTS = list(constants())
 
 
 def changed(paper: str, key: str, place: Place, factor: float) -> Parameters:
-    """The parameters with one number times a factor, in a symmetric matrix with its twin."""
+    """The parameters with one number times a factor, together with its twin in a symmetric
+    matrix."""
     tree = copy.deepcopy(PARAMETER_FILES[paper].tree)
     entry: Any = tree
     for word in key.split("."):
@@ -79,16 +80,16 @@ def changed(paper: str, key: str, place: Place, factor: float) -> Parameters:
 
 
 def parts_by_cost(paper: str) -> list[tuple[str, str]]:
-    """The figures and tables of a paper with the step that shows them; studies come last."""
+    """The figures and tables of a paper with the step that shows them; studies last."""
     tree = PARAMETER_FILES[paper].tree
     figures = sorted(tree["figures"], key=lambda one: tree["figures"][one].get("study") is not None)
     return [("plot", one) for one in figures] + [("table", one) for one in tree.get("tables", {})]
 
 
 def noticed(paper: str, key: str, place: Place, factor: float) -> str:
-    """The first golden number that moves, or the sentence that refuses the value."""
+    """The first golden number that changes, or the message that refuses the value."""
     unchanged, parameters = PARAMETER_FILES[paper], changed(paper, key, place, factor)
-    # Shares what is not affected, and keeps the rest to itself.
+    # Reuses unaffected results and keeps the others separate.
     evaluator = Evaluator(parameters, dict(EVALUATORS[paper]._done))
     for step, part in parts_by_cost(paper):
         if parameters.settings(step, part) != unchanged.settings(step, part):
@@ -103,14 +104,15 @@ def noticed(paper: str, key: str, place: Place, factor: float) -> str:
 
 
 def is_whole(paper: str, key: str, place: Place) -> bool:
-    """Whether a number is whole, on a grid or a choice, so that one per cent more is refused."""
+    """Whether a number is an integer, on a grid or a choice, so that one per cent more is
+    refused."""
     entry = dict(PARAMETER_FILES[paper].entries())[key]
     value = dict(leaves(entry["value"]))[place]
     return isinstance(value, int) or "multiple_of" in entry or "choices" in entry.get("range", ())
 
 
 def check_one_per_cent(paper: str, key: str, place: Place) -> None:
-    """One per cent more is noticed, or one per cent less where more is refused or unseen."""
+    """One per cent more is detected, or one per cent less if more is refused or undetected."""
     said = noticed(paper, key, place, 1.01)
     if not said or said.startswith("refused"):
         said = noticed(paper, key, place, 0.99) or said

@@ -1,1 +1,1 @@
-"""What holds for every observer, and for every call of the library."""
+"""Tests of every observer and of every call of the library."""

@@ -1,4 +1,4 @@
-"""What a call takes for numbers, and that arrays of other kinds compile nothing again."""
+"""Conversion of arguments to numbers; other array types trigger no recompilation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run that diverges says so, and whether the observer did or only its step was too long."""
+"""A diverging run is reported, and whether the observer diverged or only its step was too long."""
 
 from __future__ import annotations
 
@@ -86,7 +86,8 @@ def continuous(tolerance: float) -> Any:
 
 @pytest.mark.parametrize("step", [1e-2, 2e-3, 1e-4])
 def test_too_long_step_for_a_series_gain_is_not_reported_as_divergence(step: float) -> None:
-    """The continuous observer converges from there: two tolerances agree, and the error is gone."""
+    """The continuous observer converges from there: two tolerances agree, and the error
+    vanishes."""
     truth = [continuous(tolerance) for tolerance in (1e-8, 1e-10)]
     assert all(one.success for one in truth)
     squares = [one.y[4, -1] for one in truth]
@@ -115,7 +116,7 @@ def test_step_named_in_the_message_reproduces_the_continuous_observer() -> None:
 
 
 def test_diverging_observer_is_reported_as_such() -> None:
-    """Order 2 on the oscillator of the paper escapes at 9.736 s, by error control, too."""
+    """Order 2 on the paper's oscillator escapes at 9.736 s, also with error control."""
     observer = normal_form_observer(
         ["b", "-a + (1 - a**2)*b"], ["a"], ["a", "b"],
         injection=[[-2.0], [-4.0]], order=2, sampling_period=2e-3,
@@ -149,7 +150,7 @@ def test_diverging_observer_is_reported_as_such() -> None:
     assert caught.value.time == pytest.approx(escape.t_events[0][0], abs=0.02)
 
 
-# --- The other observers: stiff ones, whose method is unstable, and those with growing laws ------
+# --- The other observers: stiff ones with unstable steps, and growing learning laws --------------
 
 
 def still(columns: int | None, steps: int) -> Array:
@@ -192,7 +193,9 @@ GROWING: dict[str, Callable[[], Any]] = {
 
 @pytest.mark.parametrize("name", STIFF)
 def test_numerically_unstable_step_is_reported(name: str) -> None:
-    """Rates of 300 1/s and more with steps of 0.01 s: beyond 2.78, where Runge-Kutta ends."""
+    """Rates of 300 1/s and more with steps of 0.01 s: beyond 2.78, the stability limit of Runge-
+    Kutta.
+    """
     with pytest.raises(DivergenceError, match=TOO_LONG) as caught:
         STIFF[name]()
     share = int(str(caught.value).partition("with 1/")[2].split()[0])
@@ -201,13 +204,13 @@ def test_numerically_unstable_step_is_reported(name: str) -> None:
 
 @pytest.mark.parametrize("name", GROWING)
 def test_unstable_learning_law_is_reported(name: str) -> None:
-    """K1 = 3 makes v three times as large an interval, whatever the step."""
+    """K1 = 3 triples v in each interval, for any step."""
     with pytest.raises(DivergenceError, match=ITSELF):
         GROWING[name]()
 
 
 def test_learning_observer_with_halved_steps_agrees() -> None:
-    """A record that is a parabola in each step: then nothing is lost by halving, to order 4."""
+    """A record that is a parabola in each step: halving then loses nothing, to order 4."""
     step, steps, interval = 0.01, 40, 0.1
     observer = ILO(BODY, 0.9, 5.0, 10.0, interval, sampling_period=step)
     time = 0.5 * step * np.arange(2 * steps + 1)
@@ -241,7 +244,7 @@ def test_intermediate_samples_lie_on_the_parabola() -> None:
 
 @pytest.mark.parametrize(("short", "reached"), [(0, True), (1, False)])
 def test_unwritten_last_row_is_not_taken_as_the_end(short: int, reached: bool) -> None:
-    """What stands in it may be any number, as the loop wrote nothing."""
+    """It may contain any number, as the loop did not write it."""
 
     class Loop:
         def _integrate(self, state: Any, part: Steps) -> Rows:
@@ -254,7 +257,7 @@ def test_unwritten_last_row_is_not_taken_as_the_end(short: int, reached: bool) -
     assert (found is not None) == reached
 
 
-# --- Every observer and filter: loud by default, and quiet if asked -------------------------------
+# --- Every observer and filter: raises by default, and returns partial results on request ---------
 
 UNSEEN = LinearModel(
     [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], Q=0.0, R=1.0, sampling_period=0.5

@@ -1,4 +1,4 @@
-"""What the package offers, and which other packages which parts of it need."""
+"""The public names of the package, and the optional packages that parts of it need."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ GAINS = Gains(np.ones((MOTOR.size, 2)), np.zeros((MOTOR.size, 2)))
 
 
 def expand() -> object:
-    """A system that no test before has expanded."""
+    """A system that no earlier test has expanded."""
     return PolynomialSystem.from_expressions(["sin(w)", "-a"], ["a"], ["a", "w"], 3)
 
 
@@ -87,7 +87,7 @@ def test_polynomial_map_needs_no_optional_package(monkeypatch: pytest.MonkeyPatc
     assert field(np.array([1.0, 1.0])).tolist() == [1.0, -5.0]
 
 
-# Imported with nothing beside the standard library and what numba stands on; no kernel is compiled.
+# Imported with only the standard library and the packages numba needs; no kernel is compiled.
 BARE = """
 import importlib.abc, sys
 allowed = {"numpy", "scipy", "numba", "llvmlite", "reobserve", *sys.stdlib_module_names}
@@ -120,7 +120,7 @@ def test_public_names_need_only_numpy_scipy_and_numba(name: str, tmp_path: Path)
     assert done.returncode == 0, done.stderr
 
 
-# What only some calls need, and what is named for types alone is none of: each takes its time.
+# Packages for some calls or for types only; each takes time to import.
 LATE = ("cvxpy", "flint", "jinja2", "jsonschema", "pandas", "pyarrow", "sympy", "mpmath")
 IMPORTED = """
 import importlib, sys
@@ -134,7 +134,7 @@ for module in modules:
 
 
 def test_packages_used_for_types_are_imported_late() -> None:
-    """In one process: what stands under ``TYPE_CHECKING`` is for readers and checkers."""
+    """In one process: names under ``TYPE_CHECKING`` are for readers and type checkers."""
     package = Path(str(reobserve.__file__)).parent
     modules = []
     for path in sorted(package.rglob("*.py")):

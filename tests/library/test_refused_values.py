@@ -1,4 +1,4 @@
-"""Values that are of the right kind and make no sense: one sentence each, by the argument."""
+"""Values of the right type that make no sense: one sentence each, naming the argument."""
 
 from __future__ import annotations
 

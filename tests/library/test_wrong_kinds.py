@@ -1,4 +1,4 @@
-"""Whatever stands in for any argument of any public class or function is refused by its name."""
+"""A wrong type for any argument of any public class or function is refused naming the argument."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ class Nothing:
     """Neither number, nor word, nor model, nor anything else that a call could use."""
 
 
-# Words of the user's own, which only stand in sentences.
+# Texts of the user that are only printed.
 LABELS = {
     "signals.inputs.Signal.check_grid": "name",
     "plants.delayed_input.check_delay": "name",
 }
 
-# What a call says in place of the parameter's name.
+# The name that a call uses in place of the parameter's.
 SAID = {
-    "terms": "fault",  # what the signal is called
-    "value": "x",  # what the caller calls it
+    "terms": "fault",  # name of the signal
+    "value": "x",  # name given by the caller
     "name": "kind",  # of design, as above
     "text": "poles",  # as above
-    "step": "sampling_period",  # of the observer that is made
+    "step": "sampling_period",  # of the constructed observer
     "faults": "fault_matrix",  # all four are matrices
     "matrix": "values",
 }
 
 
 def parameters(call: Call) -> Iterator[str]:
-    """The names of the arguments; empty for those that are reported by their place alone."""
+    """The names of the arguments; empty for those known by position only."""
     for parameter in inspect.signature(call.function).parameters.values():
         if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
             break
@@ -46,7 +46,7 @@ def parameters(call: Call) -> Iterator[str]:
 
 
 def refused(call: Call, place: int, parameter: str) -> bool:
-    """Whether a call with one argument of another kind names that argument."""
+    """Whether a call with one argument of a wrong type names that argument."""
     arguments: list[Any] = list(call.arguments)
     arguments[place] = Nothing()
     try:
@@ -62,11 +62,11 @@ def refused(call: Call, place: int, parameter: str) -> bool:
 def test_argument_of_wrong_type_is_refused_naming_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In one test, since what stands ready for all of them is made once."""
+    """A single test, since the shared preparation is made once."""
     monkeypatch.chdir(tmp_path)  # some write a file
     wrong = []
     for name, call in calls().items():
-        call.function(*call.arguments)  # nothing else is wrong
+        call.function(*call.arguments)  # everything else is valid
         named = zip(range(len(call.arguments)), parameters(call), strict=False)
         wrong += [
             f"{name}: {parameter or place + 1}"

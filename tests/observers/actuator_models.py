@@ -1,4 +1,4 @@
-"""Models of the actuator, records without random numbers, and the bank in 50-digit arithmetic."""
+"""Models of the actuator, deterministic records, and the bank in 50-digit arithmetic."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ACTUATOR = {
     "friction": ([11.29, 1883, 1.77e5, 6.61e6], [151.80, 1.28e4, 6.14e5, 1.07e7]),
     "leakage": ([2.34, 910.60, 1.63e5, 1.32e7], [116, 2.70e4, 1.41e6, 3.521e7]),
 }
-SCALE = 200.0  # [1/s], of time: in units of 1 / SCALE the states are of one size
+SCALE = 200.0  # [1/s], scale of time: in units of 1 / SCALE the states have similar size
 STICKY = np.array([[0.96, 0.02, 0.02], [0.01, 0.95, 0.04], [0.03, 0.03, 0.94]])
 
 
@@ -41,13 +41,13 @@ def continuous(mode: str) -> tuple[Array, Array]:
 
 
 def velocity_model(mode: str, R: float = 1e-4, Q: ArrayLike = 1e-6) -> LinearModel:
-    """4 states, and the velocity measured, every 1 ms."""
+    """Four states, the velocity measured every 1 ms."""
     A, B = zero_order_hold(*continuous(mode), 1e-3)
     return LinearModel(A, B, np.eye(1, 4), Q=Q, R=R, sampling_period=1e-3)
 
 
 def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
-    """5 states, and position, velocity and acceleration measured, every 5 ms."""
+    """Five states; position, velocity and acceleration measured every 5 ms."""
     A, B = np.zeros((5, 5)), np.zeros((5, 1))
     A[0, 1] = SCALE
     A[1:, 1:], B[1:] = continuous(mode)
@@ -59,7 +59,7 @@ def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
 
 
 def left_limit(model: LinearModel) -> LinearModel:
-    """The model whose measurements have the input up to a row in them: a second column of u."""
+    """The model whose measurements contain the input up to a row, as a second column of u."""
     B, D = np.pad(model.B, ((0, 0), (0, 1))), np.pad(model.D, ((0, 0), (1, 0)))
     return replace(model, B=B, D=D)
 
@@ -82,15 +82,15 @@ def square_wave(rows: int, half: int) -> Array:
 
 
 def ripple(rows: int, columns: int = 1) -> Array:
-    """As irregular as noise, within 1, but the same everywhere."""
+    """As irregular as noise, within 1, but reproducible."""
     k = np.arange(1, rows + 1)[:, None]
     return np.sin(k**2 + 2.0 * np.arange(columns))
 
 
 def simulated(model: LinearModel, controls: Array, start: ArrayLike | None = None) -> Array:
-    """What is measured without any noise, shape (k, m), of a model driven by inputs up to each row.
+    """Noise-free measurements, shape (k, m), of a model driven by inputs up to each row.
 
-    In a row's measurement stands the input from that row on.
+    A row's measurement contains the input from that row on.
     """
     A, B, C, D = model.arrays[:4]
     x = np.zeros(len(A)) if start is None else np.array(start, dtype=float)
@@ -104,13 +104,13 @@ def simulated(model: LinearModel, controls: Array, start: ArrayLike | None = Non
 def run_over(
     observer: Observer[Any], z: Array, u: Array | None, *start: Any, **how: Any
 ) -> Run[Any]:
-    """A run over steps that end with the rows of z, u held over each, from before the first one."""
+    """A run over steps that end at the rows of z, u held over each, from before the first one."""
     held = np.empty((len(z), 0)) if u is None else u
     return observer.run(z, from_rows_on(held), state=observer.init(*start, u=held[0]), **how)
 
 
 def from_rows_on(held: Array) -> Array:
-    """The inputs from each row on, of those held up to it; nothing reads that of the last one."""
+    """The inputs from each row on; the last one is never read."""
     return np.vstack([held[1:], held[-1:]])
 
 
@@ -119,7 +119,7 @@ def from_rows_on(held: Array) -> Array:
 
 @dataclass
 class Reference:
-    """What a bank finds, shapes (k, n), (k, n, n), (k, r) and (k, r)."""
+    """The results of a bank, shapes (k, n), (k, n, n), (k, r) and (k, r)."""
 
     estimate: Array
     covariance: Array
@@ -128,7 +128,7 @@ class Reference:
 
 
 def exact(array: ArrayLike) -> Any:
-    """A matrix, or a column of one, with every bit of its floats."""
+    """A matrix, or a column, with every bit of its floats."""
     return mpmath.matrix(np.asarray(array, dtype=float).tolist())
 
 
@@ -141,7 +141,7 @@ def kalman_law(model: Any, covariance: Any, S: Any, e: Any, last: Any) -> Any:
 
 
 def switching_law(psi: Sequence[float], gamma: float) -> Law:
-    """(15) as it is printed, with the pseudo-inverse that is missing there."""
+    """Equation (15) with the pseudo-inverse that is missing in print."""
 
     def law(model: Any, covariance: Any, S: Any, e: Any, last: Any) -> Any:
         H = model.C
@@ -169,7 +169,7 @@ def reference(
     *,
     mixing: bool = True,
 ) -> Reference:
-    """(7) to (23) as they are meant, of modes that start alike, in 50-digit arithmetic."""
+    """Equations (7) to (23), corrected, from equal initial modes, in 50-digit arithmetic."""
     found: list[tuple[Array, Array, Array, Array]] = []
     with mpmath.workdps(50):
         r, p = len(models), exact(transition)

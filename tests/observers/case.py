@@ -1,4 +1,4 @@
-"""An observer with a record whose truth is known: what `test_contract` holds all of them to."""
+"""An observer with a record whose truth is known, as required by `test_contract`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Case:
-    """An observer, a record for it and where it starts from.
+    """An observer, its record and its initial state.
 
-    ``truth`` are true values of estimates at the rows, ``bounds`` what their largest errors from
-    row ``settled`` on stay below. With y, or u, a row late the worst of them, as a multiple of its
-    bound, must be more than ``worse`` times as large. ``huge`` values in y and u make the observer
-    diverge; None where none can. What looks at signs alone need not notice midpoints.
+    ``truth`` are the true values of estimates at the rows; from row ``settled`` on their largest
+    errors stay below ``bounds``. With y, or u, one row late, the largest error relative to its
+    bound must be more than ``worse`` times as large. ``huge`` values in y and u make the observer
+    diverge; None if none can. Observers that use only signs need not react to midpoints.
     """
 
     observer: Any
@@ -35,5 +35,5 @@ class Case:
 
 
 def observe(case: Case, **changed: Any) -> Any:
-    """The run of a case, some of its arguments changed."""
+    """The run of a case, with some arguments changed."""
     return case.observer.run(**{"y": case.y, "u": case.u, "state": case.state, **changed})

@@ -1,4 +1,4 @@
-"""All observers with a record each: a family adds its own here."""
+"""All observers with a record each; a new family adds its own here."""
 
 from __future__ import annotations
 

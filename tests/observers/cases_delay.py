@@ -1,7 +1,7 @@
-"""Records with a known truth for the observers of delays, derivatives and normal forms.
+"""Records with known truth for observers of delays, derivatives and normal forms.
 
-On a ramp the plant x' = -x + u(t - tau) has a solution in closed form, x = w (t - tau - 1), the
-expansion of Taylor is exact, and so are straight lines between samples.
+On a ramp the plant x' = -x + u(t - tau) has the closed-form solution x = w (t - tau - 1), the
+Taylor expansion is exact, and so is linear interpolation.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PERIOD, DELAY, SLOPE, BOUNDS = 0.02, 0.6, 0.7, (0.0, 1.0)
 
 
 def high_gain() -> Case:
-    """The pendulum under a torque that is held and jumps at every fourth sample."""
+    """The pendulum under a held torque that jumps at every fourth sample."""
     model = pendulum(9.81, 0.5, 0.2, 0.3)
     u = np.repeat(np.random.default_rng(5).normal(0.0, 0.3, 50), 4)
     x = np.empty((len(u), 2))
@@ -53,7 +53,7 @@ def _ramp(rows: int) -> tuple[Array, Array, Array]:
 
 
 def extended(alone: bool) -> Case:
-    """The ramp, with its slope or alone; the start of the delay is wrong."""
+    """The ramp with or without its slope; the initial delay is wrong."""
     time, u, x = _ramp(600)
     observer = ExtendedHighGainObserver(first_order_lag(), 3.0, 1, BOUNDS, sampling_period=PERIOD)
     known = u if alone else np.column_stack([u, np.full_like(u, SLOPE)])
@@ -63,7 +63,7 @@ def extended(alone: bool) -> Case:
 
 
 def levant() -> Case:
-    """A parabola, in numbers that do not round: it is followed to the last bit."""
+    """A parabola with exactly representable numbers, tracked to the last bit."""
     time = np.arange(400) / 64
     truth = np.column_stack([1.0 + 4.0 * time - 6.0 * time**2, 4.0 - 12.0 * time, 0 * time - 12.0])
     observer = LevantDifferentiator(4.0, sampling_period=1 / 64)
@@ -75,7 +75,7 @@ def levant() -> Case:
 
 
 def normal_form(kind: str) -> Case:
-    """The oscillator of van der Pol with the injection that makes the error linear."""
+    """Van der Pol's oscillator with the injection that makes the error linear."""
     steps, step = 500, 0.01
     x = plant(step, steps)[::2]
     series = form(with_cubic=True)

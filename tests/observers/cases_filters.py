@@ -1,4 +1,4 @@
-"""Records with a known truth for linear filters, their bank and the extended state observer."""
+"""Records with known truth for linear filters, their bank and the extended state observer."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def kalman() -> Case:
 
 
 def variable_structure() -> Case:
-    """The SVSF, whose layer is wide enough for it to depend on the model."""
+    """The SVSF, with a layer wide enough for it to depend on the model."""
     case = _filter(SmoothVariableStructureFilter(MODEL, 10.0, 0.1))
     return replace(case, state=case.observer.init(case.truth["state"][0], 1.0))
 
 
 def steady() -> Case:
-    """The Kalman filter at rest."""
+    """The steady Kalman filter."""
     return _filter(steady_kalman(MODEL))
 
 
@@ -77,13 +77,13 @@ def placed() -> Case:
 
 
 def bank() -> Case:
-    """Two Kalman filters, one of them on the plant's model."""
+    """Two Kalman filters, one of them with the plant's model."""
     stays = [[0.99, 0.01], [0.01, 0.99]]
     return _filter(IMM([KalmanFilter(MODEL), KalmanFilter(SOFT)], stays), 1e-5)
 
 
 def unknown_input() -> Case:
-    """A Kalman filter that finds a constant force."""
+    """A Kalman filter that estimates a constant force."""
     observer, u = AugmentedKalmanFilter(MODEL, HELD[1], 1e-8), force()
     x, d = states(u, 0.3), np.full((ROWS, 1), 0.3)
     start = observer.init([0.0, 0.0], 1.0)
@@ -92,9 +92,9 @@ def unknown_input() -> Case:
 
 
 def extended_state() -> Case:
-    """The extended state observer, which finds a constant fault of the actuator and of a sensor.
+    """The extended state observer, which estimates constant actuator and sensor faults.
 
-    The measurements are no straight lines between the samples: that is what its errors come from.
+    Its errors come from measurements that are not linear between samples.
     """
     none, rate = np.zeros((2, 0)), np.array([[0.0], [1.0]])
     system = AugmentedSystem(A, B, np.eye(2), none, none, B, rate, Az=20.0)

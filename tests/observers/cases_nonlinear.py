@@ -1,4 +1,4 @@
-"""Records with a known truth for filters on nonlinear models: a pendulum that is pushed."""
+"""Records with known truth for filters on nonlinear models: a driven pendulum."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOISE = {"Q": 1e-8, "R": 1e-8}
 
 
 def text_model(length: float = 0.5) -> NonlinearModel:
-    """The pendulum as a differential equation in text; its angle and acceleration are measured."""
+    """The pendulum as a differential equation in text; angle and acceleration are measured."""
     acceleration = "torque - gravity/length*sin(angle) - 0.3*rate"
     return NonlinearModel.from_ode(
         ["rate", acceleration], ["angle", acceleration], **NOISE, sampling_period=PERIOD,
@@ -33,12 +33,12 @@ def text_model(length: float = 0.5) -> NonlinearModel:
 
 
 def acceleration(x: Array, u: Array) -> float:
-    """That of the pendulum."""
+    """The acceleration of the pendulum."""
     return float(u[0]) - 9.81 / 0.5 * math.sin(x[0]) - 0.3 * float(x[1])
 
 
 def semi_implicit_step(x: Array, u: Array) -> list[float]:
-    """A step of the pendulum, in Python that numba does not compile: it calls another function."""
+    """A step of the pendulum in Python that numba cannot compile, as it calls another function."""
     rate = float(x[1]) + PERIOD * acceleration(x, u)
     return [float(x[0]) + PERIOD * rate, rate]
 
@@ -49,7 +49,7 @@ def measure(x: Array) -> Array:
 
 
 def called_model() -> NonlinearModel:
-    """Half in Python that is compiled, half in Python that is called."""
+    """A model with one compiled and one interpreted Python function."""
     return NonlinearModel(
         semi_implicit_step, measure, **NOISE, states=2, inputs=1, outputs=1, sampling_period=PERIOD
     )
@@ -103,7 +103,7 @@ def unscented() -> Case:
 
 
 def extended_called() -> Case:
-    """The model in Python, its Jacobians by differences."""
+    """The model in Python, with Jacobians by differences."""
     return _case(ExtendedKalmanFilter(called_model()), semi_implicit_step, lambda x, u: measure(x))
 
 
@@ -113,7 +113,7 @@ def unscented_called() -> Case:
 
 
 def bank() -> Case:
-    """Two extended filters, one of them on the plant's model."""
+    """Two extended filters, one of them with the plant's model."""
     filters = [ExtendedKalmanFilter(text_model()), ExtendedKalmanFilter(text_model(1.5))]
     return _case(IMM(filters, [[0.99, 0.01], [0.01, 0.99]]), true_step, _both)
 

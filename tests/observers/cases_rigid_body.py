@@ -45,13 +45,13 @@ def _rigid_body(observer: RigidBodyObserver) -> Case:
 
 
 def sampled_ilo() -> Case:
-    """v updated every second sample."""
+    """v is updated at every second sample."""
     body = RigidBody(_INERTIA)
     return _rigid_body(SampledILO(body, 1.0, 1000.0, 1000.0, 2 * _PERIOD, sampling_period=_PERIOD))
 
 
 def continuous_ilo() -> Case:
-    """v learning at every instant from its value five samples before."""
+    """v is learned continuously from its value five samples before."""
     return _rigid_body(
         ILO(RigidBody(_INERTIA), 0.9, 1000.0, 10.0, 5 * _PERIOD, sampling_period=_PERIOD)
     )

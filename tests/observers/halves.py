@@ -1,4 +1,4 @@
-"""Records that are sampled twice a period, one sample after the other as an observer takes them."""
+"""Records sampled twice a period, passed to an observer sample by sample."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def stepped(
     y_before: Array | None = None,
     u_before: Array | None = None,
 ) -> tuple[Any, list[Estimate]]:
-    """What `run_on_halves` reads from the start on, by one call of `step` for each sample."""
+    """The input of `run_on_halves`, by one call of `step` per sample."""
     found = []
     left = y if y_before is None else y_before, u if u_before is None else u_before
     for k in range(0, len(y), 2):

@@ -1,4 +1,5 @@
-"""Unknown inputs found: exactly without noise, as filterpy does with it, or refused."""
+"""Unknown inputs are found exactly without noise, agree with filterpy with noise, or are
+refused."""
 
 from __future__ import annotations
 
@@ -20,17 +21,17 @@ Array = NDArray[np.float64]
 
 PERIOD = 0.1
 HELD = zero_order_hold([[0.0, 1.0], [-2.0, -0.4]], [[0.0], [1.0]], PERIOD)
-FORCE = HELD[1]  # an unknown force acts as the known one does
+FORCE = HELD[1]  # an unknown force acts like the known one
 POSITION = np.array([[1.0, 0.0]])
 
 
 def mass(R: float = 1e-4, H: Any = POSITION) -> LinearModel:
-    """A mass on a spring, its position measured."""
+    """A mass on a spring with measured position."""
     return LinearModel(*HELD, H, Q=1e-8, R=R, sampling_period=PERIOD)
 
 
 def moved(u: Array, force: Array, start: Any = (0.3, -0.1)) -> Array:
-    """The states at the rows, under inputs and forces from each of them on."""
+    """The states at the rows, under inputs and forces from each row on."""
     x, rows = np.array(start), []
     for known, unknown in zip(u, force, strict=True):
         rows.append(x)
@@ -93,7 +94,7 @@ def test_augmented_filter_agrees_with_filterpy() -> None:
     assert run["unknown_input_covariance"] == pytest.approx(covariances[:, 2:, 2:], rel=1e-10)
     assert run["innovation_covariance"] == pytest.approx(S, rel=1e-10)
     assert run["log_likelihood"] == pytest.approx(logs, rel=1e-8)
-    # And with noise the force is found, too, as well as a walk so slow lets it.
+    # With noise the force is also found, as well as its slow random walk allows.
     assert np.sqrt(np.mean((run["unknown_input"][60:] - force[59:-1]) ** 2)) < 0.15
 
 

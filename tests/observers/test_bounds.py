@@ -1,4 +1,4 @@
-"""No loop of any observer reads or writes beyond its arrays, which compiled code would not tell."""
+"""No compiled loop reads or writes beyond its arrays, which compiled code would not report."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tests.observers.cases_delay import DELAY_CASES
 from tests.observers.cases_filters import FILTER_CASES
 from tests.observers.cases_rigid_body import RIGID_BODY_CASES
 
-pytestmark = pytest.mark.nightly  # which compiles all kernels once more
+pytestmark = pytest.mark.nightly  # compiles all kernels once more
 
 ROOT = Path(__file__).parents[2]
 
-# In a process of its own, since numba decides on bounds when it compiles. A state that has no past
-# and one that has; all ways to read a gain, which are one compiled loop.
+# In a separate process, since numba decides on bounds checks when it compiles. A state with and
+# without a past, and all gain variants, which share one compiled loop.
 RUN = """
 import sys, warnings
 from dataclasses import replace
@@ -53,12 +53,12 @@ LOOPS = {"rigid bodies": RIGID_BODY_CASES, "filters": FILTER_CASES, "delays": DE
 
 @pytest.mark.parametrize("family", LOOPS)
 def test_compiled_loops_stay_within_array_bounds(family: str, tmp_path: Path) -> None:
-    """Code with checks is kept apart from that without, and not optimised: it runs for moments."""
+    """Code with checks is cached separately and not optimised, as it runs only briefly."""
     settings = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_OPT": "0", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", RUN, *LOOPS[family]],
         cwd=ROOT, env={**os.environ, **settings}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.stdout == "all within bounds\n", done.stderr
-    # A function that a kernel is handed cannot raise; it prints.
+    # A function called from a kernel cannot raise; it prints.
     assert "IndexError" not in done.stderr

@@ -1,4 +1,4 @@
-"""What every observer keeps to, over the records of `cases`."""
+"""Requirements on every observer, tested on the records of `cases`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.observers.cases import CASES
 Array = NDArray[np.float64]
 RecordOf = Callable[[Case], dict[str, Any]]
 
-SHORT = 40  # rows of a part in which nothing has to settle
+SHORT = 40  # rows of a part that need not settle
 
 
 @pytest.fixture(params=CASES)
@@ -58,12 +58,12 @@ def cut(record: dict[str, Any], rows: int | slice) -> dict[str, Any]:
 
 
 def plain(case: Case) -> dict[str, Any]:
-    """A short record as it is."""
+    """A short record."""
     return cut({"y": case.y, "u": case.u}, slice(0, SHORT))
 
 
 def detailed(case: Case) -> dict[str, Any]:
-    """A short record with all that an observer can read: jumps and midpoints, or gaps."""
+    """A short record with everything an observer can read: jumps and midpoints, or gaps."""
     record = plain(case)
     if case.observer.reads_missing:
         record["y"] = record["y"].copy()
@@ -86,7 +86,7 @@ def detailed(case: Case) -> dict[str, Any]:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two states hold the same bits."""
+    """Whether two states are bitwise identical."""
     if is_dataclass(one):
         return type(one) is type(other) and all(
             same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one)
@@ -99,7 +99,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def same_rows(run: Any, other: Any, rows: slice = slice(None)) -> bool:
-    """Whether a run holds the bits of some rows of another."""
+    """Whether a run equals some rows of another bitwise."""
     pairs = ((run.estimates, other.estimates), (run.before, other.before))
     return all(
         list(one) == list(two)
@@ -108,7 +108,7 @@ def same_rows(run: Any, other: Any, rows: slice = slice(None)) -> bool:
     )
 
 
-# --- One way to call them -----------------------------------------------------------------------
+# --- Calls --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("record_of", [plain, detailed])
@@ -162,7 +162,7 @@ def test_run_returns_one_row_per_input_row(case: Case, rows: int) -> None:
     assert run.state.count == rows - 1
     last = [np.ravel(values) for values in row_of(case, rows - 1) if values is not None]
     row = np.concatenate(last)
-    if len(row) == case.observer.measurements + case.observer.inputs:  # no derivatives to be found
+    if len(row) == case.observer.measurements + case.observer.inputs:  # no derivatives to compute
         assert np.array_equal(run.state.sample, row)
 
 
@@ -170,7 +170,9 @@ def test_state_is_not_modified_by_later_steps(case: Case) -> None:
     state = part(case, 0, 9, case.state).state
     kept = pickle.loads(pickle.dumps(state))
     record = frozen(case.y), None if case.u is None else frozen(case.u)
-    case = replace(case, y=record[0], u=record[1])  # which a run that writes into it cannot read
+    case = replace(
+        case, y=record[0], u=record[1]
+    )  # read-only, so that a run that writes into it fails
     once = part(case, 9, SHORT, state)
     case.observer.step(state, *row_of(case, 9))
     assert same(state, kept)
@@ -215,7 +217,7 @@ def test_uneven_times_are_refused_naming_the_row(case: Case, off: float) -> None
         observe(case, time=stamps)
 
 
-# --- What a run offers --------------------------------------------------------------------------
+# --- Results of a run ---------------------------------------------------------------------------
 
 
 def test_run_converts_to_a_data_frame(case: Case) -> None:
@@ -296,7 +298,7 @@ def test_observers_and_states_compare_by_identity(case: Case) -> None:
 
 
 def test_plant_is_first_argument_and_period_is_keyword() -> None:
-    """Filters have the period in their model; of a differentiator's plant there is but a bound."""
+    """Filters have the period in their model; a differentiator has only a bound as its plant."""
     plant = {"model", "filters", "system", "normal_form", "decay", "L"}
     for make in CASES.values():
         observer = make().observer
@@ -311,7 +313,7 @@ def test_plant_is_first_argument_and_period_is_keyword() -> None:
 
 
 def test_arrays_are_read_only(case: Case) -> None:
-    """Those of an observer and of states, from a run, a step, a copy or a pickle."""
+    """The arrays of observers and states, from a run, a step, a copy or a pickle."""
     run = part(case, 0, 3, case.state)
     state, _ = case.observer.step(run.state, *row_of(case, 3))
     pickled = pickle.loads(pickle.dumps((case.observer, state)))
@@ -326,7 +328,7 @@ def test_arrays_are_read_only(case: Case) -> None:
 
 
 def arrays_in(value: Any) -> Iterator[Array]:
-    """The arrays of an object's fields, and of what is in these."""
+    """The arrays in the fields of an object, recursively."""
     if isinstance(value, np.ndarray):
         yield value
     elif isinstance(value, tuple):
@@ -348,11 +350,11 @@ def test_pickled_observer_resumes_bitwise_identically(case: Case) -> None:
     assert same_rows(part(replace(case, observer=observer), 9, SHORT, run.state), rest)
 
 
-# --- What it is given ---------------------------------------------------------------------------
+# --- Arguments ----------------------------------------------------------------------------------
 
 
 def specialisations() -> int:
-    """How many machine codes there are of all kernels."""
+    """The number of compiled specialisations of all kernels."""
     kernels = {
         id(thing): len(thing.signatures)
         for name, module in sys.modules.items()
@@ -482,7 +484,7 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
     stamps = 50.0 + case.observer.sampling_period * np.arange(SHORT)
     arguments = {"y": y, "u": u, "time": stamps}
     run = observe(case, **arguments, on_divergence="return")
-    if case.huge is None:  # nothing makes it diverge
+    if case.huge is None:  # cannot diverge
         assert run.diverged_at is None
         assert len(run) == SHORT
         assert all(np.isfinite(run[name]).all() for name in run.estimates)
@@ -498,7 +500,7 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
     ) as reported:
         observe(case, **arguments)
     assert reported.value.time == run.diverged_at
-    # Going on with the row that diverges, the time up to which it is finite lies before the record.
+    # Resuming with the diverging row, the last finite time is before the record.
     before, rest = observe(case, y=y[: len(run)], u=None if u is None else u[: len(run)]), len(run)
     again = case.observer.run(
         y[rest:], None if u is None else u[rest:], state=before.state, time=stamps[rest:],
@@ -512,13 +514,13 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
 
 
 def moved(values: Array) -> Iterator[Array]:
-    """A row late and a row early."""
+    """The record shifted by a row, late and early."""
     yield np.concatenate([values[:1], values[:-1]])
     yield np.concatenate([values[1:], values[-1:]])
 
 
 def worst_error(case: Case, **changed: Any) -> float:
-    """The largest error once settled, as a multiple of its bound."""
+    """The largest error after settling, as a multiple of its bound."""
     run = observe(case, **changed)
     return max(
         float(np.abs(run[name] - truth)[case.settled :].max()) / case.bounds[name]

@@ -28,7 +28,7 @@ G_OVER_L, A, GAIN = 9.81 / 0.5, 0.3 / 0.2, 1 / (0.2 * 0.5**2)
 
 @dataclass(frozen=True)
 class Case:
-    """One run of the observer of the pendulum along the delay of the paper."""
+    """A run of the pendulum observer along the delay of the paper."""
 
     applied: str
     rho: float
@@ -74,7 +74,7 @@ def together(run: Run[State]) -> Array:
     return np.column_stack([run["state"], run["delay"]])
 
 
-# ---- The same equations, written again: plant, observer and S by DOP853 from event to event
+# ---- The same equations, independently: plant, observer and S by DOP853 from event to event
 
 
 class Equations:
@@ -118,7 +118,7 @@ class Equations:
         return out
 
     def events(self) -> dict[str, tuple[Callable[[float, Array], float], int]]:
-        """What ends the mode: functions that pass zero, and in which direction."""
+        """The events that end the mode: functions crossing zero, with the direction."""
         found: dict[str, tuple[Callable[[float, Array], float], int]] = {}
         if self.case.threshold > 0:
             turn = 1 if self.off else -1
@@ -131,7 +131,7 @@ class Equations:
         return found
 
     def change(self, name: str, t: float, v: Array) -> None:
-        """Take up the mode that an event leads to."""
+        """Change to the mode after an event."""
         if name == "switch":
             self.off, self.held = not self.off, 0
             for side, bound in zip((-1, 1), self.case.bounds, strict=True):
@@ -145,7 +145,9 @@ class Equations:
 
 @cache
 def reference(case: Case, marks: tuple[float, ...]) -> tuple[Array, list[tuple[str, float]]]:
-    """x^ and tau^ at the marks, and the events [s]; steps end at marks, jumps and events."""
+    """The state and delay estimates at the marks, and the events [s]; steps end at marks, jumps and
+    events.
+    """
     v = np.array([*START, 0.0, 0.0, FIRST_DELAY, *(np.eye(3).ravel() if case.dynamic else ())])
     t, rows, log, equations = 0.0, [], [], Equations(case)
     equations.off = abs(equations.xi(t, v)) < case.threshold
@@ -189,7 +191,7 @@ def error(case: Case, step: float, end: int) -> float:
 
 
 NARROW = (0.2, 0.9)  # the delay of 0.6 s is inside, that of 1.2 s is not
-# How many events the run must have seen; without any the comparison would say little.
+# The minimum number of events; without any the comparison would mean little.
 CASES = {
     "ramp, m = 1, three jumps": (Case("ramp", 5.0, 1), 66, 4),
     "ramp, m = 2": (Case("ramp", 5.0, 2), 24, 4),
@@ -221,9 +223,10 @@ def test_order_is_four_with_projection_and_switching(name: str) -> None:
 
 
 def inside(case: Case, step: float, run: Run[State], k: int, share: float) -> float:
-    """The delay at a part of step k: a shorter step on the parabola through the same samples.
+    """The delay at a fraction of step k, by a shorter step on the parabola through the same
+    samples.
 
-    For the algebraic S, whose gains do not change.
+    For the algebraic S, whose gains are constant.
     """
     y, u = record(case.applied, step, (len(run) - 1) * step)
     theta = share * np.array([[0.0], [0.5], [1.0]])
@@ -238,7 +241,7 @@ def inside(case: Case, step: float, run: Run[State], k: int, share: float) -> fl
 
 
 def test_projection_instants_agree_with_bisection() -> None:
-    """To the part of a step, each by bisection: when the delay comes to a bound or leaves it."""
+    """When the delay reaches or leaves a bound, to a fraction of the step, by bisection."""
     case, step = CASES["ramp, m = 2"][0], 5e-4
     run = observed(case, step, 1.0)
     held = np.isin(run["delay"], BOUNDS)
@@ -253,7 +256,7 @@ def test_projection_instants_agree_with_bisection() -> None:
                 high = middle
         found.append((k + low) * step)
     known = [instant for _, instant in reference(case, EARLY)[1]]
-    # Just released, the delay moves as time squared, and stays on the bound by rounding at first.
+    # Just released, the delay grows quadratically and stays on the bound within rounding at first.
     assert found[0::2] == pytest.approx(known[0::2], abs=2e-9)
     assert found[1::2] == pytest.approx(known[1::2], abs=2e-8)
     assert found == pytest.approx([4.984e-4, 0.11627, 0.15760, 0.55429], abs=5e-6)
@@ -261,7 +264,7 @@ def test_projection_instants_agree_with_bisection() -> None:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_delay_stays_within_its_interval(seed: int) -> None:
-    """From any start and with any gain, at steps that are far too long for accuracy."""
+    """From any start and with any gain, with steps far too long for accuracy."""
     draw = np.random.default_rng(seed)
     applied, step, end = (("ramp", 0.05, 3.0), ("sine", 0.02, 10.0))[seed % 2]
     case = Case(
@@ -278,7 +281,8 @@ def test_delay_stays_within_its_interval(seed: int) -> None:
 
 
 def test_peak_between_samples_stays_within_the_interval() -> None:
-    """The bound is between the peak and the samples beside it: both ends of the step are inside."""
+    """The bound lies between the peak and the adjacent samples: both ends of the step are
+    inside."""
     step, small = 0.02, 1e-4
     free = Case("ramp", 5.0, 2, dynamic=True, bounds=(0.0, 5.0))
     coarse, fine = (observed(free, h, 1.6)["delay"] for h in (step, small))
@@ -293,7 +297,7 @@ def test_peak_between_samples_stays_within_the_interval() -> None:
 
 @pytest.mark.parametrize("rho", [5.0, 10.0, 20.0])
 def test_delay_stays_finite_without_a_threshold(rho: float) -> None:
-    """Where xi passes zero the delay runs to a bound, is held there, and goes to the other one."""
+    """Where xi crosses zero the delay moves to a bound, is held there, and moves to the other."""
     assert observed(Case("sine", rho, 1), 0.01, 10.0).diverged_at is None
 
 

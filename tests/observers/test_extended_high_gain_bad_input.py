@@ -1,4 +1,4 @@
-"""What a user of the extended observer relies on: streams, reports, and one sentence for errors."""
+"""The extended observer in use: streams, reports and error messages."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_stepping_and_piecewise_runs_are_bitwise_identical_to_one_run(switched: 
         rest.append(together(run))
     assert np.array_equal(np.concatenate(rest), together(whole))
     assert run.state.count == state.count == whole.state.count == 1000
-    # The limits from the left are read: without them the run is another one.
+    # The limits from the left are used: without them the run differs.
     assert not np.array_equal(run_on_halves(built, y, u, state=start)["delay"], whole["delay"])
 
 
@@ -69,7 +69,7 @@ def test_stepping_and_piecewise_runs_are_bitwise_identical_to_one_run(switched: 
 
 
 def test_too_large_step_diverges_and_reports_the_time() -> None:
-    """rho times the step is 8, far above 2.78: the record grows until numbers end."""
+    """rho times the step is 8, far above 2.78: the state grows until overflow."""
     case, step = Case("sine", 80.0, 2, 0.7), 0.1
     run = observed(case, step, 20.0)
     assert run.diverged_at is not None
@@ -97,7 +97,7 @@ def test_threshold_that_is_never_exceeded_warns(switched: str) -> None:
         warnings.simplefilter("error", SwitchedOffWarning)
         some = observed(Case("sine", 2.5, 2, 3.9, switched), 0.01, 10.0)
         assert 0.5 < some["switched_off"][1:].mean() < 1
-        # Steps do not warn, of which any one may be off.
+        # Single steps do not warn, as any of them may be switched off.
         y, u = record("sine", 0.01, 1.0)
         built = observer(Case("sine", 2.5, 2, 5.0, switched), 0.01)
         state, found = stepped(built, built.init([0.0, 0.0], FIRST_DELAY), y, u)
@@ -107,7 +107,7 @@ def test_threshold_that_is_never_exceeded_warns(switched: str) -> None:
     assert reported[-1].filename == __file__
 
 
-# ---- One sentence
+# ---- Error messages
 
 GOOD: dict[str, Any] = {
     "model": PENDULUM.model, "sampling_period": 0.01, "rho": 5.0, "order": 2,

@@ -50,12 +50,12 @@ GAINS = {"PI": PI, "PD/PI": PD_PI}
 SENSOR_ROWS = np.array([1.0, 1.0, 1.0, 1.0, 1.0, -1.0])[:, None]
 
 
-# What is known of y and u between samples: nothing, limits from the left, or middles as well.
+# What is known of y and u between samples: nothing, left limits, or midpoints as well.
 KNOWN = {"samples": 0, "limits": 1, "middles": 2}
 
 
 def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -> Run[State]:
-    """Estimates from a simulated motor: at each of its steps, or each second one with middles."""
+    """Estimates from a simulated motor: at each step, or each second one with midpoints."""
     after, before = run.after, run.before
     if known == "middles":
         observer = ExtendedStateObserver(SYSTEM, gains, sampling_period=2 * step)
@@ -69,7 +69,7 @@ def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -
 
 
 def record(known: str, rows: int = 60, seed: int = 5) -> dict[str, Any]:
-    """Random y and u that jump at the samples, as far as that is known."""
+    """Random y and u that jump at the samples, with the known limits."""
     rng = np.random.default_rng(seed)
     pairs = [(rng.normal(size=(rows, 2)), rng.normal(size=(rows, 1))) for _ in range(3)]
     extra = dict(zip(("before", "middle")[: KNOWN[known]], pairs[1:], strict=False))
@@ -105,7 +105,7 @@ def test_sampling_is_exact_for_known_intersample_behaviour(known: str, gains: Ga
         assert stacked(run)[k] == pytest.approx(x[[0, 1, 4, 5]], rel=1e-10, abs=1e-10)
         if k == 11:
             break
-        # At the start and the end of the step, and in its middle: y and u.
+        # At the start, the middle and the end of the step: y and u.
         y0, u0, y1 = samples["y"][k], samples["u"][k], samples["y"][k + 1]
         ends = [np.hstack([y0, u0]), np.hstack([y1, u0])]
         if known != "samples":
@@ -126,7 +126,7 @@ def test_sampling_is_exact_for_known_intersample_behaviour(known: str, gains: Ga
 
 
 def both_rates(z: Array, d: Array, w: Array, fa: Array, fs: Array, r: Array) -> list[Array]:
-    """Of plant and control, the filter, and (8) as it stands for both gains, with Y'."""
+    """Plant and control, the filter, and (8) as printed for both gains, with Y'."""
     y, u = measured(z[:2], z[2:3], w, fs)
     slope = y - z[3:5]
     rates = [*loop_rates(z[:3], d, w, fa, fs, r), slope]
@@ -170,12 +170,12 @@ def test_error_falls_with_the_period_as_stated(
     assert abs(np.log2(errors[0] / errors[1]) - order) < 0.15
 
 
-# --- What the theory says -----------------------------------------------------------------------
+# --- Theory -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
 def test_fault_estimates_depend_on_neither_control_nor_reference(gains: Gains) -> None:
-    # e' = Eo^-1 (Ao e + Bo dD): u is in the plant and in the observer, and drops out.
+    # e' = Eo^-1 (Ao e + Bo dD): u acts on plant and observer, and cancels.
     other = ControlledMotor(MOTOR, SpeedControl.placed(MOTOR, (-2, -5, -9)), **MATRICES)
     step = 5e-4
     runs = [simulated(LOOP, step), simulated(other, step, reference=constant(-3.0))]
@@ -205,7 +205,7 @@ def long_run() -> MotorRun:
 
 @pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
 def test_deviations_agree_with_a_lyapunov_equation(gains: Gains, long_run: MotorRun) -> None:
-    # At the instants where held d and w change, e(k+1) = transition e(k) + effect [d, w].
+    # At the instants where the held d and w change, e(k+1) = transition e(k) + effect [d, w].
     mass = np.eye(6) + gains.Ld @ SYSTEM.C_tilde
     Ao, Bo = np.linalg.solve(mass, SYSTEM.A_tilde - gains.L @ SYSTEM.C_tilde), SYSTEM.Bo[:, :3]
     transition, effect = zero_order_hold(Ao, np.linalg.solve(mass, Bo), HOLD)
@@ -228,7 +228,7 @@ def test_deviations_agree_with_a_lyapunov_equation(gains: Gains, long_run: Motor
 
 
 def test_printed_sign_inverts_the_sensor_fault() -> None:
-    # -Az Fs in the lower block of F, and gains made for it: rows of fs with the other sign.
+    # -Az Fs in the lower block of F, with its gains: rows of fs with the other sign.
     printed = AugmentedSystem(**{**_matrices(), "Fs": -SYSTEM.Fs})
     assert np.array_equal(printed.F[2:, 1], -SYSTEM.F[2:, 1])
     turned = Gains(SENSOR_ROWS * PD_PI.L, SENSOR_ROWS * PD_PI.Ld)
@@ -257,7 +257,7 @@ def test_many_states_use_the_same_arithmetic() -> None:
     observer = ExtendedStateObserver(system, gains, sampling_period=0.05)
     samples = record("samples", rows=40)
     y, u = samples["y"], samples["u"]
-    # Held, by the limits from the left: what scipy's sampling holds, too.
+    # Held, by left limits, as in scipy's sampling.
     before = tuple(np.vstack([each[:1], each[:-1]]) for each in (y, u))
     run = observer.run(y, u, before=(before[0], before[1]))
     upper = np.hstack([-system.Az, np.zeros((2, system.size))])
@@ -273,7 +273,7 @@ def test_many_states_use_the_same_arithmetic() -> None:
 
 
 def test_filter_scales_with_its_rates() -> None:
-    # Az of unequal rates, known x, no error: the estimates stay at the truth.
+    # Az with unequal rates, known x, no error: the estimates stay exact.
     system = dc_motor(Az=[[3.0, 1.0], [0.0, 0.5]])
     weight, noise = np.eye(6), np.eye(2)
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, noise)
@@ -291,7 +291,7 @@ def test_filter_scales_with_its_rates() -> None:
 
 def test_estimate_does_not_depend_on_later_samples() -> None:
     observer = ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01)
-    # y of a row counts from the estimate of that row on, u from that of the next one.
+    # y of a row enters the estimate of that row, u that of the next one.
     for name, first in (("y", 5), ("u", 6)):
         one, other = record("samples", rows=9), record("samples", rows=9)
         other[name][5] += 1.0
@@ -317,7 +317,7 @@ def test_unstable_gains_are_refused_with_their_eigenvalues() -> None:
         ExtendedStateObserver(
             SYSTEM, Gains(np.zeros((6, 2)), np.zeros((6, 2))), sampling_period=0.01
         )
-    # A~ alone: two faults that nothing pulls, the filter and the motor.
+    # A~ alone: two uncontrolled faults, the filter and the motor.
     assert caught.value.parameter == "L"
     assert caught.value.problem.endswith("they are 0, 0, -1, -1, -2.0025, -9.9975")
 

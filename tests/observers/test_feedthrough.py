@@ -1,4 +1,4 @@
-"""The convention y(k) = C x(k) + D u(k), checked with records that python-control makes."""
+"""The convention y(k) = C x(k) + D u(k), checked with records from python-control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kalman filter and SVSF: closed forms, 50 digits, the same bits by steps and by runs."""
+"""Kalman filter and SVSF: closed forms, 50 digits, bitwise identical steps and runs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def svsf(model: LinearModel, psi: Any = PSI, gamma: float = GAMMA) -> Any:
 
 
 def motion_record(rows: int) -> tuple[Array, Array]:
-    """Measurements and controls of the leaky actuator: a model in doubt has work to do."""
+    """Measurements and controls of the leaky actuator, so that the model is wrong."""
     u = square_wave(rows, 12)
     return simulated(motion_model("leakage"), u) + NOISE * ripple(rows, 3), u
 
@@ -62,7 +62,7 @@ def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
 
 
 def reported(*runs: Run[State]) -> dict[str, Array]:
-    """All that runs tell, one after the other, and the state that the last one leaves."""
+    """The results of consecutive runs, and the last state."""
     state = runs[-1].state
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
     assert state.sample is not None
@@ -172,7 +172,7 @@ def test_joseph_form_keeps_covariance_accuracy_for_precise_measurements() -> Non
 
 
 def correlated(covariance: Array) -> Array:
-    """Covariances over the products of their deviations."""
+    """Correlation coefficients of covariances."""
     deviation = np.sqrt(np.abs(np.diag(covariance)))
     return covariance / np.outer(deviation, deviation)
 
@@ -206,7 +206,7 @@ def test_joseph_form_stays_positive_definite_where_the_short_form_fails() -> Non
 
 
 def test_svsf_needs_the_joseph_form() -> None:
-    # For a gain that is not Kalman's the short form is another matrix, and not symmetric.
+    # For a gain other than Kalman's the short form differs and is not symmetric.
     smooth = svsf(NORMAL, 1.0, 0.1)
     found = smooth.correct(smooth.init(np.zeros(4), CORRELATED).posterior, [0.4], [0.0]).posterior
     K, H = np.array([[0.4], [0.0], [0.0], [0.0]]), NORMAL.arrays.C
@@ -221,7 +221,7 @@ def test_svsf_needs_the_joseph_form() -> None:
 
 
 def alone(model: LinearModel, law: Any, z: Array, u: Array) -> Reference:
-    """The reference of a bank of one."""
+    """The reference for a bank of one."""
     P0 = np.diag([18.0, 0.0038, 0.012, 0.0044, 0.0021])
     return reference([model], [law], [[1.0]], np.zeros(5), P0, z, u)
 
@@ -285,7 +285,7 @@ def test_svsf_in_a_wide_layer_follows_the_open_loop_model() -> None:
         run = run_over(smooth, z, u, np.zeros(5), 1.0)
         apart.append(float(np.abs(run["state"] - rows).max()))
         largest = float(np.abs(run["innovation"]).max())
-        # Each sample corrects less than (1 + gamma) e^2 / psi, and 200 samples add up.
+        # Each sample corrects less than (1 + gamma) e^2 / psi, accumulated over 200 samples.
         assert apart[-1] < 200 * 1.1 * largest**2 / width * 200
     assert apart[0] / apart[1] == pytest.approx(100, rel=0.05)
     assert apart[1] / apart[2] == pytest.approx(100, rel=0.01)
@@ -301,7 +301,7 @@ def test_zero_innovation_gives_no_correction_and_no_division_by_zero() -> None:
     assert not reported.innovation.any()
     assert not reported.posterior.mean.any()
     assert np.isfinite(reported.posterior.covariance).all()
-    # gamma |e(k|k)| / psi is left of the gain: it counts in the covariance.
+    # gamma |e(k|k)| / psi remains of the gain and enters the covariance.
     P = MOTION.arrays.A @ start.covariance @ MOTION.arrays.A.T + MOTION.arrays.Q
     K = np.linalg.pinv(MOTION.arrays.C) @ np.diag(GAMMA / np.array(PSI))
     M = np.eye(5) - K @ MOTION.arrays.C
@@ -339,7 +339,7 @@ def test_weighted_inverse_does_not_depend_on_coordinates() -> None:
     other = two.run(z[:, 1:], u, state=two.init(np.zeros(5), turn @ turn.T))
     np.testing.assert_allclose(other["state"] @ back.T, found["state"], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(other["log_likelihood"], found["log_likelihood"], rtol=1e-6)
-    # Of a thin layer with gamma = 0, the output error that is left is none.
+    # With a thin layer and gamma = 0, no output error remains.
     thin = SmoothVariableStructureFilter(plain, 1e-9, 0.0, "weighted")
     posterior = thin.predict(thin.init(np.zeros(5), 1.0).posterior, [1.0])
     reported = thin.correct(posterior, [3.0, 4.0], [1.0])
@@ -364,7 +364,7 @@ def test_gain_is_continuous_at_the_edge_of_the_layer() -> None:
     assert found == pytest.approx([2.5] * 3, abs=1e-8)
 
 
-# --- Steps, runs, and going on ------------------------------------------------------------------
+# --- Steps, runs and resuming -------------------------------------------------------------------
 
 
 def by_steps(one: LinearFilter, z: Array, state: State, u: Array) -> dict[str, Array]:
@@ -387,7 +387,7 @@ def test_stepping_and_split_runs_are_bitwise_identical(made: LinearFilter, befor
     start = made.init(np.zeros(5), 1.0, u=u[0] if before else None)
     run = made.run(z, u, state=start)
     assert same_bits(by_steps(made, z, start, u), reported(run))
-    for cut in (1, 42, 57):  # after 42 the last measurement is a missing one
+    for cut in (1, 42, 57):  # after 42 the last measurement is missing
         first = made.run(z[:cut], u[:cut], state=start)
         second = made.run(z[cut:], u[cut:], state=first.state)
         assert same_bits(reported(first, second), reported(run))
@@ -412,7 +412,7 @@ def test_first_row_corrects_and_later_rows_predict_with_the_previous_input(
         assert np.array_equal(run["state"][k], found.posterior.mean)
         assert np.array_equal(run["innovation"][k], found.innovation)
     moved = u.copy()
-    moved[-1] += 1.0  # feeds through to the last row, and drives none
+    moved[-1] += 1.0  # feeds through to the last row, and drives no later row
     changed = made.run(z, moved, state=start)
     assert np.array_equal(changed["state"][:-1], run["state"][:-1])
     apart = run["innovation"][-1] - changed["innovation"][-1]
@@ -445,7 +445,7 @@ def test_missing_measurements_are_bridged_by_prediction(made: LinearFilter) -> N
 @pytest.mark.parametrize("lost", [[0], [1], [2], [0, 2]], ids=str)
 @pytest.mark.parametrize("kind", ["KF", "SVSF"])
 def test_partial_measurement_corrects_like_a_reduced_model(kind: str, lost: list[int]) -> None:
-    """A filter whose model has these outputs alone gives the same."""
+    """A filter whose model has only these outputs gives the same result."""
 
     def made(outputs: list[int]) -> LinearFilter:
         model = replace(
@@ -507,7 +507,7 @@ def test_input_of_the_first_row_is_used_with_feedthrough() -> None:
     assert np.array_equal(runs[0]["state"], runs[1]["state"])
 
 
-# --- A user's own gain --------------------------------------------------------------------------
+# --- User-defined gains -------------------------------------------------------------------------
 
 
 @gain_function
@@ -522,7 +522,7 @@ def _shared_gain(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OwnFilter(LinearFilter):
-    """A user's own: the gain is a part of a matrix."""
+    """A user-defined filter whose gain is part of a matrix."""
 
     matrix: Array
     share: float
@@ -556,7 +556,7 @@ def test_user_defined_gain_runs_in_the_compiled_loop() -> None:
 
 # --- Divergence ---------------------------------------------------------------------------------
 
-# State 1 grows tenfold a sample, out of sight of the measurement of state 2.
+# State 1 grows tenfold per sample, unobservable from the measurement of state 2.
 UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], Q=0.0, R=1.0)
 
 
@@ -564,7 +564,7 @@ UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 
 def test_overflowing_variance_is_reported_with_its_row(taken: bool) -> None:
     smooth = svsf(replace(UNSEEN, sampling_period=0.25), 1.0)
     start = smooth.init([1.0, 1.0], 1.0, u=())
-    # The variance after k rows is 100^k: beyond the greatest float, 1.8e308, after 155 of them.
+    # The variance after k rows is 100^k: beyond the largest float, 1.8e308, after 155 of them.
     z = np.full((400, 1), 0.3 if taken else np.nan)
     run = smooth.run(z, state=start, on_divergence="return")
     assert run.diverged_at == pytest.approx(154 * 0.25)  # the last row that is finite
@@ -577,7 +577,7 @@ def test_overflowing_variance_is_reported_with_its_row(taken: bool) -> None:
 
 
 def test_overflowing_mean_is_reported_with_its_row() -> None:
-    # Without any doubt about state 1 its covariance stays zero, and the mean is 10^k.
+    # Without uncertainty of state 1 its covariance stays zero, and the mean is 10^k.
     smooth = svsf(UNSEEN, 1.0)
     start = smooth.init([1.0, 1.0], [0.0, 1.0], u=())
     run = smooth.run(np.full((400, 1), 0.3), state=start, on_divergence="return")

@@ -1,4 +1,4 @@
-"""What is refused, by one sentence that names the key and the value."""
+"""Invalid arguments are refused in one sentence that names the key and the value."""
 
 from __future__ import annotations
 
@@ -239,7 +239,7 @@ def test_invalid_input_before_the_first_row_is_refused(u: Any, said: str) -> Non
 
 
 def test_missing_state_and_state_of_another_filter_are_refused() -> None:
-    # A compiled loop would read and write beyond its end.
+    # A compiled loop would read and write out of bounds.
     kalman = KalmanFilter(PLAIN)
     with pytest.raises(InputError, match=r"^state: must be given: KalmanFilter.init says what it"):
         kalman.run([[1.0]], [[0.0]])

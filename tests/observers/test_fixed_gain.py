@@ -54,7 +54,7 @@ def test_step_is_a_prediction_and_a_correction() -> None:
 def test_error_follows_the_placed_poles() -> None:
     observer = luenberger(NORMAL, POLES)
     assert np.abs(np.sort_complex(observer.poles) - np.sort_complex(POLES)).max() < 1e-9
-    # The error of each sample annihilates the polynomial of the poles (Cayley and Hamilton).
+    # The error satisfies the polynomial of the poles (Cayley-Hamilton).
     u = square_wave(30, 7)
     truth = [np.array([1.0, -2.0, 0.5, 1.0])]
     for k in range(29):

@@ -1,4 +1,4 @@
-"""Gains against Lyapunov solvers and exact fractions; the standard observer; bad input."""
+"""Gains against Lyapunov solvers and exact fractions; the standard observer; invalid input."""
 
 from __future__ import annotations
 
@@ -89,8 +89,8 @@ def test_matrix_agrees_with_a_lyapunov_solver(size: int, rho: float) -> None:
 @pytest.mark.parametrize("rho", [0.5, 2.5, 5.0])
 def test_all_eigenvalues_are_minus_rho(size: int, rho: float) -> None:
     closed = shift(size) - np.outer(high_gain(size, rho), first(size))
-    # N equal eigenvalues of one block move by eps^(1/N): look at the polynomial as well, which is
-    # (s + rho)^N, and at its matrix, which vanishes.
+    # N equal eigenvalues of one block move by eps^(1/N): check also the characteristic polynomial
+    # (s + rho)^N, and that the matrix satisfies it.
     eigenvalues = np.linalg.eigvals(closed)
     assert eigenvalues == pytest.approx(-rho, rel=10 * np.finfo(float).eps ** (1 / size))
     power = np.linalg.matrix_power(closed / rho + np.eye(size), size)
@@ -133,7 +133,7 @@ def test_time_varying_gains_agree_with_an_integration(size: int) -> None:
         if size <= 4:
             expected = [np.linalg.solve(matrix, first(size)[0]) for matrix in S]
             assert found == pytest.approx(np.array(expected), rel=1e-9)
-        # S becomes ill-conditioned with its size: what must be small is the residual of S k = C^T.
+        # S is ill-conditioned for its size: the residual of S k = C^T must be small.
         residual = np.einsum("tij,tj->ti", S, found) - first(size)
         terms = np.einsum("tij,tj->ti", np.abs(S), np.abs(found))
         assert np.all(np.abs(residual) < 1e-12 * terms.max(axis=1, keepdims=True))
@@ -148,7 +148,7 @@ def test_time_varying_gains_start_at_the_matrix_and_end_at_the_constant_gain(
     start, end = high_gain_over_time(size, rho, initial, [0.0, 200 / rho])
     assert start == pytest.approx(np.linalg.solve(initial, first(size)[0]), rel=1e-11)
     assert end == pytest.approx(high_gain(size, rho), rel=1e-8)
-    # From S itself nothing moves.
+    # From the stationary S nothing changes.
     still = high_gain_over_time(size, rho, lyapunov_matrix(size, rho), np.linspace(0, 9 / rho, 7))
     assert still == pytest.approx(np.tile(high_gain(size, rho), (7, 1)), rel=1e-7)
 
@@ -267,7 +267,7 @@ def test_order_is_four_also_at_jumps_of_the_record(n: int) -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_error_of_an_integrator_chain_follows_its_matrix(n: int) -> None:
-    # x_n' = 6 t - 3, the states above are its integrals; the observer knows the true delay.
+    # x_n' = 6 t - 3, the states above are its integrals; the observer is given the true delay.
     rho, step, end = 2.0, 0.005, 3.0
     observer = HighGainObserver(model(n, no_drift, constant_gain, 1.0), rho, sampling_period=step)
     time = np.arange(round(2 * end / step) + 1) * step / 2

@@ -1,4 +1,4 @@
-"""Interacting multiple model: filterpy, closed forms of the chain, 50 digits, the same bits."""
+"""Interacting multiple model: filterpy, closed forms of the chain, 50 digits, bitwise identity."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def remembered(state: State) -> dict[str, Array]:
 
 
 def reported(*runs: Run[State]) -> dict[str, Array]:
-    """All that runs tell, one after the other, and the state that the last one leaves."""
+    """The results of consecutive runs, and the last state."""
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
     return {**joined, **remembered(runs[-1].state)}
 
@@ -116,7 +116,7 @@ def filterpy_run(bank: IMMEstimator, z: Array, u: Array) -> tuple[Array, Array, 
 
 
 def test_kalman_bank_agrees_with_filterpy() -> None:
-    # Noise so wide that no likelihood comes near the range of floats.
+    # Noise large enough to keep all likelihoods within the float range.
     models = [velocity_model(mode, R=4e-3) for mode in ACTUATOR]
     z, u = velocity_record(400, 200, 0.05)
     bank = IMM(kalmans(models), STICKY)
@@ -129,7 +129,7 @@ def test_kalman_bank_agrees_with_filterpy() -> None:
 
 
 def test_bank_keeps_evidence_after_an_outlier_unlike_filterpy() -> None:
-    # Every likelihood is below the smallest float; filterpy puts all of them on that.
+    # Every likelihood is below the smallest float; filterpy sets all of them to that.
     z, u = velocity_record(20, 20)
     z[12] += 4.0
     start = 0.001 * np.eye(4)
@@ -154,7 +154,7 @@ CONSTANT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=4.0)
 def scalar_run(
     transition: ArrayLike, start: ArrayLike, rows: int = 200, **kwargs: Any
 ) -> Run[State]:
-    """A bank of models that are all the same."""
+    """A bank of identical models."""
     bank = IMM(kalmans([CONSTANT] * len(np.array(start))), transition)
     z = kwargs.get("z", 3.0 + 2.0 * ripple(rows))
     return run_over(bank, z, None, [0.0], 1.0, start)
@@ -198,8 +198,8 @@ def test_probability_of_a_left_mode_decays_below_the_float_range() -> None:
 
 
 def test_modes_without_transitions_are_weighted_by_the_whole_record() -> None:
-    # mu_j is then proportional to the product of likelihoods; the other mode comes back from
-    # far below the range of floats, with all its digits.
+    # mu_j is then proportional to the product of likelihoods; the other mode recovers all digits
+    # from far below the float range.
     other = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=1.0)
     z = np.concatenate([6.0 * ripple(500), 0.2 * ripple(6000)])
     bank = IMM(kalmans([CONSTANT, other]), np.eye(2))
@@ -265,7 +265,7 @@ def test_three_models_with_three_outputs_agree_with_50_digits(kind: str, mixing:
     assert np.abs(run["probability"] / expected.probability - 1).max() < 1e-12
     logs = run.state.log_probabilities
     assert logs == pytest.approx(expected.log_probability[-1], rel=1e-12, abs=1e-13)
-    # Modes were in doubt, and rows were inside of the boundary layer and outside.
+    # Modes were uncertain, and rows were inside and outside of the boundary layer.
     assert np.ptp(run["probability"], axis=0).min() > 0.1
     share = (np.abs(run["innovation"][:, 1]) > PSI).mean(axis=0)
     assert np.all((share > 0.05) & (share < 0.95))
@@ -316,7 +316,7 @@ def test_stepping_and_split_runs_are_bitwise_identical(
         rows.append(estimate.estimates)
     stepped = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     assert same_bits({**stepped, **remembered(state)}, reported(run))
-    for cut in (1, 42):  # after 42 the last measurement is a missing one
+    for cut in (1, 42):  # after 42 the last measurement is missing
         first = bank.run(z[:cut], u[:cut], state=start)
         second = bank.run(z[cut:], u[cut:], state=first.state)
         assert same_bits(reported(first, second), reported(run))
@@ -348,7 +348,7 @@ def test_first_row_updates_probabilities_without_prediction(kind: str) -> None:
 
 @dataclass(frozen=True)
 class UsersOwn:
-    """No more than what a bank asks of a filter."""
+    """The minimum interface that a bank needs of a filter."""
 
     inner: LinearFilter
 
@@ -431,7 +431,8 @@ def test_common_change_of_coordinates_does_not_matter() -> None:
 
 
 def test_unmixed_svsf_bank_depends_on_coordinates() -> None:
-    # The pseudo-inverse of H shares a correction out by the length of states: turns keep that.
+    # The pseudo-inverse of H distributes a correction by the length of states: rotations preserve
+    # it.
     assert apart("SVSF", TURNS, mixing=False) < 1e-10
     assert apart("SVSF", SHEARS, mixing=False) > 1e-2
 
@@ -501,7 +502,7 @@ GROWING = LinearModel(
 @pytest.mark.parametrize("taken", [True, False], ids=["measured", "missing"])
 @pytest.mark.parametrize("own", [False, True], ids=["compiled", "one by one"])
 def test_diverging_bank_reports_its_row(own: bool, taken: bool) -> None:
-    # State 1 grows tenfold a sample, out of sight: its variance overflows in row 154.
+    # State 1 is unobservable and grows tenfold per sample: its variance overflows in row 154.
     smooth: Any = svsfs([GROWING] * 2, 1.0)
     filters = [UsersOwn(one) for one in smooth] if own else smooth
     bank = IMM(filters, [[0.9, 0.1], [0.1, 0.9]])
@@ -518,7 +519,7 @@ def test_diverging_bank_reports_its_row(own: bool, taken: bool) -> None:
 
 
 def test_unreachable_mode_keeps_its_own_posterior() -> None:
-    """Not even itself: nothing is mixed into it, so it filters as if it were alone."""
+    """Not even from itself: nothing is mixed into it, so it filters as if it were alone."""
     z = 3.0 + 2.0 * ripple(60)
     slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=1e-3, R=4.0)
     bank = IMM(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])

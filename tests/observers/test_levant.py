@@ -1,4 +1,4 @@
-"""The differentiator: accuracy as its theory promises, scaling, the printed form, and bad input."""
+"""The differentiator: predicted accuracy, scaling, the printed form, and invalid input."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_estimate_depends_only_on_earlier_samples() -> None:
     ("order", "coefficients"), [(1, [3.0, -2.0]), (2, [1.0, 4.0, -6.0]), (2, [7.0, 0.0, 2.0])]
 )
 def test_polynomial_is_tracked_to_the_last_bit(order: int, coefficients: list[float]) -> None:
-    # Every number here is a short binary fraction, so the arithmetic does not round.
+    # Every number here is a short binary fraction, so the arithmetic is exact.
     time = np.arange(400) / 64
     polynomial = np.polynomial.Polynomial(coefficients)
     truth = np.stack([polynomial.deriv(i)(time) for i in range(order + 1)], axis=1)
@@ -97,8 +97,8 @@ def test_polynomial_is_tracked_to_the_last_bit(order: int, coefficients: list[fl
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_polynomials_with_bounded_next_derivative_are_tracked(order: int) -> None:
-    # The top derivative takes all of L: t^(n+1) L / (n+1)!, and lower terms.
-    # The period is such that theory's errors are far above what rounds of so large a u.
+    # The highest derivative uses the whole bound L: t^(n+1) L / (n+1)!, and lower terms.
+    # The period is long enough for the predicted errors to be far above the rounding of u.
     bound, period = 2.0, 1e-2
     time = np.arange(0, 30, period)
     coefficients = [1.0, -0.5, 0.3, -0.2][: order + 1]
@@ -130,7 +130,7 @@ def test_errors_fall_with_the_period_as_predicted(order: int) -> None:
 
 
 def plain_euler(samples: Array, period: float) -> Array:
-    """The differentiator of the paper with Euler's rule for all of it."""
+    """The paper's differentiator with Euler's rule throughout."""
     lambdas, rows, z = (3.0, 1.5, 1.0), [], np.zeros(3)
     for u in samples:
         rows.append(z)
@@ -186,7 +186,7 @@ def test_scaling_the_signal_and_its_bound_scales_the_estimate(order: int) -> Non
     other = LevantDifferentiator(factor * 1.5, order, sampling_period=period)
     run = one.run(truth[:, 0], state=zeros(one))["derivatives"]
     scaled = other.run(factor * truth[:, 0], state=zeros(other))["derivatives"] / factor
-    # Equal but for rounding, until that decides about a sign in the sliding mode.
+    # Equal up to rounding, until it decides a sign in the sliding mode.
     assert scaled[:500] == pytest.approx(run[:500], rel=1e-9, abs=1e-12)
     theory = 1.5 * period ** (order + 1 - np.arange(order + 1))
     assert np.all(np.abs(scaled - run)[time > 12] < 30 * theory)
@@ -210,7 +210,7 @@ def test_stretching_time_scales_each_derivative_by_its_power(order: int) -> None
 
 
 def noises(kind: str, size: float, bound: float, order: int, time: Array) -> Array:
-    """Noise within ``size``, of the time scale at which the differentiator feels it most.
+    """Noise within ``size``, at the time scale of largest effect.
 
     The sine is itself a signal whose derivative of order n + 1 is within the bound: no
     differentiator can tell it from u.
@@ -243,7 +243,7 @@ def test_errors_grow_with_the_noise_as_predicted(order: int, kind: str) -> None:
     assert slopes(sizes, worst) == pytest.approx(1 - share, abs=0.06)
     scaled = worst / (bound**share * sizes[:, None] ** (1 - share))
     assert scaled.max() < 5
-    if kind == "sine":  # nor can any differentiator do better than 1
+    if kind == "sine":  # no differentiator can do better than 1
         assert scaled.min() > 0.95
 
 

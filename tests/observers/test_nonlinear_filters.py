@@ -1,4 +1,5 @@
-"""Filters on nonlinear models against filterpy, 50 digits, linear filters and examples."""
+"""Filters on nonlinear models against filterpy, 50 digits, linear filters and published
+examples."""
 
 from __future__ import annotations
 
@@ -70,7 +71,7 @@ STEP = 0.05
 
 
 def radar_step(x: Array) -> Array:
-    """Distance along the ground, its rate and altitude, of a plane that flies level."""
+    """Ground distance, its rate and altitude of a plane in level flight."""
     return np.array([x[0] + STEP * x[1], x[1], x[2]])
 
 
@@ -80,7 +81,7 @@ def slant_range(x: Array) -> float:
 
 
 def slant_jacobian(x: Array) -> Array:
-    """Its derivatives."""
+    """The derivatives of the slant range."""
     slant = math.sqrt(x[0] ** 2 + x[2] ** 2)
     return np.array([[x[0] / slant, 0.0, x[2] / slant]])
 
@@ -133,7 +134,7 @@ def pendulum_step(x: Array, u: Array) -> Array:
 
 
 def pendulum_output(x: Array) -> Array:
-    """Where it hangs."""
+    """The position of the pendulum."""
     return np.array([np.sin(x[0]), 1.0 - np.cos(x[0])])
 
 
@@ -172,7 +173,7 @@ def test_pendulum_agrees_with_filterpy_unscented_filter(alpha: float) -> None:
 
 
 def test_gordon_growth_model_agrees_with_filterpy_unscented_filter() -> None:
-    """Gordon, Salmond & Smith 1993, section 4.1; the cosine comes in as the input."""
+    """Gordon, Salmond & Smith 1993, section 4.1; the cosine enters as the input."""
     rng = np.random.default_rng(4)
     u = np.cos(1.2 * np.arange(60))[:, None]
     x, rows = 0.1, []
@@ -204,7 +205,7 @@ def test_gordon_growth_model_agrees_with_filterpy_unscented_filter() -> None:
 
 
 def test_extended_filter_agrees_with_50_digits() -> None:
-    """On a pendulum whose height is measured, by texts, whose Jacobians are symbolic."""
+    """On a pendulum with measured height, from text, with symbolic Jacobians."""
     model = NonlinearModel(
         ["a + w/20", "w + (u - 20*sin(a) - w/4)/20"], "a^2 + sin(w)/2", [1e-4, 1e-3], 0.01,
         state_names=["a", "w"], input_names=["u"],
@@ -245,7 +246,7 @@ def test_extended_filter_agrees_with_50_digits() -> None:
 
 
 def runge_kutta(x: Any, u: float, h: float, steps: int) -> Any:
-    """Van der Pol's equation by Runge-Kutta steps, in numbers of any kind."""
+    """Van der Pol's equation by Runge-Kutta steps, for any number type."""
 
     def slope(x: Any) -> Any:
         return np.array([x[1], (1 - x[0] ** 2) * x[1] - x[0] + u])
@@ -260,7 +261,7 @@ def runge_kutta(x: Any, u: float, h: float, steps: int) -> Any:
 
 
 def van_der_pol(**options: Any) -> NonlinearModel:
-    """The equation as text, its first state measured."""
+    """The equation as text, with the first state measured."""
     return NonlinearModel.from_ode(
         ["w", "(1 - a^2)*w - a + u"], "a", 1e-6, 1e-2, state_names=["a", "w"], input_names=["u"],
         sampling_period=0.1, substeps=3, **options,
@@ -289,7 +290,9 @@ def test_runge_kutta_jacobian_agrees_with_complex_steps(text: bool, accuracy: fl
 
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
 def test_estimates_converge_on_van_der_pol(kind: Any) -> None:
-    """From a wrong start, on a record of an adaptive integrator, to within its own deviations."""
+    """From a wrong initial state, on a record of an adaptive integrator, consistent with its
+    covariance.
+    """
     time, rng = 0.1 * np.arange(300), np.random.default_rng(6)
     solved = solve_ivp(
         lambda t, x: [x[1], (1 - x[0] ** 2) * x[1] - x[0]], (0, time[-1]), [2.0, 0.0],
@@ -333,7 +336,7 @@ def test_extended_filter_bank_on_linear_models_equals_a_kalman_bank() -> None:
 
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
 def test_noise_per_row_agrees_with_the_recursion(kind: Any) -> None:
-    """Against the recursion written out: Q of row k drives the step after it, R is that of y(k)."""
+    """Against the explicit recursion: Q of row k drives the step after it, R belongs to y(k)."""
     y, u = record(50)
     scale = np.linspace(1.0, 5.0, 50)[:, None, None]
     one = kind(linear_as_text())
@@ -380,7 +383,7 @@ def test_partly_missing_row_uses_the_remaining_measurements(kind: Any) -> None:
 
 
 def test_exactly_known_state_is_only_predicted() -> None:
-    """Where P is singular the Cholesky factor has a column of zeros."""
+    """For a singular P the Cholesky factor has a zero column."""
     model = NonlinearModel(["a + w/20", "w"], "a", 0.0, 1.0, state_names=["a", "w"])
     for one in (ExtendedKalmanFilter(model), UnscentedKalmanFilter(model)):
         run = one.run(np.ones(5), state=one.init([1.0, 2.0], [1.0, 0.0]))

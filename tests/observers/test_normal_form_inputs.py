@@ -1,4 +1,5 @@
-"""Normal-form observers that know inputs: errors stay linear whatever the input does, or not."""
+"""Normal-form observers with known inputs: the error stays linear for any input, or it is
+refused."""
 
 from __future__ import annotations
 
@@ -71,7 +72,7 @@ def test_errors_follow_linear_dynamics_for_any_input(form: str) -> None:
     assert np.abs(found - expected).max() < 2e-8  # of order 4 in the step
     assert (
         np.abs(errors(form, 0 * known)[-1]).max() > 0.1
-    )  # who is not reported is 0.1 and more off
+    )  # without the input the error is 0.1 and more
 
 
 def test_injection_agrees_with_theory() -> None:
@@ -116,7 +117,7 @@ def test_input_acting_through_an_unmeasured_state_is_refused() -> None:
 
 
 def test_any_input_is_accepted_if_the_whole_state_is_measured() -> None:
-    # Then every function of x is one of y: here b_2 = x2 u + u/2.
+    # Then every function of x is a function of y: here b_2 = x2 u + u/2.
     built = normal_form_observer(
         ["x2", "-x1 - x2 + x2*u + u/2 - x1**2/4"], ["x1", "x2"], ["x1", "x2"], inputs=["u"],
         poles=[-2.1, -3.3], order=4, sampling_period=STEP, higher=None,
@@ -128,7 +129,7 @@ def test_any_input_is_accepted_if_the_whole_state_is_measured() -> None:
 
     x = solve_ivp(right, (0, times[-1]), [0.3, 0.1], "DOP853", times, rtol=1e-11, atol=1e-12).y.T
     run = run_on_halves(built, x, u(times), state=built.init([0.2, 0.0]))
-    # The slower pole leaves exp(-2.1 3) of the first error of 0.1.
+    # The slower pole leaves exp(-2.1 3) of the initial error of 0.1.
     assert np.abs(run["state"][-1] - x[-1]).max() < 3e-4
     blind = run_on_halves(built, x, 0 * times, state=built.init([0.2, 0.0]))
     assert np.abs(blind["state"][-1] - x[-1]).max() > 1e-2

@@ -1,4 +1,4 @@
-"""The observers against an independent integration, and what a user relies on when they run."""
+"""The observers against an independent integration, and their use in runs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def as_function(polynomials: Polynomials) -> Callable[[Array], Array]:
 
 @cache
 def exact_series(degree: int) -> tuple[Polynomials, Polynomials]:
-    """S by the package over fractions, T as its inverse by another arithmetic."""
+    """S by the package over fractions, T as its inverse by independent arithmetic."""
     problem = van_der_pol().problem(degree)
     S = to_polynomials(PolynomialMap(problem.basis, solve_s(problem, solver_for(problem))))
     return S, inverted([p.ring(p) for p in S], degree)
@@ -94,7 +94,7 @@ def injected(y: float, *, with_cubic: bool = False) -> Array:
 
 
 def integrated(right: Callable[[Array, Array], Array], start: Array, times: Array) -> Array:
-    """The plant from (2, 0.5) beside an observer with the right-hand side ``right(x, xi)``."""
+    """The plant from (2, 0.5) with an observer with the right-hand side ``right(x, xi)``."""
 
     def both(_: float, values: Array) -> Array:
         return np.concatenate([slope(values[:2]), right(values[:2], values[2:])])
@@ -109,7 +109,7 @@ def integrated(right: Callable[[Array, Array], Array], start: Array, times: Arra
 
 @cache
 def plant(step: float, steps: int) -> Array:
-    """States of the plant every half step, from an integrator that is not the package's."""
+    """States of the plant every half step, from an independent integrator."""
     times = np.arange(2 * steps + 1) * (0.5 * step)
     return integrated(lambda _, xi: 0 * xi, np.zeros(2), times)[:, :2]
 
@@ -186,7 +186,7 @@ def test_error_is_of_order_four_in_the_step(name: str) -> None:
 
 @pytest.mark.parametrize("power", [0, 1, 2])
 def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
-    """z' = A z - L0 t^power, far beyond the step that an integrator could take."""
+    """z' = A z - L0 t^power, with a step far beyond the reach of an integrator."""
     step, steps = 0.7, 9
     chain = np.zeros((2 + power + 1, 2 + power + 1))  # z and t^power, ..., t, 1
     chain[:2, :2], chain[:2, 2] = A, [2.0, 4.0]  # A and -L0
@@ -228,7 +228,7 @@ def test_error_is_exactly_linear_in_z() -> None:
 
 
 def test_divergence_is_reported_with_time_and_last_state() -> None:
-    """Order 2 leaves every bound at about 9.736 s; an integrator with error control agrees."""
+    """Order 2 diverges at about 9.736 s; an integrator with error control agrees."""
     step, steps = 2e-3, 10_000
     y = plant(step, steps)[:, :1]
     observer = IdentityObserver(form(), 2, sampling_period=step)
@@ -264,7 +264,7 @@ _far.terminal = True  # type: ignore[attr-defined]
 
 
 def test_overflow_of_the_first_estimate_is_reported() -> None:
-    """z is finite, T(z) is not: no row is left, and the state is the one to begin with."""
+    """z is finite, T(z) is not: no row is returned, and the state is the initial one."""
     observer = TransformedObserver(form(5), 4, sampling_period=0.1)
     start = replace(observer.init([0.0, 0.0]), values=np.array([1e100, 1e100]))
     run = observer.run(np.zeros((3, 1)), state=start, on_divergence="return")

@@ -101,12 +101,12 @@ def test_error_grows_only_above_the_sampled_limit(
             allow_unstable=True,
             sampling_period=interval / 10,
         )
-        # So small an error that the gyroscopic torque stays out of it whatever grows.
+        # An error so small that the gyroscopic torque stays negligible.
         run = run_on_halves(observer, resting, resting, state=observer.init([1e-90, -2e-90, 3e-90]))
         assert run.diverged_at is None
         size = np.linalg.norm(run["rate"] / 1e-90, axis=1)[:-1].reshape(4, -1).max(axis=1)
         growth.append(size[3] / size[1])
-    # Below the limit slow modes may beat, and the largest values of two quarters differ a little.
+    # Below the limit slow modes may beat, so the maxima of two quarters differ slightly.
     assert growth[0] < 1.1
     assert growth[1] > 2.0
 
@@ -123,8 +123,8 @@ def errors_under_a_sine(
     """RMS of e, and its component at 10 rad/s, under the fault sin 10 t of thruster 1.
 
     Body and observer start at rest and agree, so that the only start-up ripple is that of the
-    onset; it has ``settle`` seconds to decay. What is left of it lies near multiples of
-    2 pi / tau and is nearly orthogonal to the fitted sine and to a window of whole periods.
+    onset; it has ``settle`` seconds to decay. The rest of it lies near multiples of 2 pi / tau and
+    is nearly orthogonal to the fitted sine and to a window of whole periods.
     """
     h = observer.sampling_period
     steps = round((settle + periods * 2 * np.pi / OMEGA) / h)
@@ -138,7 +138,7 @@ def errors_under_a_sine(
     torque = fault(time)
     start = (torque - run["fault"][first:])[:-1]
     end = (torque - run.before["fault"][first:])[1:]
-    # Simpson's rule is exact for the square of what is straight between start and end.
+    # Simpson's rule is exact for the square of a piecewise linear function.
     rms = np.sqrt(np.mean((start**2 + start * end + end**2) / 3, axis=0))
     waves = np.column_stack([np.cos(OMEGA * time), np.sin(OMEGA * time), np.ones_like(time)])
     cosine, sine, _ = np.linalg.lstsq(waves, torque - run["fault"][first:], rcond=None)[0]
@@ -173,7 +173,7 @@ def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: floa
         LearningLaw(*(INERTIA, 1000.0, 1.0, K1, 1000.0, interval)),
         variant="sampled",
     )
-    # Held, v also carries the sine's images at the update rate, which beat inside the window.
+    # Held, v also contains the images of the sine at the update rate, which beat inside the window.
     assert rms[:2] == pytest.approx(predicted[:2], rel=0.02)
 
 
@@ -197,7 +197,7 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
     # to w~, which is s tau / K2 u_f; the loops divide by K2 / (s tau (J s + Lambda)). So the
     # estimates differ by tau^3 / (12 K2) (J u_f'''' + Lambda u_f''') for a small tau.
     gain, observer_gain, step, horizon = 2000.0, 100.0, 1e-4, 4.0
-    # 16 sin^5 t starts with four vanishing derivatives: no ripple is stirred up at the onset.
+    # 16 sin^5 t has four vanishing derivatives at the start: no ripple arises at the onset.
     waves = ((10.0, 1.0), (-5.0, 3.0), (1.0, 5.0))
     terms = [{"kind": "sine", "axis": 1, "amplitude": a, "frequency": f} for a, f in waves]
     steps = round(horizon / step)
@@ -240,8 +240,8 @@ DIVERGING: dict[str, RigidBodyObserver] = {
     "adaptive": AdaptiveObserver(
         BODY, 1000.0, 1000.0, 10.0, sampling_period=0.5
     ),  # far too large a step
-    # An estimate about the first axis alone, which the gyroscopic torque leaves linear: v, not
-    # the rate, is the first to overflow.
+    # An estimate about the first axis only, for which the gyroscopic torque vanishes: v, not
+    # the rate, overflows first.
     "continuous, fault first": ILO(
         FAST_BODY, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025
     ),
@@ -264,7 +264,7 @@ def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run[State
 def test_divergent_run_returns_the_finite_rows_and_their_time(
     name: str, unwritten: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # What the loop leaves unwritten is no result, whatever the memory held before.
+    # Rows not written by the loop are not returned, whatever the memory contained before.
     monkeypatch.setattr(np, "empty", lambda shape: np.full(shape, unwritten))
     observer = DIVERGING[name]
     run = run_at_rest(observer, name, 4000)
@@ -275,7 +275,7 @@ def test_divergent_run_returns_the_finite_rows_and_their_time(
     for values in (run["rate"], run["fault"], run.before["fault"]):
         assert np.isfinite(values).all()
     assert np.max(np.abs([run["rate"][-1], run["fault"][-1]])) > 1e10
-    # A record that ends there gives the same rows and no divergence, one step more diverges.
+    # A record that ends there gives the same rows without divergence; one step more diverges.
     shorter = run_at_rest(observer, name, rows - 1)
     assert shorter.diverged_at is None
     for estimate in ("rate", "fault"):
@@ -285,7 +285,7 @@ def test_divergent_run_returns_the_finite_rows_and_their_time(
 
 
 def test_divergence_is_reported_when_the_linear_law_overflows() -> None:
-    # The law on one axis by hand, scaled after every interval so that it cannot overflow itself.
+    # The law on one axis by hand, rescaled after every interval so that it cannot overflow.
     inertia, observer_gain, fault, K1, K2, interval = 1.0, 10.0, 1e-3, 3.0, 1000.0, 0.01
     decay = np.exp(-observer_gain * interval / inertia)
     error, v, logarithm, updates = -0.1, 0.0, 0.0, 0
@@ -434,7 +434,7 @@ def test_invalid_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
 
 
 def test_exact_initial_estimate_stays_exact() -> None:
-    """The true rate and a constant fault known from the start: K1 = I and integrators keep them."""
+    """True rate and known constant fault at the start: K1 = I and integrators keep them."""
     body, step, torque = RigidBody(INERTIA), 1e-3, [0.3, -0.2, 0.1]
     terms = [{"kind": "constant", "axis": i + 1, "size": f} for i, f in enumerate(torque)]
     none = Signal.parse("control", [], 3)
@@ -466,7 +466,7 @@ def test_sampled_gain_is_refused_just_above_the_limit_and_accepted_below() -> No
 
 
 def test_divergent_plant_reports_its_last_finite_time() -> None:
-    # A step far too large for this spin: every step raises the rate until it overflows.
+    # A step far too large for this spin: every step raises the rate until overflow.
     plant_ = Satellite(np.diag([1.0, 2.0, 3.0]))
     with pytest.raises(
         DivergenceError, match=r"^satellite diverged: .* finite up to t = "

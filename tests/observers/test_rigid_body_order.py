@@ -47,13 +47,13 @@ K2 = np.array([[200.0, 20.0, -10.0], [15.0, 160.0, 12.0], [0.0, -25.0, 220.0]])
 FORGETTING = np.array([[0.9, 0.05, 0.0], [-0.04, 0.85, 0.06], [0.02, 0.0, 0.8]])
 INTEGRAL = np.array([[900.0, 60.0, 0.0], [60.0, 700.0, -40.0], [0.0, -40.0, 800.0]])
 
-INTERVAL, INTERVALS, PIECES = 0.1, 6, 10  # a piece is the largest step, jumps lie on its ends
+INTERVAL, INTERVALS, PIECES = 0.1, 6, 10  # pieces are the largest steps; jumps lie on their ends
 RATE, ESTIMATE = np.array([1.2, -1.6, 2.0]), np.array([1.185, -1.59, 1.97])
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """Torques, and an offset [rad/s] of the measured rate that makes the record itself jump."""
+    """Torques, and an offset [rad/s] of the measured rate that makes the record jump."""
 
     fault: Terms
     control: Terms
@@ -61,7 +61,7 @@ class Scenario:
 
 
 def scenario(*onsets: float) -> Scenario:
-    """A constant, a sine and a ramp from the given times on; the sensor jumps with the third."""
+    """A constant, a sine and a ramp from the given times on; the sensor jumps with the ramp."""
     first, second, third = onsets
     return Scenario(
         (
@@ -84,7 +84,7 @@ SCENARIOS = {"at updates": scenario(0.1, 0.2, 0.3), "between updates": scenario(
 
 
 def value(terms: Terms, time: float, inside: float) -> Array:
-    """The terms that act at ``inside``, a time in the smooth piece to which ``time`` belongs."""
+    """The terms active at ``inside``, a time in the smooth piece that contains ``time``."""
     total = np.zeros(3)
     for term in terms:
         if term.get("from", 0.0) < inside < term.get("until", np.inf):
@@ -104,7 +104,7 @@ def euler(rate: Array, torque: Array) -> Array:
 
 
 def integrate(slope: Callable[[float, Array], Array], start: float, end: float, y: Array) -> Array:
-    """The state at ``end``: the last step ends there, so nothing is interpolated."""
+    """The state at ``end``: the last step ends there, without interpolation."""
     found = solve_ivp(slope, (start, end), y, method="DOP853", rtol=1e-12, atol=1e-14)
     assert found.success
     return np.asarray(found.y[:, -1])
@@ -221,7 +221,7 @@ def plain_reference(where: str, kind: str) -> Reference:
 
 @dataclass(frozen=True)
 class Deviation:
-    """The largest deviations from the reference, for a number of steps in one interval."""
+    """The largest deviations from the reference, for a number of steps per interval."""
 
     rate: float
     fault: float
@@ -229,7 +229,7 @@ class Deviation:
 
 
 def simulate(where: str, build: Callable[[float], RigidBodyObserver], steps: int) -> Run[State]:
-    """Plant on the grid of half steps, observer on top of it."""
+    """Plant on the grid of half steps, with the observer on it."""
     case, h = SCENARIOS[where], INTERVAL / steps
     half_steps = 2 * steps * INTERVALS
     fault, control, offset = (
@@ -253,7 +253,7 @@ def deviation(
     pairs = (
         (run["rate"][::every], reference.rate),
         (run["fault"][::every], reference.fault),
-        (run.before["fault"][::every][1:], reference.before[1:]),  # nothing is left of t = 0
+        (run.before["fault"][::every][1:], reference.before[1:]),  # only differences after t = 0
     )
     return Deviation(*(float(np.max(np.abs(found - known))) for found, known in pairs))
 
@@ -301,7 +301,7 @@ def test_jump_of_the_estimate_recurs_every_interval(where: str, identity: bool) 
         first = round(onset / INTERVAL * PIECES)
         for i, k in enumerate(range(first, len(expected), PIECES)):
             expected[k] += np.linalg.matrix_power(K1, i) @ K2 @ size
-    expected[0] = 0.0  # nothing is left of t = 0
+    expected[0] = 0.0  # only differences after t = 0
     run = simulate(where, continuous(K1), 2 * PIECES)
     assert (run["fault"] - run.before["fault"])[::2] == pytest.approx(expected, abs=1e-11)
 
@@ -328,7 +328,7 @@ NOTHING = Signal(3, ())
 
 
 def test_plant_is_of_order_4_across_jumps_of_its_torques() -> None:
-    # Torques of a thousand newton metres, so that the finest errors stay far above rounding.
+    # Torques of thousands of newton metres, so that the smallest errors stay far above rounding.
     fault = (
         {"kind": "constant", "axis": 1, "from": 0.13, "size": 300.0},
         {"kind": "sine", "axis": 2, "from": 0.24, "amplitude": 1000.0, "frequency": 10.0},

@@ -1,4 +1,6 @@
-"""Derivatives from samples so far: exact for polynomials, of their order, the same in pieces."""
+"""Derivatives from the samples so far: exact for polynomials, of the stated order, the same in
+pieces.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ def test_derivatives_are_exact_for_polynomials_of_the_next_degree(order: int) ->
     rows = found(truth[:, 0], order, period)
     assert rows[order + 1 :] == pytest.approx(truth[order + 1 :], rel=1e-10)
     assert np.array_equal(rows[:, 0], truth[:, 0])
-    # At the second sample there is a line, and the first one takes its slope.
+    # At the second sample a line is fitted; the first one takes its slope.
     assert rows[1, 1] == pytest.approx((truth[1, 0] - truth[0, 0]) / period, rel=1e-12)
     assert np.array_equal(rows[0, 1:], rows[1, 1:])
     assert not rows[1, 2:].any()

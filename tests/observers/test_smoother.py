@@ -61,7 +61,7 @@ def filters() -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", ["kalman", "extended", "unscented"])
 def test_smoother_agrees_with_least_squares_over_the_record(kind: str) -> None:
-    """With gaps and another Q at each row: mean and covariance from the information matrix."""
+    """With gaps and a different Q in each row: mean and covariance from the information matrix."""
     one, rows = filters()[kind], 40
     y, u = record(rows)
     noise = np.linspace(1.0, 4.0, rows)[:, None, None] * Q
@@ -141,17 +141,17 @@ def nile(kind: str) -> Any:
 def test_smoother_agrees_with_published_nile_results(kind: str) -> None:
     """The diffuse likelihood is that of the differences, which do not depend on the first level."""
     one = nile(kind)
-    # A diffuse start makes of the first measurement the level, with its variance.
+    # With a diffuse initial state the first measurement becomes the level, with its variance.
     run = one.run(NILE[1:], state=one.init([NILE[0]], 15099.0, u=[]))
     changes, eye = np.diff(NILE), np.eye(len(NILE) - 1)
     noise = 2 * eye - np.eye(len(eye), k=1) - np.eye(len(eye), k=-1)
     expected = multivariate_normal(cov=1469.1 * eye + 15099.0 * noise).logpdf(changes)
     assert run["log_likelihood"].sum() == pytest.approx(expected, rel=1e-10)
-    # The variance settles where P^2 + Q P = Q R (section 2.11): predicted q/2 + sqrt(q^2/4 + q R).
+    # The variance converges to P^2 + Q P = Q R (section 2.11): predicted q/2 + sqrt(q^2/4 + q R).
     ahead = 1469.1 / 2 + np.sqrt(1469.1**2 / 4 + 1469.1 * 15099.0)
     settled = ahead * 15099.0 / (ahead + 15099.0)
     assert run["variance"][-1, 0] == pytest.approx(settled, rel=1e-9)
-    # The smoothed levels solve one tridiagonal system.
+    # The smoothed levels solve a tridiagonal system.
     count = len(NILE)
     jumps = np.diff(np.eye(count), axis=0)
     information = np.eye(count) / 15099.0 + jumps.T @ jumps / 1469.1

@@ -1,1 +1,1 @@
-"""The package as others install it: what the wheel holds, what each extra brings, metadata."""
+"""The installed package: content of the wheel, extras and metadata."""

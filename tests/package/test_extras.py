@@ -1,4 +1,4 @@
-"""Installed without extras, the library needs numpy, scipy and numba, and names what it lacks."""
+"""Without extras, the library needs numpy, scipy and numba, and names a missing extra."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from reobserve.core.extras import EXTRAS
 ROOT = Path(__file__).parents[2]
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
-# What a package is imported as, where that is not its name.
+# Import names that differ from the package name.
 IMPORTED = {"python-flint": "flint", "pyyaml": "yaml", "pillow": "PIL", "scikit-image": "skimage"}
 
 CORE = """
@@ -77,7 +77,7 @@ def test_named_extra_provides_the_missing_package() -> None:
     }
     for package, extra in EXTRAS.items():
         assert package in brings[extra], package
-    # Snakemake and what colours its report are never imported by the package.
+    # Snakemake and the syntax highlighter of its report are never imported by the package.
     assert set().union(*brings.values()) == {*EXTRAS, "reobserve", "snakemake", "pygments"}
     core = {Requirement(line).name for line in DECLARED["dependencies"]}
     assert core == {"numpy", "scipy", "numba"}

@@ -1,4 +1,4 @@
-"""What the project says of itself to those who install, cite and archive it."""
+"""Metadata for installation, citation and archiving."""
 
 from __future__ import annotations
 

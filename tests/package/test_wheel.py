@@ -1,4 +1,4 @@
-"""What the wheel holds: the package, and the files that `reobserve.replicate` reads."""
+"""The content of the wheel: the package, and the files that `reobserve.replicate` reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the papers, with parameters of their own: a changed default turns none of them red."""
+"""Tests of the papers, with fixed parameters: a changed default breaks none of them."""
 
 from pathlib import Path
 from typing import Any
@@ -12,17 +12,17 @@ ROOT = Path(__file__).parents[2]
 def fixed_parameters(
     paper: str, overrides: dict[str, Any] | None = None, seed: int = 0
 ) -> Parameters:
-    """The parameters of a paper, of which `fixed` ones have the values that its tests state."""
+    """The parameters of a paper, with the `fixed` ones at the values that its tests state."""
     return Parameters.load(ROOT, paper, fixed(paper, overrides or {}), seed)
 
 
 def fixed(paper: str, overrides: dict[str, Any]) -> dict[str, Any]:
-    """Overrides, and values of all other parameters that a paper leaves open."""
+    """Overrides, and values of all other parameters that the paper leaves open."""
     return merged(read_yaml(Path(__file__).parent / paper / "parameters.yaml"), overrides)
 
 
 def merged(tree: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """A tree with the values of another one in place of its own."""
+    """A tree with values replaced by those of another one."""
     both = {key: merged(tree[key], over[key]) for key in tree.keys() & over.keys()
             if isinstance(tree[key], dict) and isinstance(over[key], dict)}  # fmt: skip
     return {**tree, **over, **both}

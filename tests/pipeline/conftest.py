@@ -1,4 +1,4 @@
-"""Builds in copies of the project: what a user types, run apart from this checkout."""
+"""Builds in copies of the project: user commands, run outside this checkout."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from tests import project_copy
 
 ROOT = Path(__file__).parents[2]
 
-# What a plain build makes: all papers, their figures and tables. An evaluation is made once for
-# all tests of a process that ask for it.
+# Results of a default build: all papers, their figures and tables. An evaluation is made once for
+# all tests of a process.
 CONFIG = read_yaml(ROOT / "config" / "config.yaml")
 PAPERS = known_papers(ROOT)
 PARAMETER_FILES = {paper: Parameters.load(ROOT, paper, seed=CONFIG["seed"]) for paper in PAPERS}
@@ -35,8 +35,8 @@ TABLES = [
 ]
 
 
-# Of the dearest studies, levels of which each makes golden numbers of its own, less all but these:
-# what a constant moves it moves there, too, for a fraction of the time.
+# For the most expensive studies, only these levels are built; each gives golden numbers of its own.
+# A constant that changes the omitted levels changes these too, at a fraction of the time.
 FEW_LEVELS: dict[str, dict[str, Any]] = {
     "closeness": {"noise_levels": [0.1], "driven_levels": [], "layer_scales": []},
     "tradeoff": {"rhos": [5.0]},
@@ -52,20 +52,20 @@ def with_few_levels(parameters: Parameters) -> Parameters:
     return Parameters(parameters.paper, tree, parameters.seed)
 
 
-# Samples make verdicts, which are compared every night; a test that builds can do with one, and
-# without the search for what reverses a claim, which takes longer than all figures.
+# Samples give verdicts, which are compared every night; a build in a test needs only one, and no
+# search for reversals, which takes longer than all figures.
 FEW_DRAWS = ("samples=1", "reversals=false", "cached=false")
 
 
 @dataclass(frozen=True)
 class Project:
-    """A copy of the project whose own ``src`` is what runs in it."""
+    """A copy of the project whose own ``src`` is used in it."""
 
     folder: Path
 
     @property
     def environment(self) -> dict[str, str]:
-        """The variables under which commands run in the copy."""
+        """The environment variables for commands in the copy."""
         return project_copy.copy_environment(self.folder)
 
     def run(
@@ -75,7 +75,7 @@ class Project:
         given: str | None = None,
         environment: dict[str, str] | None = None,
     ) -> subprocess.CompletedProcess[str]:
-        """Run a command in the copy, on this input, and keep what it prints."""
+        """Run a command in the copy with this input, and capture its output."""
         done = subprocess.run(
             command, cwd=self.folder, env=environment or self.environment, capture_output=True,
             text=True, check=False, input=given,
@@ -91,7 +91,7 @@ class Project:
         return self.run(*command, check=check, environment=environment)
 
     def stale(self, *arguments: str, config: Sequence[str] = ()) -> dict[str, int]:
-        """How many jobs of each rule a build would run now, with these pairs of ``--config``."""
+        """The number of jobs per rule that a build would run now, with these ``--config`` pairs."""
         pairs = ("--config", *config) if config else ()
         output = self.snakemake("--dry-run", *arguments, *pairs).stdout
         table = re.search(r"Job stats:\n(.*?)\ntotal", output, re.DOTALL)
@@ -100,7 +100,7 @@ class Project:
         return {rule: number for rule, number in jobs.items() if rule not in ("all", "figures")}
 
     def results(self) -> dict[str, bytes]:
-        """The content of everything built, by path."""
+        """The content of all results, by path."""
         built = self.folder / "results"
         return {
             str(path.relative_to(built)): path.read_bytes()
@@ -116,7 +116,7 @@ def copy_project(target: Path) -> Project:
 
 
 def copy_toy(target: Path) -> Project:
-    """The same with `toy`, a paper with every stage, which alone is built."""
+    """The same with `toy`, a paper with every stage, as the only paper."""
     toy, project = Path(__file__).parent / "toy", copy_project(target)
     shutil.copytree(toy / "toy", target / "src/reobserve/papers/toy")
     shutil.copy(toy / "toy.yaml", target / "config/papers")
@@ -132,11 +132,11 @@ def copy_toy(target: Path) -> Project:
 
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """A copy with everything built on two cores. Tests leave it as they find it.
+    """A copy with everything built on two cores; tests must restore what they change.
 
-    With a single draw for each claim and no more, see `FEW_DRAWS`. Where several processes test,
-    the first that needs it builds it for all. Tests of one process may then run jobs in it; those
-    of another compare with `as_built`.
+    Each claim has a single sample, see `FEW_DRAWS`. With several processes, the first that needs it
+    builds it for all. Tests in the same process may run jobs in it; tests in other processes
+    compare with `as_built`.
     """
     shared = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -155,13 +155,13 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
 @pytest.fixture(scope="session")
 def as_built(built: Project) -> Project:
-    """What `built` had in its results when it was built, and nothing else."""
+    """The results of `built` right after its build, and nothing else."""
     return Project(built.folder.with_name("built.whole"))
 
 
 @pytest.fixture(scope="session")
 def evaluators(as_built: Project) -> dict[str, Evaluator]:
-    """`EVALUATORS`, which take the rows of the dearest studies from what is built."""
+    """`EVALUATORS`, which take the rows of the most expensive studies from the build."""
     for paper, evaluator in EVALUATORS.items():
         for study in FEW_LEVELS.keys() & PARAMETER_FILES[paper].tree.get("studies", {}).keys():
             table = as_built.folder / "results" / paper / f"{study}.study.csv"
@@ -171,5 +171,5 @@ def evaluators(as_built: Project) -> dict[str, Evaluator]:
 
 @pytest.fixture
 def fresh(tmp_path: Path) -> Project:
-    """A copy of one's own with nothing built."""
+    """A separate copy with nothing built."""
     return copy_project(tmp_path)

@@ -1,4 +1,4 @@
-"""A Slurm of one node in a folder: the daemons of the distribution, for as long as a block runs."""
+"""A single-node Slurm in a folder: the distribution's daemons, for the duration of a block."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DAEMONS = ("munged", "slurmctld", "slurmd")
 CLIENTS = ("sbatch", "scancel", "scontrol", "sinfo", "squeue", "srun")
 PATH = os.pathsep.join((os.environ.get("PATH", os.defpath), "/usr/sbin", "/sbin"))
 
-# No accounting, no cgroups, no other user: jobs are processes of whoever runs the tests.
+# No accounting, no cgroups, no other user: jobs are processes of the user who runs the tests.
 _CONF = """\
 ClusterName=reobserve
 SlurmctldHost={host}(127.0.0.1)
@@ -45,15 +45,15 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE
 
 
 def missing() -> list[str]:
-    """The programs that are not there."""
+    """The missing programs."""
     return [name for name in (*DAEMONS, *CLIENTS, "setpriv") if not shutil.which(name, path=PATH)]
 
 
 @contextmanager
 def slurm_node(folder: Path) -> Iterator[dict[str, str]]:
-    """Start all in an empty folder with a short name; the variables under which clients find it.
+    """Start all daemons in an empty folder with a short name; returns the variables for clients.
 
-    Whatever happens in the block, all daemons and jobs are ended after it; should this process be
+    Whatever happens in the block, all daemons and jobs are ended after it; if this process is
     killed, the kernel ends the daemons.
     """
     conf = folder / "slurm.conf"
@@ -75,7 +75,7 @@ def slurm_node(folder: Path) -> Iterator[dict[str, str]]:
 
 
 def ask(environment: dict[str, str], *command: str) -> str:
-    """What a client prints; nothing if it fails."""
+    """The output of a client; empty if it fails."""
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     return done.stdout.strip() if done.returncode == 0 else ""
 
@@ -86,7 +86,7 @@ def _write_files(folder: Path, conf: Path) -> None:
     key = folder / "munge.key"
     key.touch(mode=0o600)
     key.write_bytes(secrets.token_bytes(128))
-    # The executor takes all variables of Slurm from the steps of a job, this one as well.
+    # The executor copies all Slurm variables from job steps, including this one.
     step = folder / "bin" / "srun"
     srun = shutil.which("srun", path=PATH)
     step.write_text(f'#!/bin/sh\nSLURM_CONF="{conf}" exec "{srun}" "$@"\n')
@@ -106,7 +106,7 @@ def _write_files(folder: Path, conf: Path) -> None:
 def _start(
     running: ExitStack, environment: dict[str, str], folder: Path, name: str, *arguments: str
 ) -> None:
-    """Start a daemon in the foreground, to be ended when the stack is."""
+    """Start a daemon in the foreground, to be ended with the stack."""
     command = ["setpriv", "--pdeathsig", "TERM", name, *arguments]
     log = running.enter_context((folder / f"{name}.out").open("w"))
     process = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
@@ -123,7 +123,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _kill_all_of(conf: Path) -> None:
-    """Kill what daemons have left behind: steps of jobs, known by the configuration they got."""
+    """Kill processes left by daemons: job steps, identified by their configuration."""
     reported = f"SLURM_CONF={conf}".encode()
     for place in Path("/proc").glob("[0-9]*/environ"):
         with suppress(OSError):

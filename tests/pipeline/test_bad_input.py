@@ -1,4 +1,4 @@
-"""What a user can get wrong: one sentence that names it, a non-zero exit, nothing half-written."""
+"""User errors: one sentence that names the error, a non-zero exit, no half-written files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Capture = pytest.CaptureFixture[str]
 
 
 def refused(capsys: Capture, *arguments: str | Path) -> str:
-    """Run a sub-command that must fail; the one sentence it prints."""
+    """Run a sub-command that must fail; returns its one-line message."""
     assert main([str(argument) for argument in arguments]) == 1
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -34,7 +34,7 @@ def fault_at(time: float) -> dict[str, object]:
     return {"scenarios": {"constant": {"fault": [term]}}}
 
 
-# Overrides as a user would write them, and what the sentence must say: where, and what is allowed.
+# Overrides as a user would write them, and the required message: where, and what is allowed.
 BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
     "misspelt section": ({"observrs": {}}, "ilo.observrs:", "did you mean 'observers'"),
     "misspelt observer": (
@@ -268,7 +268,7 @@ def test_unknown_name_lists_the_known_ones(
 
 
 def test_unwritable_output_folder_is_refused(parameter_file: Path, capsys: Capture) -> None:
-    """A file where a folder must be: refused for everyone, also for root."""
+    """A file in place of a folder: refused for every user, including root."""
     blocked = parameter_file / "plant.parquet"
     said = refused(capsys, "stage", "plant", parameter_file, "constant", "--output", blocked)
     assert said.startswith(f"{blocked}: cannot be written")
@@ -276,7 +276,7 @@ def test_unwritable_output_folder_is_refused(parameter_file: Path, capsys: Captu
 
 
 def closed_folder(tmp_path: Path) -> Path:
-    """A folder that this user may not write: for root, who may write anywhere else, sysfs."""
+    """A folder that this user may not write to: for root, who may write anywhere else, sysfs."""
     mine = tmp_path / "closed"
     mine.mkdir(mode=0o555)
     for folder in (mine, Path("/sys")):
@@ -299,7 +299,7 @@ def test_output_folder_without_permission_is_refused(
 def test_divergent_observer_reports_the_time(
     parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
-    """A step beyond the reach of the integrator, which no stability condition forbids."""
+    """A step beyond the reach of the integrator, which violates no stability condition."""
     parameters = json.loads(parameter_file.read_text(encoding="utf-8"))
     parameters["parameters"]["observers"]["adaptive"]["observer_gain"]["value"] = 1e6
     parameter_file.write_text(json.dumps(parameters), encoding="utf-8")
@@ -352,7 +352,7 @@ def test_snakemake_reports_errors_in_one_sentence(built: Project, config: str, s
 
 
 def test_error_in_a_parameter_file_is_reported_before_the_first_job(fresh: Project) -> None:
-    """Without overrides, too."""
+    """Also without overrides."""
     parameters = fresh.folder / "config/papers/eso.yaml"
     text = parameters.read_text(encoding="utf-8")
     parameters.write_text(text.replace("longest_lag:", "longest_leg:"), encoding="utf-8")
@@ -365,7 +365,7 @@ def test_error_in_a_parameter_file_is_reported_before_the_first_job(fresh: Proje
 
 
 def test_error_found_on_construction_stops_the_first_job(fresh: Project) -> None:
-    """Without overrides, too."""
+    """Also without overrides."""
     parameters = fresh.folder / "config/papers/ilo.yaml"
     text = parameters.read_text(encoding="utf-8")
     stuck = "{kind: constant, axis: 1, from: 5.0, size: 0.5}"

@@ -1,4 +1,4 @@
-"""Two clean builds give the same bytes, on one core or two, disturbed or not."""
+"""Two clean builds give the same bytes, on one core or two, interrupted or not."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def assert_same_files(first: dict[str, bytes], second: dict[str, bytes]) -> None
     assert [name for name in first if first[name] != second[name]] == []
 
 
-# The evidence takes as long as the figures; the toy paper's is made twice in its own tests.
-KILLED = "ilo"  # made from nothing on one core, and disturbed
+# The evidence takes as long as the figures; that of the toy paper is made twice in its own tests.
+KILLED = "ilo"  # built from scratch on one core, and interrupted
 OTHERS = [paper for paper in PAPERS if paper != KILLED]
 THEORIES = [f"results/{paper}/theory.metrics.csv" for paper in OTHERS]
-# What takes longest and is compared with the library's to the last bit, in `test_same_values`.
+# The longest part, compared bitwise with the library in `test_same_values`.
 TAKEN = ("*.design.json", "*/plant.parquet", "*.study.csv")
 EVIDENCE = (
     "robustness.json", "claims.csv", "verdicts.md", "report.html",
@@ -34,18 +34,18 @@ EVIDENCE = (
 )  # fmt: skip
 
 
-# Drawn once more of all papers but the killed one, of which it is every format.
+# Plotted again for all papers except the killed one, which gets every format.
 DRAWN = "svg"
 NOT_DRAWN = tuple(f".{kind}" for kind in CONFIG["formats"] if kind != DRAWN)
 
 
 def of_figures(project: Project) -> dict[str, bytes]:
-    """What was built but the evidence."""
+    """The results without the evidence."""
     return {name: text for name, text in project.results().items() if not name.endswith(EVIDENCE)}
 
 
 def take(project: Project, built: Project, pattern: str) -> None:
-    """Copies of what another project has built of the other papers, younger than what is here."""
+    """Copies of the results of another project for the other papers, newer than the files here."""
     for paper in OTHERS:
         for path in (built.folder / "results" / paper).glob(pattern):
             copy = project.folder / path.relative_to(built.folder)
@@ -56,7 +56,7 @@ def take(project: Project, built: Project, pattern: str) -> None:
 def test_builds_on_one_and_two_cores_are_bitwise_identical(
     as_built: Project, fresh: Project
 ) -> None:
-    """Of all that is made from records and studies; from nothing it is made in the next test."""
+    """For everything made from records and studies; the next test builds from scratch."""
     for pattern in TAKEN:
         take(fresh, as_built, pattern)
     taken = {path: path.stat().st_mtime_ns for path in (fresh.folder / "results").rglob("*.*")}
@@ -84,9 +84,9 @@ def built_of_killed(project: Project) -> int:
 
 
 def test_killed_build_resumes_to_the_same_bytes(as_built: Project, fresh: Project) -> None:
-    """SIGKILL of the whole process group, again and again, as the results of one paper grow.
+    """SIGKILL of the whole process group, repeatedly, while the results of one paper grow.
 
-    On one core, where the other was built on two.
+    On one core, while the other was built on two.
     """
     everything = of_figures(as_built)
     parameters = {name: text for name, text in everything.items() if "/parameters.json" in name}
@@ -111,7 +111,7 @@ def test_killed_build_resumes_to_the_same_bytes(as_built: Project, fresh: Projec
         assert "--unlock" in refused.stderr
         fresh.run("snakemake", "--unlock")
         for name, content in fresh.results().items():
-            # What stands under its own name is whole, whenever the kill came.
+            # A file under its final name is complete, whenever it was killed.
             assert ".partial" in name or content == whole[name], name
     fresh.run("snakemake", "--cores", "1", *asked)
     assert_same_files(whole, fresh.results())
@@ -146,6 +146,6 @@ def test_second_build_in_the_same_folder_is_refused(fresh: Project) -> None:
     said = "reobserve: another build runs in this folder, with other parameters of lie; wait for it"
     assert changed.stderr.rstrip().splitlines()[-1].startswith(said)
     assert "Directory cannot be locked" in again.stderr, "a refusal leaves the lock of others"
-    # With other parameters than those of the build that was killed, too.
+    # Also with parameters other than those of the killed build.
     fresh.run("snakemake", "--unlock", "--config", "lie={plant: {step: 0.004}}")
     fresh.snakemake("results/ilo/constant/plant.parquet")

@@ -1,4 +1,4 @@
-"""The worked example of a paper: its files, and no others, make it one that all watches over."""
+"""The worked example of a paper: its files alone make a paper that all project rules cover."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_example_paper_needs_few_files_and_lines() -> None:
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """A copy of the project with the example in it, committed, and the example's figures built."""
+    """A copy of the project with the committed example, and its figures built."""
     copy = copy_project(tmp_path_factory.mktemp("example"))
     for path in FILES:
         target = copy.folder / path.relative_to(EXAMPLE)
@@ -67,8 +67,8 @@ def test_misspelt_layout_is_reported_before_anything_runs(project: Project) -> N
 
 
 def test_project_rules_cover_the_example(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`accept` stores its golden numbers and lists its metrics; then all house rules hold."""
-    monkeypatch.delenv("CI", raising=False)  # where nothing is accepted
+    """`accept` stores its golden numbers and lists its metrics; then all project rules hold."""
+    monkeypatch.delenv("CI", raising=False)  # where accepting is refused
     project.run("reobserve", "accept", "two_mass", "--reason", "a paper more")
     tests = ("tests/papers/test_two_mass.py", "tests/golden/test_golden.py")
     watched = project.run("pytest", *tests, "-k", "two_mass and not numbers")

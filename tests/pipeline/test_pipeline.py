@@ -1,4 +1,4 @@
-"""The files of a build: complete, found where one would look, and what the library computes."""
+"""The files of a build: complete, in the documented place, and equal to the library's results."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_metrics_and_plots_do_not_load_numba(built: Project, tmp_path: Path) -> 
 
 @pytest.mark.nightly
 def test_user_defined_scenario_with_recorded_fault_builds(fresh: Project) -> None:
-    """A scenario, an observer and a figure added from a file, with samples from a CSV."""
+    """A scenario, an observer and a figure added by a file, with samples from a CSV."""
     time = np.arange(0, 10.01, 0.01)
     torque = np.where(time > 3, 0.2 * np.sin(2 * time), 0.0)
     with (fresh.folder / "torque.csv").open("w", newline="") as stream:
@@ -117,7 +117,7 @@ def test_user_defined_scenario_with_recorded_fault_builds(fresh: Project) -> Non
 
 @pytest.mark.nightly
 def test_noise_of_the_parameter_file_is_in_the_record(fresh: Project) -> None:
-    """A deviation in the parameter file gives a measured rate, held, with that deviation."""
+    """A deviation in the parameter file gives a measured rate with held noise of that deviation."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(
         target,
@@ -198,7 +198,7 @@ def test_listing_commands_print_parameters_and_results(built: Project) -> None:
 
 
 def test_accepted_claims_still_hold(built: Project) -> None:
-    """With one sample there are no verdicts to compare, but it is known what holds as stated."""
+    """With one sample there are no verdicts to compare, but the nominal outcome is known."""
     found = golden_claims.read_built(built.folder / "results")
     golden = golden_claims.read_golden(ROOT)
     assert set(found) >= set(FIVE)

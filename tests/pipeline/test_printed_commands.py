@@ -1,6 +1,6 @@
-"""Each command of the README and of the pages by hand, as printed and in order, in a clone.
+"""Each command of the README and the hand-written pages, as printed and in order, in a clone.
 
-What would build for minutes is a dry run. A line that this does not know how to run is an error.
+Builds that take minutes are dry runs. A line that cannot be run here is an error.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from .conftest import Project
 
 ROOT = Path(__file__).parents[2]
 
-# What the files that a page leaves to its reader hold.
+# Contents of the files that a page leaves to the reader.
 FILES = {"torque.csv": "time,torque\n0,0\n4,0.1\n6,-0.2\n9,0.05\n"}
-SAME = {"more.csv": "log.csv"}  # as another that a command has written
+SAME = {"more.csv": "log.csv"}  # like another one written by a command
 
-# What is built in earnest, where it is reported first.
+# Built completely, on the page where it appears first.
 BUILT = {
     "README.md": "results/ilo/fig1.pdf",
     "docs/pages/how-to/state-a-fault.md": "results/ilo/fig9.pdf",
@@ -35,7 +35,7 @@ COMMANDS = ("make", "reobserve", "snakemake", "source", "python")
 
 @dataclass(frozen=True)
 class Command:
-    """A line to type, whether it stands ``alone`` or in a sentence, and what it is to say."""
+    """A command line, whether it stands ``alone`` or in a sentence, and its expected message."""
 
     text: str
     alone: bool = True
@@ -44,7 +44,7 @@ class Command:
 
 @dataclass(frozen=True)
 class File:
-    """A file that is printed, its name in its first line."""
+    """A printed file, with its name in the first line."""
 
     name: str
     content: str
@@ -80,7 +80,7 @@ def _fenced(kind: str, body: str) -> Iterator[Command | File]:
 def as_run(command: Command, built: str = "") -> str:
     """The line to run in place of a printed one; empty if there is nothing to run.
 
-    Of builds only that of the file ``built`` is no dry run.
+    Builds are dry runs, except that of the file ``built``.
     """
     words = shlex.split(command.text, comments=True)
     first, *rest = words
@@ -89,7 +89,9 @@ def as_run(command: Command, built: str = "") -> str:
     if first == "cp" or words == ["make", "help"]:
         return command.text
     if first in ("make", "snakemake"):
-        if "--profile" in rest:  # of a cluster, which none is here; and a chunk is a chunk
+        if (
+            "--profile" in rest
+        ):  # cluster commands, as there is no cluster here; and chunks, which are all alike
             words = [word for word in words if word not in ("--profile", "profiles/slurm")]
             words = [word.replace("chunks=200", "chunks=2") for word in words]
         earnest = built in rest or "--dry-run" in rest or command.refused
@@ -100,27 +102,27 @@ def as_run(command: Command, built: str = "") -> str:
     elsewhere = (
         words[:2] == ["source", ".venv/bin/activate"]
         or first == "git"  # a copy has no history
-        or command.text.startswith("cd motor; cc ")  # tests/codegen compiles what is exported
+        or command.text.startswith("cd motor; cc ")  # tests/codegen compiles exported code
     )
     assert elsewhere, f"no way to run {command.text}"
     return ""
 
 
 def printed_on(page: Path) -> list[Command | File]:
-    """Of pages only what stands alone, and what no code of theirs has typed; in sentences they
-    name what others show.
+    """On pages only blocks that no code of theirs has run; sentences mention commands of other
+    pages.
     """
     found = [*parts(by_hand(page.read_text(encoding="utf-8")))]
     return [part for part in found if page.name == "README.md" or getattr(part, "alone", True)]
 
 
-# Their commands need the files that they add: tests/docs/test_add_*.py run them.
+# Their commands need the files that they add: see tests/docs/test_add_*.py.
 ADD = {f"docs/pages/how-to/{name}.md" for name in ("add-an-observer", "add-to-the-bench")}
 
 REPORTED = {
     page.relative_to(ROOT).as_posix(): reported
     for page in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
-    if page.parent.name != "reference"  # that is generated
+    if page.parent.name != "reference"  # a generated page
     and page.relative_to(ROOT).as_posix() not in ADD
     and (reported := printed_on(page))
 }
@@ -173,5 +175,5 @@ def test_build_ends_with_the_documented_sentence(fresh: Project) -> None:
 
 
 def wants_conda(line: str, reported: str) -> bool:
-    """Whether all that stopped a command is that this machine has no conda."""
+    """Whether a command failed only because this machine has no conda."""
     return " conda" in line and not shutil.which("conda") and "Is conda installed" in reported

@@ -1,4 +1,4 @@
-"""What a build prints: for each job what it does and how many are done, and what goes wrong."""
+"""The output of a build: each job with its progress, and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pipeline computes what the library does: one call in this process, and jobs and files."""
+"""The pipeline gives the library's results: one call in this process against jobs and files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .conftest import (
     with_few_levels,
 )
 
-# The first figure of each paper at once, the others nightly.
+# The first figure of each paper by default, the others nightly.
 FIRST = {paper: next(iter(PARAMETER_FILES[paper].tree["figures"])) for paper in PAPERS}
 
 
@@ -71,7 +71,7 @@ def test_figure_is_bitwise_identical_to_the_library_call(
 def test_study_is_bitwise_identical_to_the_library_call(
     as_built: Project, tmp_path: Path, paper: str, study: str
 ) -> None:
-    """Of the dearest those of a few of their levels, whose rows are among the built ones."""
+    """For the most expensive studies, a few levels, whose rows are among the built ones."""
     parameters = PARAMETER_FILES[paper]
     evaluator = EVALUATORS[paper].sibling(
         with_few_levels(parameters) if study in FEW_LEVELS else parameters

@@ -1,4 +1,4 @@
-"""Samples in chunks as jobs: here, and on a Slurm of one node in which one of them is killed."""
+"""Samples in chunks as jobs: locally, and on a single-node Slurm where one of them is killed."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from .test_staleness import edited
 ROBUSTNESS = "results/toy/robustness.json"
 WHOLE = ("samples=40", "reversals=false")
 
-PLUGIN = Path(sys.prefix) / "cluster"  # where .ci/run puts it
+PLUGIN = Path(sys.prefix) / "cluster"  # where .ci/run writes it
 LACKING = "on Debian and Ubuntu: apt-get install slurmctld slurmd slurm-client munge"
 NO_PLUGIN = "no executor for Slurm in this environment: make cluster"
 
 
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """The project in which `toy` is the one paper to build."""
+    """The project with `toy` as its only paper."""
     return copy_toy(tmp_path_factory.mktemp("toy"))
 
 
 @pytest.fixture(scope="module")
 def in_one(toy: Project) -> bytes:
-    """What comes out where one job makes all samples."""
+    """The result of a single job for all samples."""
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE)
     assert not (toy.folder / "results/toy/samples").exists()
     return (toy.folder / ROBUSTNESS).read_bytes()
@@ -71,7 +71,7 @@ def test_sample_chunks_as_jobs_give_the_same_bytes(toy: Project, in_one: bytes) 
 
 @pytest.mark.nightly
 def test_sample_chunks_are_stale_after_their_inputs_change(toy: Project, in_one: bytes) -> None:
-    """In the same build, also where a study before them has to run first."""
+    """In the same build, also if a study before them has to run first."""
     config = [*WHOLE, "chunks=2"]
     toy.snakemake(ROBUSTNESS, "--config", *config)
     gain = "toy={observers: {slow: {gains: [0.9, 1.1]}}}"
@@ -84,7 +84,7 @@ def test_sample_chunks_are_stale_after_their_inputs_change(toy: Project, in_one:
 
 @pytest.fixture
 def slurm() -> Iterator[dict[str, str]]:
-    """Of a Slurm that runs. Where none can, tests are skipped; in CI they fail."""
+    """The variables of a running Slurm. Without it tests are skipped; in CI they fail."""
     without = f"no {', '.join(missing())}; {LACKING}" if missing() else ""
     if not (importlib.util.find_spec("snakemake_executor_plugin_slurm") or PLUGIN.is_dir()):
         without = without or NO_PLUGIN
@@ -98,8 +98,8 @@ def slurm() -> Iterator[dict[str, str]]:
 def test_slurm_runs_all_jobs_and_restarts_a_killed_one(
     toy: Project, in_one: bytes, slurm: dict[str, str]
 ) -> None:
-    """Jobs of Slurm: all behind the figures, two chunks, one of them twice, one that gathers them,
-    and all that follows.
+    """Slurm jobs: everything after the figures, two chunks (one of them twice), the job that
+    gathers them, and all later ones.
     """
     shutil.rmtree(toy.folder / "results/toy")
     paths = (toy.environment["PYTHONPATH"], str(PLUGIN))
@@ -131,7 +131,7 @@ def test_slurm_runs_all_jobs_and_restarts_a_killed_one(
 
 
 def kill_first_chunk(slurm: dict[str, str], build: subprocess.Popen[bytes]) -> str:
-    """Wait for a chunk to run and cancel it; which job of Slurm that was."""
+    """Wait for a chunk to run and cancel it; returns its Slurm job."""
     while build.poll() is None:
         rows = ask(slurm, "squeue", "--noheader", "--states=RUNNING", "--format=%i %k")
         for row in rows.splitlines():

@@ -1,4 +1,4 @@
-"""An edit makes exactly what depends on it stale; a touch makes nothing stale."""
+"""An edit makes exactly its dependents stale; touching a file makes nothing stale."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .conftest import FEW_DRAWS, PAPERS, PARAMETER_FILES, Project
 OPTIONAL = {"design": "designs", "study": "studies", "table": "tables", "theory": "theory"}
 ALWAYS = {"plant", "observe", "metrics", "plot"}
 ALL_STAGES = ALWAYS | set(OPTIONAL)
-# Of studies, which import the same, one that is quick.
+# One quick study; all import the same modules.
 STUDIES = {
     "delay": "tuning",
     "eso": "designs",
@@ -35,7 +35,7 @@ FROM_OBSERVE = {"observe": 14, "study": 1, "metrics": 6, "plot": 6}
 
 @contextmanager
 def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]:
-    """The file with ``old`` replaced by ``new`` (added at the end if ``old`` is empty)."""
+    """Replace ``old`` by ``new`` in a file (append if ``old`` is empty)."""
     before, status = path.read_bytes(), path.stat()
     text = before.decode()
     assert old in text
@@ -47,7 +47,7 @@ def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]
         os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
-# The module, and the jobs of `ilo` that its edit makes stale: its stage's and those that follow.
+# The module, and the jobs of `ilo` that its edit makes stale: its own stage and later ones.
 EDITS = {
     "papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
     "cli/stages/parameters.py": {},
@@ -55,7 +55,7 @@ EDITS = {
 MORE_EDITS = {
     "plants/satellite.py": ALL,
     "papers/ilo/plant.py": ALL,
-    "systems/rigid_body.py": ALL,  # imported by plant and observers, indirectly
+    "systems/rigid_body.py": ALL,  # imported indirectly by plant and observers
     "papers/ilo/observe.py": FROM_OBSERVE,
     "cli/stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
     "papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
@@ -81,7 +81,7 @@ MORE_EDITS = {
 def test_edit_makes_its_stage_and_later_stages_stale(
     built: Project, module: str, expected: dict[str, int]
 ) -> None:
-    # Other papers have their share in what is common, and none in what is of `ilo`.
+    # Other papers depend on common modules, and not on those of `ilo`.
     shared = "ilo" not in module
     with edited(built.folder / "src" / "reobserve" / module):
         stale = built.stale("figures", config=["papers=[ilo]"] if shared else [])
@@ -98,7 +98,7 @@ def test_touching_a_file_makes_nothing_stale(built: Project) -> None:
 
 @pytest.mark.nightly
 def test_new_package_version_makes_dependent_jobs_stale(built: Project) -> None:
-    """All that computes or samples; by metadata that are found before those of the real package."""
+    """Everything that computes or plots; by metadata found before those of the real package."""
     about = built.folder / "src/numpy-0.1.dist-info"
     about.mkdir()
     try:
@@ -127,7 +127,7 @@ def test_samples_are_stale_after_changes_of_figures_and_observers(
 
 
 def test_changed_value_makes_only_its_dependents_stale(built: Project) -> None:
-    """One observer's gain: its runs, the study and their figures, no plant and not Fig. 4."""
+    """The gain of one observer: its runs, the study and their figures, no plant and not Fig. 4."""
     gain = "ilo={observers: {forgetting: {K2: 1900}}}"
     label = "ilo={observers: {forgetting: {label: another name}}}"
     observe = {"observe": 4, "study": 1, "metrics": 5, "plot": 5}
@@ -150,7 +150,7 @@ def test_changed_caption_makes_its_plot_stale(built: Project) -> None:
         assert built.stale(config=FEW_DRAWS) == {"plot": 1, **REPORTED}
 
 
-# What a claim's wording makes stale, and what its checks do.
+# Jobs made stale by the wording of a claim, and by its checks.
 REPORTED = {"report": 1, "verdicts": 1}
 DECIDED = {"robustness": 1, "sensitivity": 1, "claims": 1, **REPORTED}
 ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
@@ -193,7 +193,7 @@ def test_evidence_is_stale_after_its_inputs_change(
 
 @pytest.mark.nightly
 def test_changed_search_result_makes_its_dependents_stale(fresh: Project) -> None:
-    """By the times of files alone, so that nothing need be built."""
+    """By file times alone, so that nothing need be built."""
     found = "config/searches/imm_calibrated.json"
     studies = {
         name: body["scenario"]
@@ -230,7 +230,7 @@ def test_build_runs_only_stale_jobs(fresh: Project) -> None:
 
 @pytest.mark.nightly
 def test_edited_kernel_is_not_loaded_from_an_old_cache(fresh: Project) -> None:
-    """Machine code is cached on disk; the product of a matrix is compiled into others."""
+    """Machine code is cached on disk; the matrix product is inlined into other kernels."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(target)
     before = fresh.results()["ilo/constant/plant.parquet"]
@@ -254,7 +254,7 @@ def test_edited_kernel_is_not_loaded_from_an_old_cache(fresh: Project) -> None:
     assert abs(series[0] - json.loads(again)[0]) > 1e-6
 
 
-# Each in a process that has imported nothing of ours, but what they all take from elsewhere.
+# Each in a process that has imported only third-party packages common to all.
 LOADED = """
 import json, os, sys
 import jinja2, matplotlib.figure, numba, pandas, pyarrow.parquet, scipy.optimize, scipy.signal
@@ -271,18 +271,18 @@ for line in sys.stdin:
 
 
 LATE = {
-    "reobserve.__main__",  # of `python -m reobserve`, which this test does not go through
+    "reobserve.__main__",  # of `python -m reobserve`, which this test does not use
     "reobserve.core.yaml_loader",
-    "reobserve.core.documents",  # imported where a YAML is read, which few stages do
-    "reobserve.plotting.apart",  # where a figure is drawn in the process of somebody else
-    "reobserve.observers.halving",  # and where something diverges, which nothing does as built
-    "reobserve.observers.run_plot",  # and where somebody asks a run for its picture
+    "reobserve.core.documents",  # imported for reading YAML, which few stages do
+    "reobserve.plotting.apart",  # when a figure is plotted in another process
+    "reobserve.observers.halving",  # and on divergence, which does not occur in the build
+    "reobserve.observers.run_plot",  # and when a run is plotted
 }
 
 
 @pytest.fixture(scope="module")
 def commands(built: Project) -> list[list[str]]:
-    """What the jobs of all stages are called with, after the stage's name."""
+    """The arguments of all stage jobs, after the name of the stage."""
     asked = ("--dry-run", "--forceall", "--printshellcmds", "--config", *FEW_DRAWS)
     output = built.snakemake(*asked).stdout
     found = re.findall(r"\(set -x; reobserve stage (.*?)\) ", output)
@@ -299,10 +299,10 @@ def has_file(words: list[str], option: str) -> bool:
 def test_import_closure_contains_every_module_a_stage_loads(
     built: Project, commands: list[list[str]], paper: str
 ) -> None:
-    """The closure is read from source text; here each stage runs and says what it imported.
+    """The closure is read from source text; here each stage runs and reports its imports.
 
-    One job of each kind runs: with and without a design, with and without a study; of drawings one
-    format. The robustness does what the other stages do, and would take too long here.
+    One job of each kind runs: with and without a design, with and without a study; plots in one
+    format. The robustness stage uses the same modules and would take too long here.
     """
     jobs: dict[tuple[str, bool, bool], list[str]] = {}
     for words in commands:

@@ -1,4 +1,5 @@
-"""What a user's names and a failing step must not do: run, leave the project, or pass for done."""
+"""Names chosen by users and failing steps must not run code, leave the project or pass
+unnoticed."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.nightly
 
 
 def with_config(project: Project, **paper: object) -> tuple[str, str]:
-    """The option that hands these overrides over, as a file."""
+    """The option that passes these overrides as a file."""
     (project.folder / "mine.yaml").write_text(yaml.safe_dump(paper), encoding="utf-8")
     return "--configfile", "mine.yaml"
 
@@ -55,7 +56,7 @@ def test_names_from_a_file_cannot_run_code_or_leave_the_project(fresh: Project, 
 def test_duplicate_key_in_a_config_file_is_refused(
     fresh: Project, name: str, text: str, said: str
 ) -> None:
-    """Snakemake takes the last of them and says nothing."""
+    """Snakemake silently uses the last of them."""
     (fresh.folder / name).write_text(text, encoding="utf-8")
     target = "results/ilo/constant/plant.parquet"
     done = fresh.snakemake(target, "--dry-run", "--configfile", name, check=False)
@@ -111,7 +112,7 @@ def test_file_named_like_a_pattern_is_read_literally(fresh: Project) -> None:
 
 
 def test_failure_before_a_pipe_fails_the_job(fresh: Project) -> None:
-    """A search tells its progress through `tee`, which never fails."""
+    """A search prints its progress through `tee`, which never fails."""
     option = with_config(
         fresh, imm={"searches": {"calibrated": {"observers": ["kalman_retuned", "svsf_tuned"]}}}
     )
@@ -137,7 +138,7 @@ def test_jobs_find_programs_next_to_the_python_of_snakemake(fresh: Project) -> N
 
 
 def test_construction_checks_run_once(fresh: Project) -> None:
-    """The first build checks all parameters, later ones those that changed since."""
+    """The first build checks all parameters, later ones only changed parameters."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(target)
     written = fresh.folder / "results/ilo/parameters.json"
@@ -168,7 +169,7 @@ def test_damaged_snakemake_metadata_is_reported_in_one_sentence(
 
 
 def test_unwritable_results_folder_is_reported_in_one_sentence(fresh: Project) -> None:
-    """A file where a folder must be: that stops root, too."""
+    """A file in place of a folder, which also stops root."""
     (fresh.folder / "results/ilo").write_text("")
     done = fresh.snakemake("results/lie/figure/plant.parquet", check=False)
     assert done.returncode == 1

@@ -1,6 +1,6 @@
-"""What adding a paper takes: `toy`, with every stage, built, edited and kept as golden numbers.
+"""Adding a paper: `toy`, with every stage, built, edited and stored as golden numbers.
 
-Design: l1 = 2 pole - rate = 7.5 and l2 = pole^2 = 16, where the table of the paper prints 15.9.
+Design: l1 = 2 pole - rate = 7.5 and l2 = pole^2 = 16, while the table of the paper prints 15.9.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ DESIGN = "results/toy/gains.design.json"
 
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """A copy of the project in which `toy` is the one paper to build, built and committed."""
+    """A copy of the project with `toy` as its only paper, built and committed."""
     project = copy_toy(tmp_path_factory.mktemp("toy"))
     git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
     project.run("git", "init", "--quiet")
@@ -48,7 +48,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
 
 def refused(project: Project, *command: str) -> str:
-    """Run a sub-command that must fail; the one sentence it prints."""
+    """Run a sub-command that must fail; returns its one-line message."""
     done = project.run("reobserve", *command, "--output", "no/file", check=False)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1, done.stderr
@@ -74,7 +74,7 @@ def test_default_build_makes_the_table_and_the_figure(toy: Project) -> None:
 
 @pytest.mark.nightly
 def test_user_defined_figure_uses_a_user_defined_style(toy: Project) -> None:
-    """Three inches wide, caption and numbers in LaTeX; other figures stay as they are."""
+    """Three inches wide, caption and numbers in LaTeX; other figures are unchanged."""
     sheet = toy.folder / "config/styles/mine.mplstyle"
     own = "toy={figures: {fig2: {like: fig1, title: Ours & 5 %, source: none}}}"
     wanted = [f"results/toy/fig2.{kind}" for kind in ("eps", "pgf", "metrics.tex", "caption.tex")]
@@ -103,7 +103,7 @@ def claims(toy: Project) -> dict[str, dict[str, str]]:
 
 
 def test_claims_get_their_verdicts(toy: Project) -> None:
-    """The double pole is exact; whatever its gains the slow observer is not better, nor good."""
+    """The double pole is exact; the slow observer is neither better nor good with any gains."""
     found = claims(toy)
     assert {name: row["verdict"] for name, row in found.items()} == {
         "double_pole": "reproduced",
@@ -126,7 +126,7 @@ ARCHIVE = "results/archive.zip"
 
 
 def test_build_is_archived_with_its_provenance(toy: Project) -> None:
-    """Each job with the command of its log, what it read and what it made."""
+    """Each job with its logged command, its inputs and its outputs."""
     assert f"{ARCHIVE}: " in toy.snakemake(ARCHIVE).stderr
     crate = ROCrate(toy.folder / ARCHIVE)
     actions = {one.id: one for one in crate.get_by_type("CreateAction")}
@@ -183,7 +183,7 @@ def test_invalid_claim_is_refused_before_the_first_job(
 
 @pytest.mark.nightly
 def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> None:
-    """Whose observers are in a table is known once it is there."""
+    """The observers of a table are known only once it exists."""
     path = toy.folder / "config/claims/toy.yaml"
     more = CLAIM.format(
         name="nobody", statement=STATEMENT, value="fig1 slower late_rms_error", key=KEY
@@ -192,7 +192,7 @@ def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> 
         done = toy.snakemake(check=False)
         assert done.returncode != 0
         assert "Traceback" not in done.stderr
-        # What fails stands before a pipe: it is the job that fails, not its missing output.
+        # The failing command is before a pipe: the job fails, not only its output.
         assert "latency" not in done.stderr
         sentence = "claims.toy.nobody: observer: fig1 has no 'slower'; did you mean 'slow'?"
         assert sentence in (toy.folder / "logs/verdicts.log").read_text()
@@ -207,7 +207,7 @@ def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> 
 
 @pytest.mark.nightly
 def test_failing_figure_is_a_gap_in_the_report(toy: Project) -> None:
-    """The build stops with the sentence of its stage, and the page shows what there is."""
+    """The build stops with the message of its stage, and the page shows the rest."""
     refusing = """from reobserve.core.errors import InputError
 
 
@@ -228,7 +228,7 @@ LAYOUTS = {"lines": lines}
         page = (toy.folder / "results/report.html").read_text()
         assert "fig1" in page
         assert "Both poles are in one place." in page
-        assert page.count("data:image/svg+xml") == 2  # of samples, none of figures
+        assert page.count("data:image/svg+xml") == 2  # jobs for samples, none for figures
     toy.snakemake()
     assert "data:image/svg+xml" in (toy.folder / "results/report.html").read_text()
 
@@ -287,7 +287,7 @@ def test_recomputed_evidence_is_identical(toy: Project) -> None:
         made = [
             text.partition("<!-- measured: begin -->")[0] for text in (built, output.read_text())
         ]
-        # Links lead from where a page stands; all else is the same.
+        # Links depend on the folder of the page; everything else is the same.
         assert made[0].replace("../results/", "") == made[1].replace("../results/", ""), name
     shutil.rmtree(again)
 
@@ -320,7 +320,7 @@ def test_edited_design_stage_makes_its_dependents_stale(
         ("{designs: {gains: {title: other words}}}", {"plot": 1, **REPORTED}),
         ("{tables: {table1: {printed: [7.5, 16]}}}", {"table": 1, **EVIDENCE}),
         ("{tables: {table1: {title: other words}}}", {}),
-        # Another design of one observer leaves the first to the study and the table.
+        # A second design for one observer leaves the first to the study and the table.
         (
             "{designs: {new: {like: gains, pole: 3}}, observers: {placed: {design: new}}}",
             {"design": 1, "observe": 1, "metrics": 1, "plot": 1, "theory": 1, **EVIDENCE},
@@ -335,7 +335,7 @@ def test_changed_value_makes_its_dependents_stale(
 
 @pytest.mark.nightly
 def test_changed_seed_makes_its_samples_stale(toy: Project) -> None:
-    """Records and what follows, and every sample of what is open."""
+    """Records and later results, and every sample of open choices."""
     assert toy.stale(config=["seed=2"]) == {k: n for k, n in ALL.items() if k not in STATIC}
 
 
@@ -433,7 +433,8 @@ def test_listing_and_report_show_the_table(toy: Project) -> None:
 
 @pytest.mark.nightly
 def test_golden_numbers_cover_the_table(toy: Project) -> None:
-    """Accepted, found again, noticed when they move, and accepted with old, new and the reason."""
+    """Accepted, verified, detected when changed, and accepted with old value, new value and
+    reason."""
     accept = ("env", "CI=", "reobserve", "accept", "toy")
     said = toy.run(*accept, "--reason", "a paper is added").stdout
     assert "toy fig1: new" in said

@@ -77,7 +77,7 @@ def constant(value: float) -> Signal:
 
 
 def held_inputs(seed: int = 3, horizon: float = HORIZON) -> tuple[Array, Array]:
-    """d and w of the paper's sizes, a row each period."""
+    """d and w of the paper's sizes, one row per period."""
     rng = np.random.default_rng(seed)
     rows = round(horizon / HOLD)
     return rng.uniform(-1, 1, (rows, 2)) * [0.2, 0.1], rng.normal(size=(rows, 1)) * np.sqrt(1e-3)
@@ -98,9 +98,9 @@ def simulated(
 
 
 def integrated(rates: Callable[..., Any], size: int, inputs: tuple[Array, Array]) -> Array:
-    """z of z' = rates(z, d, w, fa, fs, r), linear, at the ends of the periods of d and w.
+    """z of the linear z' = rates(z, d, w, fa, fs, r), at the ends of the periods of d and w.
 
-    By an adaptive method that restarts where something jumps; from zero.
+    By an adaptive method that restarts at jumps; from zero.
     """
 
     def of(z: Any, each: Any) -> Array:
@@ -112,7 +112,7 @@ def integrated(rates: Callable[..., Any], size: int, inputs: tuple[Array, Array]
     for k, (d, w) in enumerate(zip(*inputs, strict=True)):
         ends = (k * HOLD, (k + 1) * HOLD)
         acting = np.array([0.5 * (ends[0] + ends[1])])
-        # What acts in the middle of a period acts up to both of its ends.
+        # An input active in the middle of a period is active up to both of its ends.
         shapes = [
             [term.shape for term in signal.terms if term.onset < acting[0] < term.end]
             for signal in (ACTUATOR_FAULT, SENSOR_FAULT)
@@ -131,7 +131,7 @@ def integrated(rates: Callable[..., Any], size: int, inputs: tuple[Array, Array]
 
 
 def loop_rates(z: Array, d: Array, w: Array, fa: Array, fs: Array, r: Array) -> list[Array]:
-    """Of x and v, from the equations of the plant and its control."""
+    """The rates of x and v, from the equations of the plant and its control."""
     x, v = z[:2], z[2:3]
     y, u = measured(x, v, w, fs)
     return [MOTOR.A @ x + MOTOR.B @ (u + fa) + [1.0, 2.0] * d, y[:1] - r]
@@ -207,7 +207,7 @@ def truth() -> Array:
 def test_agrees_with_an_adaptive_integration(truth: Array) -> None:
     run = simulated(LOOP, 5e-3)
     assert np.abs(run.state[::20] - truth[:, :2]).max() < 1e-10
-    # At the ends of periods, from inside of them: d and w are those of the period.
+    # At the ends of periods, from inside: d and w are those of the period.
     _, w = held_inputs()
     time = np.arange(1, len(truth)) * HOLD
     fs = SENSOR_FAULT(time, before=True)
@@ -247,7 +247,7 @@ def test_error_is_of_fourth_order_in_the_step(truth: Array) -> None:
 
 
 def test_controller_mistakes_a_sensor_fault_for_speed() -> None:
-    # At rest y1 = r whatever is wrong with it, and the voltage makes up for fa.
+    # In steady state y1 = r whatever the sensor fault, and the voltage compensates for fa.
     nothing = (np.zeros((100, 2)), np.zeros((100, 1)))
     run = simulated(LOOP, 0.01, nothing, constant(1.0), constant(0.1), constant(-0.3))
     assert run.state[-1] == pytest.approx([0.9, 9.0], rel=1e-12)
@@ -315,7 +315,7 @@ def test_integrators_follow_a_polynomial_exactly() -> None:
 
 
 def test_first_order_hold_of_a_lag_is_exact() -> None:
-    # x' = -x + u with u from 2 to 5 in a straight line over T: x = e^-T x0 + ...
+    # x' = -x + u with u linear from 2 to 5 over T: x = e^-T x0 + ...
     period = 0.7
     decay = np.exp(-period)
     (transition,), effects = interpolating_hold([[-1.0]], [[1.0]], period, (0.0, 1.0))
@@ -407,7 +407,7 @@ def test_holds_refuse_nodes_without_a_unique_polynomial(nodes: Any) -> None:
 
 
 def test_left_limit_at_the_start_equals_the_right_limit() -> None:
-    """Nothing was before the first row: its limit from the left is that from the right."""
+    """There is no time before the first row: its left limit equals its right limit."""
     nothing = (np.zeros((40, 2)), np.zeros((40, 1)))
     onset = Signal(1, (Term(0, 0.0, np.inf, Constant(0.3)),))
     run = simulated(LOOP, 0.05, nothing, onset, onset, onset)

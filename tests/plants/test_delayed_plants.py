@@ -55,7 +55,7 @@ INPUTS: dict[str, tuple[Signal, Callable[[float], float]]] = {
     "ramp": (RAMP, lambda t: 0.009 * t),
     "sine": (SINE, lambda t: float(np.sin(0.2 * t))),
 }
-# The same profile in plain Python: a function for each piece, and where the pieces meet.
+# The same profile in plain Python: a function for each piece, and the times between pieces.
 PIECES: tuple[Callable[[float], float], ...] = (
     lambda t: 0.6,
     lambda t: 1.2,
@@ -79,7 +79,7 @@ PLANTS = {"pendulum": (PENDULUM, pendulum_slope, START), "lag": (LAG, lag_slope,
 
 @cache
 def reference(plant: str, applied: str) -> Array:
-    """States at whole seconds by a method of order 8, which starts again at each of them.
+    """States at whole seconds by a method of order 8, restarted at each of them.
 
     So it never steps over a jump of the delay, and its last step in each second ends there.
     """
@@ -108,7 +108,7 @@ def simulated(plant: str, applied: str) -> Array:
 @pytest.mark.parametrize("applied", INPUTS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_agrees_with_an_adaptive_method_over_the_profile(plant: str, applied: str) -> None:
-    # Measured 6.4e-10 at most, where the pendulum turns over fast; the lag is at rounding.
+    # Measured 6.4e-10 at most, where the pendulum turns fast; for the lag only rounding.
     gap = simulated(plant, applied)[::1000] - reference(plant, applied)
     assert np.max(np.abs(gap)) < 1e-9
 
@@ -201,7 +201,7 @@ def test_pendulum_is_linear_at_small_angles(friction: float) -> None:
     for angle in (0.02, 0.01):
         states = plant.simulate([angle, 0.0], nothing, none, 1e-3, 4000)
         gaps.append(np.max(np.abs(states[:, 0] - angle * shape)))
-    # What is left is the cubic term of the sine: the rate of turning falls by angle^2/16 of it.
+    # The rest is the cubic term of the sine: the frequency falls by angle^2/16 of it.
     assert gaps[0] < 1.05 * 0.02**3 / 16 * omega * 4
     assert gaps[0] / gaps[1] == pytest.approx(8, rel=0.02)
 
@@ -271,7 +271,7 @@ def test_ramp_ends_above_the_largest_static_torque() -> None:
     horizontal, upright = first_time(np.abs(angle) > np.pi / 2), first_time(np.abs(angle) > np.pi)
     assert horizontal == pytest.approx(111.088, abs=2e-3)
     assert upright == pytest.approx(113.325, abs=2e-3)
-    # Before that it follows the torque; after it it spins, 14 turns and a half by 120 s.
+    # Before, it follows the torque; afterwards it spins, 14.5 turns by 120 s.
     assert angle[-1] == pytest.approx(90.7637, abs=1e-4)
     assert np.all(np.diff(angle[110000:]) > 0)
 
@@ -327,7 +327,7 @@ def test_delay_outside_its_interval_is_refused() -> None:
         InputError, match=r"^delay: is 0.3 s at t = 40 s, must be from 0.5 to 1.5 s$"
     ):
         check_delay("delay", PROFILE, (0.5, 1.5), 1e-3, 120.0)
-    # Between the ends of steps and at their ends from the left it is looked at too.
+    # Between the ends of steps and at their left limits it is checked too.
     peak = signal(constant(1.0), sine(0.6, np.pi, **{"from": 0}))
     with pytest.raises(InputError, match=r"^delay: is 1.6 s at t = 0.5 s, must be from 0 to 1.5 s"):
         check_delay("delay", peak, (0.0, 1.5), 1.0, 2.0)
@@ -362,7 +362,8 @@ def test_control_jump_inside_a_step_is_refused() -> None:
         r"0.9 s, must arrive at a multiple of the step$",
     ):
         LAG.simulate([0.0], late, signal(constant(0.6)), 0.1, 20)
-    # The end of a history counts too, and so does a break that only the middle of a step is past.
+    # The end of a history also counts, and so does a break that only the midpoint of a step has
+    # passed.
     history = signal(constant(1.0, **{"from": -1}, until=-0.05))
     with pytest.raises(
         InputError, match=r"^control: jumps or bends at -0.05 s, .* from 0.5 to 0.6"
@@ -371,15 +372,15 @@ def test_control_jump_inside_a_step_is_refused() -> None:
     wave = signal(constant(1.0), sine(1.0, 2 * np.pi))
     with pytest.raises(InputError, match=r"^control: jumps or bends at"):
         LAG.simulate([0.0], signal(constant(1.0, **{"from": -0.8})), wave, 1.0, 3)
-    # A control that starts long before it is asked for breaks nowhere.
+    # A control that starts long before its first use has no break.
     LAG.simulate([0.0], SINE, PROFILE, 0.1, 1200)
 
 
 def test_delayed_time_running_backwards_over_a_jump_is_refused() -> None:
-    """The delay grows by 2 s a second: what was sent first arrives last.
+    """The delay grows by 2 s per second: the control arrives in reverse order.
 
-    At the instant 0.5 s, on the grid, the limit from inside the step before it would be that of
-    the control from the right.
+    At 0.5 s, on the grid, the limit from inside the step before it would be that of the control
+    from the right.
     """
     growing = signal({"kind": "ramp", "slope": 2.0})
     jump = signal(constant(1.0, **{"from": -1}, until=-0.5))
@@ -440,7 +441,7 @@ def _no_gain(y: Array, parameters: Array, G: Array) -> None:
 
 
 def test_divergence_is_reported_with_its_time() -> None:
-    """From x(0) = 1 on, x' = x^2 has no solution after t = 1."""
+    """From x(0) = 1, x' = x^2 has no solution after t = 1."""
     plant = DelayedInputPlant(TriangularModel(1, _explosive_drift, _no_gain, np.zeros(0)))
     with pytest.raises(
         DivergenceError, match=r"^plant diverged: its state is finite up to"

@@ -1,4 +1,4 @@
-"""The actuator's models, their sampling, and the plant that changes from one to another."""
+"""The models of the actuator, their sampling, and the plant that switches between them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 MODELS = {name: ActuatorModel(*pair) for name, pair in ACTUATOR.items()}
 FREQUENCY = 200.0
-# A held input: volts, over as many steps each.
+# A held input: volts, over this many steps each.
 VOLTS, HOLD = (1.5, -1.5, 0.4, 0.0, 1.0), 10
 
 
@@ -51,9 +51,9 @@ def test_static_gains_agree_with_the_transfer_functions(mode: str, gain: float) 
 
 
 def observer_form(mode: str, state: Array, volts: float) -> Array:
-    """The slope of y' = x2 - a1 y + b1 u, x2' = x3 - a2 y + b2 u, ... and of y's integral.
+    """The slope of y' = x2 - a1 y + b1 u, x2' = x3 - a2 y + b2 u, ... and of the integral of y.
 
-    In this form the coefficients stand as they are printed: it knows no Markov parameters.
+    This form uses the printed coefficients directly, without Markov parameters.
     """
     b, a = (np.array(part) for part in ACTUATOR[mode])
     slope = b * volts - a * state[0]
@@ -93,8 +93,8 @@ def snap_of(mode: str, state: Array, volts: float) -> float:
 def integrated(schedule: tuple[tuple[str, float], ...], period: float) -> Array:
     """Motion at the end of each step by a method of order 8.
 
-    Each entry of the schedule is the mode and the volts of a step. When the mode changes, y to
-    y''' are handed over under the old volts; then the new ones apply.
+    Each entry of the schedule is the mode and the volts of a step. When the mode changes, y to y'''
+    are handed over under the old volts; then the new ones apply.
     """
     state, snap, rows = np.zeros(5), 0.0, [np.zeros(4)]
     scales = np.array([1.0, 5e2, 3e5, 1e8, 1e-2])
@@ -150,7 +150,7 @@ def test_frequency_response_agrees_with_partial_fractions(mode: str, frequency: 
         for angle in (0.01, 0.5, 3.0):
             z = mpmath.expj(angle)
 
-            # What a unit of u does over a step to the k-th derivative of each pole's part.
+            # The effect of a unit of u over a step on the k-th derivative of each pole's part.
             def part(k: int, z: Any = z) -> Any:
                 return mpmath.fsum(
                     r * p ** (k - 1) * mpmath.expm1(p * T) * z / (z - mpmath.exp(p * T))
@@ -215,7 +215,7 @@ def test_zero_order_hold_of_the_actuator_agrees_with_50_digits() -> None:
 
 
 def exact_hold(A: Any, B: Any, period: float) -> tuple[Array, Array]:
-    """sum (A T)^k / k! and sum A^k B T^(k+1) / (k+1)!, until nothing is left of 50 digits."""
+    """sum (A T)^k / k! and sum A^k B T^(k+1) / (k+1)!, until terms are below 50 digits."""
     with mpmath.workdps(50):
         a, b, T = mpmath.matrix(A), mpmath.matrix(B), mpmath.mpf(period)
         term = mpmath.eye(a.rows)
@@ -228,7 +228,7 @@ def exact_hold(A: Any, B: Any, period: float) -> tuple[Array, Array]:
         return rounded(transition), rounded(effect)
 
 
-# --- The plant that changes ---------------------------------------------------------------------
+# --- The plant that switches --------------------------------------------------------------------
 
 PAIR = (MODELS["normal"], MODELS["leakage"])
 # The mode changes while the volts are held, back at a step of them, and once more in between.
@@ -263,13 +263,13 @@ def test_motion_is_continuous_at_a_mode_change(change: int) -> None:
     right = extrapolated(motion[change + places])
     np.testing.assert_allclose(right / size, left / size, rtol=0, atol=1e-10)
     np.testing.assert_allclose(right / size, motion[change] / size, rtol=0, atol=1e-10)
-    # A guard: something does change, the second derivative of the jerk.
+    # Precondition: something does change, the second derivative of the jerk.
     bends = [np.diff(motion[k : k + 3, 3], 2)[0] for k in (change - 2, change)]
     assert abs(bends[1] - bends[0]) > 0.01 * max(map(abs, bends))
 
 
 def extrapolated(samples: Array) -> Array:
-    """What the polynomial through samples at 1 to n says of 0."""
+    """Extrapolate the polynomial through samples at 1 to n to 0."""
     n = len(samples)
     weights = [(-1) ** (k + 1) * float(mpmath.binomial(n, k)) for k in range(1, n + 1)]
     return np.asarray(weights) @ samples
@@ -399,7 +399,7 @@ def test_invalid_input_is_refused(case: str) -> None:
 
 
 def test_reference_is_continuous_at_a_mode_change() -> None:
-    """A guard for the reference itself."""
+    """Check of the reference itself."""
     state = np.array([0.3, 20.0, -5e4, 3e6, 0.1])
     motion, snap = motion_of("leakage", state, 0.7), snap_of("leakage", state, 0.7)
     np.testing.assert_allclose(state_of("leakage", motion, 0.7, snap), state, rtol=1e-12)
@@ -417,7 +417,7 @@ def test_continuous_quantities_follow_the_chosen_handover() -> None:
         np.testing.assert_array_equal(run[:401], runs["motion"][:401])
         assert run[-1, 1] == pytest.approx(gains[1], rel=1e-3), way
         assert jumps[way][0] == pytest.approx(gains[0] * period, rel=0.7), way
-    # At rest the derivatives are zero, and the velocity is (14) of one model or of the other.
+    # At rest the derivatives are zero, and the velocity is (14) of one of the models.
     assert jumps["motion"][1] < 1e-2 * gains[0]
     first = (models[0].markov[0] - models[1].markov[0]) * 1.5
     assert runs["states"][401, 2] == pytest.approx(-first, rel=0.2)

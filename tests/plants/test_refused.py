@@ -1,4 +1,4 @@
-"""Numbers and signals that no plant can be simulated with, each refused by its argument."""
+"""Numbers and signals that no plant can be simulated with, each refused naming the argument."""
 
 from __future__ import annotations
 

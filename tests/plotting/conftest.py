@@ -1,4 +1,4 @@
-"""What tests of drawings share."""
+"""Fixtures of the plotting tests."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ from reobserve.plotting.look import use_sheet
 
 @pytest.fixture(autouse=True)
 def _the_look_of_the_house() -> Iterator[None]:
-    """A sheet that a test uses is laid aside after it."""
+    """Reset the style sheet after each test."""
     yield
     use_sheet(None)

@@ -1,4 +1,4 @@
-"""Plots: the same bytes each time, nothing lost in thinning, lines distinguished without colour."""
+"""Plots: reproducible bytes, thinning without loss, lines distinguishable without colour."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def lightness(color: str) -> float:
 
 
 def test_lines_are_distinguishable_without_colour() -> None:
-    """By dash and marker among themselves, by lightness and width from the truth."""
+    """Lines differ by dash and marker, and from the truth by lightness and width."""
     dashes = [str(style.linestyle) for style in STYLES]
     markers = [style.marker for style in STYLES]
     assert len(set(dashes)) == len(set(markers)) == len(STYLES)
@@ -42,7 +42,7 @@ def test_lines_are_distinguishable_without_colour() -> None:
         assert Style(one.color, one.linestyle) != Style(other.color, other.linestyle)
 
 
-# What every figure of the default style has, and why.
+# Properties of every figure in the default style, and the reasons.
 LOOK = {
     "axes.grid": (True, "numbers can be read off print"),
     "axes.spines.top": (False, "a frame says nothing"),
@@ -73,7 +73,7 @@ def test_envelope_has_the_maximum_of_each_complete_bin() -> None:
 
 
 def test_figure_is_sized_for_print() -> None:
-    """On the page as it is, without scaling: text of 7 to 9 points, a grid below all lines."""
+    """On the page without scaling: text of 7 to 9 points, a grid below all lines."""
     figure, panels = new_figure((1.0, 2.0))
     assert figure.axes == panels
     assert len(panels) == 2

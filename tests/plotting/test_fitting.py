@@ -1,4 +1,4 @@
-"""Fitting: in a style with less room nothing overlaps, is cut off or lost."""
+"""Fitting: in a smaller style nothing overlaps, is cut off or lost."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ TITLE = "(a) a title that is as long as a default line of text, that is 6.6 inch
 
 
 def drawing() -> PaperFigure:
-    """A long title, a legend that lies on a line, many ticks, a word on each of many rows."""
+    """A long title, a legend that covers a line, many ticks, a word on each of many rows."""
     figure, (above, below) = new_figure((1.5, 2.0), share_time=False)
     for k, style in enumerate(STYLES[:3]):
         label = f"an observer whose name is long, {k}"
@@ -84,7 +84,7 @@ def test_everything_lies_within_the_figure(fitted: PaperFigure) -> None:
 
 
 def hidden(figure: Figure) -> list[Text]:
-    """Labels of ticks beyond the limits, which are not drawn."""
+    """Tick labels beyond the limits, which are not drawn."""
     found = []
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):

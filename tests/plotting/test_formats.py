@@ -1,4 +1,4 @@
-"""Formats: as wide as the style says, fonts inside, nothing lost, the same bytes each time."""
+"""Formats: the width of the style, embedded fonts, no loss, reproducible bytes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WIDTHS = {"default": 6.6 * 72, "ieee-column": 3.5 * 72, "elsevier-column": 90 / 
 
 
 def drawing() -> PaperFigure:
-    """Letters of all kinds, a band that one looks through, a logarithmic axis."""
+    """Letters of all kinds, a transparent band, a logarithmic axis."""
     figure, (axes,) = new_figure((2.0,))
     axes.plot([1, 2, 3], [1, 20, 300], **STYLES[1].points(), label="Γ τ K₁, 5 % & x̂₁ − x₁")
     axes.fill_between([1, 2, 3], 1, [2, 30, 400], color="#c4500a", alpha=0.2, linewidth=0)
@@ -121,7 +121,7 @@ def test_eps_fonts_are_embedded(tmp_path: Path) -> None:
 
 
 def test_eps_bands_have_the_colour_of_transparent_ones(tmp_path: Path) -> None:
-    """#c4500a at 0.2 on white is 0.2 c + 0.8; the figure itself is as before."""
+    """#c4500a at 0.2 on white is 0.2 c + 0.8; the figure itself is unchanged."""
     figure = drawing()
     fix_layout(figure)
     before = saved(tmp_path, "png", figure)

@@ -1,4 +1,4 @@
-"""LaTeX: letters read back by a parser of LaTeX, numbers and tables by hand."""
+"""LaTeX: text read back by a LaTeX parser, numbers and tables by hand."""
 
 from __future__ import annotations
 

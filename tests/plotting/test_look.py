@@ -1,4 +1,4 @@
-"""Style sheets: what the project's state, what users' may, and how a wrong one is refused."""
+"""Style sheets: those of the project, those of users, and how an invalid one is refused."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from reobserve.replication.parameters.config import known_styles
 ROOT = Path(__file__).parents[2]
 SHEETS = ROOT / "config" / "styles"
 
-# What publishers ask for: the width in inches, and the least text in points.
+# Publishers' requirements: the width in inches, and the minimum text size in points.
 # IEEE: 3.5 and 7.16 inches. Elsevier: 90 and 190 mm, text of 7 points.
 ASKED = {
     "default": (6.6, 7.5),
@@ -70,7 +70,7 @@ def test_style_sheet_is_applied_on_the_default_style_only(tmp_path: Path) -> Non
 
 
 def test_small_text_stays_legible(tmp_path: Path) -> None:
-    """6.3 points by default would be 3.7; what is smaller than 6 by default is scaled only."""
+    """6.3 points by default would become 3.7; text below 6 points by default is only scaled."""
     sheet = tmp_path / "small.mplstyle"
     sheet.write_text("font.size: 5\n")
     look.use_sheet(sheet)

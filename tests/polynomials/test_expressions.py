@@ -1,4 +1,4 @@
-"""Taylor polynomials of expressions against what is known of them by other means."""
+"""Taylor polynomials of expressions against independent results."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def coefficients(series: PolynomialMap) -> dict[tuple[int, ...], Any]:
 
 
 def known(expression: Any, degree: int) -> dict[tuple[int, ...], Fraction]:
-    """By derivatives along a line: the expression at (s x, s y), expanded in s."""
+    """Coefficients by derivatives along a line: the expression at (s x, s y), expanded in s."""
     s = sympy.Symbol("s")
     line = sympy.sympify(expression).subs({x: s * x, y: s * y}, simultaneous=True)
     taylor = sympy.series(line, s, 0, degree + 1).removeO().subs(s, 1)
@@ -86,7 +86,7 @@ def test_float_power_with_integer_value_is_an_integer_power() -> None:
     assert coefficients(expanded("x**2.0 + x", 3, ["x"])) == {(1,): 1.0, (2,): 1.0}
 
 
-# Where the function is analytic. For gamma at other places sympy takes minutes.
+# Where the function is analytic. Elsewhere sympy takes minutes for gamma.
 CENTRES = {
     **dict.fromkeys(ANALYTIC, ("0", "1", "-1/3")),
     **dict.fromkeys(("cot", "csc", "coth", "csch"), ("1", "-1/3")),
@@ -124,7 +124,8 @@ def test_square_root_agrees_with_60_digits_at_high_degree() -> None:
 
 
 def test_values_near_the_origin_agree_with_the_expression() -> None:
-    """A model of a robot joint: the rest falls with the degree as it must, down to rounding."""
+    """A model of a robot joint: the remainder falls with the degree as expected, down to
+    rounding."""
     text = "sin(x)*cos(y + 1)/(2 + cos(x - y)) + exp(-x**2)*sqrt(3 + y)"
     value = sympy.lambdify((x, y), sympy.sympify(text))
     points = np.array([[0.03, -0.04], [-0.05, 0.01], [0.02, 0.06]])
@@ -160,7 +161,7 @@ def test_symbols_text_and_numbers_are_accepted() -> None:
         assert coefficients(got) == {(0, 1): 2.0, (1, 1): 1.0}
     assert coefficients(expanded(3, 2, ["x"])) == {(0,): 3.0}
     assert coefficients(expanded(np.float64(0.5), 2, ["x"])) == {(0,): 0.5}
-    # Names that sympy uses for something else are the user's own.
+    # Names with a meaning in sympy are the user's own.
     assert coefficients(expanded("beta*E + I", 2, ["beta", "E", "I"])) == {
         (0, 0, 1): 1.0, (1, 1, 0): 1.0,
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Text of a user is read by a grammar: what is not in it runs nowhere, what is large not at all."""
+"""User text is read by a grammar: nothing else is executed, and large expressions are refused."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ LARGE: dict[str, Any] = {
 deep = a
 for _ in range(300):
     deep = sympy.sin(deep, evaluate=False)
-turned = sympy.I * sympy.exp(400)  # its square is real, and no float
+turned = sympy.I * sympy.exp(400)  # its square is real, but not a float
 LARGE |= {
     "a coefficient of a small number": (
         "1/(1e-200 + a)", r"1/\(a \+ 1.0e-200\) has a coefficient beyond floating-point numbers$"),
@@ -209,7 +209,7 @@ def test_arguments_of_wrong_type_are_refused() -> None:
 
 
 def test_grammar_agrees_with_python() -> None:
-    """Precedence, associativity and signs, against Python's own reading of the same text."""
+    """Precedence, associativity and signs agree with Python's reading of the same text."""
     x, y = Fraction(3, 7), Fraction(-2, 5)
     for text in (
         "-a**2", "(-a)**2", "2**-a*0 + a", "a - b - a", "a/2/3", "a*b**2*3", "--a", "-+-a",

@@ -31,7 +31,7 @@ from tests.synthesis.normal_form.systems import (
 )
 
 SIZES = [(1, 9), (2, 6), (3, 4), (4, 3)]
-more = settings(max_examples=3 * settings.default.max_examples)  # of a cheap test
+more = settings(max_examples=3 * settings.default.max_examples)  # of an inexpensive test
 
 
 def random_map(seed: int, n: int, components: int, degree: int, lowest: int = 1) -> Polynomials:
@@ -94,7 +94,7 @@ def test_product_tables_of_monomials_are_correct(n: int, degree: int) -> None:
                     place = basis.products[basis.block[r, s] + a * len(right) + b]
                     assert tuple(basis.exponents[place]) == tuple(np.add(p, q))
                     checked += 1
-    # The formula by which the size is judged before the tables are made.
+    # The formula by which the size is checked before the tables are made.
     assert checked == len(basis.products) == comb(2 * n + degree, degree)
 
 
@@ -130,7 +130,7 @@ def test_too_large_powers_and_compositions_are_refused_with_their_size() -> None
         dense.after(x, 12)
     with pytest.raises(InputError, match=wanted):
         x.inverse()
-    # Products that nobody asks for take no room.
+    # Unrequested products take no memory.
     assert np.array_equal(x.after(x, 12).coefficients, x.coefficients)
 
 

@@ -41,7 +41,7 @@ PRODUCTS = ["results/toy/fig1.svg", "results/toy/fig1.rst"]
 
 @pytest.fixture
 def build(tmp_path: Path) -> Path:
-    """A plant and a figure, as a build leaves them."""
+    """A plant and a figure, as left by a build."""
     for path, content in FILES.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(content)

@@ -1,4 +1,4 @@
-"""Captions: numbers as a reader wants them, and a template's mistakes named."""
+"""Captions: rounded numbers, and errors of templates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What evaluations take: parts of papers, and of a build what need not be computed again."""
+"""Evaluations: parts of papers, and results of a build that need not be computed again."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def test_stored_studies_give_the_same_numbers(
     after.take_studies([study_file])
     monkeypatch.setattr(paper_module("ilo", "study"), "run", refuse)
     found, wanted = (one.figure("fig4_matched").numbers for one in (after, EVALUATORS["ilo"]))
-    assert repr(found) == repr(wanted)  # a nan is itself, then
-    # With other values the study that was made is not theirs.
+    assert repr(found) == repr(wanted)  # compares nan with nan as equal
+    # With other values the stored study does not apply.
     tree = {**PARAMETER_FILES["ilo"].tree, "plant": {**PARAMETER_FILES["ilo"].tree["plant"]}}
     tree["plant"]["horizon"] = {**tree["plant"]["horizon"], "value": 11.0}
     with pytest.raises(AssertionError, match="run again"):
@@ -50,7 +50,7 @@ def test_every_study_needs_a_file(study_file: Path) -> None:
 
 
 def test_study_files_must_follow_the_parameter_order(tmp_path: Path) -> None:
-    """Two that have the same columns would be taken for each other, and nobody would see it."""
+    """Two studies with the same columns could otherwise be exchanged unnoticed."""
     first, second, *others = PARAMETER_FILES["imm"].tree["studies"]
     wrong = [tmp_path / f"{name}.study.csv" for name in (second, first, *others)]
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""Captions in LaTeX: read back by a parser of LaTeX they say what they said."""
+"""Captions in LaTeX, read back by a LaTeX parser."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Never \\*bold\\*, by #1 {of} ~2^3 \\\\ $4; see `the page <https://example.org/a_
 
 
 def read_back(text: str) -> str:
-    """What LaTeX would print, on one line, raised and lowered letters as others."""
-    known = text.replace(r"\texttt", "")  # which the parser leaves out with what it holds
+    """The text that LaTeX would print, on one line, without sub- and superscripts."""
+    known = text.replace(r"\texttt", "")  # which the parser omits together with its argument
     printed = LatexNodes2Text(keep_comments=False).latex_to_text(known)
     return " ".join(unicodedata.normalize("NFKC", printed).split())
 
@@ -35,7 +35,7 @@ def test_latex_caption_has_the_text_of_the_caption() -> None:
     assert r"\emph{\ensuremath{\hat{x}}\textsubscript{1}}" in text
     assert r"by \#1 \{of\} {\textasciitilde}2{\textasciicircum}3 {\textbackslash} \$4" in text
     assert r"see the page." in text.replace("{the page}", "the page")
-    assert text.count(r"\par") == 3  # LaTeX takes no blank line in a caption
+    assert text.count(r"\par") == 3  # LaTeX allows no blank line in a caption
     assert "\n\n" not in text
     body = text.partition("{%\n")[2].removesuffix("%\n}\n")
     reported = read_back(body.replace(r"\par", " "))

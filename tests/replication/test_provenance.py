@@ -1,4 +1,4 @@
-"""Which modules a statement imports: what decides which results an edit makes stale."""
+"""The modules imported by a statement, which determine the results an edit makes stale."""
 
 from __future__ import annotations
 

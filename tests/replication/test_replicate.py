@@ -1,4 +1,4 @@
-"""`reobserve.replicate`: the chain of a figure in one call."""
+"""`reobserve.replicate`: all stages of a figure in one call."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_figure_has_its_golden_numbers() -> None:
-    """All metrics and series, bitwise as the steps of the workflow compute them."""
+    """All metrics and series, bitwise as computed by the steps of the workflow."""
     found = replicate("ilo", "fig1")
     evaluator = Evaluator(default_parameters(ROOT, "ilo"))
     assert repr(found.numbers) == repr(evaluator.figure("fig1").numbers)
@@ -75,7 +75,7 @@ assert any(axes.get_ylabel() for axes in drawn.axes)
 
 
 def test_plot_has_the_workflow_style_without_changing_the_user_style() -> None:
-    """In a process of a user with a style of their own."""
+    """In the process of a user with another style."""
     done = subprocess.run([sys.executable, "-c", PLOT], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -139,7 +139,7 @@ def test_invalid_input_is_reported_in_one_sentence(
 
 @pytest.mark.nightly
 def test_installed_package_has_its_parameter_files(tmp_path: Path) -> None:
-    """As the wheel lays them out; `tests/package` compares that with the checkout."""
+    """As installed by the wheel; `tests/package` compares that with the checkout."""
     site = tmp_path / "site"
     (site / "reobserve").mkdir(parents=True)
     for path in Path(reobserve.__file__).parent.iterdir():

@@ -1,4 +1,4 @@
-"""Intervals and steps: how many, and the most that there may be."""
+"""Intervals and steps: their number and its maximum."""
 
 from __future__ import annotations
 

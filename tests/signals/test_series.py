@@ -1,4 +1,4 @@
-"""Series and files on disk, the numbers that judge a signal, and random streams."""
+"""Series and files on disk, metrics of signals, and random streams."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from reobserve.replication.metrics.responses import (
 )
 from reobserve.signals.series import Channel, Series
 
-# Values that a detour through text or single precision would change.
+# Values that a conversion to text or single precision would change.
 ODD = np.array([[0.1, -0.0, 5e-324], [1 / 3, np.pi, 1.7e308], [np.inf, -1e-17, 2.0**-1074]])
 
 
@@ -156,7 +156,7 @@ def test_invalid_series_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_unwritable_folder_is_named(tmp_path: Path) -> None:
-    # A file where the folder should be: that stops a superuser, too.
+    # A file in place of a folder, which also stops root.
     (tmp_path / "folder").write_text("a file")
     for path in (tmp_path / "folder" / "run.parquet", tmp_path / "folder" / "deeper" / "run"):
         with pytest.raises(InputError, match=r"run.*: cannot be written \(.+\)$") as found:
@@ -180,7 +180,7 @@ def test_failed_write_keeps_the_old_file(
         assert not exists or path.read_text() == "old"
         raise error
 
-    # What the disk says becomes a sentence, everything else passes through.
+    # Errors of the disk become a message, everything else passes through.
     with pytest.raises(InputError if isinstance(error, OSError) else type(error)):
         write_whole(path, write)
     assert os.listdir(tmp_path) == (["table.csv"] if exists else [])
@@ -285,7 +285,7 @@ def test_root_mean_square_of_samples_and_of_an_empty_window() -> None:
 def test_window_includes_the_sample_at_one_bound_only() -> None:
     assert TIME[window(TIME, 1.0, 3.0)].tolist() == [1.0, 2.0]
     assert TIME[window(TIME, 1.0, 3.0, closed="right")].tolist() == [2.0, 3.0]
-    # Times are sums of steps, off by their rounding.
+    # Times are sums of steps, with rounding errors.
     assert TIME[window(TIME + 1e-12, 1.0, 3.0)].tolist() == [1.0, 2.0]
     assert TIME[window(TIME - 1e-12, 1.0, 3.0)].tolist() == [1.0, 2.0]
 
@@ -302,7 +302,7 @@ def test_first_crossing_is_interpolated(sign: int) -> None:
     end = sign * np.array([1.0, 2.0, 0.0, 0.0])
     assert first_crossing(TIME, start, end, 1.25) == pytest.approx(1.25, rel=1e-15)
     assert np.isnan(first_crossing(TIME, start, end, 2.0))  # reached and not exceeded
-    # A jump from 0 to 2 at t = 2 is seen there, not a share of a step earlier.
+    # A jump from 0 to 2 at t = 2 is detected there, not a fraction of a step earlier.
     start, end = sign * np.array([0.0, 0.0, 2.0, 2.0]), sign * np.array([0.0, 0.0, 2.0, 2.0])
     assert first_crossing(TIME, start, end, 1.25) == 2.0
 
@@ -316,7 +316,7 @@ def test_settling_time_is_the_last_entry_into_the_band() -> None:
     # It comes back at the very end, from inside the last step or at its end.
     assert np.isnan(settling_time(TIME, start, np.array([2.0, 0.5, 0.1, -2.0]), 1.0))
     assert np.isnan(settling_time(TIME, np.array([0.0, 0.0, 0.0, 2.0]), end, 1.0))
-    # A jump out of the band and back between two steps counts for the step that holds it.
+    # A jump out of the band and back between two steps belongs to the step that contains it.
     late = np.array([0.0, 0.0, 4.0, 0.0])
     assert settling_time(TIME, late, np.zeros(4), 1.0) == 3.0
 
@@ -326,7 +326,7 @@ def test_settling_time_is_the_last_entry_into_the_band() -> None:
 
 def test_random_stream_depends_only_on_seed_and_names() -> None:
     first = random_stream(7, "ilo", "rate noise").standard_normal(100)
-    random_stream(7, "ilo", "start").standard_normal(1000)  # others may draw what they want
+    random_stream(7, "ilo", "start").standard_normal(1000)  # other streams may be used in between
     again = random_stream(7, "ilo", "rate noise")
     assert np.array_equal(again.standard_normal(40), first[:40])
     assert np.array_equal(again.standard_normal(60), first[40:])
@@ -344,7 +344,7 @@ def test_streams_of_different_names_are_uncorrelated() -> None:
     ("off", "even"), [(1e-9, True), (1e-8, True), (1e-4, False), (-1e-4, False)]
 )
 def test_step_off_by_0_1_percent_is_uneven(off: float, even: bool) -> None:
-    """``off`` is in seconds, of steps of 0.1 s; rounding of a time axis is no unevenness."""
+    """``off`` is in seconds, for steps of 0.1 s; rounding of a time axis is accepted."""
     time = 0.1 * np.arange(11)
     time[5] += off
     series = Series(time, {})
@@ -356,7 +356,7 @@ def test_step_off_by_0_1_percent_is_uneven(off: float, even: bool) -> None:
 
 
 def test_streams_of_differently_split_names_differ() -> None:
-    """The slash keeps ("a", "bc") and ("ab", "c") apart, so no name may hold one."""
+    """The slash separates ("a", "bc") and ("ab", "c"), so no name may contain one."""
     drawn = [random_stream(7, *names).random() for names in (("a", "bc"), ("ab", "c"), ("abc",))]
     assert len(set(drawn)) == 3
     with pytest.raises(InputError, match=r"^stream: the name 'a/b' must not hold a slash$"):
@@ -365,7 +365,7 @@ def test_streams_of_differently_split_names_differ() -> None:
 
 @pytest.mark.parametrize(("samples", "hold"), [(7, 3), (6, 3), (1, 4), (5, 1)])
 def test_held_noise_changes_at_the_stated_interval(samples: int, hold: int) -> None:
-    """And its limit from the left one sample later; drawn in order, no number twice."""
+    """The left limit changes one sample later; in order, no number is used twice."""
     drawn = random_stream(7, "noise").standard_normal(samples)
     values, before = held_normal(random_stream(7, "noise"), samples, hold)
     assert values.tolist() == [drawn[k // hold] for k in range(samples)]
@@ -373,7 +373,7 @@ def test_held_noise_changes_at_the_stated_interval(samples: int, hold: int) -> N
 
 
 def test_record_of_any_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A step must be able to read what the one before it could write."""
+    """A step must be able to read anything an earlier one could write."""
     monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
     series = Series(np.arange(1000.0), {"x": Channel(np.arange(1000.0), "m")}, {}, {})
     series.write(tmp_path / "x.parquet")

@@ -1,4 +1,4 @@
-"""Signals against closed forms, their limits at jumps, sampled files, and bad input."""
+"""Signals against closed forms, their limits at jumps, sampled files, and invalid input."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_limits_do_not_depend_on_rounding_of_the_grid() -> None:
 
 def test_onsets_and_jumps_are_listed() -> None:
     signal = parse(SINE, {**CONSTANT, "from": 0}, RAMP, {**CONSTANT, "from": 2.5, "until": 4})
-    assert signal.onsets == (0.5, 2.5)  # what acts from the start is no onset
+    assert signal.onsets == (0.5, 2.5)  # a term active from the start has no onset
     assert signal.jumps == (0.5, 2.0, 2.5, 4.0)
 
 
@@ -101,7 +101,7 @@ def test_onsets_and_jumps_off_the_grid_are_refused() -> None:
     with pytest.raises(InputError, match=r"jumps at 2.1 s.* 2 and 2.25 s\)$"):
         ending.check_grid("fault", 0.25, 5.0)
     ending.check_grid("fault", 0.25, 2.0)
-    # Jumps alone: what starts after the end is no matter then.
+    # Only jumps: anything starting after the end does not matter.
     signal.check_jumps("fault", 0.25, 1.0)
     with pytest.raises(InputError, match=r"^fault: jumps at 0.5 s"):
         signal.check_jumps("fault", 0.3, 1.0)
@@ -142,7 +142,7 @@ def test_each_kind_has_its_derivative() -> None:
     expected[:, 2] = np.where((GRID > 0.499) & (GRID < 1.999), -0.1, 0)
     assert derivative(GRID) == pytest.approx(expected, abs=1e-14)
     assert derivative.axes == 3
-    # The limits at jumps are those of the terms, and a constant that jumps keeps its slope.
+    # The limits at jumps are those of the terms, and a jumping constant keeps its slope.
     end = np.array([2.0])
     assert derivative(end, before=True)[0, 2] == -0.1
     assert derivative(end)[0, 2] == 0
@@ -156,7 +156,7 @@ def test_derivatives_of_higher_order_are_exact() -> None:
         signal = signal.derivative("fault")
         turned = 2.0 * 3.0**order * np.sin(3 * times + 0.4 + order * np.pi / 2)
         assert signal(times)[:, 1] == pytest.approx(turned, abs=1e-13 * 3.0**order)
-    assert len(signal.terms) == 1  # a ramp has a slope, and then nothing
+    assert len(signal.terms) == 1  # a ramp has a slope and no higher derivatives
     assert not parse(RAMP).derivative("fault").derivative("fault").terms
 
 
@@ -180,7 +180,7 @@ def test_pulse_train_is_exact_at_and_around_its_jumps() -> None:
     assert signal.jumps == (1.0, 3.0, 5.0, 7.0, 9.0)
     beside = np.array([3 - 1e-6, 3 + 1e-6, 5 - 1e-6, 5 + 1e-6])
     assert signal(beside)[:, 0].tolist() == [1, 0, 0, 1]
-    # Half a period high and then zero is what is meant by nothing else.
+    # Half a period high and then zero has no other meaning.
     assert np.array_equal(parse({**SQUARE, "high": 1.0})(times), signal(times))
 
 
@@ -387,7 +387,7 @@ def samples(path: Path, **changed: Any) -> dict[str, Any]:
 def test_linear_samples_are_interpolated(record: Path) -> None:
     signal = parse(samples(record))
     times = np.array([0.0, 0.4, 0.5, 0.75, 1.0, 1.5, 2.5, 3.0, 9.0])
-    # Nothing before the first sample, straight in between, the last one holds.
+    # Zero before the first sample, linear in between, the last one is held.
     expected = [0, 0, 1, 2, 3, 1, -0.25, 0.5, 0.5]
     assert signal(times)[:, 0] == pytest.approx(expected, abs=1e-15)
     assert signal(np.array([0.5]), before=True)[0, 0] == 0
@@ -427,7 +427,7 @@ def test_sample_files_are_listed(record: Path) -> None:
     assert sample_files("nonsense") == []
 
 
-# --- Bad input ----------------------------------------------------------------------------------
+# --- Invalid input ------------------------------------------------------------------------------
 
 
 def without(term: dict[str, Any], key: str) -> dict[str, Any]:
@@ -513,7 +513,7 @@ NEEDED = {
 
 @pytest.mark.parametrize(("kind", "key"), [(k, key) for k, keys in NEEDED.items() for key in keys])
 def test_term_without_a_required_key_is_refused(kind: str, key: str) -> None:
-    """Every other key is there, optional ones excepted."""
+    """All other required keys are given."""
     numbers = {"order": 7, "start": 0.5, "end": 2.0}
     words = {"file": "torque.csv", "column": "torque"}
     term = {name: words.get(name, numbers.get(name, 1.0)) for name in NEEDED[kind] if name != key}

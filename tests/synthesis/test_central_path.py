@@ -68,7 +68,7 @@ ONE = np.eye(1)
 
 
 def test_smallest_square_above_one_agrees_with_closed_form() -> None:
-    """s log p^2 - log 2 (p - 1) is least at p = 2 s / (2 s - 1), and no square is below one."""
+    """s log p^2 - log 2 (p - 1) is smallest at p = 2 s / (2 s - 1), and no square is below one."""
     problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
     start = minimiser(problem, np.array([5.0]))
     assert start[0] == pytest.approx(2 * problem.slant / (2 * problem.slant - 1), rel=1e-10)
@@ -102,7 +102,7 @@ def test_infeasible_starting_point_is_refused() -> None:
 @pytest.mark.parametrize("start", [5.0, 1e200])
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_non_converging_steps_are_refused(start: float) -> None:
-    """From afar, where Newton's steps grow, and from where the Hessian is no number."""
+    """From far away, where Newton's steps grow, and from where the Hessian is not finite."""
     problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
     with pytest.raises(InputError, match=r"^solver: found matrices from which rounding forbids"):
         polished(problem, np.array([start]))
@@ -118,7 +118,7 @@ def test_singular_hessian_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         polished(problem, np.array([2.0]))
 
 
-# --- Every design that anything depends on --------------------------------------------------------
+# --- Every design used elsewhere ------------------------------------------------------------------
 
 DESIGNS: dict[str, Any] = {
     "PD/PI": lambda system, solver: pd_pi.design(system, solver=solver),
@@ -169,7 +169,7 @@ def gains(design: Design) -> Array:
     return np.array([design.gains.L, design.gains.Ld])
 
 
-# Near the floor SCS does not end with "optimal".
+# Near the lower bound SCS does not end with "optimal".
 @pytest.mark.parametrize(
     "name",
     [
@@ -242,7 +242,7 @@ def test_gains_are_identical_on_another_processor(changed: dict[str, str]) -> No
 def test_smaller_gap_changes_the_gains_only_slightly(
     module: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A tenth of it moves gains as nine tenths of none would, by parts in ten thousand."""
+    """A tenth of the gap changes the gains by parts in ten thousand."""
     name = "PD/PI" if module is pd_pi else "PI, feasible"
     usual = designed(name).gains.L
     monkeypatch.setattr(module, "_GAP", module._GAP / 10)
@@ -254,7 +254,7 @@ def test_smaller_gap_changes_the_gains_only_slightly(
 
 
 def stated(system: AugmentedSystem, radius: float, decay: float, bound: float) -> tuple[Any, Any]:
-    """Theorem 1 in matrices of a radius, for a solver, from the blocks: gamma and constraints."""
+    """Theorem 1 within a radius, for a solver, from the blocks: gamma and constraints."""
     N = system.size
     square, flat = (N, N), (system.outputs, N)
     P1 = cvxpy.Variable(square, symmetric=True)
@@ -297,7 +297,9 @@ def test_solver_results_respect_the_minimum_norm_bound() -> None:
 
 
 def test_minimum_gamma_falls_with_matrix_size_where_solvers_disagree() -> None:
-    """Without a radius "optimal" is said at matrices beyond 1e5: 1.0742 here, 1.0686 elsewhere."""
+    """Without a radius "optimal" is reported for matrices beyond 1e5: 1.0742 here, 1.0686
+    elsewhere.
+    """
     found = [
         pd_pi.design_minimum_gamma(dc_motor(), 2.0, 50.0, radius=radius).gamma
         for radius in (100.0, 300.0, 1000.0, 3000.0)
@@ -316,7 +318,7 @@ def in_fractions(matrix: Any) -> Any:
 
 
 def is_positive(matrix: Any) -> bool:
-    """By elimination in fractions."""
+    """Test for definiteness by elimination in fractions."""
     rows = matrix.copy()
     for k in range(len(rows)):
         if not rows[k, k] > 0:
@@ -326,7 +328,7 @@ def is_positive(matrix: Any) -> bool:
 
 
 def weak_duality(problem: Problem, matrices: dict[str, Array], gamma: float) -> Fraction:
-    """A bound of the objective in fractions, from the Z that floats find."""
+    """A bound of the objective in fractions, from the Z found in floats."""
     squares = sum((in_fractions(m) ** 2).sum() for m in matrices.values())
     inverses = [np.linalg.inv(value(side, matrices, gamma)) for side in problem.constraints]
     duals = [float(squares) / problem.slant * inverse for inverse in inverses]
@@ -355,7 +357,7 @@ def weak_duality(problem: Problem, matrices: dict[str, Array], gamma: float) -> 
 
 @pytest.mark.parametrize("radius", [None, 20.0])
 def test_bound_agrees_with_exact_weak_duality(radius: float | None) -> None:
-    """What fractions prove with a Z of sixteen digits comes close from below."""
+    """The bound proved in fractions with a Z of sixteen digits is close from below."""
     system = dc_motor()
     sides = pd_pi_constraints(system, None if radius else 2.0, 0.5, 40.0)
     problem = pd_pi._problem(system, sides, 1e-3, radius)

@@ -1,4 +1,4 @@
-"""Certificates: what they prove, and the traps in which a solver says "optimal"."""
+"""Certificates: what they prove, and cases in which a solver wrongly reports "optimal"."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def unknowns() -> PdPiVariables:
 def minimised(
     objective: Any, variables: PdPiVariables, gamma: Any, *constraints: Any, **options: Any
 ) -> tuple[str, PdPiVariables]:
-    """What a solver makes of (19) with an objective of one's own."""
+    """The result of a solver for (19) with another objective."""
     left = cvxpy.bmat(variables.blocks(MOTOR, gamma))
     problem = cvxpy.Problem(cvxpy.Minimize(objective), [left << 0, *constraints])
     problem.solve(**options)
@@ -47,7 +47,7 @@ def minimised(
 
 @cache
 def good() -> tuple[float, PdPiVariables]:
-    """A strict solution of (19) at 1.2 times the floor."""
+    """A strict solution of (19) at 1.2 times the lower bound."""
     v, gamma = unknowns(), 1.2 * gamma_lower_bound(MOTOR)
     squares = sum(cvxpy.sum_squares(m) for m in (v.P1, v.P2, v.P3, v.Y1, v.Y2))
     bounds = [v.P1 >> 0.02 * np.eye(N), v.P3 + v.P3.T >> 0.04 * np.eye(N)]
@@ -101,7 +101,7 @@ def test_poles_are_those_of_the_error_system_slowest_first() -> None:
 
 
 def test_minimum_norm_with_positive_p1_can_give_an_unstable_observer() -> None:
-    """Nothing keeps P1 off singular, and the solver says "optimal"."""
+    """Nothing keeps P1 away from singularity, and the solver reports "optimal"."""
     v, gamma = unknowns(), 1.05 * gamma_lower_bound(MOTOR)
     squares = sum(cvxpy.sum_squares(m) for m in (v.P1, v.P2, v.P3, v.Y1, v.Y2))
     status, found = minimised(squares, v, gamma, v.P1 >> 0, solver="CLARABEL")
@@ -114,7 +114,7 @@ def test_minimum_norm_with_positive_p1_can_give_an_unstable_observer() -> None:
 
 
 def test_unachievable_gamma_from_a_solver_is_refuted() -> None:
-    """SCS with its tolerances at 1e-6 stops below the floor."""
+    """SCS with tolerances of 1e-6 stops below the lower bound."""
     v, gamma = unknowns(), cvxpy.Variable()
     positive = v.P1 >> 0
     status, found = minimised(gamma, v, gamma, positive, solver="SCS", eps=1e-6, max_iters=20000)
@@ -161,7 +161,8 @@ def test_certificate_checks_the_given_gains_themselves() -> None:
 
 
 def test_lower_bound_of_gamma_is_not_always_attained() -> None:
-    """Not the floor in this plant: disturbances that change are harder on it than constants."""
+    """In this plant changing disturbances are harder than constants, so the bound is not
+    attained."""
     system = random_plant(3, 6)
     assert pd_pi.design(system, 1.3).certificate.holds
     with pytest.raises(InputError):
@@ -183,7 +184,7 @@ def test_pi_solution_proves_its_decay() -> None:
 
 @pytest.fixture
 def half_a_decay() -> tuple[AugmentedSystem, Gains, PiVariables, float]:
-    """Poles -1, -2, -4, and P1 with P1 Ao + Ao^T P1 + P1 = -I; its least eigenvalue."""
+    """Poles -1, -2, -4, and P1 with P1 Ao + Ao^T P1 + P1 = -I; its smallest eigenvalue."""
     none = np.zeros((1, 0))
     system = dc_motor(A=[[-1.0]], B=none, C=[[1.0]], Dd=[[1.0]], Dw=none, Fa=none, Fs=[[1.0]])
     gains = Gains(np.array([[0.0], [5.0], [8.0]]), np.zeros((3, 1)))
@@ -196,7 +197,7 @@ def half_a_decay() -> tuple[AugmentedSystem, Gains, PiVariables, float]:
 def test_margin_is_that_of_the_tightest_inequality(
     half_a_decay: tuple[AugmentedSystem, Gains, PiVariables, float],
 ) -> None:
-    """-I for the decay; for the bound b its negative less (2 b - 1) P1, here with margin 1/2."""
+    """-I for the decay; for the bound b its negative minus (2 b - 1) P1, here with margin 1/2."""
     system, gains, variables, least = half_a_decay
     bound = 0.5 + 0.75 / least
     proved = certify(system, gains, None, variables, decay=0.5, bound=bound)
@@ -207,7 +208,7 @@ def test_margin_is_that_of_the_tightest_inequality(
 def test_both_inequalities_must_be_proved(
     half_a_decay: tuple[AugmentedSystem, Gains, PiVariables, float],
 ) -> None:
-    """The poles are right of -5, but this P1 shows it of -(1 + 1 / least) / 2 = -5.46 only."""
+    """The poles are right of -5, but this P1 proves only -(1 + 1 / least) / 2 = -5.46."""
     system, gains, variables, least = half_a_decay
     assert (1 + 1 / least) / 2 > 5.4
     refuted = certify(system, gains, None, variables, decay=0.5, bound=5.0)
@@ -216,7 +217,7 @@ def test_both_inequalities_must_be_proved(
 
 
 def test_pole_bound_not_shown_by_the_matrices_of_19_is_not_proved() -> None:
-    """All poles are right of -15.8, which this P1 does not show; of -31.4 it does."""
+    """All poles are right of -15.8, which this P1 does not prove; it proves -31.4."""
     gamma, found = good()
     Ao, Eo = error_system(MOTOR, found.gains())
     fastest = -float(np.linalg.eigvals(np.linalg.solve(Eo, Ao)).real.min())
@@ -229,7 +230,7 @@ def test_pole_bound_not_shown_by_the_matrices_of_19_is_not_proved() -> None:
 
 
 def test_gamma_at_its_lower_bound_is_accepted() -> None:
-    """The floor is met by designs that are as large as they please, and computed with rounding."""
+    """The bound is approached by arbitrarily large designs, and computed with rounding."""
     floor = gamma_lower_bound(MOTOR)
     for gamma in (floor, np.nextafter(floor, 0.0)):
         assert "which no gains" not in wrong(gamma=float(gamma))

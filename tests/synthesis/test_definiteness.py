@@ -1,4 +1,4 @@
-"""Exact rational matrices, eigenvalues in 60 digits, what floats get wrong; bad input."""
+"""Exact rational matrices, eigenvalues in 60 digits, errors of floats; invalid input."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_too_wide_intervals_are_undecided() -> None:
 
 
 def test_mirrored_intervals_cover_the_symmetric_part() -> None:
-    # One entry says 0.5, its mirror image anything up to 1.5: on average up to 1, singular.
+    # One entry is 0.5, its mirror image anything up to 1.5: on average up to 1, singular.
     assert prove_negative_definite(arb_mat([[-1, arb(0, 1.5)], [0.5, -1]])) == NEITHER
 
 
@@ -120,7 +120,7 @@ def test_hilbert_matrices_are_proved_definite() -> None:
         margin = prove_negative_definite(balls(exact)).margin
         assert 0 < margin <= -largest(exact) <= margin * 1.001
     assert 1.04e-16 < margin < 1.06e-16
-    # Rounded to floats it is another matrix, and still definite.
+    # Rounded to floats it is another matrix, but still definite.
     rounded = np.array(exact, dtype=np.float64)
     margin = prove_negative_definite(rounded).margin
     assert 0 < margin <= -largest(rounded) <= margin * 1.001
@@ -158,7 +158,7 @@ def test_large_matrices_are_decided_quickly() -> None:
         assert proof.margin == pytest.approx(-np.linalg.eigvalsh(matrix).max(), rel=2e-3)
 
 
-# --- Matrices formed in balls -------------------------------------------------------------------
+# --- Matrices formed in interval arithmetic -----------------------------------------------------
 
 
 def exact_product(A: Any, B: Any) -> Rows:
@@ -226,6 +226,6 @@ def test_wrong_matrices_are_refused(matrix: Any, said: str) -> None:
 
 @pytest.mark.parametrize("size", [1e-9, 1e-100, 1e200])
 def test_small_matrix_is_refuted_like_a_large_one(size: float) -> None:
-    """[0 e; e 0] has the eigenvalues e and -e: no pivot tells, only the form does."""
+    """[0 e; e 0] has the eigenvalues e and -e: only the quadratic form shows it, no pivot."""
     proof = prove_negative_definite([[0.0, size], [size, 0.0]])
     assert (proof.proved, proof.refuted) == (False, True)

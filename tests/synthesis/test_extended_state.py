@@ -1,4 +1,4 @@
-"""The inequality against its lemma, the floor, and designs by two solvers."""
+"""The inequality against its lemma, the lower bound, and designs by two solvers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def minimum_norm() -> Design:
 
 
 def drawn(seed: int) -> tuple[AugmentedSystem, PdPiVariables, Gains]:
-    """Random P and gains, and the Y that belong to them."""
+    """Random P and gains, and the corresponding Y."""
     system = random_plant(seed, 3, 3, Az=np.diag([1.0, 2.0, 3.0]))
     rng, N = np.random.default_rng(seed), system.size
     root, P2, P3 = rng.normal(size=(3, N, N))
@@ -113,7 +113,7 @@ def test_pi_observer_lemma_is_equivalent_to_inequality_19(seed: int) -> None:
 
 
 def test_lower_bound_of_the_example_agrees_with_hand_calculation() -> None:
-    """The errors that constant d1, d2, w leave: .1 d1 in speed, .001 d1 - d2 in fa, -.1 d1 - w."""
+    """Errors under constant d1, d2, w: .1 d1 in speed, .001 d1 - d2 in fa, -.1 d1 - w in fs."""
     errors = [[0.1, 0, 0], [0.001, -1, 0], [-0.1, 0, -1]]
     assert gamma_lower_bound(dc_motor()) == pytest.approx(np.linalg.norm(errors, 2), rel=1e-14)
     assert gamma_lower_bound(dc_motor()) == pytest.approx(FLOOR, rel=1e-14)
@@ -184,7 +184,7 @@ def test_every_feasible_pi_observer_decays_as_specified(solution: str, decay: fl
 
 
 def inside(decay: float) -> tuple[Any, Any, Any, Any]:
-    """For a solver: P, Y, what must be positive, and the norm of both."""
+    """For a solver: P, Y, the positive expressions, and the norm of both."""
     system = dc_motor()
     P, Y = cvxpy.Variable((6, 6), symmetric=True), cvxpy.Variable((2, 6))
     half = P @ (system.A_tilde + decay * np.eye(6)) - Y.T @ system.C_tilde
@@ -212,7 +212,7 @@ def test_analytic_centre_agrees_with_a_solver() -> None:
 
 
 def test_pi_observer_by_the_same_criterion_gives_the_same_estimates() -> None:
-    """The paper's remark: errors of both faults after a jump of either, over two seconds."""
+    """A remark of the paper: errors of both faults after a jump of either, over two seconds."""
     system = dc_motor()
     responses = []
     for found in (minimum_norm(), pi.design(system)):
@@ -228,7 +228,7 @@ def test_pi_observer_by_the_same_criterion_gives_the_same_estimates() -> None:
 
 
 def test_minimum_gamma_approaches_its_lower_bound_with_large_gains() -> None:
-    """And the closer, the larger the matrices may be: it has no least value that they reach."""
+    """The larger the matrices may be, the closer: gamma has no attained minimum."""
     found = [pd_pi.design_minimum_gamma(dc_motor(), radius=radius) for radius in (300, 1000, 3000)]
     gammas = [design.gamma for design in found]
     assert np.all(np.diff(gammas) < -5e-4)

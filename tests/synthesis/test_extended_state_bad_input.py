@@ -1,4 +1,4 @@
-"""What a design refuses, in one sentence each."""
+"""Refusals of a design, in one sentence each."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_unreachable_gap_is_refused_and_a_larger_one_is_proved() -> None:
 
 
 def test_infeasible_decay_is_refused_with_solver_and_status() -> None:
-    """The mode at -3 is not seen, so that no gain moves it."""
+    """The mode at -3 is unobservable, so no gain moves it."""
     system = dc_motor(A=[[-3.0, 0.0], [0.0, -2.0]], C=[[0.0, 1.0], [0.0, 2.0]])
     assert pi.design_feasible(system, 1.0).certificate.holds
     with pytest.raises(InputError, match="solver: CLARABEL ended with status 'infeasible', not"):

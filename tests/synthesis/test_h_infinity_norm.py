@@ -1,4 +1,4 @@
-"""Closed forms, 50 digits, sweeps and python-control; hard systems; bad input."""
+"""Closed forms, 50 digits, sweeps and python-control; difficult systems; invalid input."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ SPRING = np.array([[0.0, 1.0], [-1.0, -0.2]])
 
 
 def encloses(norm: Norm, value: float, tolerance: float = 1e-12) -> bool:
-    """Whether the bounds hold a value known to a few roundings, and are close."""
+    """Whether the bounds contain a value known up to rounding, and are tight."""
     slack = 4e-16 * value
     close = norm.upper <= norm.lower * (1 + tolerance)
     return close and norm.lower <= value + slack and value - slack <= norm.upper
 
 
 def stable(seed: int, states: int, inputs: int, outputs: int) -> System:
-    """Random, with lightly damped modes, so that gains peak away from zero."""
+    """Random, with lightly damped modes, so that gains peak away from zero frequency."""
     rng = np.random.default_rng(seed)
     A = np.zeros((states, states))
     for k in range(0, states, 2):
@@ -53,7 +53,7 @@ def gains(system: System, frequency: Array) -> Array:
 
 
 def swept(system: System) -> float:
-    """The largest gain on a fine grid, polished by golden section."""
+    """The largest gain on a fine grid, refined by golden section."""
     frequency = np.concatenate([[0.0], np.linspace(0.3, 30, 6000), np.geomspace(30, 1e4, 200)])
     found = gains(system, frequency)
     k = int(np.argmax(found))
@@ -130,7 +130,7 @@ def test_norms_of_columns_and_rows_agree_with_closed_form() -> None:
 
 
 def test_global_peak_is_found_among_local_ones() -> None:
-    # Modes w0^2 c / (s^2 + 2 z w0 s + w0^2), each an output of its own: one column.
+    # Modes w0^2 c / (s^2 + 2 z w0 s + w0^2), each with its own output: one column.
     modes = [(1.0, 0.5, 30.0), (7.0, 1e-2, 1.0), (90.0, 1e-4, 0.01)]
     A = np.zeros((6, 6))
     B, C = np.zeros((6, 3)), np.zeros((3, 6))
@@ -144,7 +144,7 @@ def test_global_peak_is_found_among_local_ones() -> None:
     assert norm.frequency == pytest.approx(7 * sqrt(1 - 2e-4), rel=1e-6)
 
 
-# --- Other ways to the same number --------------------------------------------------------------
+# --- Independent computations -------------------------------------------------------------------
 
 SHAPES = [(2, 1, 1), (4, 2, 1), (6, 1, 3), (8, 3, 2), (12, 2, 5), (24, 4, 2)]
 
@@ -174,14 +174,14 @@ def test_dual_system_has_the_same_norm(states: int, inputs: int, outputs: int) -
 
 
 def test_descriptor_form_has_the_same_norm() -> None:
-    # Entries short enough for E A and E B not to be rounded.
+    # Entries short enough for E A and E B to be exact.
     A, B, C, D = (np.round(matrix * 2**16) / 2**16 for matrix in stable(3, 6, 2, 1))
     E = np.random.default_rng(5).integers(-99, 100, size=(6, 6)).astype(np.float64)
     plain = h_infinity_norm(A, B, C, D)
     descriptor = h_infinity_norm(E @ A, E @ B, C, D, E)
     assert descriptor.lower == pytest.approx(plain.lower, rel=1e-14)
     assert descriptor.frequency == pytest.approx(plain.frequency, rel=1e-9)
-    # Powers of two do not round.
+    # Powers of two are exact.
     for scale in (0.25, np.full(6, 0.25)):
         assert h_infinity_norm(A / 4, B / 4, C, D, scale) == plain
 
@@ -193,12 +193,12 @@ def test_norm_agrees_with_python_control() -> None:
         assert h_infinity_norm(*system).lower == pytest.approx(theirs, rel=1e-9)
 
 
-# --- Hard systems -------------------------------------------------------------------------------
+# --- Difficult systems --------------------------------------------------------------------------
 
 
 def test_poles_and_gains_of_very_different_sizes_are_handled() -> None:
     poles, sizes = np.array([3.0, 41, 700, 6e4, 2.5e5]), np.array([1.0, 1e3, 20, 1e7, 1e7])
-    # A sum of positive lags peaks at zero; in another basis, B and C see all of them.
+    # A sum of positive lags peaks at zero; in another basis, all of them are observable.
     basis = np.random.default_rng(2).integers(-9, 10, size=(5, 5)) + 20 * np.eye(5)
     A = np.linalg.solve(basis, -np.diag(poles) @ basis)
     B, C = np.linalg.solve(basis, sizes[:, None]), np.ones((1, 5)) @ basis
@@ -219,7 +219,7 @@ def test_scaling_the_states_changes_nothing() -> None:
 
 def test_no_gain_is_above_the_upper_bound() -> None:
     for seed in range(3):
-        # A basis of condition 1e4 shifts the eigenvalues that floats find.
+        # A basis of condition 1e4 shifts the computed eigenvalues.
         A, B, C, D = stable(seed, 6, 2, 2)
         left, right = (np.linalg.qr(part)[0] for part in (A[::-1] + 1, A.T + 2))
         basis = left * np.geomspace(1, 1e4, 6) @ right
@@ -299,7 +299,7 @@ def test_wrong_systems_are_refused(changed: dict[str, Any], said: str) -> None:
 
 @pytest.mark.parametrize("outputs", [2, 3, 5, 6, 7])
 def test_bounds_enclose_an_irrational_gain_exactly(outputs: int) -> None:
-    """G = [1; 1; ...] has the norm sqrt(p), which no float is: the bounds are on its two sides."""
+    """G = [1; 1; ...] has the irrational norm sqrt(p), which lies strictly between the bounds."""
     column = np.ones((outputs, 1))
     norm = h_infinity_norm([[-1.0]], [[0.0]], 0 * column, column)
     assert Fraction(norm.lower) ** 2 <= outputs <= Fraction(norm.upper) ** 2

@@ -34,7 +34,7 @@ def simulate(
     span: float,
     held: bool,
 ) -> Array:
-    """RMS of e over ``span`` after ``settle`` for v learning on the fine grid, or held."""
+    """RMS of e over ``span`` after ``settle``, for v learned on the fine grid, or held."""
     h = interval / per_interval
     inverse, n = np.linalg.inv(INERTIA), len(K1)
     implicit = np.linalg.inv(
@@ -128,7 +128,7 @@ def test_rms_error_agrees_with_simulation(
         0.05,
         per_interval=40,
         settle=10.0,
-        span=10 * np.pi,  # whole periods of 10 and 2 pi rad/s, to a good approximation
+        span=10 * np.pi,  # nearly whole periods of 10 and 2 pi rad/s
         held=held,
     )
     predicted = predicted_rms_error(

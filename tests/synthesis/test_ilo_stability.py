@@ -1,4 +1,4 @@
-"""Stability verdicts against closed forms, root searches, discretisation and iteration."""
+"""Stability results against closed forms, root searches, discretisation and iteration."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ def test_sampled_limit_may_be_infinite_or_zero() -> None:
 
 
 def test_sampled_limit_is_the_first_of_several() -> None:
-    """At z = 1, det[(I - K1) D + s K2] = (1.8 - s)(2.6 - s): a pole leaves there and comes back."""
+    """At z = 1, det[(I - K1) D + s K2] = (1.8 - s)(2.6 - s): a pole leaves there and returns."""
     observer_gain, K1 = np.diag([3.0, 5.2]), np.array([[1.0, 0.5], [-0.6, -0.9]])
     K2 = np.array([[0.0, 1.0], [-1.0, -1.0]])
     law = (np.eye(2), observer_gain, 1.0, K1)

@@ -1,4 +1,4 @@
-"""Placed poles and steady gains: closed forms, eigenvalues, the filter that comes to them."""
+"""Placed poles and steady gains: closed forms, eigenvalues, the limit of the filter."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CHAIN = np.eye(3) + np.eye(3, k=1)
 
 
 def apart(A: Array, C: Array, gain: Array, poles: Any) -> float:
-    """The farthest of the eigenvalues of A - L C from the poles, both in order."""
+    """The largest distance between eigenvalues of A - L C and the poles, both sorted."""
     found = np.sort_complex(np.linalg.eigvals(A - gain @ C))
     return float(np.abs(found - np.sort_complex(np.asarray(poles, dtype=complex))).max())
 
@@ -151,7 +151,8 @@ def test_steady_gain_is_the_limit_of_the_filter_gain(build: Any, mode: str) -> N
 def test_missing_steady_gain_is_explained(model: LinearModel, said: str) -> None:
     with pytest.raises(InputError, match=f"^model: {said}"):
         steady_kalman_gain(model)
-    # Noise of the rate moves the position, too; noise of the position alone leaves the rate still.
+    # Noise of the rate also moves the position; noise of the position alone does not affect the
+    # rate.
     ramp = np.array([[1.0, 1.0], [0.0, 1.0]])
     driven = LinearModel(ramp, np.empty((2, 0)), [[1.0, 0.0]], Q=[0.0, 1.0], R=1.0)
     assert steady_kalman_gain(driven).all()

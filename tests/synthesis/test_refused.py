@@ -1,4 +1,4 @@
-"""Numbers that no design or verdict can be had from, each refused by its argument."""
+"""Numbers for which no design or result exists, each refused naming the argument."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def law(**changed: float) -> LearningLaw:
 
 
 def learned(**changed: float) -> Callable[[], Any]:
-    """The certificate of Theorem 1 for a law of three equal axes."""
+    """The certificate of Theorem 1 for three equal axes."""
     usual: dict[str, Any] = {"observer_gain": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 0.1}
     return lambda: certify(**{**usual, **changed})
 

@@ -1,4 +1,4 @@
-"""The augmented plant: its blocks, and the conditions that fault reconstruction needs."""
+"""The augmented plant: its blocks, and the conditions for fault reconstruction."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_filtered_output_agrees_with_the_augmented_system() -> None:
         _with_input(system.Aa, system.Ba @ u + system.Da @ [d, w] + system.F @ [fa, fs])
     )
     np.testing.assert_allclose(augmented[:3, -1], state[:3, -1], atol=1e-14)
-    # xz' = Az (y - xz) beside x' of (1), from rest.
+    # xz' = Az (y - xz) together with x' of (1), from rest.
     output = system.Dw[:, 0] * w + system.Fs[:, 0] * fs
     drift = np.concatenate([system.B @ u + system.Dd[:, 0] * d + system.Fa[:, 0] * fa, Az @ output])
     both = np.block([[system.A, np.zeros((3, 2))], [Az @ system.C, -Az]])

@@ -1,4 +1,4 @@
-"""Nonlinear models: what they are made of, how functions are compiled, what is refused."""
+"""Nonlinear models: their arguments, compilation of functions, and errors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SIZES: dict[str, Any] = {**NOISE, "states": 2, "inputs": 1, "outputs": 1}
 
 
 def helper(value: float) -> float:
-    """A function that numba does not see, since it is not compiled itself."""
+    """A function that numba cannot call, since it is not compiled."""
     return math.sin(value)
 
 
@@ -107,7 +107,7 @@ def test_text_model_accepts_given_jacobians() -> None:
 
 
 def test_finite_differences_scale_with_the_states() -> None:
-    """A state of micrometres: with steps for ones the sine would be a straight line of no slope."""
+    """A state in micrometres: with unit steps the sine would appear constant."""
     model = NonlinearModel(
         lambda x: np.array([math.sin(1e6 * x[0]) / 1e6]), angle, 0.0, 1.0, states=1, outputs=1,
         scale=1e-6,
@@ -145,13 +145,13 @@ def test_names_reach_data_frames_and_plots() -> None:
     assert labels[1][1] == "a, w"
     assert labels[2:] == [["encoder"], ["log_likelihood"]]
     assert [ax.get_ylabel() for ax in axes[:2]] == ["state", "covariance"]
-    figure.draw_without_rendering()  # legends stand beside the lines and within the figure
+    figure.draw_without_rendering()  # legends are outside the axes and within the figure
     for ax in axes[:3]:
         legend = ax.get_legend().get_window_extent()
         assert ax.bbox.x1 < legend.x0 < legend.x1 < figure.bbox.x1
 
 
-# --- What is refused ----------------------------------------------------------------------------
+# --- Errors -------------------------------------------------------------------------------------
 
 
 def changes(x: Array, u: Array) -> Array:
@@ -235,7 +235,7 @@ def test_invalid_noise_is_refused(noise: dict[str, Any], said: str) -> None:
 
 
 def later(x: Array, u: Array) -> list[float]:
-    """As `calls_another`, until the input says otherwise."""
+    """Like `calls_another`, until the input changes."""
     if u[0] == 3:
         raise KeyError("lost")
     return calls_another(x, u)[: 1 if u[0] == 2 else 2]
@@ -255,7 +255,7 @@ def test_function_failing_in_a_run_is_named(kind: Any, value: float, said: str) 
     with pytest.raises(InputError) as error:
         one.run(Y, u, state=start)
     assert str(error.value).startswith(said)
-    assert len(one.run(Y, np.zeros(30), state=start)) == 30  # and nothing is left of it
+    assert len(one.run(Y, np.zeros(30), state=start)) == 30  # and nothing of it remains
     with pytest.raises(InputError):
         one.predict(start.posterior, [value])
 
@@ -284,7 +284,9 @@ def test_non_finite_value_is_reported_with_the_time(kind: Any, f: Any, h: Any, w
     start = one.init([0.1, 0.2], 1.0)
     with pytest.raises(DivergenceError) as error:
         one.run(Y, u, state=start)
-    last = 5.0 if why.startswith("f") else 4.5  # f leads from row 10 to the next, h is of row 10
+    last = (
+        5.0 if why.startswith("f") else 4.5
+    )  # f leads from row 10 to the next, h belongs to row 10
     assert error.value.time == last
     assert error.value.finding == why
     run = one.run(Y, u, state=start, on_divergence="return")
@@ -292,7 +294,7 @@ def test_non_finite_value_is_reported_with_the_time(kind: Any, f: Any, h: Any, w
 
 
 def test_indefinite_covariance_is_reported() -> None:
-    """With a large negative weight in the middle the spread of a parabola comes out negative."""
+    """With a large negative central weight the variance of a parabola becomes negative."""
     model = NonlinearModel("x^2", "x", 0.0, 1.0, state_names=["x"])
     one = UnscentedKalmanFilter(model, 1.0, -2.0, -0.5)
     posterior = one.init([0.0], 1.0).posterior

@@ -1,4 +1,4 @@
-"""Models of right-hand sides, compiled or polynomial: parameters as a list, and what is refused."""
+"""Models of right-hand sides, compiled or polynomial: parameters as a list, and errors."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_integers_of_more_than_64_bits_are_compiled() -> None:
 
 
 def test_variable_names_do_not_collide_with_function_names() -> None:
-    """What is compiled names numbers and functions of math alone, whatever the user's names are."""
+    """Compiled code uses only numbers and math functions, whatever names the user chose."""
     model = triangular_model(["math", "out"], ["-sin(math)", "math*out"], "exp(math)")
     assert model.drift_code == ("-math.sin(x[0])", "x[0]*x[1]")
     assert model.gain_code == "math.exp(x[0])"

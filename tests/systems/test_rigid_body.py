@@ -1,4 +1,4 @@
-"""Euler's equation by hand and against cross products; bodies that cannot be."""
+"""Euler's equation by hand and against cross products; invalid bodies."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_kernels_agree_with_cross_products() -> None:
 
 
 def test_rotated_inertia_is_symmetrised() -> None:
-    """R J R^T is symmetric up to rounding only; it stands for half its sum with its transpose."""
+    """R J R^T is symmetric up to rounding only; it is replaced by its symmetric part."""
     refused_before = 0
     for seed in range(200):
         axes = special_ortho_group.rvs(3, random_state=seed)

@@ -1,4 +1,4 @@
-"""`reobserve design` and `reobserve export`, typed in an empty folder."""
+"""`reobserve design` and `reobserve export`, run in an empty folder."""
 
 from __future__ import annotations
 

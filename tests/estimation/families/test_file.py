@@ -1,4 +1,4 @@
-"""Design files give the observer that was designed, to the bit, and are certified again."""
+"""Design files restore the design bitwise and are certified again."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_kalman_gain_agrees_with_scipy_riccati_solver(stored: dict[str, Path]) -
 
 def test_luenberger_poles_are_placed_as_specified(stored: dict[str, Path]) -> None:
     design = load_design(stored["luenberger"])
-    A, C = PENDULUM[:2, :2], PENDULUM[:1, :2]  # corrected by what the prediction leaves over
+    A, C = PENDULUM[:2, :2], PENDULUM[:1, :2]  # corrected by the innovation
     gain = place_poles(A.T, C.T, np.exp([-0.03, -0.04])).gain_matrix.T
     assert design.gains.gain == pytest.approx(gain, rel=1e-8)
     poles = np.array(design.certificate["poles"])
@@ -86,7 +86,7 @@ def test_eso_with_pole_bound_has_minimum_gamma() -> None:
     expected = pd_pi.design_minimum_gamma(design.system.augmented, decay=0.0, bound=50.0)
     assert np.array_equal(design.gains.L, expected.gains.L)
     assert design.gains.gamma == expected.gamma
-    # A strip away from the imaginary axis costs something: it would be noticed.
+    # A strip away from the imaginary axis has a cost, which would be noticed.
     away = pd_pi.design_minimum_gamma(design.system.augmented, decay=0.01, bound=50.0)
     assert away.lower > expected.gamma
 

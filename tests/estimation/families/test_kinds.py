@@ -1,4 +1,4 @@
-"""What designs of each kind say of their observers, against other ways to the same numbers."""
+"""Properties that designs of each kind state, against independent computations."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_discrete_model_is_used_unchanged() -> None:
 
 
 def test_normal_form_poles_govern_the_error() -> None:
-    """The pendulum of the example: S(x) = x, so that errors move by exp(A t) whatever u does."""
+    """The pendulum of the example: S(x) = x, so errors follow exp(A t) for any u."""
     built = design("normal-form")
     slowest_first = [[-1.5, 0.0], [-2.2, 0.0]]
     np.testing.assert_allclose(built.certify()["poles"], slowest_first, rtol=1e-9, atol=1e-12)
@@ -98,14 +98,14 @@ def test_adaptive_observer_poles_agree_with_closed_form() -> None:
     assert poles(built) == pytest.approx(expected, rel=1e-9)
     with pytest.raises(InputError, match=r"poles .* which steps of 10 s do not follow"):
         design("adaptive", sampling_period=10.0).certify()
-    # With observer_gain + Kp = -10 errors grow, on a ball as the roots of 5 s^2 - 10 s + 200.
+    # With observer_gain + Kp = -10 errors grow; on a ball by the roots of 5 s^2 - 10 s + 200.
     gains["proportional_gain"] = -40.0
     with pytest.raises(InputError, match=r"^observer_gain: .* errors with the poles 1[+-]6.2\d*j"):
         design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains).certify()
 
 
 def test_high_gain_error_decays_within_the_proved_bound() -> None:
-    """For two states the root of the condition number of S is the square of the golden ratio."""
+    """For two states the square root of the condition number of S is the golden ratio squared."""
     built = design("high-gain")
     rho, ratio = 12.0, (3.0 + np.sqrt(5.0)) / 2.0
     decay = built.certify()["decay"]

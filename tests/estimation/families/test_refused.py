@@ -1,4 +1,4 @@
-"""Models and design files that say too little, too much or something else, each by its key."""
+"""Models and design files with missing, extra or wrong keys, each refused naming the key."""
 
 from __future__ import annotations
 

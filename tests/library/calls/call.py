@@ -1,4 +1,4 @@
-"""A call that is accepted, and short ways to state one."""
+"""A valid call, and short ways to state one."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ COMPLEX = ("complex",)  # poles may be
 
 @dataclass(frozen=True)
 class Call:
-    """``function(*arguments)``, which is accepted; ``name`` begins with module and function.
+    """``function(*arguments)``, a valid call; ``name`` begins with module and function.
 
-    ``takes`` are the kinds of odd numbers that are allowed, as `tests.bad_input.odd` names them.
+    ``takes`` are the kinds of odd numbers that are allowed, named as in `tests.bad_input.odd`.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Models that several calls take."""
+"""Models shared by several calls."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def augmented() -> AugmentedSystem:
 
 
 def gains() -> Gains:
-    """Gains of a Riccati equation, which make a PI observer of `augmented` stable."""
+    """Gains of a Riccati equation that make a PI observer of `augmented` stable."""
     from scipy.linalg import solve_continuous_are
 
     system = augmented()

@@ -1,4 +1,4 @@
-"""Calls of observers with valid arguments: how they are constructed, started, stepped and run."""
+"""Valid calls of observers: construction, initialisation, steps and runs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _recorded(
 ) -> Iterator[Call]:
     """Start an observer, run it over a record and step it, with all optional arguments.
 
-    ``form`` says what is different about the record where an observer takes several kinds.
+    ``form`` states how the record differs for observers that accept several kinds.
     """
 
     def run(
@@ -48,7 +48,7 @@ def _recorded(
     def step(state: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
         return observer.step(state, y, u, before=before, middle=middle)
 
-    between = "levant" not in type(observer).__module__  # which reads nothing between the rows
+    between = "levant" not in type(observer).__module__  # which reads nothing between rows
     state, time = observer.init(*start), observer.sampling_period * np.arange(len(y))
     first = method(observer, "init", *start)
     name = first.name.removesuffix("init")
@@ -63,7 +63,7 @@ def _recorded(
 def _from_state(
     observer: Any, state: Any, y: Any, u: Any, takes: tuple[str, ...] = ()
 ) -> Iterator[Call]:
-    """Run an observer over a record, and step it with the first row."""
+    """Run an observer over a record and step it with the first row."""
 
     def run(y: Any, u: Any, state: Any) -> object:
         return observer.run(y, u, state=state)
@@ -73,7 +73,7 @@ def _from_state(
 
 
 def sampled(kind: Callable[..., object], count: int) -> Callable[..., object]:
-    """A constructor that takes the sampling period by place, as the last of so many arguments."""
+    """A constructor with the sampling period as the last of this many positional arguments."""
 
     def construct(*arguments: Any) -> object:
         return kind(*arguments[:-1], sampling_period=arguments[-1])
@@ -146,7 +146,7 @@ def _filters() -> Iterator[Call]:
     def predicted(mean: Any, covariance: Any, error: Any) -> object:
         return kalman.predict(Gaussian(mean, covariance, error), [1.0])
 
-    name = "observers.gaussian_filter.Gaussian"  # checked where it is used
+    name = "observers.gaussian_filter.Gaussian"  # checked on use
     yield Call(name, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
     stay = [[0.9, 0.1], [0.1, 0.9]]
     bank = IMM(observers[:2], stay)

@@ -1,4 +1,4 @@
-"""Calls of all but observers: signals, models, plants, synthesis, designs."""
+"""Valid calls of everything except observers: signals, models, plants, synthesis, designs."""
 
 from __future__ import annotations
 

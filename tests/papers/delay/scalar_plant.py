@@ -1,4 +1,4 @@
-"""The scalar plant with a delayed input, exactly, and what its delay estimators read of it."""
+"""The exact scalar plant with a delayed input, and the input of its delay estimators."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 @dataclass(frozen=True)
 class Input:
-    """u and u' in closed form, also before the start: a sine, or a ramp of the same first slope."""
+    """u and u' in closed form, also before the start: a sine, or a ramp with the same initial
+    slope.
+    """
 
     frequency: float = 0.2
     ramp: bool = False
@@ -54,7 +56,7 @@ def half_steps(step: float, end: float) -> Array:
 
 
 def plant(u: Input, delay: Delay, time: Array, a: float, b: float, x0: float = 0.0) -> Array:
-    """x at the times, by the exponential and Gauss's quadrature of order 16 between them."""
+    """x at the times, by the exponential and Gauss quadrature of order 16 between them."""
     step = np.diff(time)[:, None]
     nodes = time[:-1, None] + 0.5 * step * (1 + NODES)
     force = b * u(nodes - delay(nodes))[..., 0] * np.exp(-a * (time[1:, None] - nodes))
@@ -69,7 +71,7 @@ def plant(u: Input, delay: Delay, time: Array, a: float, b: float, x0: float = 0
 def record(
     estimator: DelayEstimator, u: Input, delay: Delay, end: float, x0: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """What the estimator reads at half periods: its output, u and u', and the past of u and u'."""
+    """The estimator's input at half periods: the output, u and u', and the past of u and u'."""
     h, a, b = estimator.sampling_period, estimator.decay, estimator.input_gain
     time = half_steps(h, end)
     x = plant(u, delay, time, a, b, x0)
@@ -81,7 +83,7 @@ def record(
 def observed(
     estimator: DelayEstimator, rows: tuple[Array, Array, Array], first: float = 0.3, x0: float = 0.0
 ) -> Array:
-    """The values over what `record` gives, from a first estimate."""
+    """The estimates over `record`, from an initial estimate."""
     output, control, past = rows
     return estimator.run(output, past, control, estimator.start(x0, first))
 

@@ -1,4 +1,4 @@
-"""One style for each observer in all figures, and notes from the parameters alone."""
+"""Each observer has one style in all figures, and notes follow from the parameters."""
 
 from __future__ import annotations
 

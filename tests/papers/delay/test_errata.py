@@ -1,4 +1,4 @@
-"""What the paper claims and prints of its observer: what fails as it stands, and what holds."""
+"""Printed forms and claims of the paper that fail, and their corrections."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ def seconds(error: Array, begin: float, end: float) -> Array:
 
 # --- (34) and (36) lack C^T ---------------------------------------------------------------------
 
-# A matrix times the number x^1 - y is a matrix. What a reader could make a vector of it by:
+# A matrix times the number x^1 - y is a matrix. Possible ways to get a vector from it:
 READINGS = {
     "its diagonal": np.diag,
-    "sums of its rows": lambda S: S.sum(axis=1),  # of columns too: it is symmetric
+    "sums of its rows": lambda S: S.sum(axis=1),  # or of columns: it is symmetric
     "its second column": lambda S: S[:, 1],
     "its last column": lambda S: S[:, -1],
 }
@@ -96,7 +96,7 @@ def test_gain_with_c_transposed_is_a_vector_and_places_all_poles_at_minus_rho(si
 @pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize("size", [2, 3])
 def test_no_other_vector_from_the_printed_matrix_places_the_poles(reading: str, size: int) -> None:
-    """The poles must grow in proportion to rho, or rho is no rate; and they must be stable."""
+    """The poles must grow in proportion to rho and be stable."""
     read = READINGS[reading]
     poles = {
         rho: np.linalg.eigvals(error_matrix(read(np.linalg.inv(lyapunov_matrix(size, rho)))))
@@ -114,7 +114,7 @@ def test_no_other_vector_from_the_printed_matrix_places_the_poles(reading: str, 
 
 
 def test_printed_differentiator_fails_in_the_observer_even_without_noise() -> None:
-    """In tests of the differentiator it is judged by itself; here by what it is for."""
+    """Tests of the differentiator check it alone; here it is used by the observer."""
     built = observer(Case("sine", 2.5, 2, 0.7), STEP)
     y, exact = record("sine", STEP, 60.0)
     found = {}
@@ -152,7 +152,9 @@ def away_from_singular_instants(rho: float, order: int) -> float:
 
 
 def test_error_radius_on_the_sine_does_not_fall_for_m_1() -> None:
-    """It falls to the error of the Taylor expansion, which no gain removes, and rises to it."""
+    """It falls to the error of the Taylor expansion, which no gain removes, and approaches it from
+    below.
+    """
     rhos = (1.5, 2.5, 5.0, 7.0, 10.0, 20.0)
     first, second = ([away_from_singular_instants(rho, m) for rho in rhos] for m in (1, 2))
     assert first == pytest.approx([0.261, 0.148, 0.073, 0.068, 0.070, 0.076], abs=6e-4)
@@ -160,11 +162,11 @@ def test_error_radius_on_the_sine_does_not_fall_for_m_1() -> None:
     assert np.all(np.diff(first[3:]) > 0)
     assert second == pytest.approx([0.277, 0.162, 0.062, 0.040, 0.026, 0.0126], abs=6e-4)
     assert np.all(np.diff(second) < 0)
-    # Where the lag decides, the higher order is no better.
+    # Where the lag dominates, the higher order is no better.
     assert second[1] > first[1]
 
 
-# --- What holds ---------------------------------------------------------------------------------
+# --- Correct statements -------------------------------------------------------------------------
 
 
 def test_both_orders_are_bitwise_identical_on_a_ramp() -> None:
@@ -216,7 +218,7 @@ MODELS = {
     2: PENDULUM.model,
     3: TriangularModel(3, _lower_drift, _swinging_gain, np.array([0.5])),
 }
-# u' = 0.5 + 0.3 cos t never is zero, and u to u^(m) are bounded by 0.3 beside their mean.
+# u' = 0.5 + 0.3 cos t is never zero, and u to u^(m) are bounded by 0.3 around their mean.
 EARLY = {"from": -1.5}
 TERMS = [constant(-0.75, **EARLY), {"kind": "ramp", "slope": 0.5, **EARLY}, sine(0.3, 1.0, **EARLY)]
 STRAIGHT, RISING = signal(*TERMS[:2]), signal(*TERMS)
@@ -238,8 +240,9 @@ def late_delays(states: int, order: int, rho: float, control: Signal) -> tuple[A
 @pytest.mark.parametrize("states", MODELS)
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_constant_delay_error_stays_within_the_taylor_bound(states: int, order: int) -> None:
-    """The remainder (7) over the least slope of the Taylor polynomial; and with a high gain the
-    estimate is the root of the polynomial itself."""
+    """The remainder (7) over the smallest slope of the Taylor polynomial; with a high gain the
+    estimate is the root of the polynomial.
+    """
     exact = late_delays(states, order, 5.0, STRAIGHT)[1]
     assert np.max(np.abs(exact - TRUE_DELAY)) < 1e-6
     time, delay = late_delays(states, order, 20.0, RISING)
@@ -251,7 +254,7 @@ def test_constant_delay_error_stays_within_the_taylor_bound(states: int, order: 
     assert 0.5 * bound < np.max(np.abs(delay - TRUE_DELAY)) < bound
     late = zip(taylor, RISING(time - TRUE_DELAY)[:, 0], strict=True)
     roots = [brentq(lambda d, p=p, w=w: p(d) - w, 0, 1.5) for p, w in late]
-    # The root moves within about 1 s, the observer follows it with (n + 1) / rho.
+    # The root moves within about 1 s; the observer follows it with (n + 1) / rho.
     lag = 2.2 * (states + 1) / 20.0
     assert np.max(np.abs(delay - roots)) < lag * np.max(np.abs(delay - TRUE_DELAY))
 
@@ -277,7 +280,7 @@ def _upper_drift(x: Array, p: Array, f: Array) -> None:
 
 
 def test_form_called_upper_triangular_must_be_lower_triangular() -> None:
-    """An upper-triangular f_1 may hold x2; here it turns the sign of x2 in x1'."""
+    """An upper-triangular f_1 may contain x2; here it reverses the sign of x2 in x1'."""
     time = 0.5 * STEP * np.arange(4001)
     known = np.sin(time)
     found = []

@@ -1,4 +1,4 @@
-"""What the paper prints of its model, its proof and its settings, and what fails as it stands."""
+"""Errors in the printed model, proof and settings, and what fails with them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_output_row_is_printed_as_a_column() -> None:
     with pytest.raises(ValueError, match="mismatch"):
         column @ x
     assert (column.T @ x).tolist() == [0.3]
-    # C^T C of (9) would be a number, and the Lyapunov equation none of matrices.
+    # C^T C of (9) would be a number, and the Lyapunov equation no matrix equation.
     assert (column.T @ column).shape == (1, 1)
     S, shift = lyapunov_matrix(2, 2.5), np.eye(2, k=1)
     residual = 2.5 * S + shift.T @ S + S @ shift - column @ column.T
@@ -51,7 +51,7 @@ def test_output_row_is_printed_as_a_column() -> None:
 
 
 def test_rank_is_deficient_without_the_first_output_derivative() -> None:
-    """For n = 2 the printed list j = 2..n-1 is empty: y and y'' are left, for three unknowns."""
+    """For n = 2 the printed list j = 2..n-1 is empty: y and y'' remain for three unknowns."""
     xi = GAIN * 0.2
     rows = {"y": [1, 0, 0], "y'": [0, 1, 0], "y''": [-G_OVER_L, -A, xi]}
     printed = np.array([rows["y"], rows["y''"]])
@@ -60,7 +60,7 @@ def test_rank_is_deficient_without_the_first_output_derivative() -> None:
 
 
 def test_pendulum_drift_has_two_rows() -> None:
-    """The printed F is one number; f of (1) has one for each state, the first of them zero."""
+    """The printed F is one number; f of (1) has one per state, the first of them zero."""
     f, x = np.empty(2), np.array([0.3, -1.0])
     PENDULUM.model.drift(x, PENDULUM.model.parameters, f)
     assert f.tolist() == pytest.approx([0.0, -G_OVER_L * np.sin(0.3) + A])
@@ -92,7 +92,7 @@ def test_change_of_coordinates_needs_the_other_decomposition(size: int) -> None:
     assert np.array_equal(into @ extended(size, estimated) @ back, shift)
     gap = into @ extended(size, true) @ back - shift
     assert np.max(np.abs(gap)) == pytest.approx(abs(true / estimated - 1))
-    # Both decompositions are right by themselves.
+    # Both decompositions are correct by themselves.
     rng = np.random.default_rng(5)
     estimate, state = rng.normal(size=(2, size))
     whole = extended(size, estimated) @ estimate - extended(size, true) @ state
@@ -103,7 +103,7 @@ def test_change_of_coordinates_needs_the_other_decomposition(size: int) -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_error_system_holds_with_the_delay_in_gamma(order: int) -> None:
-    """(14) with numbers: (21) and (23) have an h that nobody defines in the place of tau."""
+    """Equation (14) with numbers: (21) and (23) have an undefined h in place of tau."""
     t, tau, other, rate, rho = 70.0, 0.9, 0.4, 0.09, 2.5
     x, estimate = np.array([0.4, -0.7, tau]), np.array([0.5, -0.3, 1.2])
     u = [np.sin(0.2 * t), 0.2 * np.cos(0.2 * t), -0.04 * np.sin(0.2 * t)]
@@ -127,14 +127,14 @@ def test_error_system_holds_with_the_delay_in_gamma(order: int) -> None:
 
 
 def test_mean_value_theorem_has_no_single_point_for_vector_functions() -> None:
-    """f = (sin x1, cos x1) is Lipschitz and lower-triangular; (20) asks for one kappa."""
+    """f = (sin x1, cos x1) is Lipschitz and lower-triangular; (20) needs a single kappa."""
     start, end = 0.0, 2 * np.pi
     change = np.array([np.sin(end) - np.sin(start), np.cos(end) - np.cos(start)])
     assert np.max(np.abs(change)) < 1e-15
     kappa = np.linspace(start, end, 1001)
     slopes = np.stack([np.cos(kappa), -np.sin(kappa)])
     assert np.min(np.linalg.norm(slopes, axis=0)) == pytest.approx(1.0)
-    # The mean of the Jacobian over the segment is what holds.
+    # The mean of the Jacobian over the segment is correct.
     assert np.max(np.abs(slopes[:, :-1].mean(axis=1) * (end - start) - change)) < 1e-12
 
 
@@ -150,7 +150,7 @@ def test_expansion_bound_lacks_a_factor_rho_for_one_state() -> None:
 
 
 def test_scaling_is_below_one_only_for_large_gains() -> None:
-    """||lambda Delta|| <= 1 asks for rho^n >= |xi|, not for rho >= 1; xi of Fig. 2 is up to 4."""
+    """||lambda Delta|| <= 1 needs rho^n >= |xi|, not rho >= 1; xi of Fig. 2 is up to 4."""
     xi = GAIN * 0.2
     assert xi == pytest.approx(4)
     size = {rho: np.linalg.norm(scaling(3, xi) @ shrinking(3, rho), 2) for rho in (1, 1.5, 2, 2.5)}
@@ -160,7 +160,7 @@ def test_scaling_is_below_one_only_for_large_gains() -> None:
 
 
 def test_jacobian_constant_differs_from_the_expansion_constant() -> None:
-    """Before (25) it is called c0, as in (19), where for m = 1 zero will do."""
+    """Before (25) it is called c0, as in (19), where zero suffices for m = 1."""
     rng = np.random.default_rng(6)
     (true, estimate), rate = rng.uniform(0, 1.5, (2, 100)), 0.2
     # (18) for m = 1: the powers of the delays are of order zero and cancel.
@@ -213,15 +213,16 @@ def test_delay_jump_violates_the_bound_of_theorem_2() -> None:
     settled = np.max(seconds(error, 15, 20))
     assert settled < 1e-7
     assert np.max(seconds(error, 20, 21)) == pytest.approx(0.6, abs=0.01)
-    assert np.max(seconds(error, 80, 105)) < 0.08  # where the delay keeps the assumption
+    assert np.max(seconds(error, 80, 105)) < 0.08  # where the delay satisfies the assumption
 
 
-# --- Settings that contradict each other ---------------------------------------------------------
+# --- Contradictory settings ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rho", [2.5, 5.0])
 def test_initial_matrix_of_table_1_does_not_solve_the_printed_equation(rho: float) -> None:
-    """(34) is algebraic and has one solution; S(0) = I asks for a differential equation."""
+    """Equation (34) is algebraic and has one solution; S(0) = I requires a differential
+    equation."""
     shift, first = np.eye(3, k=1), np.diag([1.0, 0.0, 0.0])
 
     def residual(S: Array) -> float:

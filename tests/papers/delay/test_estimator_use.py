@@ -1,4 +1,4 @@
-"""What a user of the estimators of a delay relies on, and the numbers of the comparison."""
+"""Delay estimators in use, and the numbers of the comparison."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_inverse_delay_relay_cannot_start_at_zero() -> None:
 
 
 def rms_in_the_windows(estimator: DelayEstimator) -> list[float]:
-    """Over the ends of the three constant pieces, and over the varying one."""
+    """At the ends of the three constant pieces, and over the varying one."""
     h = estimator.sampling_period
     delay = run(estimator, Input(), paper_delay, 120.0)[:, 0]
     time = h * np.arange(len(delay))

@@ -1,4 +1,4 @@
-"""The estimators of a delay against an independent integration and closed forms."""
+"""Delay estimators against an independent integration and closed forms."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from tests.papers.delay.scalar_plant import (
     short_delay,
 )
 
-# ---- The same equations, written again and integrated by DOP853
+# ---- The same equations, independently, integrated by DOP853
 
 
 def slope(estimator: DelayEstimator, u: Input, delay: Delay) -> Callable[[float, Array], Array]:
-    """The derivative of the values and x, before the projection."""
+    """The derivative of the values and x, before projection."""
     a, b = estimator.decay, estimator.input_gain
 
     def of(t: float, values: Array) -> Array:
@@ -120,7 +120,7 @@ PIECES = [
     (6.0, constant(1.2)),
     (10.0, lambda t: 0.8 + 0.4 * np.sin(0.9 * t)),
 ]
-# Bounds that the delay leaves on both sides, so that its estimate runs into them.
+# Bounds that the delay leaves on both sides, so that its estimate reaches them.
 NARROW: dict[str, Callable[[float], DelayEstimator]] = {
     kind: lambda h, make=make: replace(make(h), delay_bounds=(0.7, 1.0))  # type: ignore[misc]
     for kind, make in SMOOTH.items()
@@ -162,14 +162,14 @@ def test_estimate_stays_within_its_bounds(kind: str) -> None:
     assert np.max(delay) == 1.0
 
 
-# ---- What the docstrings promise, in closed form: on a ramp the linearisation is exact
+# ---- Statements of the docstrings, in closed form: on a ramp the linearisation is exact
 
 RAMP = Input(0.4, ramp=True)
 STEADY = B * RAMP.frequency / A  # -phi, and the slope of x
 
 
 def on_a_ramp(estimator: DelayEstimator, first: float, delay: Delay, values: Array) -> Array:
-    """The estimates over 20 s from given values, x at its particular solution."""
+    """The estimates over 20 s from given initial values, with x at its particular solution."""
     t = half_steps(estimator.sampling_period, 20.0)
     rate = float(delay(np.array([1.0]))[0] - delay(np.array([0.0]))[0])
     slope = STEADY * (1 - rate)
@@ -182,7 +182,7 @@ def on_a_ramp(estimator: DelayEstimator, first: float, delay: Delay, values: Arr
 
 @pytest.mark.parametrize("forgetting", [0.1, A / 4, 2.0])
 def test_least_squares_converges_with_the_stated_roots(forgetting: float) -> None:
-    """Also where they are complex, so that the error swings."""
+    """Also for complex roots, so that the error oscillates."""
     values = np.array([np.nan, np.nan, -STEADY, STEADY**2 / forgetting])
     delay = on_a_ramp(least_squares(0.01, 1.0, forgetting), 0.3, constant(0.8), values)
     law = np.array([[-A, A], [-forgetting, 0.0]])
@@ -264,7 +264,8 @@ def test_chatter_is_constant_for_the_delay_and_quadratic_for_its_inverse() -> No
 
 @pytest.mark.parametrize(("on", "safe"), [("delay", 0.9), ("inverse", 0.55)])
 def test_relay_faster_than_the_safe_rate_can_lose_the_delay(on: str, safe: float) -> None:
-    """Safe are |tau'| < M < 1 and |tau'| < M theta^2 < 1: theta is 1.25 s at most here."""
+    """Safe rates satisfy |tau'| < M < 1 and |tau'| < M theta^2 < 1: theta is 1.25 s at most
+    here."""
 
     def worst(gain: float) -> float:
         estimator = replace(relay(0.01, gain, on), decay=1.0, input_gain=1.0)
@@ -298,7 +299,7 @@ def dipping_delay(t: Array) -> Array:
     [
         (PIECES, short_delay, 0.8, 0.04, 6.0607, 8.9e-5),
         (DIPPING, dipping_delay, 1.2, 0.04, 6.301, 3.6e-5),
-        # Early in the step, so that it ends farther inside than it was at its start.
+        # Early in the step, so that it ends farther inside than it started.
         (PIECES, short_delay, 0.8, 0.05, 6.0607, 2e-5),
     ],
 )
@@ -310,7 +311,7 @@ def test_delay_leaving_the_bounds_within_a_step_is_held(
     instant: float,
     beyond: float,
 ) -> None:
-    """Its highest, or lowest, point is beyond the bound by that much, all within one step."""
+    """Its extremum is beyond the bound by that much, within a single step."""
     free, upper = SMOOTH["least squares"](h), pieces is PIECES
     fine = run(SMOOTH["least squares"](0.001), FAST, delay, 10.0, first)[:, 0]
     bounds = (0.0, fine.max() - beyond) if upper else (fine.min() + beyond, 1.5)

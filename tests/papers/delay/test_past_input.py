@@ -1,4 +1,4 @@
-"""The past of an input between its samples, and where it ends."""
+"""The past of an input between its samples, and its ends."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ def sine(time: Array) -> Array:
 
 
 def samples(signal: Callable[[Array], Array], step: float, steps: int) -> Array:
-    """A record of so many steps, the last of which ends at zero."""
+    """A record of this many steps, the last of which ends at zero."""
     return signal(0.5 * step * np.arange(-2 * steps, 1))
 
 
 def at(inputs: Array, ago: Array, step: float) -> Array:
-    """The input so long before the end."""
+    """The input this long before the end."""
     last = len(inputs) - 3
     return np.array([past_input(inputs, last, 1.0, back / step, step) for back in ago])
 
@@ -58,7 +58,7 @@ def test_position_in_the_arrays_does_not_change_a_bit() -> None:
 def test_extrapolation_covers_one_step_and_indices_stay_in_bounds() -> None:
     past = samples(sine, 0.01, 10)
     last = len(past) - 3
-    for lag, time in ((10.4, -0.104), (-0.4, 0.004)):  # in steps, before the end
+    for lag, time in ((10.4, -0.104), (-0.4, 0.004)):  # steps before the end
         u, rate = past_input(past, last, 1.0, lag, 0.01)
         assert abs(u - np.sin(3 * time)) < 1e-9
         assert abs(rate - 3 * np.cos(3 * time)) < 1e-6

@@ -1,4 +1,4 @@
-"""The record: noise in every reading of the paper, how it is held, and the past of the input."""
+"""The record: noise in every variant of the paper, how it is held, and the past of the input."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def job(**changes: Any) -> Job:
-    """The record of Fig. 2, some values of the plant changed."""
+    """The record of Fig. 2, with some values of the plant changed."""
     settings = fixed_parameters("delay", seed=3).settings("plant", "sine")
     stated = read_job(keys.Parameters, settings)
     return replace(stated, plant=replace(stated.plant, **changes))
@@ -56,7 +56,7 @@ def test_noise_is_held_with_the_stated_deviation() -> None:
 
 @pytest.mark.parametrize(("period", "variance"), [(1e-3, 1 / 5), (2e-3, 9 / 25)])
 def test_noise_changing_within_a_step_enters_as_its_mean(period: float, variance: float) -> None:
-    """The mean over 5 ms of five numbers, or of three of which one counts half as much.
+    """The mean over 5 ms of five numbers, or of three of which one counts half.
 
     A differentiator reads single numbers.
     """
@@ -80,7 +80,7 @@ def test_slower_noise_is_held_over_several_samples() -> None:
 
 
 def test_applied_input_noise_reaches_the_pendulum() -> None:
-    """Late by the delay, and nothing of it before t = tau."""
+    """Delayed, and with no effect before t = tau."""
     clean, noisy = record(), record(noisy_input="applied")
     assert np.array_equal(clean["measured_input"], noisy["measured_input"])
     apart = np.abs(clean["state"] - noisy["state"]).max(axis=1)
@@ -105,7 +105,7 @@ def test_input_without_a_past_is_unchanged_from_zero_on(name: str) -> None:
     whole, late = plant.simulate(stated), plant.simulate(cut)
     for channel in ("input", "input_derivatives"):
         assert np.array_equal(whole[channel], late[channel])
-    before = whole.time < 1.5  # a greatest delay earlier that is before t = 0
+    before = whole.time < 1.5  # earlier by the largest delay, that is before t = 0
     assert np.all(late["past_input"][before] == 0)
     assert np.array_equal(whole["past_input"][~before], late["past_input"][~before])
     arrives = round(0.6 / whole.step)

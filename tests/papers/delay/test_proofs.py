@@ -1,4 +1,4 @@
-"""What the paper proves about delay and input: observability, the remainder, and its errata."""
+"""Proofs of the paper about delay and input: observability, the remainder, and errata."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def test_remainder_stays_within_its_bound(order: int) -> None:
     time = np.linspace(0, 120, 6001)
     for delay in np.linspace(0.05, LARGEST_DELAY, 30):
         gamma = np.abs(remainder(SINE, order, time, delay))
-        # Differences of numbers of size one carry some 1e-16, whatever the bound is.
+        # Differences of numbers of order one have an error of 1e-16, whatever the bound.
         assert np.max(gamma) <= bound(order, delay, FREQUENCY ** (order + 1)) + 1e-15
 
 
 @pytest.mark.parametrize(("order", "printed"), [(1, 0.045), (2, 0.0045), (3, 0.0003375)])
 def test_bound_for_the_largest_delay_is_nearly_attained(order: int, printed: float) -> None:
-    """The remainder of a sine is one too, of amplitude |exp(-i w tau) - its Taylor polynomial|."""
+    """The remainder of a sine is a sine of amplitude |exp(-i w tau) - its Taylor polynomial|."""
     limit = bound(order, LARGEST_DELAY, FREQUENCY ** (order + 1))
     assert limit == pytest.approx(printed)
     turn = -1j * FREQUENCY * LARGEST_DELAY
@@ -73,7 +73,7 @@ def test_bound_is_attained_as_the_delay_tends_to_zero(order: int) -> None:
             gamma = abs(mpmath.sin(w * (instant - delay)) - taylor)
             gaps.append(1 - gamma * mpmath.factorial(order + 1) / (w * delay) ** (order + 1))
         assert all(gap > 0 for gap in gaps)
-        # An even derivative meets its peak in the middle of a parabola: the gap falls as tau^2.
+        # An even derivative peaks in the middle of a parabola: the gap falls as tau^2.
         assert gaps[2] < 1e-6
         assert gaps[0] / gaps[1] == pytest.approx(100, rel=0.01)
 
@@ -101,10 +101,10 @@ def test_ramp_has_no_remainder() -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_determinant_of_the_observability_jacobian_agrees_with_theorem_1(n: int) -> None:
-    """It is -G(y) u'(t - tau) for every f of lower-triangular form, and any motion of the delay.
+    """It is -G(y) u'(t - tau) for every lower-triangular f and any motion of the delay.
 
-    Time enters through u alone: y to y^(n-1) do not know the input, so that u is derived by the
-    delay and never by time, and the unknown rate of the delay does not appear.
+    Time enters through u only: y to y^(n-1) do not depend on the input, so u is differentiated by
+    the delay and never by time, and the unknown rate of the delay does not appear.
     """
     t, tau = sympy.symbols("t tau")
     x = sympy.symbols(f"x1:{n + 1}")
@@ -124,7 +124,7 @@ def test_determinant_of_the_observability_jacobian_agrees_with_theorem_1(n: int)
     s = sympy.Symbol("s")
     slope = sympy.Subs(u(s).diff(s), s, t - tau)
     assert sympy.simplify((jacobian.det() + G(x[0]) * slope).doit()) == 0
-    # A closed form says the same without formal derivatives.
+    # A closed form gives the same without formal derivatives.
     assert jacobian.det().subs(u, sympy.Lambda(s, sympy.sin(s / 5))).doit().equals(
         -G(x[0]) * sympy.cos((t - tau) / 5) / 5
     )  # fmt: skip
@@ -132,7 +132,9 @@ def test_determinant_of_the_observability_jacobian_agrees_with_theorem_1(n: int)
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_one_more_derivative_makes_the_delay_observable_at_turning_points(n: int) -> None:
-    """Theorem 1 says only if: with y to y^(n+1) the rank is full at u' = 0, u'' != 0, tau' != 1."""
+    """Theorem 1 is only sufficient: with y to y^(n+1) the rank is full at u' = 0, u'' != 0, tau' !=
+    1.
+    """
     rate, *u = sympy.symbols("eta u0 u1 u2 u3")
     x = sympy.symbols(f"x1:{n + 1}")
     last = -sympy.sin(x[0]) - sum(x[1:])
@@ -145,7 +147,7 @@ def test_one_more_derivative_makes_the_delay_observable_at_turning_points(n: int
     by_delay = [-sum(y.diff(u[i]) * u[i + 1] for i in range(3)) for y in outputs]
     jacobian = sympy.Matrix(outputs).jacobian(list(x)).row_join(sympy.Matrix(by_delay))
     turning = jacobian.subs({u[1]: 0})
-    assert turning[: n + 1, :].det() == 0  # what the proof looks at
+    assert turning[: n + 1, :].det() == 0  # the part considered in the proof
     others = turning.extract([*range(n), n + 1], list(range(n + 1)))
     assert sympy.simplify(others.det() + (1 - rate) * u[2]) == 0
 
@@ -154,19 +156,19 @@ def test_one_more_derivative_makes_the_delay_observable_at_turning_points(n: int
 
 
 def test_singular_instants_of_the_sine_differ_from_the_printed_ones() -> None:
-    """The condition u' = 0 reads 0.2 t = pi/2 [pi]; printed is 0.15 t = pi/2 [2 pi]."""
+    """The condition u' = 0 gives 0.2 t = pi/2 [pi]; printed is 0.15 t = pi/2 [2 pi]."""
     slope = SINE.derivative("control")
     singular = np.pi / 2 / 0.2 + np.pi / 0.2 * np.arange(8)
     assert singular[:2] == pytest.approx([7.854, 23.562], abs=1e-3)
     assert singular[-1] < 120 < singular[-1] + np.pi / 0.2
     assert np.max(np.abs(slope(singular))) < 1e-15
-    # They are all: u' has one sign in between and changes it at each.
+    # These are all: u' has one sign in between and changes it at each.
     between = np.concatenate([[0.0], (singular[:-1] + singular[1:]) / 2, [120.0]])
     assert np.all(np.diff(np.sign(slope(between)[:, 0])) != 0)
     printed = np.pi / 2 / 0.15 + 2 * np.pi / 0.15 * np.arange(3)
     assert printed == pytest.approx([10.472, 52.360, 94.248], abs=1e-3)
     assert slope(printed)[:, 0] == pytest.approx([-0.1, -0.1, 0.2], abs=1e-15)
-    # Nor is one frequency or one period of the two right by itself.
+    # Nor is the frequency or the period alone correct.
     assert abs(slope(np.array([np.pi / 2 / 0.15]))[0, 0]) > 0.09
     other_half = np.array([3 * np.pi / 2 / 0.2])
     assert slope(other_half)[0, 0] == pytest.approx(0, abs=1e-15)

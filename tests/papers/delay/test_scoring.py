@@ -27,7 +27,7 @@ def test_scored_half_periods_start_after_the_last_jump() -> None:
 
 
 def test_peaks_have_mean_size_and_mean_distance() -> None:
-    """1 to 4, at an instant and 1 to 3 s after the next; what comes before 10 s is no peak."""
+    """1 to 4, at an instant and 1 to 3 s after the next; values before 10 s do not count."""
     error = np.zeros(len(TIME))
     error[500] = 9.0
     for k in range(4):

@@ -1,4 +1,4 @@
-"""The numbers of the theory against closed forms and second ways."""
+"""The numbers of the theory against closed forms and independent computations."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_input_starting_at_zero_is_not_smooth() -> None:
 
 
 def test_remainders_of_the_sine_agree_with_closed_form() -> None:
-    """The largest of |sin(a - b) - sin a + b cos a| over a is the size of a sine."""
+    """The maximum of |sin(a - b) - sin a + b cos a| over a is the amplitude of a sine."""
     found, b = numbers(), 0.2 * 1.5
     first = np.hypot(np.cos(b) - 1, b - np.sin(b))
     second = np.hypot(np.cos(b) - 1 + b**2 / 2, b - np.sin(b))
@@ -104,9 +104,11 @@ def test_predicted_lag_agrees_with_the_run() -> None:
 
 
 def test_peak_gains_of_a_chain_agree_with_closed_form() -> None:
-    """Three poles at -rho: the impulse responses of the last state to the last two inputs have one
-    sign, so that their integrals are transfer functions at zero; that of the first state to the
-    second input, (t - rho t^2 / 2) exp(-rho t), changes its sign where t^2 exp(-rho t) / 2 peaks.
+    """For three poles at -rho the gains are integrals of impulse responses.
+
+    The responses of the last state to the last two inputs have one sign, so that their integrals
+    are transfer functions at zero; that of the first state to the second input, (t - rho t^2 / 2)
+    exp(-rho t), changes its sign where t^2 exp(-rho t) / 2 peaks.
     """
     for rho in (1.0, 5.0):
         found = theory_gains.peak_gains(error_matrix(rho, 0.0, 0.0))
@@ -116,7 +118,7 @@ def test_peak_gains_of_a_chain_agree_with_closed_form() -> None:
 
 
 def test_minimum_radius_tends_to_the_expansion_remainder() -> None:
-    """G gamma / xi and c_0 / xi, errors of the delay alone; the rest goes with 1 / rho."""
+    """G gamma / xi and c_0 / xi, errors of the delay alone; the rest falls as 1 / rho."""
     found = numbers()
     floors = {
         1: GAIN * 1.5**2 / 2 * 0.04 / 0.7,
@@ -131,7 +133,7 @@ def test_minimum_radius_tends_to_the_expansion_remainder() -> None:
 
 
 def test_differentiator_errors_agree_with_its_unit_tests() -> None:
-    """There: errors of 0.1166 T^2 and 0.0842 T."""
+    """There the errors are 0.1166 T^2 and 0.0842 T."""
     found, size, period = numbers(), 0.2 / np.sqrt(2), 2.5e-3
     expected = (0.1166 * period**2 / size, 0.0842 * period / (0.2 * size))
     for i, share in enumerate(expected, start=1):
@@ -143,7 +145,7 @@ def test_differentiator_errors_agree_with_its_unit_tests() -> None:
 
 
 def test_wrong_derivatives_scale_the_delay_on_a_ramp() -> None:
-    """tau^ u'(1 + e) = tau u' at rest; the first delay is 0.6 s."""
+    """tau^ u'(1 + e) = tau u' in steady state; the first delay is 0.6 s."""
     built = observer(Case("ramp", 5.0, 2), 5e-3)
     y, u = record("ramp", 5e-3, 19.0)
     for share in (0.01, 0.03, 0.1):
@@ -159,7 +161,7 @@ def test_runs_at_the_rho_of_the_figures_reproduce_the_figures() -> None:
 
 
 def test_singular_peaks_grow_without_switching_off() -> None:
-    """For m = 1, where the expansion is wrong at xi = 0; for m = 2 hardly."""
+    """For m = 1, where the expansion is wrong at xi = 0; hardly for m = 2."""
     found = numbers()
     ratio = [
         found[f"order_{order}", "peak_delay_error_small_threshold"]
@@ -195,7 +197,7 @@ def test_law_for_m_2_without_threshold_has_no_solution_past_zero_xi(step: float)
 
 
 def test_constant_mean_delay_errs_by_its_distance() -> None:
-    """Squares over 5 to 120 s: 0.2, 0.4 and 0.5 s off, then half of 0.45 s squared and a rest."""
+    """Squares over 5 to 120 s: 0.2, 0.4 and 0.5 s off, then half of 0.45 s squared and the rest."""
     swing = quad(lambda t: (0.45 * np.sin(0.2 * t)) ** 2, 60, 120)[0]
     expected = np.sqrt((15 * 0.04 + 20 * 0.16 + 20 * 0.25 + swing) / 115)
     assert numbers()["mean_delay", "rms_delay_error"] == pytest.approx(expected, rel=1e-4)
@@ -217,8 +219,10 @@ def test_faster_input_with_a_factor_of_one_changes_nothing() -> None:
 
 
 def test_shorter_delay_has_smaller_absolute_and_larger_relative_error() -> None:
-    """The lag goes with the rate, so a delay of half the size has half of it, the same share of the
-    delay. There are twice as many singular instants, which add to both.
+    """The lag is proportional to the rate, so half the delay has half the lag, the same relative
+    lag.
+
+    There are twice as many singular instants, which add to both.
     """
     absolute, relative = numbers(), evaluated({"theory": {"accuracy": "relative"}})
     for rho in (2.5, 5):
@@ -236,7 +240,8 @@ def test_each_higher_derivative_has_more_noise_error() -> None:
 
 
 def test_constant_gain_function_reproduces_the_library_observer() -> None:
-    """From the true state, so that the delay stays off its bounds, which nothing else knows of."""
+    """From the true state, so that the delay stays off its bounds, which only the library
+    enforces."""
     parameters = fixed_parameters("delay")
     job = read_job(keys.Parameters, parameters.settings("theory"))
     start = [*job.theory.initial_state, 0.3]

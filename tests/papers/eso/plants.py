@@ -1,4 +1,4 @@
-"""Small plants that the tests share."""
+"""Small plants shared by the tests."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What is printed wrong in Indriawati, Agustinah & Jazidie, or claimed too widely: with numbers.
+"""Errors and overstated claims in Indriawati, Agustinah & Jazidie, with numbers.
 
-The observer with the printed F, (A, C) that is observable and not enough, the printed back
-electromotive force in A and the sign of the integral are in the tests of observer, system and
-plant.
+The observer with the printed F, the insufficient condition on (A, C), the printed back
+electromotive force in A and the sign of the integral are covered by the tests of observer, system
+and plant.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ KINDS = (
 
 
 def at_rest(model: AugmentedSystem, gains: Gains, y: Array, u: float) -> Array:
-    """x, fa and fs as an observer with this model of the plant finds them after 40 s."""
+    """x, fa and fs after 40 s, estimated by an observer with this model of the plant."""
     observer = ExtendedStateObserver(model, gains, sampling_period=0.05)
     run = observer.run(np.tile(y, (800, 1)), np.full((800, 1), u))
     return np.hstack([run["state"][-1], run["actuator_fault"][-1], run["sensor_fault"][-1]])
@@ -103,7 +103,7 @@ def test_errors_double_every_quarter_second_with_gains_for_the_other_sign() -> N
 
 
 def test_observer_with_the_printed_back_emf_estimates_speed_as_a_fault() -> None:
-    # At rest fa^ - fa = -0.02 x1, a tenth of the fault of 0.2 for each rad/s; gamma is the same.
+    # In steady state fa^ - fa = -0.02 x1, a tenth of the fault of 0.2 per rad/s; gamma is the same.
     printed = dc_motor(A=[[-10.0, 1.0], [0.02, -2.0]])
     x = np.linalg.solve(-SYSTEM.A, [0.0, 2 * (10.0 + 0.2)])
     assert x[0] == pytest.approx(1.02 / 1.001, rel=1e-12)
@@ -114,7 +114,7 @@ def test_observer_with_the_printed_back_emf_estimates_speed_as_a_fault() -> None
     assert gamma_lower_bound(printed) == pytest.approx(FLOOR, rel=1e-13)
 
 
-# --- (22) and (24): the input of the dual is no dD ----------------------------------------------
+# --- (22) and (24): the input of the dual is not dD ---------------------------------------------
 
 
 def test_dual_has_one_input_more_than_dD() -> None:
@@ -161,9 +161,9 @@ def test_inequality_19_forbids_positive_definite_p2_and_does_not_constrain_y2() 
 
 
 def exact_errors() -> list[list[Fraction]]:
-    """Errors of speed, current, fa and fs that constant d1, d2 and w leave, for any gains.
+    """Errors of speed, current, fa and fs under constant d1, d2 and w, for any gains.
 
-    Nothing of the error is seen: 0 = A ex + B efa + Dd d and 0 = ex + [w + efs, 0].
+    The measured error vanishes: 0 = A ex + B efa + Dd d and 0 = ex + [w + efs, 0].
     """
     columns = []
     for d1, d2, w in np.eye(3, dtype=int).tolist():
@@ -184,7 +184,7 @@ def test_errors_under_constant_disturbances_do_not_depend_on_the_gains(kind: str
     assert gain == pytest.approx(np.array(exact, dtype=float), abs=1e-9)
 
 
-# Means of d1 and d2 as read, and the biases fa^ - fa and fs^ - fs.
+# Means of d1 and d2 as printed, and the biases fa^ - fa and fs^ - fs.
 READINGS = {
     "[min of d1, min of d2] and [max, max]": ((-0.2, 0.0), (2e-4, -0.02)),
     "[min of d1, max of d1] and [min, max]": ((-0.15, -0.05), (-0.04985, -0.015)),
@@ -204,11 +204,11 @@ def test_printed_disturbances_bias_every_observer(kind: str, reading: str) -> No
         assert abs(found[3] - 0.1) == pytest.approx(0.2 * 0.1, rel=1e-6), "a fifth of the fault"
 
 
-# --- "There is no constraint imposed on the faults": dD holds f' ---------------------------------
+# --- "There is no constraint imposed on the faults": dD contains f' ------------------------------
 
 
 def sizes_of_a_ramp(column: int, duration: float) -> tuple[float, float, float]:
-    """L2 norms of f' and of e for a fault that rises to 1 in a straight line, and e at its end."""
+    """L2 norms of f' and of e for a fault that rises linearly to 1, and e at its end."""
     Ao, Eo = error_system(SYSTEM, optimised().gains)
     A, b = np.linalg.solve(Eo, Ao), np.linalg.solve(Eo, SYSTEM.Bo[:, column])
 
@@ -234,7 +234,7 @@ def test_norm_gives_no_bound_for_a_jumping_fault(column: int, limit: float) -> N
     assert np.diff(np.log10(rates)) == pytest.approx(np.full(4, 0.5), rel=1e-12)
     assert errors[-1] == pytest.approx(limit, rel=1e-3)
     assert errors[-1] / rates[-1] < 0.02 < gamma
-    # Right after a jump all of it is missing in the estimate, with any gains.
+    # Right after a jump the estimate misses all of it, for any gains.
     assert ends[-1] == pytest.approx(1.0, abs=1e-3)
     assert errors[0] / rates[0] > 0.3
 
@@ -246,11 +246,11 @@ def test_estimate_is_unchanged_immediately_after_a_jump() -> None:
     assert np.abs(found["sensor_fault"]).max() < 1e-4
 
 
-# --- (3), (6), (7): what Az must scale -----------------------------------------------------------
+# --- (3), (6), (7): the place of Az --------------------------------------------------------------
 
 
 def observed_by_6(gains: Gains, rate: float, s: complex) -> Array:
-    """fa^ and fs^ for u, fa and fs, each in its column: (6) with the Aa and F of (7) beside (3)."""
+    """fa^ and fs^ for u, fa and fs, one column each: (6) with Aa and F of (7), and (3)."""
     plant, model = dc_motor(Az=rate), SYSTEM
     assert np.array_equal(model.Az, np.eye(2))
     together, entering = np.zeros((10, 10)), np.zeros((10, 3))
@@ -261,20 +261,20 @@ def observed_by_6(gains: Gains, rate: float, s: complex) -> Array:
 
 
 def test_control_leaks_into_the_actuator_fault_without_az_in_6() -> None:
-    """Constant faults are found all the same: what is wrong at rest is wrong in Aa and F alike."""
+    """Constant faults are still found: in steady state Aa and F have the same error."""
     gains = pi.design_feasible(SYSTEM, 1.0).gains
     at_rest = observed_by_6(gains, 10.0, 0.0)
     assert at_rest == pytest.approx(np.array([[0, 1, 0], [0, 0, 1]]), abs=1e-9)
     moving = np.abs(observed_by_6(gains, 10.0, 1j)[0, 0])
     assert moving == pytest.approx(0.81, abs=0.005)
-    # With the identity in the filter, too, it is the observer that was meant.
+    # With the identity as filter, too, it is the intended observer.
     assert np.abs(observed_by_6(gains, 1.0, 1j)[:, 0]).max() < 1e-12
 
 
 def test_gamma_without_az_in_dw_is_not_achievable() -> None:
     unscaled = dc_motor(Az=10.0, Dw=SYSTEM.Dw / 10)
     assert unscaled.Da[2, 2] == 1.0
-    # Errors of constants d1, d2, w: w as if it were a tenth.
+    # Errors under constant d1, d2, w: w counts as a tenth.
     errors = [[0.1, 0, 0], [0.001, -1, 0], [-0.1, 0, -0.1]]
     assert gamma_lower_bound(unscaled) == pytest.approx(np.linalg.norm(errors, 2), rel=1e-12)
     assert gamma_lower_bound(unscaled) < 1.000001 < FLOOR

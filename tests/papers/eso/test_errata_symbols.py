@@ -1,4 +1,4 @@
-"""What else is printed wrong, or twice and differently: symbols, shapes, signs and numbers."""
+"""Other errors and inconsistencies in print: symbols, shapes, signs and numbers."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ SYSTEM = dc_motor()
 
 
 def test_z_of_equation_3_is_not_the_filter_state() -> None:
-    """z stands for the state of the dual (22), of six entries, and y has two."""
+    """z denotes the state of the dual (22), with six entries, while y has two."""
     y, x = np.array([1.1, 10.0]), np.array([1.0, 10.0])
     assert (SYSTEM.size, len(y)) == (6, 2)
-    # With xz for it (3) is its own second half.
+    # With xz instead, (3) equals its own second half.
     xz, fault = np.array([0.3, -0.2]), np.array([0.0, 0.1])
     rate = SYSTEM.Az @ (y - xz)
     second = SYSTEM.Aa[2:] @ [*x, *xz] + SYSTEM.F[2:] @ fault
@@ -43,7 +43,7 @@ def test_dd_of_equation_4_has_too_few_rows_for_the_augmented_state() -> None:
 
 
 def test_fault_called_the_sensor_fault_does_not_affect_the_output() -> None:
-    """Section IV calls fa the sensor fault and fs the actuator fault, beside Fs = [1 0]^T."""
+    """Section IV calls fa the sensor fault and fs the actuator fault, yet Fs = [1 0]^T."""
     motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
     control = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
     loop = ControlledMotor(motor, control, np.diag([1.0, 2.0]), [[1.0], [0.0]], [[1.0], [0.0]])
@@ -57,14 +57,14 @@ def test_fault_called_the_sensor_fault_does_not_affect_the_output() -> None:
 
 
 def test_e_is_not_an_input_matrix() -> None:
-    """E = B of Section IV: there is no E in (1), and that of Lemma 1 is square."""
+    """E = B of Section IV: (1) contains no E, and that of Lemma 1 is square."""
     with pytest.raises(InputError, match=r"^E: .*\(2, 1\)"):
         h_infinity_norm(SYSTEM.A, SYSTEM.Fa, np.eye(2), E=SYSTEM.B)
     assert np.array_equal(SYSTEM.Fa, SYSTEM.B)
 
 
 def test_figure_numbers_are_one_above_those_in_the_text() -> None:
-    """The text has the noise in Figs 3 and 4, and the first without it in Fig. 1."""
+    """The text refers to Figs 3 and 4 for the noise, and to Fig. 1 for the first one without."""
     stated = Parameters.load(ROOT, "eso")
     text = {
         1: ("actuator", False),
@@ -83,7 +83,7 @@ def test_figure_numbers_are_one_above_those_in_the_text() -> None:
 
 
 def test_only_table_is_not_numbered_first() -> None:
-    """The text refers to table 1, and the heading of the one table counts it as the seventh."""
+    """The text refers to table 1, and the only table is numbered seventh."""
     numerals = {"I": 1, "V": 5, "X": 10}
     heading = [numerals[letter] for letter in "VII"]
     assert sum(heading) == 7, "they fall, so that they add"

@@ -1,4 +1,4 @@
-"""The paper's package: what the parameters state is what is built, run and scored."""
+"""The package of the paper builds, runs and scores as the parameters state."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def simulated(scenario: str, seed: int = SEED, **values: Any) -> Series:
 
 @cache
 def record(name: str) -> Series:
-    """Of a scenario, or one without disturbances: alone, or with noise."""
+    """The record of a scenario, or one without disturbances: alone, or with noise."""
     if name in ("quiet", "noise only"):
         return simulated("disturbed" if name == "quiet" else "noisy", **QUIET)
     return simulated(name)
@@ -105,7 +105,7 @@ def test_settings_agree_with_the_parameters() -> None:
         assert setup.steps * setup.step == pytest.approx(20.0, rel=1e-14)
         assert setup.low.tolist() == [-0.2, -0.1]
         assert setup.high.tolist() == [0.2, 0.1]
-        # Of y1 with Ki v and the poles -3 +- 2.25j and -12: tests of the plant.
+        # Of y1 with Ki v and the poles -3 +- 2.25j and -12: see the tests of the plant.
         assert setup.plant.control.feedback == pytest.approx([3.02125, 3.0])
         assert setup.plant.control.integral == pytest.approx(-84.375)
     quarter = parameters({"plant": {"hold_period": 0.4}})
@@ -127,7 +127,7 @@ def test_noise_is_held_and_has_the_stated_size() -> None:
 
 
 def disturbances(disturbed: Series, quiet: Series) -> Array:
-    """d of each 0.1 s, from what it does to the closed loop [x, v]; v = (u + Kc x) / Ki."""
+    """d of each 0.1 s, from its effect on the closed loop [x, v]; v = (u + Kc x) / Ki."""
     Kc, Ki = np.array([3.02125, 3.0]), -84.375
     loop = np.block([[dc_motor().A - [[0], [2]] * Kc, np.array([[0], [2 * Ki]])], [1.0, 0, 0]])
     drive = np.vstack([np.diag([1.0, 2.0]), [0.0, 0.0]])
@@ -149,7 +149,7 @@ def test_disturbances_are_reproducible_and_within_bounds() -> None:
 
 
 def test_noise_does_not_change_the_disturbances() -> None:
-    # Nor do these change the noise: all is linear.
+    # They do not change the noise either: everything is linear.
     by_disturbance = record("disturbed")["state"] - record("quiet")["state"]
     found = record("noisy")["state"] - record("noise only")["state"]
     assert np.abs(by_disturbance).max() > 0.01
@@ -167,7 +167,8 @@ def test_record_jumps_only_at_the_stated_times() -> None:
     assert at["sensor_fault"] == pytest.approx([0.1, -0.1, 0.2], abs=1e-9)
     onset, end = (0.05 * t * np.sin(0.25 * np.pi * t) for t in (1.5, 15.0))
     assert at["actuator_fault"] == pytest.approx([onset, 0.2 - end], rel=1e-9)
-    # y1 jumps with fs and with the noise, each 0.1 s; u with y1 by the gain of the speed, or not.
+    # y1 jumps with fs and with the noise, each 0.1 s; u jumps with y1 by the speed gain, or not at
+    # all.
     change = np.diff(np.sqrt(1e-3) * random_stream(SEED, "eso", "noise").standard_normal(200))
     expected = jumps["sensor_fault"].copy()
     expected[200:-1:200] += change
@@ -204,7 +205,7 @@ def test_designs_agree_with_the_synthesis(name: str, direct: Any) -> None:
 
 
 def test_both_observers_can_be_designed_by_both_criteria() -> None:
-    """What is drawn for both at once: the criterion, and the bound and the radius of the second."""
+    """Sampled together: the criterion, and the bound and the radius of the second observer."""
     bounds = {"criterion": "minimum_gamma", "pole_bound": 30.0, "radius": 1000.0}
     changed = parameters({"designs": {"pd_pi": bounds, "pi_optimal": bounds}})
     for name, derivative in (("pd_pi", True), ("pi_optimal", False)):
@@ -252,7 +253,7 @@ def test_feasible_observer_is_slower_and_less_accurate() -> None:
 
 @pytest.mark.parametrize("name", ["quiet", "disturbed", "noisy"])
 def test_pi_observer_from_the_same_optimisation_gives_the_same_estimates(name: str) -> None:
-    """The paper's remark; under noise the difference itself is 2.8 % of the error of fs."""
+    """A remark of the paper; under noise the difference itself is 2.8 % of the error of fs."""
     most = 0.03 if name == "noisy" else 0.02
     for fault in FAULTS:
         errors = [
@@ -292,7 +293,7 @@ def test_observers_start_from_the_stated_state() -> None:
     )
     first = [*found["state"][0], found["actuator_fault"][0], found["sensor_fault"][0]]
     assert first == [0.3, -0.2, 0.05, -0.06]
-    # Of xz it has a filter of its own: with both alike an error of theirs is none.
+    # It has its own filter for xz: a common error of both cancels.
     assert found["state"][-1] == pytest.approx(estimated("disturbed", "pd_pi")["state"][-1])
     moved = parameters({"plant": {"initial_state": [0.5, -1.0]}})
     begun = plant.simulate(moved.settings("plant", "disturbed"))
@@ -338,7 +339,7 @@ def test_lag_stays_between_zero_and_the_maximum() -> None:
     for shift, longest, expected in ((-0.3, 2.5, 0.0), (0.8, 0.5, 0.5), (0.8, 0.8, 0.8)):
         found = lag(TIME, TIME**2, (TIME - shift) ** 2, [4.5, 10.0], longest)
         assert found == pytest.approx(expected, abs=1e-12)
-    # Of a window of 1 s half can be compared at a shift of 0.5 s, no less.
+    # In a window of 1 s at least half must remain, so the shift is at most 0.5 s.
     assert lag(TIME, TIME**2, (TIME - 3) ** 2, [4.0, 5.0], 2.5) == pytest.approx(0.5, abs=1e-12)
 
 
@@ -347,7 +348,7 @@ def test_lag_of_a_constant_is_undefined() -> None:
 
 
 def test_estimate_after_the_window_does_not_change_the_lag() -> None:
-    """The faults jump at the ends of their windows, and the estimates answer to that."""
+    """The faults jump at the ends of their windows, and the estimates respond."""
     found = []
     for size in (0.0, 0.2, -3.0):
         truth = np.where(TIME < 10 - 1e-9, wave(TIME), size)
@@ -356,7 +357,7 @@ def test_estimate_after_the_window_does_not_change_the_lag() -> None:
             estimate[k] = share * estimate[k - 1] + (1 - share) * truth[k - 1]
         found.append(lag(TIME, truth, estimate, [4.5, 10.0], 2.5))
     assert found[0] == found[1] == found[2]
-    # A sine of frequency w comes arctan(0.2 w) / w later behind a lag of 0.2 s; this one grows.
+    # A sine of frequency w is delayed by arctan(0.2 w) / w behind a lag of 0.2 s; this one grows.
     assert found[0] == pytest.approx(np.arctan(0.1 * np.pi) / (0.5 * np.pi), rel=0.03)
 
 
@@ -369,7 +370,7 @@ def test_scores_of_known_errors_are_exact() -> None:
     time = np.arange(0.0, 4.0 + 0.05, 0.1)
     fine = np.arange(0.0, 4.0 + 0.025, 0.05)
     volts = {"actuator_fault": Channel(fine**2, "V"), "sensor_fault": Channel(-fine, "rad/s")}
-    # 0.3 late; and 0.2 too much up to the sample before 2 s, then -0.1 and 0.1 in turns.
+    # 0.3 s late; and 0.2 too large up to the sample before 2 s, then alternately -0.1 and 0.1.
     late = Channel((time - 0.3) ** 2, "V")
     turns = np.where(time < 2 - 1e-9, 0.2, 0.1 * (-1.0) ** np.arange(len(time)))
     estimate = Series(time, {"actuator_fault": late, "sensor_fault": Channel(turns - time, "")})
@@ -414,7 +415,7 @@ def test_scores_of_known_signals_are_exact() -> None:
     found = {name: value for name, value, _ in sizes(rules, record)}
     assert found.pop("rms_sensor_fault_varying") == pytest.approx(rms(2 * np.arange(1, 1.95, 0.1)))
     assert found == pytest.approx({"rms_actuator_fault_varying": 0.2, "rms_noise_constant": 0.7})
-    # The first knows the sensor fault, so that the noise is left; the second has 1 too much.
+    # The first knows the sensor fault, so that only the noise remains; the second is 1 too large.
     for estimate, left in ((one, 0.7), (other, 1.7)):
         ((_, corrected, _),) = corrected_speed(rules, record, estimate)
         assert corrected == pytest.approx(left)
@@ -422,11 +423,11 @@ def test_scores_of_known_signals_are_exact() -> None:
     assert apart == pytest.approx({"rms_actuator_difference": 0.4, "rms_sensor_difference": 1.0})
 
 
-# --- Deviations of what is held -----------------------------------------------------------------
+# --- Deviations under held noise ----------------------------------------------------------------
 
 
 def test_deviation_of_one_state_agrees_with_closed_form() -> None:
-    """A mode at -a that no output sees and no gain moves: e' = -a e + v, v held for T."""
+    """An unobservable mode at -a that no gain affects: e' = -a e + v, v held for T."""
     a, period, size = 3.0, 0.1, 0.7
     system = dc_motor(A=[[-2.0, 0.0], [0.0, -a]], C=[[1.0, 0.0], [2.0, 0.0]], Fa=[[1.0], [0.0]],
                       Dd=np.eye(2))  # fmt: skip
@@ -443,7 +444,7 @@ def test_deviation_of_one_state_agrees_with_closed_form() -> None:
 @pytest.mark.parametrize("design", ["pi_feasible", "pd_pi"])
 @pytest.mark.parametrize("source", ["disturbance", "noise"])
 def test_deviations_agree_with_many_simulations(design: str, source: str) -> None:
-    """10000 observers side by side for 6 s, which is long with all poles left of -1."""
+    """10000 observers in parallel for 6 s, a long time with all poles left of -1."""
     system, copies, period = dc_motor(), 10_000, 0.1
     Ao, Eo = error_system(system, gains_of(design))
     rates = np.linalg.solve(Eo, np.hstack([Ao, system.Bo[:, :3]]))
@@ -462,12 +463,12 @@ def test_deviations_agree_with_many_simulations(design: str, source: str) -> Non
         error = both @ np.vstack([error, held])
     found = held_deviation(system, gains_of(design), deviations, period)
     measured = error.std(axis=1)
-    # Of a deviation, from normal numbers; what uniform ones give is scattered less.
+    # For a deviation of normal numbers; uniform ones scatter less.
     assert np.abs(measured / found - 1).max() < 4 / np.sqrt(2 * copies)
 
 
 def test_deviation_over_time_is_the_mean_within_a_hold() -> None:
-    """At many instants of a hold: the error of its start, moved on, and what has come since."""
+    """At many instants of a hold: the initial error, propagated, and the noise since then."""
     system, gains, sizes, period = dc_motor(), gains_of("pd_pi"), np.array([0.1, 0.06, 0.03]), 0.1
     Ao, Eo = error_system(system, gains)
     A, B = np.linalg.solve(Eo, Ao), np.linalg.solve(Eo, system.Bo[:, :3]) * sizes
@@ -495,7 +496,7 @@ def test_invalid_deviation_arguments_are_refused() -> None:
 
 @cache
 def rows_of_the_study() -> list[Tree]:
-    """Of two designs, from a record that the study must not use the disturbances of."""
+    """Rows of two designs, from a record whose disturbances the study must not use."""
     settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [2.0], "decays": [1.0], "factors": [], "pole_bounds": [50.0],
               "radii": [], "solutions": ["minimum_norm", "positive"]}  # fmt: skip
@@ -558,7 +559,7 @@ def test_metrics_include_every_design_of_the_study() -> None:
     assert found.at("pi_feasible", "sensor_lag", rate=2, decay=1) == row["value"]
 
 
-# --- Bad values ---------------------------------------------------------------------------------
+# --- Invalid values -----------------------------------------------------------------------------
 
 
 def plants(**values: Any) -> Tree:

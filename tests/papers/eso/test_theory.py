@@ -1,4 +1,5 @@
-"""Numbers of the theory stage against closed forms and second ways, and the bounds of claims."""
+"""Numbers of the theory stage against closed forms, independent computations, and bounds of
+claims."""
 
 from __future__ import annotations
 
@@ -89,7 +90,7 @@ def test_rosenbrock_rank_reveals_what_observability_does_not() -> None:
     for name, missing in (("two_outputs", 0), ("one_output", 1)):
         assert numbers()[name, "rosenbrock_rank_deficiency"] == missing
     assert numbers()["motor", "unobservable_states"] == 0
-    # A sensor fault that looks like one of the actuator, though (A, C) is observable.
+    # A sensor fault that looks like an actuator fault, though (A, C) is observable.
     # Exactly: fa = 10.01 holds x at (1, 10), and fs (1, 10) takes both outputs back to zero.
     A = [[Fraction(-10), Fraction(1)], [Fraction(-2, 100), Fraction(-2)]]
     x, fa = [Fraction(1), Fraction(10)], Fraction(1001, 100)
@@ -102,7 +103,8 @@ def test_rosenbrock_rank_reveals_what_observability_does_not() -> None:
 
 
 def test_step_response_agrees_with_closed_form() -> None:
-    """The loop has no zero: the speed is the sum of the residues of its poles -3 +- 2.25j, -12."""
+    """The loop has no zero: the speed is the sum of the residues of its poles -3 +- 2.25j and
+    -12."""
     poles = np.array([-3 + 2.25j, -3 - 2.25j, -12])
     others = [np.delete(poles, k) for k in range(3)]
     weights = [np.prod(rest) / np.prod(p - rest) for p, rest in zip(poles, others, strict=True)]
@@ -114,12 +116,12 @@ def test_step_response_agrees_with_closed_form() -> None:
     assert numbers()["controller", "settling_time"] == pytest.approx(late, abs=2e-3)
 
 
-# --- Floors --------------------------------------------------------------------------------------
+# --- Lower bounds --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 10.0, 50.0])
 def test_minimum_gamma_agrees_with_closed_form_for_any_filter(rate: float) -> None:
-    """Errors of speed, fa and fs by constant d1, d2 and w."""
+    """Errors of speed, fa and fs under constant d1, d2 and w."""
     errors = np.array([[0.1, 0, 0], [0.001, -1, 0], [-0.1, 0, -1]])
     assert gamma_lower_bound(dc_motor(Az=rate)) == pytest.approx(
         np.linalg.norm(errors, 2), rel=1e-12
@@ -190,7 +192,7 @@ def test_error_under_a_sine_agrees_with_simulation(observer: str, fault: str) ->
     )
     estimator = ExtendedStateObserver(dc_motor(), gains_of(observer), sampling_period=1e-3)
     found = run_on(estimator, record)[f"{fault}_fault"][:, 0]
-    # A sine with free phase through the errors of the last seconds.
+    # A sine with free phase fitted to the errors of the last seconds.
     time = record.time[::2][-8001:]
     error = (found - record[f"{fault}_fault"][::2])[-8001:]
     waves = np.column_stack([np.sin(frequency * time), np.cos(frequency * time)])
@@ -201,7 +203,7 @@ def test_error_under_a_sine_agrees_with_simulation(observer: str, fault: str) ->
 @pytest.mark.parametrize("observer", ["pd_pi", "minimum_gamma"])
 @pytest.mark.parametrize("fault", UNITS)
 def test_error_under_a_sine_grows_with_frequency_up_to_all_of_it(observer: str, fault: str) -> None:
-    """So the sine at `fast_frequency` stands for all slower ones in the claim on any form."""
+    """So the sine at `fast_frequency` bounds all slower ones in the claim on any waveform."""
     share = [
         lookup(missed(of_one(observer), frequency))[observer, f"missed_fast_{fault}_fault"]
         for frequency in (*np.linspace(0.05, 3.24, 30), 1e7)
@@ -211,7 +213,7 @@ def test_error_under_a_sine_grows_with_frequency_up_to_all_of_it(observer: str, 
 
 
 def test_motor_response_to_fast_sines_agrees_with_the_stated_reasons() -> None:
-    """The speed to the voltage, over the answer to a constant: -3 dB, a half and 14 %."""
+    """Voltage to speed, relative to the static gain: -3 dB, one half and 14 %."""
     model = dc_motor()
 
     def gain(frequency: float) -> float:
@@ -287,7 +289,7 @@ def test_deviations_agree_with_the_study() -> None:
             caused = study.at(kind, f"disturbance_in_{fault}_fault", **at)
             found = numbers()[observer, f"disturbance_in_{fault}_fault"]
             assert found == pytest.approx(caused, rel=1e-3)
-        # The other disturbance has a share of its own in each fault, which is small.
+        # The other disturbance has a small share in each fault.
         for fault, source, size in (
             ("actuator", "current", sizes[1]), ("sensor", "speed", 0.1 * sizes[0])
         ):  # fmt: skip
@@ -297,7 +299,7 @@ def test_deviations_agree_with_the_study() -> None:
     assert numbers()["noise", "deviation"] == pytest.approx(np.sqrt(1e-3), rel=1e-14)
 
 
-# --- The bounds that claims set ------------------------------------------------------------------
+# --- Bounds of claims ----------------------------------------------------------------------------
 
 
 def test_errors_are_relative_to_the_faults_and_visible_ones_to_their_constants() -> None:

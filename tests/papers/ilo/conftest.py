@@ -15,7 +15,7 @@ from reobserve.replication.parameters.job import read_job
 from tests.papers import fixed_parameters, merged
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
-MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: least and greatest
+MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: smallest and largest
 
 Measure = Callable[..., Numbers]
 

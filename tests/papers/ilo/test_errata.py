@@ -1,4 +1,4 @@
-"""Errors in print that no other test of the theory shows."""
+"""Printed errors that no other test of the theory shows."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_term_bounded_by_10_enters_7_with_a_minus() -> None:
     learned, d = np.array([1.0, 0.0, 0.0]), np.array([-2.0, 0.0, 0.0])
     for gamma3 in (0.1, 1.0, 2.0, 30.0):
         bound = gamma3 * learned @ learned + d @ d / gamma3
-        assert 2 * learned @ d <= bound  # as printed, which says nothing here
+        assert 2 * learned @ d <= bound  # as printed, where it is vacuous
         assert -2 * learned @ d <= bound  # as (7) needs it: (10) with -d
     error = -learned + d  # e(t - tau) = 0
     assert error @ error == learned @ learned + d @ d - 2 * learned @ d == 9.0
@@ -85,7 +85,7 @@ def test_bounded_mean_allows_unbounded_peaks() -> None:
     energy = np.cumsum(n * (1.0 / n**3))
     assert np.all(energy / n <= np.pi**2 / 6)
     assert energy[-1] / n[-1] < 2e-4
-    assert n.max() == 10_000  # the largest |e|^2 so far, and it grows for ever
+    assert n.max() == 10_000  # the running maximum of |e|^2, which grows without bound
 
 
 def test_stuck_thruster_is_not_a_constant_additive_fault() -> None:

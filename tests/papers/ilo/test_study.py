@@ -1,4 +1,4 @@
-"""The study of gains and noise: what it follows over time, and what its parameters must say."""
+"""The study of gains and noise: its results over time, and requirements on its parameters."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_noise_grows_only_under_the_printed_law(table: StudyTable) -> None:
 def test_noise_jumps_accumulate_with_identity_learning(
     settings: dict[str, Any],
 ) -> None:
-    """w^ is continuous and takes none of them back: each phase of tau has a random walk."""
+    """w^ is continuous and reverses none of them: each phase of tau performs a random walk."""
     plant = settings["plant"] | {"noise": 1e-5}
     record = simulate({"plant": plant, "scenario": {"fault": []}, "seed": 3})
     observer = settings["observers"]["continuous"]
@@ -61,11 +61,11 @@ def test_noise_jumps_accumulate_with_identity_learning(
     delay = round(observer["update_interval"] / run.step)
     every = round(run.step / record.step)
     steps = (record["measured"] - record["measured_before"])[::every]
-    steps[0] = 0.0  # nothing is before the record
+    steps[0] = 0.0  # no history before the record
     jumps = run["fault"] - run["fault_before"]
     rounds = len(steps) // delay * delay
     walks = np.cumsum(steps[:rounds].reshape(-1, delay, 3), axis=0).reshape(-1, 3)
-    first = run["fault"][0]  # what the first measurement leaves at the phase of the start
+    first = run["fault"][0]  # the effect of the first measurement at the initial phase
     walks[delay::delay] += first / observer["K2"]
     assert jumps[1:rounds] == pytest.approx(observer["K2"] * walks[1:], abs=1e-6)
 
@@ -81,7 +81,8 @@ def test_score_is_computed_from_the_seconds_of_the_scored_window(table: StudyTab
 def test_each_second_is_relative_to_the_fault_in_the_scored_window(
     settings: dict[str, Any], table: StudyTable
 ) -> None:
-    """The adaptive observer is too slow for noise: its seconds are those without."""
+    """The adaptive observer is too slow to respond to noise: its seconds are those without
+    noise."""
     fault = fixed_parameters("ilo").section("scenarios", "aperiodic")
     record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
     observer = settings["observers"]["adaptive"]

@@ -33,7 +33,7 @@ def test_lemma1_holds_on_random_cases() -> None:
         assert left.shape == right.shape == (2000,)
         assert np.all(left <= right * (1 + 1e-12))
         tightest = min(tightest, float(np.min(right / left)))
-    assert tightest < 1.1  # the bound is attained, so the test could have failed
+    assert tightest < 1.1  # the bound is attained, so the test is sharp
 
 
 def test_lemma1_agrees_with_hand_calculation() -> None:
@@ -137,7 +137,7 @@ def test_certified_error_bound_is_at_least_the_fault() -> None:
             assert design.theorem.holds
             assert design.theorem.epsilon3 > design.theorem.rho1 / (1 - k1) ** 2
             assert f"no RMS error below {1 / (1 - k1):.4g} k_d" in design.reason
-    # With a large Lambda, rate weights that cost nothing and gamma_2 = 1 / k1 - 1 come close to it.
+    # A large Lambda, negligible rate weights and gamma_2 = 1 / k1 - 1 come close to it.
     k1, tiny = 0.9, 1e-6
     gamma2, huge = 1 / k1 - 1, 1e12
     rho1 = 1 / (k1**2 * (1 + tiny + gamma2)) - 1 - 1 / huge
@@ -217,7 +217,7 @@ def simulate(
     """w~, e and d on a uniform grid from t = -tau, by Heun's method; and max |w|.
 
     The history of e is a straight line that ends where the learning law starts, so that e is
-    continuous at t = 0 and therefore everywhere. The fault is u_f = U sin(fault_rate t) + U.
+    continuous. The fault is u_f = U sin(fault_rate t) + U.
     """
     h, n = interval / samples, len(K1)
     steps = samples * intervals
@@ -345,7 +345,9 @@ def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
 
 
 def test_observer_gain_enters_by_its_symmetric_part() -> None:
-    """x^T Lambda x does not see the antisymmetric part: lambda_min is 10 for any of its sizes."""
+    """x^T Lambda x does not depend on the antisymmetric part: lambda_min is 10 for any of its
+    sizes.
+    """
     weights = {"gamma1": 1, "gamma2": 0.5, "gamma3": 2, "gamma4": 4, "rho1": 0.25}
     turned = 10 * np.eye(3) + 7 * np.array([[0, 1, -2], [-1, 0, 3], [2, -3, 0.0]])
     found = theorem1(turned, 2.0, 0.5, 0.1, 1.0, **weights)

@@ -1,4 +1,4 @@
-"""The theory stage against closed forms, brute force and other ways to the same numbers."""
+"""The theory stage against closed forms, brute force and independent computations."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_numbers_do_not_depend_on_earlier_calls(settings: dict[str, Any], found:
     other = copy.deepcopy(settings)
     other["plant"]["fault_matrix"] = 0.6
     numbers = lookup(theory.measure(other, {}))
-    # The floor of certified designs is the same with any B_f that is a multiple of I.
+    # The lower bound of certified designs is the same with any B_f that is a multiple of I.
     assert numbers["theorem_1", "minimum_constant_error"] == pytest.approx(0.5, abs=1e-9)
     assert numbers["theorem_1", "unstable_share"] == 0
     again = lookup(theory.measure(settings, {}))
@@ -93,7 +93,7 @@ def test_sampled_gains_follow_their_rule() -> None:
 
 
 def test_noise_gain_agrees_with_a_long_run(settings: dict[str, Any]) -> None:
-    # A body of equal moments, so that axes do not couple: w' = -(lambda (w + n) + v) / j.
+    # A body with equal moments, so that axes decouple: w' = -(lambda (w + n) + v) / j.
     scalar = copy.deepcopy(settings)
     j, lam, k2, tau = 20.0, 400.0, 1500.0, 0.01
     scalar["plant"]["inertia"] = np.diag([j] * 3).tolist()
@@ -120,7 +120,7 @@ def test_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> None:
 
 
 def test_errors_grow_with_unstable_gains(settings: dict[str, Any]) -> None:
-    """The constructor refuses such gains; the number says so, too."""
+    """The constructor refuses such gains; the number shows why."""
     wild = copy.deepcopy(settings)
     for factor, stable in ((0.99, True), (1.01, False)):
         mine = {"observer_gain": 100.0, "update_interval": 0.05}
@@ -146,7 +146,7 @@ def test_no_error_bound_exists_with_a_factor_of_one() -> None:
     for rounds in (10, 100, 1000):
         expected = J * 2 * np.pi * rounds / interval / (observer_gain + K2 / 2)
         assert largest(1.0, rounds) == pytest.approx(expected, rel=0.05)
-        # Below one there is a bound, since the real part of what divides is above 1 - K1.
+        # Below one a bound exists, since the real part of the denominator is above 1 - K1.
         assert largest(0.9, rounds) < (1 + 0.9) / (1 - 0.9)
 
 
@@ -173,9 +173,10 @@ def test_largest_interval_is_limited_by_the_period_of_the_fault(
 
 
 def test_difference_to_the_integrator_is_quadratic_in_the_phase(settings: dict[str, Any]) -> None:
-    # 1 / (1 - exp(-x)) = 1 / x + 1 / 2 + x / 12: relative to the error this is (omega tau)^2 / 12
-    # from an integrator with a proportional part. A v that is held lags by that half again, and
-    # little more than omega tau = 0.01 is left without one; K1 below I is no integrator.
+    # 1 / (1 - exp(-x)) = 1 / x + 1 / 2 + x / 12: relative to the error the difference to a
+    # proportional-integral observer is (omega tau)^2 / 12. A held v lags by half a step more, and
+    # without the proportional part little more than omega tau = 0.01 remains; K1 below I does not
+    # integrate.
     distance = {
         name: limits(settings, name)[LEARNING, "distance_from_integrator"] for name in keys.VARIANTS
     }
@@ -188,8 +189,8 @@ def test_difference_to_the_integrator_is_quadratic_in_the_phase(settings: dict[s
 def test_disturbance_at_the_update_frequency_appears_as_its_mean(
     settings: dict[str, Any],
 ) -> None:
-    # Updates see a sine at a multiple of 2 pi / tau as a constant, and with K1 = I v makes up for
-    # all of what it leaves: w of j w' = -lambda w + sin(omega t) against v / lambda.
+    # Updates see a sine at a multiple of 2 pi / tau as a constant, and with K1 = I v compensates
+    # the rest: w of j w' = -lambda w + sin(omega t) against v / lambda.
     quick = copy.deepcopy(settings)
     quick["plant"]["inertia"] = np.diag([20.0] * 3).tolist()
     mine = quick["observers"]["sampled"]
@@ -202,7 +203,7 @@ def test_disturbance_at_the_update_frequency_appears_as_its_mean(
 
 
 def test_wrong_initial_state_persists_only_with_identity_learning(measure: Measure) -> None:
-    # The first rate error jumps into v as K2 w~(0) = (100, -60, 80) N m, and K1^k of it remains:
+    # The first rate error enters v as K2 w~(0) = (100, -60, 80) N m, and K1^k of it remains:
     # one limit of a jump of 100 is 50 or more.
     found = {
         name: measure("_other_start", {"metrics": {"variant": name}}) for name in keys.VARIANTS
@@ -210,7 +211,7 @@ def test_wrong_initial_state_persists_only_with_identity_learning(measure: Measu
     residual = {name: one[LEARNING, "residual_after_other_start"] for name, one in found.items()}
     assert residual["continuous"] > 50
     assert residual["forgetting"] < 1e-9
-    # Of the sampled variant the step of the method is left, at Lambda / J of 1200 1/s.
+    # For the sampled variant the step of the method remains, at Lambda / J of 1200 1/s.
     assert residual["sampled"] < 1e-7
     assert found["sampled"][LEARNING, "late_relative_error_after_other_start"] < 1e-8
     # Lambda (1 - K1) / (Lambda (1 - K1) + K2), but for the coupling of the axes.
@@ -225,7 +226,7 @@ def test_wrong_initial_state_persists_only_with_identity_learning(measure: Measu
 def test_correct_initial_state_leaves_no_residual(
     measure: Measure, changed: dict[str, Any]
 ) -> None:
-    # The step of the method is left, at Lambda / J of up to 1200 1/s.
+    # The step of the method remains, at Lambda / J of up to 1200 1/s.
     start = {"start_rate": changed["plant"]["initial_rate"]}
     for name in keys.VARIANTS:
         over = {"metrics": {"variant": name}, "theory": start}
@@ -252,7 +253,7 @@ def test_operation_counts_agree_with_hand_counts(settings: dict[str, Any]) -> No
         numbers = lookup(theory.operations(read_job(keys.Parameters, mine)))
         return numbers[LEARNING, "operations"], numbers["adaptive", "operations"]
 
-    # Three axes: a product and a sum, and with K1 = 0.9 a product more.
+    # Three axes: a product and a sum, and with K1 = 0.9 another product.
     euler = {"sampled": 6, "continuous": 6, "forgetting": 9}
     for name, count in euler.items():
         assert counted(name, integration="euler") == (count, 6)

@@ -15,7 +15,8 @@ from tests.papers.ilo.conftest import Measure
 
 
 def steepness(settings: dict[str, Any]) -> float:
-    """Root mean square of the slope of the random fault over its own, where it is scored [1/s]."""
+    """Root mean square of the slope of the random fault over its own, in the scored window
+    [1/s]."""
     horizon = settings["plant"]["horizon"]
     terms = theory_runs.random_fault(keys.Theory(**settings["theory"]), horizon, 1)
     assert [term["from"] for term in terms[::2]] == pytest.approx(0.5 * np.arange(1, 20))
@@ -29,8 +30,8 @@ def steepness(settings: dict[str, Any]) -> float:
 
 
 def test_ramp_is_followed_with_a_constant_error(settings: dict[str, Any], measure: Measure) -> None:
-    # Once settled, e = tau Lambda / K2 times the slope for the sampled variant, plus half an
-    # interval for the hold less the half by which the sum leads.
+    # In steady state e = tau Lambda / K2 times the slope for the sampled variant, plus half an
+    # interval for the hold minus the half by which the sum leads.
     lag = (
         0.001
         * settings["observers"]["sampled"]["observer_gain"]
@@ -41,7 +42,7 @@ def test_ramp_is_followed_with_a_constant_error(settings: dict[str, Any], measur
     found = measure("_under_random_faults", over)
     error = found["best", "relative_error_under_random_fault"]
     assert error == pytest.approx(lag * steepness(settings), rel=0.03)
-    # Of an integrator that is damped critically e = Lambda / Gamma u_f'.
+    # For a critically damped integrator e = Lambda / Gamma u_f'.
     slope = 2 * np.sqrt(36.0 / settings["theory"]["adaptive_gain"])
     error = found["integral", "relative_error_under_random_fault"]
     assert error == pytest.approx(slope * steepness(settings), rel=0.1)
@@ -50,7 +51,7 @@ def test_ramp_is_followed_with_a_constant_error(settings: dict[str, Any], measur
 def test_error_under_noise_combines_noise_and_fault_errors(
     settings: dict[str, Any], found: Numbers
 ) -> None:
-    # Noise is drawn at each update: its part is the noise gain times 1e-5 rad/s, in the mean.
+    # Noise is sampled at each update: on average its part is the noise gain times 1e-5 rad/s.
     fault = settings["theory"]["aperiodic"]
     record = simulate({"plant": settings["plant"], "scenario": {"fault": fault}, "seed": 0})
     size = np.sqrt(np.mean(record["fault"][record.time > 6.0, 0] ** 2))
@@ -62,8 +63,8 @@ def test_error_under_noise_combines_noise_and_fault_errors(
 def test_torque_of_a_wrong_inertia_is_estimated_as_fault(
     measure: Measure, changed: dict[str, Any]
 ) -> None:
-    # At rest J w' = B u + B_f u_f, so that with (1 + x) J there is (1 + x) u_f + x B_f^-1 B u to
-    # estimate: 0.55 + 0.05 or 0.4 - 0.1 N m. K1 leaves Lambda (1 - K1) / K2 B_f^-1 of it.
+    # At rest J w' = B u + B_f u_f, so with (1 + x) J the estimate is (1 + x) u_f + x B_f^-1 B u:
+    # 0.55 + 0.05 or 0.4 - 0.1 N m. K1 leaves Lambda (1 - K1) / K2 B_f^-1 of it.
     changed["plant"] |= {"initial_rate": [0.0, 0.0, 0.0], "inertia": np.diag([20.0] * 3).tolist()}
     changed["plant"] |= {"input_matrix": 2.0, "fault_matrix": 0.5}
     changed["theory"]["aperiodic"] = [{"kind": "constant", "axis": 1, "from": 1.0, "size": 0.5}]
@@ -79,7 +80,7 @@ def test_torque_of_a_wrong_inertia_is_estimated_as_fault(
         numbers = measure("_with_wrong_inertia", {"theory": {"inertia_error": x}}, changed)
         error = numbers[LEARNING, "relative_error_with_wrong_inertia"]
         assert error == pytest.approx(loss / (1 + loss), rel=1e-3)
-        # w~ = (1 - K1) v / K2, of what there is to estimate after and before the fault.
+        # w~ = (1 - K1) v / K2, for the torque after and before the fault.
         left = (1 - mine["K1"]) * np.sqrt(0.75 * torque**2 + 0.25 * (0.5 * x) ** 2) / mine["K2"]
         rate_error = numbers[LEARNING, "relative_rate_error_with_wrong_inertia"]
         assert rate_error == pytest.approx(left / size, rel=0.02)

@@ -1,4 +1,4 @@
-"""One cause changed at a time: gains that are frozen, and the figures' numbers."""
+"""One cause changed at a time: frozen gains, and the numbers of the figures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def rows(scales: list[float] | None = None, **changed: Any) -> StudyTable:
 
 
 class Recorder:
-    """A filter of a bank that keeps the gain of each correction, from how it moves the mean."""
+    """A filter of a bank that records the gain of each correction from the change of the mean."""
 
     def __init__(self, one: SmoothVariableStructureFilter) -> None:
         self.inner, self.model = one, one.model
@@ -68,7 +68,7 @@ class Recorder:
 
 
 class OfMixedState(Recorder):
-    """An SVSF whose e(k|k) is that of the state that it is mixed to, and not its own by (18)."""
+    """An SVSF whose e(k|k) belongs to the mixed state, and not to its own by (18)."""
 
     def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
         ahead, error = self.inner.predict(posterior, u), posterior.error
@@ -103,7 +103,7 @@ def test_mean_gains_agree_with_the_corrections() -> None:
     filters = [Recorder(cast(SmoothVariableStructureFilter, each)) for each in one.filters]
     found = run(IMM(filters, one.transition), body, measurements, held)
     late = np.arange(len(held)) >= 120
-    assert np.ptp(filters[0].gains[100:], axis=0).max() > 1e-3  # a guard: they move
+    assert np.ptp(filters[0].gains[100:], axis=0).max() > 1e-3  # precondition: they change
     for each, gain in zip(filters, mean_gains(one, found["innovation"], late), strict=True):
         np.testing.assert_allclose(gain, np.mean(each.gains[120:], axis=0), rtol=1e-6, atol=1e-15)
 
@@ -124,12 +124,12 @@ def test_unmodified_and_kalman_rows_agree_with_the_figure() -> None:
 
 
 def test_freezing_constant_gains_changes_nothing() -> None:
-    """At the plateau of the thin layers no innovation moves: nothing switches there."""
+    """At the plateau of the thin layers no innovation changes: nothing switches there."""
     found = rows().where(observer="svsf_thin_retuned", quantity="fault_after")
     whole, frozen = found.value(sweep=INTACT), found.value(sweep=FROZEN)
     assert frozen == pytest.approx(whole, abs=1e-9)
     wide = rows().where(observer="svsf_retuned", quantity="fault_after")
-    assert abs(wide.value(sweep=INTACT) - wide.value(sweep=FROZEN)) > 1e-3  # it comes to no rest
+    assert abs(wide.value(sweep=INTACT) - wide.value(sweep=FROZEN)) > 1e-3  # it does not settle
 
 
 def test_zero_gamma_changes_nothing_where_it_was_zero() -> None:

@@ -1,4 +1,4 @@
-"""How close two models may come: thresholds, alarms and delays, and what the detectors compute."""
+"""How close two models may be: thresholds, alarms, delays, and the computations of detectors."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ GRID = Grid(0.5, 10, 6, 2, 1)
 @pytest.mark.parametrize(
     ("row", "time"),
     [
-        (2, -1.5), (5, 0.0),  # the last rows before the fault moves anything
+        (2, -1.5), (5, 0.0),  # the last rows before the fault has an effect
         (6, 0.5), (9, 2.0),
-        (1, np.nan), (None, np.nan),  # the start is left out
+        (1, np.nan), (None, np.nan),  # the start is not evaluated
     ],
 )  # fmt: skip
 def test_alarm_time_is_the_first_crossing(row: int | None, time: float) -> None:
@@ -59,7 +59,7 @@ def test_alarm_time_is_the_first_crossing(row: int | None, time: float) -> None:
     if row is not None:
         statistic[row] = 1.0
     assert alarm_time(statistic, 0.5, GRID) == pytest.approx(time, nan_ok=True)
-    assert np.isnan(alarm_time(statistic, 1.0, GRID))  # to reach a threshold is no alarm
+    assert np.isnan(alarm_time(statistic, 1.0, GRID))  # reaching a threshold is not an alarm
 
 
 def test_detector_statistics_follow_from_alarms() -> None:
@@ -94,25 +94,25 @@ def test_sufficient_gap_is_found() -> None:
     gaps = [0.01, 0.02, 0.08, 0.32]
     assert enough_gap(gaps, [0.5, 0.9, 1.0, 1.0], 0.95) == pytest.approx(0.04)
     assert enough_gap(gaps, [0.5, 0.75, 0.75, 1.0], 0.95) == pytest.approx(0.08 * 4**0.8)
-    # What is detected well once and worse again further away is not detected from there on.
+    # A model detected at one gap and missed at a larger one does not count as detected.
     assert enough_gap(gaps, [0.5, 1.0, 0.5, 1.0], 0.75) == pytest.approx(0.16)
     assert enough_gap(gaps, [1.0, 1.0, 0.95, 1.0], 0.95) == 0.01
     assert np.isnan(enough_gap(gaps, [1.0, 1.0, 1.0, 0.9], 0.95))
 
 
-# --- What detectors compute ---------------------------------------------------------------------
+# --- Computations of the detectors --------------------------------------------------------------
 
 
 @cache
 def noisy() -> tuple[Array, Array]:
-    """Ends of steps and inputs of the plain setting, around the leak."""
+    """Ends of steps and inputs of the setting without mixing noise, around the leak."""
     found, part = record("plain"), slice(4700, 5400)
     measured = np.ascontiguousarray(found["measured"][1:][part, :3])
     return measured, np.ascontiguousarray(found["input"][:-1].reshape(-1)[part])
 
 
 def pair(name: str, **changed: Any) -> Any:
-    """A bank of the normal and the leakage model, with what it was made from."""
+    """A bank of the normal and the leakage model, with its components."""
     tree = deepcopy(parameters().section("observers", name))
     body = parse(keys.Observer, {**tree, **changed})  # type: ignore[arg-type]
     normal, _, leakage = modes(parse(keys.Plant, parameters().section("plant")))
@@ -144,7 +144,7 @@ def test_separate_filters_agree_with_an_unmixed_bank() -> None:
     wanted = run_bank(*one, *noisy())["probability"]
     np.testing.assert_allclose(1 / (1 + np.exp(-found)), wanted[:, 1], rtol=1e-9, atol=1e-12)
     ends = np.abs(found[[300, -1]])
-    assert found[300] < -1 < 1 < found[-1], ends  # a guard: both modes have been detected
+    assert found[300] < -1 < 1 < found[-1], ends  # precondition: both modes have been detected
 
 
 def test_distances_agree_with_the_innovations() -> None:
@@ -175,7 +175,7 @@ def test_state_noise_has_the_stated_covariance() -> None:
     spread = solve_discrete_lyapunov(A, np.diag([0.3, 0.2]))
     for part in (found[100:100_000], found[100_100:]):
         assert np.var(part) == pytest.approx((H @ spread @ H.T)[0, 0], rel=0.03)
-    for part, sign in ((found[:100_000], 1.0), (found[100_000:], -1.0)):  # and moves by its model
+    for part, sign in ((found[:100_000], 1.0), (found[100_000:], -1.0)):  # and changes by its model
         lag = np.mean(part[100:-1] * part[101:])
         assert lag == pytest.approx(sign * (H @ A @ spread @ H.T)[0, 0], rel=0.05)
     x = A @ kicks[0] + kicks[1]
@@ -209,7 +209,7 @@ def table(rows: Sequence[Row]) -> StudyTable:
 
 def test_rows_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study_closeness, "THREADS", 1)
-    assert repr(close()) == repr(few())  # nan is no other nan's equal
+    assert repr(close()) == repr(few())  # nan is unequal to nan
 
 
 def test_evaluation_window_must_end_before_the_run() -> None:
@@ -257,7 +257,7 @@ def test_additional_runs_do_not_change_earlier_ones() -> None:
 
 
 def test_fault_free_records_differ_from_evaluated_ones() -> None:
-    """And each run has a noise and an input of its own."""
+    """Each run has its own noise and input."""
     job = read_job(keys.Parameters, deepcopy(parameters().settings("study", "closeness")))
     one = next(study_closeness._pairs(job))
     rows = one.grid.begin

@@ -1,4 +1,4 @@
-"""What is printed wrong in Gadsden, McCullough & Habibi 2011: how it fails, and what holds."""
+"""Errors in Gadsden, McCullough & Habibi 2011: how the printed form fails, and the correction."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def printed_sums(transition: Array, mu: Array) -> Array:
 
 
 def mixing(transition: Array, mu: Array) -> tuple[Array, Array]:
-    """Our mu(i|j) and c_j."""
+    """Mixing weights mu(i|j) and c_j of the implementation."""
     weights, predicted = np.empty_like(transition), np.empty_like(mu)
     mixing_probabilities(transition, np.log(mu), weights, predicted)
     return weights.T, np.exp(predicted)
@@ -68,7 +68,7 @@ def test_equation_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> 
     assert c.sum() < 0.98
     weights = STICKY * THIRDS[:, None] / c
     assert weights.sum(axis=0) == pytest.approx([1.0482, 1.0235, 1.0], abs=5e-5)
-    # Three filters that agree on a state of 1 are then mixed to this:
+    # Three filters that agree on a state of 1 are then mixed to:
     assert (weights.T @ np.ones(3))[0] - 1 > 0.048
 
     weights, c = mixing(STICKY, THIRDS)
@@ -80,7 +80,7 @@ def test_equation_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> 
 # --- (10): its limit is a prime, must be r ------------------------------------------------------
 
 
-# --- (12) and (13): what is printed instead of a transpose --------------------------------------
+# --- (12) and (13): printed in place of a transpose ---------------------------------------------
 
 
 @pytest.mark.parametrize("model", [NORMAL, MOTION], ids=["velocity", "motion"])
@@ -100,11 +100,11 @@ def test_equation_12_without_the_transpose_gives_no_covariance(model: LinearMode
 # --- (14): "=" for the minus ---------------------------------------------------------------------
 
 
-# --- (15): the SVSF's gain ----------------------------------------------------------------------
+# --- (15): the gain of the SVSF -----------------------------------------------------------------
 
 
 def printed_gain(e: Array, last: Array, psi: Array, gamma: float) -> Array:
-    """(15), with K_{k+1} on its left."""
+    """Equation (15), with K_{k+1} on its left."""
     saturated = np.clip(e / psi, -1, 1)
     return np.diag((np.abs(e) + gamma * np.abs(last)) * saturated) @ np.linalg.inv(np.diag(e))
 
@@ -161,8 +161,8 @@ def test_equation_15_divides_by_zero_for_a_zero_innovation() -> None:
 
 
 def test_equation_15_with_the_previous_gain_is_one_sample_late() -> None:
-    # The left-hand side is K_k, and (16) uses K_{k+1}: with the former a step of the plant finds
-    # a gain that was made for no error, and leaves all of it.
+    # The left-hand side is K_k, and (16) uses K_{k+1}: with the former a step of the plant meets a
+    # gain computed without an error, and none of it is corrected.
     model = scalar()
     filters = smooth(model, 0.5, 0.1)
     e = np.array([2.0])
@@ -217,7 +217,7 @@ def test_equation_20_divided_by_c_of_each_mode_gives_no_probabilities() -> None:
     assert np.exp(log_mu).sum() == pytest.approx(1.0, rel=1e-14)
 
 
-# --- (2) and (14) have no D u -------------------------------------------------------------------
+# --- (2) and (14) lack D u ----------------------------------------------------------------------
 
 
 def test_acceleration_without_feedthrough_is_wrong_by_d_u() -> None:
@@ -253,7 +253,8 @@ def test_estimates_without_feedthrough_are_biased(
 
 
 def test_kalman_bias_agrees_with_the_steady_gain() -> None:
-    # The position grows without end, so the error moves: e+ = (I - K H)(A e) - K D u at rest.
+    # The position grows without bound, so the error moves: e+ = (I - K H)(A e) - K D u in steady
+    # state.
     A, _, H, D, Q, R = MOTION.arrays
     P = solve_discrete_are(A.T, H.T, Q, R)
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
@@ -262,8 +263,8 @@ def test_kalman_bias_agrees_with_the_steady_gain() -> None:
 
 
 def test_bank_without_feedthrough_diagnoses_the_normal_actuator_as_faulty() -> None:
-    # What is left out is h1 u: 27.03 for the normal actuator, 2.34 for the leaky one. The input of
-    # the step before stands in the measurements, which are limits from the left.
+    # The missing term is h1 u: 27.03 for the normal actuator, 2.34 for the leaky one. The input of
+    # the previous step is in the measurements, which are left limits.
     wave = square_wave(200, 20)
     u = np.hstack([wave, np.vstack([wave[:1], wave[:-1]])])
     noise = np.array([0.01, 0.2, 8.0]) * ripple(200, 3)
@@ -279,11 +280,11 @@ def test_bank_without_feedthrough_diagnoses_the_normal_actuator_as_faulty() -> N
     assert found[1] < 0.02
 
 
-# --- (7): the sum's index is raised, and its name is another's ----------------------------------
+# --- (7): the index of the sum is a superscript, and its name belongs to another quantity -------
 
 
 def test_equation_7_is_not_a_predicted_mode_probability() -> None:
-    # What the chain predicts is c_j of (8): one number a mode, together one.
+    # The chain predicts c_j of (8): one number per mode, which sum to one.
     weights, c = mixing(STICKY, MU)
     assert c == pytest.approx(MU @ STICKY)
     assert c.sum() == pytest.approx(1.0)
@@ -291,7 +292,7 @@ def test_equation_7_is_not_a_predicted_mode_probability() -> None:
     assert np.abs(weights.sum(axis=1) - c).min() > 0.04
 
 
-# --- Nomenclature: j is the number of filters, or one of them -----------------------------------
+# --- Nomenclature: j is both the number of filters and the index of one -------------------------
 
 
 def test_index_j_as_number_of_filters_gives_one_sum_for_all_modes() -> None:

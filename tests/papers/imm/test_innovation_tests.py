@@ -1,4 +1,4 @@
-"""Tests of innovations: recursions by hand, run lengths as published, likelihoods directly."""
+"""Tests of innovations: recursions by hand, published run lengths, direct likelihoods."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_consecutive_records_equal_one() -> None:
 
 
 def test_cumulative_sum_is_the_maximum_of_all_sums_ending_here() -> None:
-    """Page's other form, max over j of s(j+1) + ... + s(k), or zero: what makes it a test."""
+    """Page's other form, max over j of s(j+1) + ... + s(k), or zero."""
     increments = np.random.default_rng(2).normal(0.0, 1.0, 60)
     largest = [
         max(0.0, *(increments[j : k + 1].sum() for j in range(k + 1)))
@@ -49,7 +49,7 @@ def run_length(threshold: float, mean: float, states: int = 201) -> float:
     centre = width * np.arange(states)
     edges = centre[None, :] + width / 2 - centre[:, None] + 0.5 - mean
     below = stats.norm.cdf(edges)
-    moves = np.diff(below, axis=1, prepend=0.0)  # what would be below zero ends at zero
+    moves = np.diff(below, axis=1, prepend=0.0)  # a sum below zero is reset to zero
     return float(np.linalg.solve(np.eye(states) - moves, np.ones(states))[0])
 
 
@@ -99,7 +99,7 @@ def distances() -> Array:
 
 
 def test_likelihood_ratio_agrees_with_normal_densities() -> None:
-    """For each row, length and factor the densities themselves, and the best factor by search."""
+    """The densities themselves for each row, length and factor, and the best factor by search."""
     found, covariance = innovations()
 
     def likelihood(rows: Array, factor: float) -> float:
@@ -117,7 +117,9 @@ def test_likelihood_ratio_agrees_with_normal_densities() -> None:
             )  # fmt: skip
             best = max(best, -search.fun - likelihood(rows, 1.0))
         assert statistic[k] == pytest.approx(best, abs=1e-6), k
-    assert statistic[-1] > 5 > statistic[24]  # guards: the change shows, and not before it
+    assert (
+        statistic[-1] > 5 > statistic[24]
+    )  # preconditions: the change is detected, and not earlier
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5, 4.0, 0.2])
@@ -166,11 +168,11 @@ def test_missing_samples_are_skipped() -> None:
         np.testing.assert_array_equal(found[~kept], held)
 
 
-# --- On filters ---------------------------------------------------------------------------------
+# --- With filters -------------------------------------------------------------------------------
 
 
 def test_distances_of_matched_and_mismatched_filters_agree_with_likelihoods() -> None:
-    """Twice what the likelihood of a record falls short of that of one at rest."""
+    """Twice the log-likelihood deficit of a record relative to that of one at rest."""
     model = LinearModel([[0.9]], [[1.0]], [[1.0]], Q=0.1, R=1.0, sampling_period=1.0)
     one = KalmanFilter(model)
     start = one.init([0.0], 0.5, u=[0.0])

@@ -1,4 +1,4 @@
-"""What captions state of the settings is what the runs take."""
+"""Settings stated in captions agree with those of the runs."""
 
 from __future__ import annotations
 

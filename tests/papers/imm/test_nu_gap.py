@@ -1,4 +1,4 @@
-"""The nu-gap: printed values, closed forms, 50 digits, and what the gap means for a loop."""
+"""The nu-gap: printed values, closed forms, 50 digits, and its meaning for a feedback loop."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ SECOND_ORDER = ([100], [1, 2, 1])
 
 
 def random_plant(rng: np.random.Generator, order: int, spread: float = 1.0) -> tuple[Array, Array]:
-    """Gain, zeros and poles over so many decades each way; a quarter of the roots on the right."""
+    """Gain, zeros and poles over this many decades each way; a quarter of the roots on the
+    right."""
 
     def polynomial(degree: int) -> Array:
         value = np.ones(1)
@@ -60,7 +61,7 @@ def test_distance_of_static_gains_is_the_chordal_distance(k1: float, k2: float) 
 
 
 def test_plants_of_zhou_and_doyle_have_the_published_gaps() -> None:
-    # |n1 d2 - n2 d1| = 200 and both lengths are 100^2 + 1 + 4 omega^2: greatest at rest.
+    # |n1 d2 - n2 d1| = 200 and both lengths are 100^2 + 1 + 4 omega^2: largest at omega = 0.
     assert nu_gap(LAG, UNSTABLE) == pytest.approx(200 / 10001, rel=1e-14)
     assert nu_gap(LAG, SECOND_ORDER) == pytest.approx(0.8988, abs=5e-5)
     assert nu_gap(UNSTABLE, SECOND_ORDER) == pytest.approx(0.8941, abs=5e-5)
@@ -68,7 +69,7 @@ def test_plants_of_zhou_and_doyle_have_the_published_gaps() -> None:
 
 @pytest.mark.parametrize("ratio", [1.001, 1.5, 40.0])
 def test_integrators_differ_most_between_their_crossovers(ratio: float) -> None:
-    # (k - 1) w / sqrt((1 + w^2)(k^2 + w^2)) is greatest at w^2 = k, the poles are on the axis.
+    # (k - 1) w / sqrt((1 + w^2)(k^2 + w^2)) is largest at w^2 = k; the poles are on the axis.
     expected = (ratio - 1) / (ratio + 1)
     found = nu_gap(([3e4], [1, 0]), ([3e4 * ratio], [1, 0]))
     assert found == pytest.approx(expected, rel=1e-12)
@@ -76,7 +77,7 @@ def test_integrators_differ_most_between_their_crossovers(ratio: float) -> None:
 
 def test_undamped_oscillators_differ_most_between_their_frequencies() -> None:
     # For 1 / (s^2 + a^2) and 1 / (s^2 + b^2) with x = s^2 + a^2 and c = b^2 - a^2, kappa is
-    # c / sqrt((1 + x^2)(1 + (x + c)^2)), greatest at x = -c / 2 for c below 2.
+    # c / sqrt((1 + x^2)(1 + (x + c)^2)), largest at x = -c / 2 for c below 2.
     c = 0.6
     found = nu_gap(([1], [1, 0, 1]), ([1], [1, 0, 1 + c]))
     assert found == pytest.approx(c / (1 + c**2 / 4), rel=1e-14)
@@ -86,11 +87,11 @@ def test_gap_is_one_for_orthogonal_graphs() -> None:
     # c = 2 in the formula above: phi has a root on the axis.
     assert nu_gap(([1], [1, 0, 1]), ([1], [1, 0, 3])) == pytest.approx(1, abs=1e-14)
     assert nu_gap(([2, 1], [1, 3]), ([-0.5, 1], [1, 5])) == pytest.approx(1, abs=1e-14)
-    # phi is zero everywhere.
+    # phi vanishes identically.
     assert nu_gap(([1, 2], [1, 3]), ([1, -3], [-1, 2])) == pytest.approx(1, abs=1e-14)
 
 
-# --- A second way: 50 digits --------------------------------------------------------------------
+# --- Independent computation with 50 digits -----------------------------------------------------
 
 
 def chordal_distance_with_50_digits(first: Plant, second: Plant) -> float:
@@ -135,7 +136,7 @@ def chordal_distance_with_50_digits(first: Plant, second: Plant) -> float:
 
 
 def winding(first: Plant, second: Plant) -> int:
-    """wno(1 + P2* P1) + eta(P1) - eta(P2) from a plot: for plants without poles on the axis."""
+    """wno(1 + P2* P1) + eta(P1) - eta(P2) from a plot, for plants without poles on the axis."""
     (n1, d1), (n2, d2) = first, second
     s = 1j * np.tan(np.linspace(-np.pi / 2, np.pi / 2, 40002)[1:-1])
     back = np.polyval(n2, -s) / np.polyval(d2, -s)
@@ -175,7 +176,7 @@ def test_gaps_of_nearby_random_plants_agree_with_50_digits(spread: float) -> Non
 
 @pytest.mark.parametrize("ratio", [1.5, 4.0, 30.0])
 def test_search_starts_where_integrators_differ_most(ratio: float) -> None:
-    """At the geometric mean of their crossovers; at rest and at infinity they are as one."""
+    """At the geometric mean of their crossovers; at zero and infinite frequency they agree."""
     first, second = (np.array([0.0, gain]) for gain in (0.5, 0.5 * ratio))
     integrator = np.array([1.0, 0.0])
     found = _stationary_frequencies((first, integrator), (second, integrator))
@@ -183,7 +184,7 @@ def test_search_starts_where_integrators_differ_most(ratio: float) -> None:
 
 
 def test_search_starts_at_every_peak_of_the_distance() -> None:
-    """As a dense grid sees them, of resonances that are not so sharp that roots are rounded."""
+    """On a dense grid, for resonances that are not so sharp that roots are rounded."""
     rng, peaks = np.random.default_rng(5), 0
     omega = np.geomspace(1e-3, 1e3, 100_001)
     for _ in range(20):
@@ -216,7 +217,7 @@ def test_gap_is_one_exactly_if_the_winding_condition_fails() -> None:
     assert min(counts) > 15
 
 
-# --- A metric -----------------------------------------------------------------------------------
+# --- Properties of a metric ---------------------------------------------------------------------
 
 
 def test_gap_is_symmetric_and_satisfies_the_triangle_inequality() -> None:
@@ -270,13 +271,13 @@ def test_inverse_plants_have_the_same_gap() -> None:
     assert below > 10
 
 
-# --- What it means ------------------------------------------------------------------------------
+# --- Meaning for a feedback loop ----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("gain", [0.1, 0.9, 0.9999, 1.0001, 1.1, 30.0])
 def test_unstable_pole_is_near_a_gain_only_if_feedback_stabilises_it(gain: float) -> None:
-    # phi = k^2 - 1 - s has its root at the mirror image of the pole that feedback of k gives
-    # k / (s - 1): on the right, as it must be, for k above 1. kappa is monotone in omega.
+    # phi = k^2 - 1 - s has its root at the mirror image of the pole that feedback of k gives to
+    # k / (s - 1): on the right, as required, for k above 1. kappa is monotone in omega.
     rest, fast = 2 * gain / (1 + gain**2), gain / np.hypot(1, gain)
     expected = max(rest, fast) if gain > 1 else 1.0
     pair = ([gain], [1]), ([gain], [1, -1])
@@ -305,7 +306,7 @@ def test_gain_with_margin_above_the_gap_stabilises_both_plants() -> None:
         gain = rng.normal() / 2
         if len(n) > 2 or not stable((n, d), gain):
             continue
-        # The least chordal distance from the plant to -1 / gain, the one point it must not meet.
+        # The smallest chordal distance from the plant to -1 / gain, the point it must avoid.
         n_s, d_s = np.polyval(n, s), np.polyval(d, s)
         lengths = np.hypot(1, gain) * np.hypot(np.abs(n_s), np.abs(d_s))
         margin = np.min(np.abs(d_s + gain * n_s) / lengths)

@@ -1,4 +1,4 @@
-"""The paper's package: what the parameter file states is what is built, run and scored."""
+"""The package of the paper builds, runs and scores as the parameter file states."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_noise_is_as_large_as_stated_and_white(scenario: str) -> None:
     if not stated.any():
         assert not noise.any()
         return
-    # Five deviations of what is estimated, of n normal numbers.
+    # Five deviations of the estimate, for n normal numbers.
     n = len(noise)
     assert np.all(np.abs(noise.std(axis=0) / stated - 1) < 5 / np.sqrt(2 * n))
     assert np.all(np.abs(noise.mean(axis=0) / stated) < 5 / np.sqrt(n))
@@ -126,12 +126,12 @@ def test_pseudo_random_input_is_a_maximum_length_sequence() -> None:
     begin, bit, length = round(0.5 / period), round(0.01 / period), 127
     assert not volts[:begin].any()
     np.testing.assert_array_equal(np.unique(volts[begin:-1]), [-1.5, 1.5])
-    # Held over each bit, over again after 127 of them, with one more of one sign than of the other.
+    # Held over each bit, repeated after 127 of them, with one more of one sign than of the other.
     bits = volts[begin:-1:bit]
     np.testing.assert_array_equal(np.repeat(bits, bit)[: len(volts) - 1 - begin], volts[begin:-1])
     np.testing.assert_array_equal(bits[length : 6 * length], bits[: 5 * length])
     assert abs(bits[:length].sum()) == 1.5
-    # The autocorrelation that only a sequence of full length has: -1/127 off the peak.
+    # The autocorrelation of a maximum-length sequence: -1/127 away from the peak.
     sequence = bits[:length] / 1.5
     for shift in range(1, length):
         assert sequence @ np.roll(sequence, shift) == -1
@@ -154,11 +154,11 @@ def test_partial_leak_interpolates_the_coefficients() -> None:
     assert found["motion"][-1, 1] == pytest.approx(1.5 * numerator / denominator, rel=1e-6)
 
 
-# --- What the banks say -------------------------------------------------------------------------
+# --- Results of the banks -----------------------------------------------------------------------
 
 
 def test_plain_kalman_bank_diagnoses_the_leak() -> None:
-    """The paper has its own at 85 % normal and 10 % leakage; this one is sure, and right."""
+    """The paper reports 85 % normal and 10 % leakage; this bank is certain and correct."""
     found = measured("fig5_plain")
     assert found["kalman", "normal_before"] > 0.999
     assert found["kalman", "leakage_after"] > 0.999
@@ -175,15 +175,15 @@ def test_calibrated_banks_reproduce_the_quoted_values_within_the_band(figure: st
             assert abs(found[name, what] - quoted) <= band, (name, what)
         if stated["quoted_high"]:
             assert 1 - found[name, "normal_before"] <= band, name
-        # The spread over time is small: no average of zeros and ones.
+        # The spread over time is small: not an average of zeros and ones.
         assert found[name, "leakage_spread"] < 0.1
 
 
 def test_friction_fault_is_diagnosed_only_without_mixing() -> None:
-    """With little process noise it is diagnosed without mixing, and with it never.
+    """With little process noise it is diagnosed without mixing, and never with it.
 
-    Each step the filter of a mode whose probability is next to nothing starts from what others
-    estimate, here normal and leakage, which take turns.
+    In each step the filter of a mode with negligible probability starts from the estimates of the
+    others, here normal and leakage, which alternate.
     """
     friction = {"scenarios": {"plain": {"fault": "friction"}}}
     found = {}
@@ -230,7 +230,7 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
     for mode in MODES:
         one = ActuatorModel(*ACTUATOR[mode]).sampled(body["realisation"], found.step, 200.0)
         Q, R = np.diag(body["process_noise"]), np.diag(body["measurement_noise"])
-        # Inputs are u from each row on, which moves the state, and u up to it, which is measured.
+        # Inputs are u from each row on, which drives the state, and u up to it, which is measured.
         B, D = np.pad(one.B, ((0, 0), (0, 1))), np.pad(one.D, ((0, 0), (1, 0)))
         model = LinearModel(one.A, B, one.C, D, Q, R, sampling_period=found.step)
         if body["algorithm"] == "kalman":
@@ -262,7 +262,7 @@ def test_estimate_stage_agrees_with_a_direct_bank_run(algorithm: str, realisatio
     np.testing.assert_allclose(estimate["velocity"][1:], velocity, rtol=1e-14)
     if algorithm == "kalman":
         assert "saturated" not in estimate.channels
-        # Any realisation tells the leak, and has less noise in the velocity than what is measured.
+        # Any realisation detects the leak, and has less velocity noise than the measurement.
         late = found.time > 6
         assert estimate["probability"][late, 2].mean() > 0.95
         error = (estimate["velocity"] - found["motion"][:, 1])[late]
@@ -359,12 +359,12 @@ def test_overshoot_counts_below_the_plateau_too() -> None:
 def test_change_at_the_onset_is_not_a_detection() -> None:
     found = scores(constant_pieces((0.0, (1, 0, 0)), (5.0, (0, 0, 1))))
     assert np.isnan(found["alarm_samples"])
-    # The sample at 5 s belongs to what was before.
+    # The sample at 5 s belongs to the earlier window.
     assert found["normal_before"] == pytest.approx(1 - 1 / 200)
 
 
 def test_alarm_before_the_fault_is_false() -> None:
-    """Within the window before the fault or from its end up to the fault; not in the start."""
+    """In the window before the fault, or between its end and the fault; not in the start."""
     leak = (5.03, (0.1, 0.1, 0.8))
     for begin, heard in ((2.5, 3.0), (3.5, np.nan), (4.9, np.nan)):
         rings = (begin, (0.8, 0.1, 0.1)), (begin + 0.2, (1, 0, 0))
@@ -385,7 +385,7 @@ def test_diagnosed_share_depends_on_the_stated_fault() -> None:
 
 
 def flipping() -> Array:
-    """0.4 and 0.6 after the fault in the mean, and nothing but zeros and ones."""
+    """On average 0.4 and 0.6 after the fault, but only zeros and ones."""
     values = constant_pieces((0.0, (1, 0, 0)))
     late = np.flatnonzero(TIME > 5)
     values[late] = np.where((np.arange(len(late)) % 5 < 2)[:, None], [1, 0, 0], [0, 0, 1])
@@ -400,7 +400,7 @@ def test_oscillating_probability_has_a_large_deviation_from_its_mean() -> None:
     assert found["diagnosed_share"] == pytest.approx(0.6)
     quoted = [0.4, 0.6]
     assert quoted_distance(RULES, TIME, flipping(), quoted, False) == pytest.approx(np.sqrt(0.24))
-    # The normal mode before the fault, where it is one, takes part.
+    # The normal mode before the fault, where its probability is one, is included.
     far = quoted_distance(RULES, TIME, flipping(), quoted, True)
     assert far == pytest.approx(np.sqrt(2 * 0.24 / 3))
 
@@ -421,7 +421,7 @@ def test_distance_of_steady_probabilities_is_exact() -> None:
     assert quoted_distance(RULES, TIME, rows, [0.5, 0.4], False) == pytest.approx(np.sqrt(off))
 
 
-# --- Bad values ---------------------------------------------------------------------------------
+# --- Invalid values -----------------------------------------------------------------------------
 
 
 def plants(**values: Any) -> Tree:
@@ -450,7 +450,7 @@ def search(**values: Any) -> Tree:
 
 TERM = {"kind": "constant", "axis": 1, "size": 1.0}
 
-# What a user might write, the key that the sentence names, and what it says.
+# User input, the key named in the message, and the message.
 BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     **{
         f"{mode} {part}": (
@@ -594,7 +594,7 @@ def test_invalid_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]
     with pytest.raises(InputError) as caught:
         check_parameters(parameters(changes))
-    # One of a list is named with its place.
+    # An entry of a list is named with its position.
     assert re.sub(r"\.\d+$", "", caught.value.parameter) == f"imm.{key}"
     assert said in caught.value.problem
     assert "\n" not in str(caught.value)

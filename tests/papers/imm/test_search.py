@@ -1,4 +1,4 @@
-"""The search for the unstated numbers: reproducible, and kept as it was found."""
+"""The search for the unstated numbers: reproducible, and consistent with its stored result."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.papers.imm.test_studies import KEPT
 
 Array = NDArray[np.float64]
 
-# A second of the step, with the leak in its middle, two banks, and two generations.
+# One second of the step, with the leak in its middle, two banks and two generations.
 SMALL: Tree = {
     "plant": {"horizon": 1.4},
     "scenarios": {"step": {"onset": 1.0}},
@@ -95,7 +95,7 @@ def test_found_distance_agrees_with_its_numbers() -> None:
     assert one["distance"] == trial.distance
     assert one["means"] == {name: list(means) for name, means in trial.means.items()}
     assert (one["tuned"], one["targets"]) == (9, 5) == (len(TUNED), targets(small_parameters()))
-    # Without neighbours the worst is the choice itself.
+    # Without neighbours the worst is the candidate itself.
     assert one["worst_nearby"] == pytest.approx(one["distance"], rel=1e-6)
 
 
@@ -119,22 +119,22 @@ def test_progress_is_reported_after_each_generation() -> None:
     assert lines == [f"{count} trials, best distance {best:.4f}" for count, best in one["history"]]
     assert len(lines) == 2
     counts, best = zip(*one["history"], strict=True)
-    # The first generation is evaluated with the start, 16 of Sobol's sequence for nine numbers.
+    # The first generation is evaluated with the start, 16 points of Sobol's sequence for nine
+    # numbers.
     assert counts == (32, 48)
     assert one["trials"] == 48
     assert list(best) == sorted(best, reverse=True)
 
 
-# --- On a distance that is known ----------------------------------------------------------------
+# --- With a known distance ----------------------------------------------------------------------
 
 BEST = np.array([1e-6, 1e-5, 1e-7, 1e-4, 1e-3, 1e-5, 0.3, 5e3, 0.02])
 
 
 @pytest.fixture
 def tried(monkeypatch: pytest.MonkeyPatch) -> list[Array]:
-    """The distance from BEST in decades, of no bank; none where the ninth is above 0.05.
-
-    All numbers that are tried are kept.
+    """The distance from BEST in decades, without a bank; none if the ninth is above 0.05. All
+    trials are recorded.
     """
     found: list[Array] = []
 
@@ -169,14 +169,14 @@ def test_each_candidate_is_scored_by_the_worst_of_itself_and_opposite_corners(
     tried: list[Array],
 ) -> None:
     one = found(neighbour_pairs=2, spread=0.25)
-    # The last trials are of what was found alone, and of it with its neighbours.
+    # The last trials are the result alone, and with its neighbours.
     base = np.array(list(one["found"].values()))
     evaluated = np.array(tried[:-6]).reshape(-1, 5, 9)
     ratios = evaluated / evaluated[:, :1]
     np.testing.assert_allclose(ratios[0, 0], 1.0)
     np.testing.assert_allclose(np.abs(np.log(ratios[0, 1:])), np.log(1.25), rtol=1e-9)
     np.testing.assert_allclose(ratios[0, 1:3] * ratios[0, 3:], 1.0, rtol=1e-9)
-    # The same corners for all choices.
+    # The same corners for all candidates.
     np.testing.assert_allclose(ratios, np.broadcast_to(ratios[0], ratios.shape), rtol=1e-9)
     np.testing.assert_allclose(tried[-6], base, rtol=0)
     np.testing.assert_allclose(tried[-5:], base * ratios[0], rtol=1e-9)
@@ -204,11 +204,11 @@ def test_invalid_bounds_are_refused_before_any_trial(
     assert caught.value.parameter == f"search.{key}"
 
 
-# --- The search that was run --------------------------------------------------------------------
+# --- The stored search --------------------------------------------------------------------------
 
 
-# Keys that came after the search `calibrated`, with the values that leave it as it was, and the
-# names that keys had at the time of the searches.
+# Keys added after the search `calibrated`, with neutral values, and the names of keys at the time
+# of the searches.
 SINCE = {
     "layer_unit": 1.0, "inverse": "pseudo", "initial_mode": "unknown", "hand_over": "motion",
     "input_unit": "V",
@@ -262,7 +262,7 @@ def test_stored_search_has_consistent_counts(name: str) -> None:
     counts, best = zip(*one["history"], strict=True)
     assert len(set(np.diff(counts))) == 1
     assert list(best) == sorted(best, reverse=True)
-    # Only the rounding to three digits lies between the last generation and what is kept.
+    # Only the rounding to three digits separates the last generation and the stored result.
     assert one["worst_nearby"] == pytest.approx(best[-1], abs=1e-3)
     assert one["worst_nearby"] >= one["distance"]
 
@@ -348,7 +348,7 @@ def test_failing_search_command_reports_why_and_writes_nothing(tmp_path: Path) -
 
 
 def test_search_over_parameters_not_shared_by_the_banks_is_refused() -> None:
-    """Before the first trial: it would give all of them one noise, whatever was stated."""
+    """Before the first trial: all banks would otherwise get the same noise, whatever was stated."""
     settings = deepcopy(small_parameters().settings("search", "calibrated"))
     noise = settings["observers"]["svsf_thin_tuned"]["process_noise"]
     settings["observers"]["svsf_thin_tuned"]["process_noise"] = [2.0 * x for x in noise]

@@ -1,4 +1,4 @@
-"""The studies: how far numbers may move, and what depends on what."""
+"""The studies: how far numbers may change, and the effect of each cause."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def values(rows: Sequence[Row]) -> dict[tuple[str, str, float, str], float]:
     return {(r["observer"], r["sweep"], r["level"], r["quantity"]): r["value"] for r in rows}
 
 
-# --- How far each number may move ---------------------------------------------------------------
+# --- Range of each number -----------------------------------------------------------------------
 
 RULES = Job(
     plant=None,
@@ -51,7 +51,7 @@ RULES = Job(
 
 
 def rows_of(sweep: str, level: float, **off: float) -> list[Row]:
-    """What a trial tells: each mean as far ``off`` as is said, as text like in a table."""
+    """Results of a trial: each mean ``off`` by the given amount, as text as in a table."""
     found = [("all", "distance", off.get("distance", 0.0))]
     for name, body in RULES.observers.items():
         normal, leakage = body.quoted
@@ -67,7 +67,7 @@ def rows_of(sweep: str, level: float, **off: float) -> list[Row]:
 
 
 def lost(sweep: str, level: float) -> list[Row]:
-    """What a trial with a diverged filter tells."""
+    """Results of a trial with a diverged filter."""
     return [
         {"observer": "all", "sweep": sweep, "level": level, "quantity": "distance", "value": "nan"}
     ]
@@ -88,7 +88,7 @@ def test_range_ends_where_the_worst_value_leaves_the_band() -> None:
     ]
     least, greatest = reach(RULES, table(rows), "leave")
     assert least == pytest.approx(0.5 * 0.5 ** ((0.1 - 0.05) / (0.25 - 0.05)))
-    # At 8 the distance is the band, up to rounding; beyond, it leaves it at once.
+    # At 8 the distance equals the band, up to rounding; beyond, it leaves it at once.
     assert greatest == pytest.approx(8.0, rel=1e-6)
 
 
@@ -99,12 +99,12 @@ def test_range_ends_where_the_worst_value_leaves_the_band() -> None:
         ([*rows_of("leave", 0.1), *rows_of("leave", 2.0, loud_leakage=0.2)], (0.1, 2**0.5)),
         # Within a hundredth of what is stated, too.
         ([*rows_of("leave", 0.1), *rows_of("leave", 1.005, loud_leakage=0.2)], (0.1, 1.005**0.5)),
-        # What the paper is silent about does not count.
+        # Quantities that the paper does not report do not count.
         ([*rows_of("leave", 0.1, quiet_before=0.9), *rows_of("leave", 2.0)], (0.1, 2.0)),
-        # Nothing is known between a factor that is well and one that diverges.
+        # Nothing is known between an acceptable factor and one that diverges.
         ([*rows_of("leave", 0.1), *rows_of("leave", 2.0), *lost("leave", 4.0)], (0.1, 2.0)),
         ([*lost("leave", 0.5), *lost("leave", 2.0)], (1.0, 1.0)),
-        # Values that come back into the band have left it.
+        # Values that return into the band have left it.
         (
             [*rows_of("leave", 0.5), *rows_of("leave", 2.0, loud_normal=0.4),
              *rows_of("leave", 4.0)],
@@ -212,7 +212,7 @@ def test_jointly_tuned_banks_must_share_their_numbers() -> None:
         calibration().stated()
 
 
-# --- One thing changed --------------------------------------------------------------------------
+# --- One change at a time -----------------------------------------------------------------------
 
 
 def changes(**stated: Any) -> list[Row]:
@@ -232,7 +232,7 @@ def test_unmodified_settings_agree_with_the_figures() -> None:
                 value = found[name, "as_stated", 1.0, quantity]
                 wanted = pytest.approx(numbers[name, quantity], rel=1e-12, abs=1e-13)
                 assert value == wanted, (name, quantity)
-    # Guards: what is changed has an effect.
+    # Preconditions: each change has an effect.
     for sweep in (
         "unmixed", "prbs", "square", "sweep", "friction", "states",
     ):  # fmt: skip
@@ -265,7 +265,7 @@ def test_layer_changes_affect_only_svsfs_and_mixing_affects_all() -> None:
         same = found[name, "as_stated", 1.0, quantity]
         assert found[name, "layer", 1e-4, quantity] == same
         assert found[name, "unmixed", 1.0, quantity] != same
-    # A hundredth of its layer makes the one SVSF the other.
+    # One per cent of its layer turns one SVSF into the other.
     thinner = values(changes(layer_factors=[0.01]))
     for quantity in QUANTITIES:
         value = thinner["svsf_tuned", "layer", 0.01, quantity]
@@ -274,7 +274,7 @@ def test_layer_changes_affect_only_svsfs_and_mixing_affects_all() -> None:
 
 
 def test_study_refuses_invalid_settings_before_any_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the key of the study, and without one run."""
+    """With the key of the study, and without a single run."""
     for method in study.METHODS:
         monkeypatch.setitem(study.METHODS, method, lambda *_: pytest.fail("has run"))
     closeness = deepcopy(settings_of("closeness"))

@@ -1,4 +1,4 @@
-"""The numbers of the theory: closed forms, second ways, and what is refused."""
+"""The numbers of the theory: closed forms, independent computations, and invalid settings."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def two_states(C: Any, R: float = 1.0) -> LinearModel:
 def test_unmeasured_states_follow_their_own_block() -> None:
     assert corrected_radius(two_states([[1.0, 0.0]]), "pseudo") == pytest.approx(0.7)
     assert corrected_radius(two_states([[0.0, 3.0]]), "pseudo") == pytest.approx(0.5)
-    # In the direction (1, 1) / sqrt(2), what is left is along d = (1, -1) / sqrt(2): d' A d.
+    # In the direction (1, 1) / sqrt(2) the rest is along d = (1, -1) / sqrt(2): d' A d.
     along = (0.5 - 0.3 + 0.2 + 0.7) / 2
     assert corrected_radius(two_states([[1.0, 1.0]]), "pseudo") == pytest.approx(along)
 
 
 def test_weighted_inverse_equals_the_kalman_gain_without_measurement_noise() -> None:
-    """The first state is known, and tells of the second by a12 x2 and noise of variance q1."""
+    """The first state is known, and depends on the second by a12 x2 and noise of variance q1."""
     p = scipy.linalg.solve_discrete_are([[0.7]], [[0.3]], [[0.5]], [[0.2]])[0, 0]
     left = 0.7 - 0.7 * p * 0.3 / (0.3 * p * 0.3 + 0.2) * 0.3
     found = corrected_radius(two_states([[1.0, 0.0]], R=1e-14), "weighted")
@@ -92,7 +92,7 @@ def test_radius_follows_the_slowest_mode_and_the_inverse() -> None:
 
 
 def test_full_correction_is_unstable_in_three_of_32_combinations() -> None:
-    """Whatever the noise: at the ends of its ranges, where they differ most, and at random."""
+    """For any noise: at the ends of its ranges, where they differ most, and at random."""
     tree = fixed_parameters("imm").tree["observers"]["kalman"]
     random = np.random.default_rng(1)
     ranges = [
@@ -127,7 +127,7 @@ def filter_model(mode: str, realisation: str, period: float, Q: Array, R: Array)
 
 
 def leak() -> tuple[Array, Array, Array, int]:
-    """The input, position, velocity and acceleration with the leak and without, and its begin."""
+    """The input, position, velocity and acceleration with and without the leak, and its start."""
     rules = fixed_parameters("imm").section("theory")
     period = rules["period"]
     steps, begin = (round(rules[name] / period) for name in ("horizon", "onset"))
@@ -157,7 +157,7 @@ def test_no_fault_gives_no_error() -> None:
 
 
 def test_filter_with_exact_measurements_still_predicts_by_its_model() -> None:
-    """What it corrects to is right but for rounding; a priori the wrong model shows."""
+    """The corrected state is exact up to rounding; the wrong model shows a priori."""
     values = found({"observers": {"kalman": {"measurement_noise": [1e-12] * 3}}})
     assert values["kalman", "single_prediction_error"] > 1e-3
 
@@ -173,7 +173,7 @@ def test_bank_staying_in_its_first_mode_equals_that_filter() -> None:
 
 
 def test_bank_prediction_is_the_markov_weighted_filter_prediction() -> None:
-    """By (7) to (9), (11) and (8), from what a bank that is run sample by sample remembers."""
+    """By (7) to (9), (11) and (8), from the internal state of a bank run sample by sample."""
     rules = fixed_parameters("imm").section("theory")
     control, leaking, _, begin = leak()
     settings = fixed_parameters("imm").settings("observe", "svsf_thin")
@@ -214,7 +214,7 @@ def test_bank_of_equal_models_has_no_error() -> None:
 
 
 def test_only_a_priori_errors_leave_the_layers() -> None:
-    """By a filter that is run by hand; |e| (1 - |e| / psi) is a quarter of psi at most."""
+    """By a filter that is run by hand; |e| (1 - |e| / psi) is at most a quarter of psi."""
     rules = fixed_parameters("imm").section("theory")
     control, leaking, healthy, begin = leak()
     layer = rules["layer_share"] * np.abs(leaking - healthy)[begin:].max(axis=0)
@@ -235,7 +235,7 @@ def test_layer_as_wide_as_the_model_error_corrects_it() -> None:
     wide = found({"observers": {"svsf": {"layer_factor": 1e12}}})
     opened = values["model", "open_velocity_error"]
     assert wide["svsf", "single_prediction_error"] == pytest.approx(opened, rel=1e-6)
-    # What the parameter file has for the layer does not enter.
+    # The layer in the parameter file is not used.
     assert wide["svsf", "informed_velocity_error"] == values["svsf", "informed_velocity_error"]
     assert values["svsf", "informed_velocity_error"] < opened
 

@@ -1,4 +1,4 @@
-"""Invalid use of these observers: each error is one sentence that says what to change."""
+"""Invalid use of these observers: each error is one sentence that states what to change."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ VAN_DER_POL: dict[str, Any] = {
 HIDDEN = {"dynamics": ["x1", "-x2"], "output": ["x2"]}
 SIX = [f"x{k}" for k in range(6)]
 
-# What differs from Van der Pol's oscillator, and the sentence.
+# Differences from Van der Pol's oscillator, and the message.
 BAD_CALLS: dict[str, tuple[dict[str, Any], str]] = {
     "hidden, injection": (
         {**HIDDEN, "poles": None, "injection": [[0], [-1]]},

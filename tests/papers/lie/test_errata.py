@@ -1,6 +1,6 @@
-"""Printed definitions, conditions and references that do not hold as they stand.
+"""Printed definitions, conditions and references that are wrong.
 
-What the recursion of Section 4 does in its printed form is in `test_errata_series`.
+The printed recursion of Section 4 is tested in `test_errata_series`.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def scalar(pole: Any) -> Case:
 
 
 def test_nonresonance_of_a_alone_is_not_sufficient() -> None:
-    """Definition 3.5 is about A only; what decides is A against F, as in Proposition 3.10."""
+    """Definition 3.5 concerns A only; the condition compares A with F, as in Proposition 3.10."""
     case, degree = scalar(-2), 6
     assert all(m * -2 - -2 != 0 for m in range(2, degree + 1))
     problem = case.problem(degree)
@@ -99,7 +99,7 @@ def test_poincare_domain_of_a_excludes_nothing() -> None:
 
 
 def test_definition_3_8_is_sufficient_but_not_necessary() -> None:
-    """A mode that the output does not show is never of type (C, nu), and has a series all the same.
+    """An unobservable mode is never of type (C, nu), yet has a series.
 
     With |m| = 1 among the sums, the eigenvalue of such a mode is one of them.
     """
@@ -127,14 +127,14 @@ def slopes(p: Polynomials) -> list[Polynomials]:
 
 
 def test_new_coordinates_multiply_the_output_by_the_inverse_jacobian() -> None:
-    """In the equation after (14) the gain at T(z) stands alone; z' then keeps terms in y."""
+    """In the equation after (14) the gain at T(z) stands alone; z' then contains terms in y."""
     T = transformation(van_der_pol(), 5)
     gain = slopes(T)  # I + L_1 + L_2 + ... at T(z)
     fed = times(gain, [-2 + 0 * x1, -4 + 0 * x1])
-    extra = difference(fed, [-2 + 0 * x1, -4 + 0 * x1])  # of y, beyond L0
+    extra = difference(fed, [-2 + 0 * x1, -4 + 0 * x1])  # in y, beyond L0
     assert lowest_degree(extra) == 2
     assert largest(extra) > 0.5
-    # With the inverse of dT/dz before it the printed terms in y are L0 y, as (9) asks for.
+    # With the inverse of dT/dz before it the terms in y are L0 y, as (9) requires.
     adjoint = [[gain[1][1], -gain[0][1]], [-gain[1][0], gain[0][0]]]
     determinant = gain[0][0] * gain[1][1] - gain[0][1] * gain[1][0]
     assert times(adjoint, fed) == [-2 * determinant, -4 * determinant]
@@ -153,7 +153,7 @@ def test_gain_of_remark_4_23_lacks_l0() -> None:
 
 
 def test_printed_t_has_one_monomial_twice() -> None:
-    """0.0277778 z1 z2^2 stands twice; the first of them belongs to z1^2 z2."""
+    """0.0277778 z1 z2^2 appears twice; the first of them belongs to z1^2 z2."""
     first = transformation(van_der_pol(), 5)[0]
     half = 0.5e-7
     assert float(first.coeff(x1 * x2**2)) == pytest.approx(0.0277778, abs=half)
@@ -167,13 +167,13 @@ def test_single_printed_row_has_no_inverse() -> None:
     T = transformation(van_der_pol(), 5)
     S = inverted(T, 5)
     assert [parts(p, 1, 5) for p in composed(S, T, 5)] == [x1, x2]
-    # The inverse needs the second row, which is not x2; with that it is no inverse.
+    # The inverse needs the second row, which is not x2; with x2 it is not an inverse.
     wrong = composed(inverted([T[0], x2], 5), T, 5)
     assert lowest_degree(difference([parts(p, 1, 5) for p in wrong], [x1, x2])) == 3
 
 
 def test_bar_is_printed_for_a_tilde() -> None:
-    """T_k = T_1 / 1! + ... cannot be z + the same sum: it begins with terms of degree 2."""
+    """T_k = T_1 / 1! + ... cannot be z plus the same sum: it starts with terms of degree 2."""
     case = random_case(1, 2, 1)
     T = transformation(case, 4)
     z = list(T[0].ring.gens)
@@ -190,15 +190,15 @@ def test_equation_references_are_wrong() -> None:
     """The text before the display of Remark 4.22 names (7); what is transformed is (8)."""
     case = van_der_pol()
     z = list(variables(2))
-    # (7), x^ = T(z), holds for any T by definition; what is transformed is (8), and that tells
-    # the right T from another one.
+    # (7), x^ = T(z), holds for any T by definition; (8) is transformed, and distinguishes the
+    # correct T from others.
     assert lowest_degree(case.residual_of_t(transformation(case, 5), 5)) > 5
     assert lowest_degree(case.residual_of_t(z, 5)) == 3
 
 
 @pytest.mark.parametrize(("case", "degree"), [(van_der_pol(), 5), (random_case(1, 2, 1), 3)])
 def test_terms_are_evaluated_at_the_transformed_state(case: Case, degree: int) -> None:
-    """ad_Az T~ = f(T) + L(T) L0 h(T) - A T; with z for T on the right it is another equation."""
+    """ad_Az T~ = f(T) + L(T) L0 h(T) - A T; with z for T on the right the equation differs."""
     T = transformation(case, degree)
     z = list(T[0].ring.gens)
     left = [parts(p, 2, degree) for p in bracket(times(case.A, z), difference(T, z))]
@@ -215,5 +215,5 @@ def test_terms_are_evaluated_at_the_transformed_state(case: Case, degree: int) -
 
     assert left == terms(T, gain)
     flat = composed([entry for row in gain for entry in row], inverted(T, degree), degree)
-    at_z = [flat[:2], flat[2:]]  # L with z for its argument
+    at_z = [flat[:2], flat[2:]]  # L with argument z
     assert lowest_degree(difference(terms(z, at_z), left)) == degree

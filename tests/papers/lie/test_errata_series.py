@@ -1,8 +1,8 @@
-"""Printed formulas of the series, taken literally, and the corrections that they need.
+"""Printed formulas of the series, taken literally, and their corrections.
 
-`recursion` is its Section 4 as it stands, with three switches for what is printed and what is
-right. It knows no elimination: the step for U_(k-1) runs the printed formulas with unit vectors in
-place of the unknown coefficients. It shares no code with the package.
+`recursion` is Section 4 as printed, with three switches between the printed and the correct form.
+It uses no elimination: the step for U_(k-1) runs the printed formulas with unit vectors in place of
+the unknown coefficients. It shares no code with the package.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def scaled(factor: Any, p: Polynomials) -> Polynomials:
 def triangle(U: list[Polynomials], *, literal: bool) -> list[Polynomials]:
     """T_1, T_2, ... by (22): p_i^(m) = p_(i+1)^(m-1) + sum of C(i, j) L_p U_j, p = p_(i-j)^(m-1).
 
-    As a Lie derivative along p, ``literal``, L_p U is U' p; what is right is p' U.
+    As a Lie derivative along p, ``literal``, L_p U is U' p; correct is p' U.
     """
     column, first = list(U), [U[0]]
     while len(column) > 1:
@@ -85,8 +85,8 @@ def recursion(
 ) -> Found:
     """U and T up to a degree of T by (20), (21), (22) and the sum for the gain.
 
-    ``sign`` is that of the sum of brackets in (20). With ``at_s`` the gain is dT/dz taken at
-    z = S(x), without it dT/dz with x written for z.
+    ``sign`` is that of the sum of brackets in (20). With ``at_s`` the gain is dT/dz at z = S(x),
+    otherwise dT/dz with x written for z.
     """
     n = len(case.f)
     x = list(case.f[0].ring.gens)
@@ -95,7 +95,7 @@ def recursion(
     f: list[Polynomials] = [Ax]
 
     def step(k: int, U: list[Polynomials]) -> tuple[Polynomials, Polynomials, Polynomials]:
-        """The remainder of (20) for this U_(k-1), with the f_k and the T that belong to it."""
+        """The remainder of (20) for this U_(k-1), with its f_k and T."""
         T = plus(
             x,
             *(
@@ -153,7 +153,7 @@ GENERIC = random_case(1, 2, 1)
 
 @cache
 def right(case: str, degree: int) -> Polynomials:
-    """T by its own equation, without Lie transforms."""
+    """T from its own equation, without Lie transforms."""
     problem = CASES[case].problem(degree)
     return to_polynomials(PolynomialMap(problem.basis, solve_t(problem, solver_for(problem))))
 
@@ -215,7 +215,7 @@ def printed_terms() -> dict[tuple[int, int], tuple[float, float]]:
 
 
 def missed(T: Polynomials) -> set[tuple[int, int]]:
-    """The printed coefficients that the first component does not have."""
+    """The printed coefficients that differ from the first component."""
     x = T[0].ring.gens
     return {
         m
@@ -238,7 +238,7 @@ def test_printed_digits_distinguish_the_variants() -> None:
     for variant, switches in VARIANTS.items():
         wrong = missed(recursion(van_der_pol(), 5, **switches).T)
         if "22" in variant:
-            assert wrong == set()  # U_0 = U_2 = 0: the order of the factors shows at degree 7
+            assert wrong == set()  # U_0 = U_2 = 0: the order of the factors matters at degree 7
         else:
             assert wrong
             assert wrong <= fifth
@@ -292,7 +292,7 @@ def test_sum_for_the_gain_must_end_at_k() -> None:
 
 
 def matrix_of_ad(A: list[list[Any]], degree: int) -> sympy.Matrix:
-    """ad_Ax on the homogeneous maps of a degree."""
+    """The matrix of ad_Ax on the homogeneous maps of a degree."""
     n = len(A)
     x = variables(n)
     columns = []
@@ -337,7 +337,7 @@ def test_complex_eigenvalues_agree_with_lemma_4_17() -> None:
 
 
 def test_singular_ad_is_harmless_if_the_gain_is_unknown() -> None:
-    """Remark 4.19 is about a given gain; eliminated, it puts F in place of one A."""
+    """Remark 4.19 concerns a given gain; its elimination replaces one A by F."""
     case = van_der_pol((-5, -7))
     ad = matrix_of_ad(case.A, 3)
     assert ad.rank() == ad.rows - 1  # 3 (-1) - (-3) = 0
@@ -349,7 +349,7 @@ def test_singular_ad_is_harmless_if_the_gain_is_unknown() -> None:
     assert np.array_equal(lie.T, T)
     s = to_polynomials(PolynomialMap(problem.basis, S))
     assert lowest_degree(case.residual_of_s(s)) > 7
-    # The printed recursion gets there, too, once the gain is among the unknowns of its equation.
+    # The printed recursion also gets there, once the gain is among the unknowns of its equation.
     assert not any(difference(recursion(case, 5).T, inverted(s, 5)))
     floats = case.problem(7, exact=False)
     form = normal_form(floats.system, 7, injection=floats.injection)

@@ -1,4 +1,4 @@
-"""Limit cycles and Floquet exponents that are known by other means."""
+"""Limit cycles and Floquet exponents known independently."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def van_der_pol_cycle() -> LimitCycle:
 
 
 def slopes(x: Array) -> Array:
-    """f' of Van der Pol's oscillator at points, by hand."""
+    """The Jacobian of Van der Pol's oscillator at points, by hand."""
     found = np.zeros((len(x), 2, 2))
     found[:, 0, 1] = 1.0
     found[:, 1, 0] = -2.0 * x[:, 0] * x[:, 1] - 1.0

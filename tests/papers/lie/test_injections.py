@@ -1,4 +1,4 @@
-"""Injections with a cubic term over a square of coefficients, and how figures tell of them."""
+"""Injections with a cubic term over a square of coefficients, and their figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers of Fig. 1 and of T(z) by an integration and an arithmetic of their own."""
+"""The numbers of Fig. 1 and of T(z) by an independent integration and arithmetic."""
 
 from __future__ import annotations
 
@@ -126,7 +126,8 @@ def test_errors_of_the_figure_agree_with_an_integration(observer: str) -> None:
 
 def test_conclusions_of_the_figure_hold() -> None:
     value = {**measured("fig1_forms"), **measured("fig1")}
-    # Order 4 gains in the total, and loses in what is measured, at the end and in the long run.
+    # Order 4 improves the total, but is worse for the measured state, at the end and in the long
+    # run.
     assert 0.89 < value["order4", "ise"] / value["constant", "ise"] < 0.9
     assert value["order4", "ise_1"] > 1.1 * value["constant", "ise_1"]
     assert value["order4", "settling_time"] > 1.25 * value["constant", "settling_time"]
@@ -162,7 +163,7 @@ def test_scores_of_a_known_error_are_exact() -> None:
 
 
 def test_ensemble_shares_the_initial_estimate() -> None:
-    """The one state that is that estimate is left out: there is no error to begin with."""
+    """The state equal to that estimate is left out: it has no initial error."""
     settings = deepcopy(evaluator().parameters.settings("study", "ensemble"))
     settings["study"].update(half_width=0.5, points=3, orders=[2])
     settings["plant"]["horizon"] = 2.0
@@ -173,7 +174,7 @@ def test_ensemble_shares_the_initial_estimate() -> None:
     axis = (-0.5, 0.0, 0.5)
     wanted = [(x, y) for x in axis for y in axis if (x, y) != (0.5, 0.0)]
     assert list(dict.fromkeys((row["x1"], row["x2"]) for row in rows)) == wanted
-    # Beside the estimate the error is small, on its other side it is not.
+    # Near the estimate the error is small; on the other side it is not.
     squares = lookup_ise(rows, first)
     assert squares[0.5, 0.5] < squares[0.0, 0.5] < squares[-0.5, 0.5]
 
@@ -218,7 +219,7 @@ def test_table_ends_at_the_degree_of_its_design() -> None:
 
 
 def test_exact_coefficients_agree_with_another_arithmetic() -> None:
-    """T as the inverse of S, worked out on polynomials of sympy."""
+    """T as the inverse of S, computed on polynomials of sympy."""
     S = exact_series(5)[0]
     wanted = {
         (f"{name}{k + 1}", powers): str(fraction(value))
@@ -257,5 +258,5 @@ def test_config_is_accepted() -> None:
 
 
 def test_gain_of_the_figure_is_not_constant() -> None:
-    """A guard for the reference itself: L(x) differs from I where the observers run."""
+    """Precondition of the reference: L(x) differs from I where the observers run."""
     assert np.max(np.abs(exact_gain("series", 4)(START) - np.eye(2))) > 0.5

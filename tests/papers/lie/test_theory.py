@@ -1,4 +1,4 @@
-"""The numbers of the theory by closed forms and by other ways."""
+"""The numbers of the theory by closed forms and independent computations."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_operation_counts_support_the_claim(monkeypatch: pytest.MonkeyPatch) -> 
     for degree in (3, 7, 13):
         problem = van_der_pol().problem(degree)
         solver = solver_for(problem)
-        solve_s(problem, solver)  # what the problem works out once for all
+        solve_s(problem, solver)  # computed once per problem
         used = []
         for solve in (solve_t, lie_transform):
             done.clear()
@@ -144,22 +144,22 @@ def test_operation_counts_support_the_claim(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_decay_near_the_origin_follows_the_slowest_mode() -> None:
-    # A node, x' = -x and -3 x: after a while the state is its first component.
+    # A node, x' = -x and -3 x: after a while only its first component remains.
     x1, x2 = variables(2)
     (y,) = variables(1)
     problem = systems.Case([-x1, -2 * x2], [x2], [0 * y, -y]).problem(2)
     expected = np.log(np.hypot(np.exp(-5), np.exp(-15)) / np.sqrt(2)) / 5
     assert decay_rate(problem, 0.01, 5.0) == pytest.approx(expected, rel=1e-6)
-    # Of the observer of a linear system T is the identity, and e' = A e.
+    # For the observer of a linear system T is the identity, and e' = A e.
     T = PolynomialMap.linear(np.eye(2))
     assert error_decay(problem, T, 0.01, 5.0) == pytest.approx(expected, rel=1e-6)
-    # Of the example: e^(A t) at 2 s, but for terms that are small as the state is.
+    # For the example: e^(A t) at 2 s, up to terms that are small like the state.
     A, start = np.array([[-2.0, 1.0], [-5.0, 1.0]]), np.ones(2)
     size = np.linalg.norm(scipy.linalg.expm(2.0 * A) @ start) / np.linalg.norm(start)
     example = form()
     found = error_decay(example.problem, example.T, 1e-4, 2.0)
     assert found == pytest.approx(np.log(size) / 2, abs=1e-6)
-    # The state grows as e^(t / 2); where it is no longer near the origin the run ends.
+    # The state grows as e^(t / 2); the run ends where it is no longer near the origin.
     late, later = (error_decay(example.problem, example.T, 1e-4, end) for end in (50.0, 500.0))
     assert late == later < -0.3
     value = theory()
@@ -169,7 +169,7 @@ def test_decay_near_the_origin_follows_the_slowest_mode() -> None:
 
 
 def test_siegel_domain_system_has_the_stated_eigenvalues() -> None:
-    """F has its eigenvalues on the imaginary axis, A its own where the parameters say."""
+    """F has its eigenvalues on the imaginary axis, A where the parameters state."""
     problem = theory_stage.siegel(read_job(keys.Parameters, settings_of_theory()).theory)
     assert np.allclose(np.linalg.eigvals(problem.F).real, 0.0)
     assert not in_poincare_domain(np.linalg.eigvals(problem.F))
@@ -258,7 +258,7 @@ def test_runs_distinguish_linear_from_nonlinear_errors() -> None:
         deviation_from_linear(truncated, 4, Case([radius, 0.0], [0.0, 0.0], 1.0, 1e-3))
         for radius in (0.1, 0.05)
     ]
-    # What S leaves out begins with degree 7, beside an error of degree 1.
+    # The error of the truncated S starts at degree 7, next to an error of degree 1.
     assert np.log2(near[0] / near[1]) == pytest.approx(6.0, abs=0.3)
 
 
@@ -312,7 +312,7 @@ def test_minimum_ratio_is_taken_over_initial_states() -> None:
 def test_wrong_spectrum_at_one_degree_is_detected(
     monkeypatch: pytest.MonkeyPatch, degree: int
 ) -> None:
-    """The number is the worst over the degrees of the parameter file, whichever that is."""
+    """The number is the worst over the degrees of the parameter file."""
     assert theory()["ad", "spectrum_difference"] < 1e-6
     right = theory_stage.spectrum_difference
     monkeypatch.setattr(

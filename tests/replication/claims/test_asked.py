@@ -1,4 +1,4 @@
-"""A claim fares the same whether all of a theory is computed or what it asks for only."""
+"""A claim has the same outcome if all of a theory is computed or only the required part."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 @pytest.mark.parametrize("paper", ["delay", "ilo", "imm", "lie"])
 def test_theory_computed_in_parts_agrees_with_the_whole(paper: str) -> None:
-    """With a few claims, each at a sample of all its choices."""
+    """For a few claims, each at a sample of all its choices."""
     parameters = Parameters.load(ROOT, paper, seed=SEED)
     claims = [
         claim

@@ -1,4 +1,4 @@
-"""Samples that are cached: taken where nothing has moved, made again where anything has."""
+"""Cached samples: used where nothing has changed, and recomputed otherwise."""
 
 from __future__ import annotations
 
@@ -29,13 +29,14 @@ GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000
 
 
 class Code:
-    """Stands for what computes the numbers: the gain, times a factor; some are refused or lost."""
+    """A replacement for the computation: the gain times a factor; some samples are refused or
+    lost."""
 
     def __init__(self) -> None:
         self.factor, self.calls = 1.0, 0
 
     def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
-        """The numbers behind any figure."""
+        """The numbers of any figure."""
         self.calls += 1
         gain = evaluator.parameters.section("observers")["continuous"]["K2"]
         if 600 < gain < 700:
@@ -47,7 +48,7 @@ class Code:
 
 @pytest.fixture
 def code(monkeypatch: pytest.MonkeyPatch) -> Code:
-    """What computes, to be changed."""
+    """The replaced computation, which a test may change."""
     instead = Code()
     monkeypatch.setattr(outcomes, "metrics_of", instead)
     return instead
@@ -68,13 +69,13 @@ def found(
 
 
 def as_made(one: Robustness) -> Robustness:
-    """The same, all of it made in one go."""
+    """The same, computed in one go."""
     return replace(one, cached=0)
 
 
 @pytest.fixture
 def first(code: Code) -> Robustness:
-    """Drawn from nothing; the claim is near the line, so that no samples decide."""
+    """Computed without a cache; the claim is near the threshold, so that no samples decide."""
     one = found(claim(620), samples=60)
     assert one.samples == 60
     assert one.refused
@@ -86,7 +87,7 @@ def first(code: Code) -> Robustness:
 def test_cached_samples_equal_new_samples(code: Code, first: Robustness) -> None:
     again = found(claim(620), {"it": first.to_keep}, samples=60)
     assert as_made(again) == first
-    assert code.calls == 1 + 2  # as stated, and the first two samples
+    assert code.calls == 1 + 2  # nominal, and the first two samples
     assert again.cached == 58 or first.refused[0] < 2
 
 
@@ -156,7 +157,7 @@ def test_samples_agree_up_to_rounding() -> None:
 
 @pytest.mark.parametrize("paper", ["delay", "eso", "ilo", "imm", "lie"])
 def test_every_claim_has_current_cached_samples(paper: str) -> None:
-    """Where this fails, `make samples` makes those that are missing."""
+    """If this fails, `make samples` adds the missing ones."""
     parameters = default_parameters(ROOT, paper)
     claims = [one for one in read_registry(ROOT, parameters).claims if one.checks and one.choices]
     cached, here = read_cached(ROOT / samples_path(paper), paper), Evaluator(parameters)

@@ -1,4 +1,4 @@
-"""Checks: what they look up, compute, accept, refuse and say."""
+"""Checks of claims: what they look up, compute, accept, refuse and report."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def check(**body: Any) -> Check:
 def test_check_holds_as_computed_by_hand(body: dict[str, Any], holds: bool) -> None:
     asked = check(**body)
     assert asked.holds(NUMBERS) is holds
-    # One number tells as much as all of them.
+    # A single number is as good as all of them.
     assert asked.satisfied_by(asked.deciding(NUMBERS)) is holds
 
 

@@ -1,4 +1,4 @@
-"""Choices: what may be drawn and moved, where, and by how much."""
+"""Choices: what may be sampled and changed, in which range and steps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def parameters(**entries: dict[str, Any]) -> Parameters:
 
 
 def values(start: Parameters, pattern: str, count: int = 4000) -> np.ndarray:
-    """What samples of one choice give."""
+    """The samples of a choice."""
     choice = find_choice(start, pattern)
     key = choice.keys[0].split(".")
     return np.array(
@@ -104,7 +104,7 @@ def test_pattern_moves_its_keys_together() -> None:
     gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
     assert len(gains) == 1
     assert gains != {2000.0}
-    assert ILO.section("observers", "sampled")["K2"] == 5000.0  # untouched
+    assert ILO.section("observers", "sampled")["K2"] == 5000.0  # unchanged
 
 
 def test_seed_can_be_sampled() -> None:
@@ -167,4 +167,4 @@ def test_half_of_the_samples_take_a_value_named_in_the_paper() -> None:
     chosen = values(parameters(solver=words), "plant.solver", 400)
     assert abs(np.mean(chosen == "B") - (0.5 + 0.5 / 3)) < 0.1
     (knob,) = find_choice(ILO, GAIN).knobs
-    assert "named" not in repr(knob)  # digests of cached samples are of this
+    assert "named" not in repr(knob)  # digests of cached samples depend on this

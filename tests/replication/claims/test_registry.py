@@ -1,4 +1,4 @@
-"""The registry: read, and every way to get an entry of it wrong is one sentence that names it."""
+"""The registry: reading it, and one sentence naming the entry for every error."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OTHER = {"place": "Fig. 2", "statement": "Words.", "not_testable": "Words cannot
 
 
 def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
-    """The claims of a registry of `ilo` with these entries."""
+    """The claims of an `ilo` registry with these entries."""
     (tmp_path / "config/claims").mkdir(parents=True, exist_ok=True)
     tree = {
         "limitations": "Nothing.",

@@ -1,4 +1,4 @@
-"""Robustness where the answer is known: the "metric" is a number of the parameter file itself."""
+"""Robustness with a known answer: the "metric" is itself a number of the parameter file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ VARIANTS = ("sampled", "continuous", "forgetting")
 
 @pytest.fixture(autouse=True)
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Figures show gains of the parameter file; one diverges, one refuses; all calls are cached."""
+    """Figures that show gains of the parameter file; one diverges, one is refused; all calls are
+    cached.
+    """
     calls: list[str] = []
 
     def metrics_of(evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
@@ -62,7 +64,7 @@ def found(one: Claim, samples: int = 400) -> Robustness:
 
 
 def test_share_of_samples_agrees_with_the_range() -> None:
-    """Near the line between the verdicts, so that no number of samples here decides."""
+    """Near the threshold of the verdicts, so that no number of samples decides."""
     one = found(claim("fig1 a gain", GAIN, above=630))  # 0.1 of a decade from 500
     assert one.firm is None
     assert one.samples == 400
@@ -83,7 +85,7 @@ def test_sampling_stops_when_decided() -> None:
 
 
 def test_all_claims_use_the_same_samples() -> None:
-    """What they set for one claim they set for another, and each ends when it is decided."""
+    """Samples are shared between claims, and each claim stops when it is decided."""
     quick = claim("fig1 a gain", GAIN, above=1900)
     slow = replace(claim("fig1 a gain", FORGETTING, GAIN, above=400), name="slow")
     both = assess(Evaluator(ILO), [quick, slow], 400)
@@ -100,9 +102,9 @@ def test_sample_stores_its_choices_and_outcome() -> None:
 
 
 def test_samples_that_cannot_differ_are_reported() -> None:
-    assert found(claim("fig1 a share", GAIN, above=0)).alike  # K1 does not move with the gain
+    assert found(claim("fig1 a share", GAIN, above=0)).alike  # K1 does not change with the gain
     assert not found(claim("fig1 a gain", GAIN, above=0)).alike
-    assert not found(claim("fig1 a share", GAIN, above=0), 7).alike  # too few to say
+    assert not found(claim("fig1 a share", GAIN, above=0), 7).alike  # too few to decide
 
 
 def test_samples_depend_on_the_seed_but_not_on_other_claims() -> None:
@@ -175,7 +177,7 @@ def test_refused_sample_counts_as_failed() -> None:
 
 
 def test_existence_claim_stops_at_the_first_example() -> None:
-    rare = claim("fig1 a gain", GAIN, above=4000)  # a tenth of the samples, not as stated
+    rare = claim("fig1 a gain", GAIN, above=4000)  # a tenth of the samples, without the nominal one
     can, seldom = found(replace(rare, quantifier="can")), found(rare)
     assert (can.firm, can.samples) == (True, 20)
     assert 0 < can.held < 20
@@ -192,7 +194,7 @@ def test_expensive_claim_is_searched_at_range_ends_only(shown: list[str]) -> Non
     assert one.samples == 4
     assert one.reversal is not None
     assert one.reversal.end <= 1000
-    # As stated, samples, two ends, halvings.
+    # Nominal, samples, two ends, halvings.
     assert len(shown) == 1 + 4 + 2 + 4
 
 

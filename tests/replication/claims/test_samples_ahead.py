@@ -1,4 +1,4 @@
-"""Samples made ahead in chunks: what is gathered has the same bytes, whatever the chunks."""
+"""Samples computed ahead in chunks: the gathered result has the same bytes for any chunks."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ DRAWS = 90
 
 
 class Code:
-    """Stands for what computes: a gain times a factor, some refused, some lost; keeps all calls."""
+    """A replacement for the computation: a gain times a factor, some refused or lost; records all
+    calls.
+    """
 
     def __init__(self) -> None:
         self.factor = 1.0
         self.asked: list[float] = []
 
     def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
-        """The numbers behind any figure."""
+        """The numbers of any figure."""
         observers = evaluator.parameters.section("observers")
         gain = observers["continuous"]["K2"]
         self.asked.append(gain)
@@ -53,7 +55,7 @@ class Code:
 
 @pytest.fixture
 def code(monkeypatch: pytest.MonkeyPatch) -> Code:
-    """What computes, to be changed and counted."""
+    """The replaced computation, which a test may change and count."""
     instead = Code()
     monkeypatch.setattr(outcomes, "metrics_of", instead)
     return instead
@@ -76,13 +78,13 @@ def gathered(
     cached: dict[str, CachedSamples] | None = None,
     samples: int = DRAWS,
 ) -> str:
-    """What the robustness writes."""
+    """The output of the robustness stage."""
     found = assess(Evaluator(ILO), CLAIMS, samples, cached=cached, made=read_chunks(chunks, "ilo"))
     return json.dumps({name: to_data(one) for name, one in found.items()})
 
 
 def chunks_of(samples: int, chunks: int) -> list[str]:
-    """The names of the chunks, as the rules have them."""
+    """The names of the chunks, as in the rules."""
     size = -(-samples // chunks)
     return [f"{start}-{start + size - 1}" for start in range(0, samples, size)]
 
@@ -111,14 +113,14 @@ def test_chunks_in_any_order_give_the_bytes_of_a_single_run(
     for _ in range(2):
         Random(chunks).shuffle(paths)
         assert gathered(paths) == whole
-    assert gathered(paths[: len(paths) // 2]) == whole  # what is missing is drawn
+    assert gathered(paths[: len(paths) // 2]) == whole  # missing samples are computed
 
 
 def test_gathering_chunks_computes_no_samples_again(code: Code, tmp_path: Path) -> None:
     made = read_chunks(make_all(tmp_path, 5), "ilo")
     code.asked.clear()
     assert any(one.refused for one in assess_made(made).values())
-    assert len(code.asked) == 1  # as stated
+    assert len(code.asked) == 1  # nominal
 
 
 def assess_made(made: MadeSamples) -> dict[str, Robustness]:
@@ -126,7 +128,9 @@ def assess_made(made: MadeSamples) -> dict[str, Robustness]:
 
 
 def test_chunk_stops_sampling_a_decided_claim(code: Code, tmp_path: Path) -> None:
-    """The first one knows that; later ones, which do not wait for it, sample all their numbers."""
+    """Only the first one knows that; later ones, which do not wait for it, compute all their
+    samples.
+    """
     ends = {name: one.samples for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
     assert ends["soon decided"] < 45 < ends["later decided"] < DRAWS == ends["near the line"]
     first, second = (json.loads(path.read_text())["claims"] for path in make_all(tmp_path, 2))
@@ -176,7 +180,7 @@ def test_chunks_of_other_parameters_or_claims_are_refused(code: Code, tmp_path: 
     paths = make_all(tmp_path, 2)
     other = replace(CLAIMS[0], checks=(Check.parse({"value": "fig1 a gain", "above": 621}),))
     alone = assess(Evaluator(ILO), [other], 20)
-    code.factor = 2.0  # so that samples of before would show
+    code.factor = 2.0  # so that earlier samples would show
     fresh = assess(Evaluator(ILO), [other], 20, made=read_chunks(paths, "ilo"))
     assert fresh == assess(Evaluator(ILO), [other], 20) != alone
 

@@ -1,4 +1,4 @@
-"""What the samples show, where it is known which choice decides and how far a bound may move."""
+"""Sensitivity from samples, with a known deciding choice and a known margin of the bound."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def claim(*checks: Check) -> Claim:
 
 
 def drawn(samples: int = 40) -> Robustness:
-    """The error falls and rises with the first choice, hardly moves with the others."""
+    """The error depends on the first choice, hardly on the others."""
     stream = np.random.default_rng(3)
     trials = []
     for k in range(samples):
@@ -39,7 +39,8 @@ def drawn(samples: int = 40) -> Robustness:
 
 
 def test_deciding_choice_explains_nearly_everything() -> None:
-    """It decides in the middle of its range, which a correlation would not see; a seed has none."""
+    """It decides in the middle of its range, which a correlation would miss; a seed has no
+    order."""
     (found,) = influences([drawn(200)])
     assert found[0].name == "a.strong"
     assert {one.name for one in found} == set(NAMES) - {"seed"}
@@ -68,7 +69,7 @@ def test_dependence_measure_agrees_with_chatterjee() -> None:
 
 
 def test_p_values_are_corrected_for_multiple_tests() -> None:
-    """Benjamini & Yekutieli: p_(i) n (1 + 1/2 + ... + 1/n) / i, the least of those from i on."""
+    """Benjamini & Yekutieli: p_(i) n (1 + 1/2 + ... + 1/n) / i, the minimum of those from i on."""
     both = influences([drawn(40), drawn(100)])
     alone = [chatterjeexi(*one).pvalue for one in (columns(drawn(40)) + columns(drawn(100)))]
     order = np.sort(alone)
@@ -99,24 +100,24 @@ def test_check_that_fails_most_often_decides() -> None:
 
 
 def test_bound_margin_agrees_with_sorted_samples() -> None:
-    """All of 40 samples lie between 0.1 and 0.49; the 36th in order is what 0.9 hangs on."""
+    """All of 40 samples lie between 0.1 and 0.49; the 36th in order decides at 0.9."""
     numbers = [0.1 + 0.01 * k for k in range(40)]
     outcomes = [Outcome(True, (number,)) for number in numbers]
     found = margins(claim(BELOW), Outcome(True, (0.2,)), outcomes)
-    # One of 40 that fails leaves it undecided: the bound may fall to the greatest number.
+    # One failure in 40 leaves it undecided: the bound may fall to the largest number.
     assert found == {BELOW: (pytest.approx(0.49), math.inf)}
     assert format_margins(found) == "below 0.5 could be 0.49 or more"
-    # Without samples only the number itself decides.
+    # Without samples only the nominal number decides.
     assert margins(claim(BELOW), Outcome(True, (0.2,))) == {BELOW: (0.2, math.inf)}
     assert margins(claim(BELOW), Outcome(False, (0.7,))) == {BELOW: (-math.inf, 0.7)}
     assert format_margins({BELOW: (-math.inf, 0.7)}) == "below 0.5 could be 0.7 or less"
     assert format_margins({BELOW: (0.1, 0.7)}) == "below 0.5 could be 0.1 to 0.7"
     assert format_margins({BELOW: (-math.inf, math.inf)}) == "below 0.5 could be any"
-    # Where it fails, in all samples, too, the bound may rise to the least of the numbers.
+    # If it fails, in all samples too, the bound may rise to the smallest number.
     outcomes = [Outcome(False, (number + 0.5,)) for number in numbers]
     found = margins(claim(BELOW), Outcome(False, (0.8,)), outcomes)
     assert found == {BELOW: (-math.inf, pytest.approx(0.6))}
-    # A check that fails whatever the other's bound leaves that free.
+    # A check that fails for any bound of the other leaves that bound free.
     never = Check.parse({"value": "fig1 a gain", "above": 2.0})
     both = margins(claim(BELOW, never), Outcome(False, (0.2, 1.0)))
     assert both == {BELOW: (-math.inf, math.inf), never: (1.0, math.inf)}

@@ -1,4 +1,4 @@
-"""The rule that ends the samples: its error rate and its cost on shares that are known."""
+"""The stopping rule of sampling: its error rate and cost for known shares."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LINE = 0.9
 
 
 def decide(agreed: np.ndarray, most: int) -> tuple[bool | None, int]:
-    """What a sequence of samples decides, looked at after each of them, and after how many."""
+    """The decision for a sequence of samples, tested after each, and the number of samples used."""
     total = 0
     for samples, one in enumerate(agreed[:most], start=1):
         total += int(one)
@@ -25,7 +25,7 @@ def decide(agreed: np.ndarray, most: int) -> tuple[bool | None, int]:
 
 
 def simulate(share: float, most: int, runs: int = 400) -> tuple[float, float, float]:
-    """Which parts of the runs say above and below, and how many samples they take on average."""
+    """The shares of runs that decide above and below, and the mean number of samples."""
     stream = np.random.default_rng(round(1000 * share))
     found = [decide(stream.random(most) < share, most) for _ in range(runs)]
     said = [word for word, _ in found]
@@ -39,7 +39,7 @@ def simulate(share: float, most: int, runs: int = 400) -> tuple[float, float, fl
 def test_sequential_test_keeps_its_error_rate(share: float) -> None:
     says_above, says_below, _ = simulate(share, 400)
     wrong = says_above if share < LINE else says_below
-    # Five standard deviations of the simulation above what is allowed.
+    # Five standard deviations of the simulation above the allowed rate.
     assert wrong <= ERROR + 5 * math.sqrt(ERROR * (1 - ERROR) / 400)
 
 
@@ -50,7 +50,7 @@ def test_sequential_test_keeps_its_error_rate(share: float) -> None:
 def test_sequential_test_has_the_stated_cost(
     share: float, most: int, decided: float, samples: int
 ) -> None:
-    """Far from the line few samples decide; `samples` is the number that suffices on average."""
+    """Far from the threshold few samples decide; `samples` is the number needed on average."""
     says_above, says_below, mean = simulate(share, most)
     assert (says_above if share > LINE else says_below) >= decided
     assert mean <= samples

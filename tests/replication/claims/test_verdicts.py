@@ -1,4 +1,4 @@
-"""Verdicts: the rule, the table, the counts; and every claim of the papers flips as it must."""
+"""Verdicts: the rule, the table, the counts; every claim of the papers can be reversed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ GAIN = "observers.sampled.K2"
 
 
 def marked() -> Parameters:
-    """The parameter file with the gain chosen for a claim."""
+    """The parameter file with the gain as a choice of the claim."""
     tree = copy.deepcopy(ILO.tree)
     tree["observers"]["sampled"]["K2"]["chosen_for"] = "it, found by trying"
     return Parameters("ilo", tree, 1)
@@ -57,7 +57,7 @@ def drawn(held: int, samples: int, stated: bool = True, number: float = 0.0) -> 
 @pytest.mark.parametrize(
     ("quantifier", "held", "share", "word"),
     [
-        ("can", True, (0, 20), "reproduced"),  # the settings of the file are an example
+        ("can", True, (0, 20), "reproduced"),  # the nominal settings are an example
         ("can", False, (1, 20), "reproduced"),
         ("can", False, (0, 36), "contradicted"),
         ("can", False, (0, 35), "undecided"),
@@ -177,7 +177,7 @@ def test_replication_depends_on_its_main_claims() -> None:
     good, other, bad = "reproduced", "reproduced only by calibration", "contradicted"
     assert replicated(made(good, good, bad, promised=[0, 1]))
     assert replicated(made(good, good, other, promised=[0, 1, 2]))
-    assert not replicated(made(good, other, promised=[0, 1]))  # no more than half
+    assert not replicated(made(good, other, promised=[0, 1]))  # not more than half
     assert not replicated(made(good, good, bad, promised=[0, 1, 2]))
     assert not replicated(made(good, good, "broken", promised=[0, 1, 2]))
     assert not replicated(made(good))
@@ -253,7 +253,7 @@ def test_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     assert len(read_table(tmp_path / "claims.csv", HEADER)) == 3
 
 
-# Every claim of the papers, fed with results.
+# Every claim of the papers, with constructed results.
 
 Numbers = dict[str, dict[tuple[str, str], float]]
 PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]
@@ -267,7 +267,7 @@ CLAIMS = [
 
 
 def fed(claim: Claim, broken: Check | None = None) -> Numbers:
-    """Results that satisfy every check but ``broken``: one at a time may contradict another."""
+    """Results that satisfy every check but ``broken``; a single one may contradict another."""
     numbers: Numbers = {}
 
     def put(reference: Reference, value: float) -> None:
@@ -298,7 +298,7 @@ def fed(claim: Claim, broken: Check | None = None) -> Numbers:
 
 
 def goal(check: Check) -> list[float]:
-    """Numbers that satisfy a check by itself, against one or nothing."""
+    """Numbers that satisfy a check by itself, relative to one or nothing."""
     count = len(check.value)
     if check.relation in ("rising", "falling"):
         return [float(k if check.relation == "rising" else -k) for k in range(count)]
@@ -310,7 +310,7 @@ def goal(check: Check) -> list[float]:
 
 
 def wrong(check: Check, k: int, value: float) -> float:
-    """The same for a check that must fail: just beyond its bound, or the sequence upside down."""
+    """A number that just violates the check: beyond its bound, or in reversed order."""
     if check.relation in ("rising", "falling"):
         return -value
     if check.relation == "within":
@@ -326,7 +326,7 @@ def satisfied(claim: Claim, numbers: Numbers) -> list[bool]:
 
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_each_check_of_a_claim_can_reverse_it(claim: Claim) -> None:
-    """Fed with what satisfies it a check holds; with what just does not, the claim is refuted."""
+    """A check holds on satisfying results; on results that just fail, the claim is refuted."""
     for check in claim.checks:
         alone = replace(claim, checks=(check,), choices=())
         parameters = PARAMETER_FILES[claim.paper]
@@ -335,7 +335,7 @@ def test_each_check_of_a_claim_can_reverse_it(claim: Claim) -> None:
         assert not outcome(alone, bad).held
         assert row(alone, parameters, good, None)["verdict"] == "reproduced"
         assert row(alone, parameters, bad, None)["verdict"] == "contradicted"
-        # With all checks of the claim: one that fails is enough.
+        # With all checks of the claim: a single failing one suffices.
         whole = fed(claim, check)
         assert satisfied(claim, whole)[claim.checks.index(check)] is False
         assert not outcome(claim, whole).held
@@ -369,7 +369,7 @@ def test_readme_keeps_rows_of_papers_not_evaluated(tmp_path: Path) -> None:
     put_into(readme, verdicts, ["a", "b", "c"])
     reported = REPORTED.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
     assert readme.read_text() == f"<!-- verdicts -->\n\n{reported}\n<!-- end -->\n"
-    put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
+    put_into(readme, verdicts, ["b", "c"])  # a is no longer a paper
     assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
 
 

@@ -1,4 +1,4 @@
-"""What texts cite of a paper: numbers in parentheses, theorems, remarks, tables."""
+"""Citations of a paper in texts: numbers in parentheses, theorems, remarks, tables."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _NUMBERS = re.compile(r"(?<![^\s(])\((\d\d?)\)(?: to \((\d+)\))?")
 _ONE = re.compile(rf"\b({_KINDS}) ({_MARK})")
 _SEVERAL = re.compile(rf"\b({_KINDS})s ({_MARK}(?:{_AND}{_MARK})*)")
 
-# After the name of a paper: places and nothing else, as far as they go.
+# After the name of a paper: the longest list of citations.
 _BESIDE = re.compile(r"(?:after|before) \(\d+\)|Section \w+, [A-Za-z]+(?:\(z\))?")
 _PLACE = rf"(?:{_BESIDE.pattern}|\(\d+\)|{_SEVERAL.pattern}|{_ONE.pattern})"
 _PLACES = re.compile(rf"{_PLACE}(?:{_AND}{_PLACE})*")
 
 
 def places_in(text: str) -> list[str]:
-    """All that a text cites without the name of a paper, as entries of a table are called."""
+    """All citations in a text without the name of a paper, named like table entries."""
     found: list[str] = []
     text = " ".join(text.split())
     for first, last in _NUMBERS.findall(text):
@@ -32,7 +32,7 @@ def places_in(text: str) -> list[str]:
 
 
 def cited(text: str, name: str) -> list[str]:
-    """What a text cites of the paper of this name, in the one form: the name, a comma, places."""
+    """All citations of the named paper, in the form: the name, a comma, places."""
     found: list[str] = []
     text = " ".join(text.split())
     for match in re.finditer(re.escape(f"{name}, "), text):
@@ -43,7 +43,7 @@ def cited(text: str, name: str) -> list[str]:
 
 
 def _marks(text: str) -> Iterator[str]:
-    """Of `1 to 4 and 7`: 1, 2, 3, 4 and 7."""
+    """Expand `1 to 4 and 7` to 1, 2, 3, 4 and 7."""
     for part in re.split(" and |, ", text):
         first, _, last = part.partition(" to ")
         if last:

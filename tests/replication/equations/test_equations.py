@@ -1,4 +1,4 @@
-"""The tables of equations and the docstrings say the same, and nothing that is cited is missing."""
+"""The tables of equations agree with docstrings, and every cited equation is listed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def places(paper: str) -> set[str]:
 
 @cache
 def docstrings() -> dict[str, dict[str, str]]:
-    """Of each module by its name: docstrings by the dotted name of what has them."""
+    """Docstrings by module and by the dotted name of their objects."""
     found = {}
     for path in sorted((SOURCE / "reobserve").rglob("*.py")):
         module = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
@@ -79,7 +79,7 @@ def _all_docstrings() -> dict[str, str]:
 
 
 def test_all_equations_cited_in_docstrings_are_in_a_table() -> None:
-    """A number without the name of a paper is of one that its module names, or belongs to."""
+    """A number without the name of a paper belongs to the paper of its module."""
     unknown = []
     for module, texts in docstrings().items():
         of = module.split(".")
@@ -112,7 +112,7 @@ def _tests_of(file: str) -> set[str]:
 
 
 def _texts(tree: Any, *keys: str) -> Iterator[str]:
-    """All texts under these keys, wherever in a tree."""
+    """All texts under these keys, anywhere in a tree."""
     if isinstance(tree, dict):
         yield from (value for key, value in tree.items() if key in keys and isinstance(value, str))
         tree = list(tree.values())
@@ -121,7 +121,7 @@ def _texts(tree: Any, *keys: str) -> Iterator[str]:
             yield from _texts(branch, *keys)
 
 
-# What tells of a paper where it stands; corrections also name what it does not have.
+# Texts about the paper itself; corrections also name what it lacks.
 TELLING = {
     "claims": ("place", "statement", "why", "not_testable"),
     "errata": ("place",),

@@ -1,4 +1,4 @@
-"""A table of equations: read, looked up and printed, and each fault refused in a sentence."""
+"""A table of equations: read, looked up and printed; each error is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OTHER = {**LAST, "number": "Theorem 1"}
 
 
 def written(folder: Path, *equations: Any, **top: Any) -> Path:
-    """A project whose paper `toy` has this table."""
+    """A project in which the paper `toy` has this table."""
     path = folder / "config/equations/toy.yaml"
     path.parent.mkdir(parents=True, exist_ok=True)
     (folder / "config/papers").mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""What the comparison of pixels must see, and what does not matter to it."""
+"""Pixel comparison: what it must detect and what it must ignore."""
 
 from __future__ import annotations
 

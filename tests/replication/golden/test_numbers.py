@@ -1,4 +1,4 @@
-"""Golden numbers: what is kept of a record, what is compared, which tolerances follow."""
+"""Golden numbers: which are stored and compared, and with which tolerances."""
 
 from __future__ import annotations
 
@@ -111,9 +111,9 @@ def test_record_is_stored_with_the_first_figure_showing_it() -> None:
         (0.0, 0.0, 0.0, 1e-15),
         (1.0, 0.0, 0.0049, 0.0098),
         (1.0, 0.0, 0.0051, None),  # more than one per cent
-        (1.0, 1.1e-6, 0.0, None),  # decided by rounding
+        (1.0, 1.1e-6, 0.0, None),  # determined by rounding
         (0.71, 0.0, 0.195, None),
-        (2e-11, 0.0, 2.5e-11, 5e-11),  # zero but for the step
+        (2e-11, 0.0, 2.5e-11, 5e-11),  # zero except for the step
         (1.0, 0.0, float("inf"), None),
     ],
 )

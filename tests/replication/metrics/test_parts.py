@@ -1,4 +1,4 @@
-"""Parts of a theory: none is computed that nobody asks for, and all where nobody asks."""
+"""Parts of a theory: only the requested ones are computed, and all if none is requested."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def theory(size: float) -> list[float]:
 
 def test_only_requested_parts_are_computed() -> None:
     with only(["delay"]):
-        assert theory(1.0) == [1.0, 2.0, 3.0]  # not yet known who gives what
+        assert theory(1.0) == [1.0, 2.0, 3.0]  # not yet known which part gives which number
     assert theory(1.0) == [1.0, 2.0, 3.0]
     with only(["delay"]):
         assert theory(4.0) == [3.0]

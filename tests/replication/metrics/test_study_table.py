@@ -1,4 +1,4 @@
-"""Tables of studies: what is text becomes numbers, and rows are found by their coordinates."""
+"""Study tables: text is converted to numbers, and rows are found by their coordinates."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Parameter files are checked whole before anything runs, with one sentence for what is wrong.
+"""Parameter files are checked completely before anything runs, with one sentence per error.
 
-Each case is an override as a user would write it, or a change of a parameter file's own file.
+Each case is an override as a user would write it, or a changed parameter file.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def test_every_job_uses_only_declared_keys(paper: str) -> None:
 PRINTED = {"component": 1, "powers": [3, 0]}
 OWN = {"value": 0.1, "unit": "1", "source": "mine"}
 
-# What an override must be reported, by paper.
+# The message for an override, by paper.
 OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     "a step of zero": ("ilo", {"plant": {"step": 0}}, "ilo.plant.step: 0 must be greater"),
     "a step that makes too many samples": (
@@ -302,7 +302,7 @@ def test_paper_with_an_invalid_name_is_refused(project: Path) -> None:
 def test_key_missing_in_the_file_is_reported(
     project: Path, paper: str, path: tuple[str, ...], said: str
 ) -> None:
-    """Without overrides, too: a slip in a parameter file was found by a job, minutes later."""
+    """Also without overrides: such an error was found only by a job, minutes later."""
     file = project / "config" / "papers" / f"{paper}.yaml"
     tree = read_yaml(file)
     branch: Any = tree

@@ -1,4 +1,4 @@
-"""`reobserve check`: whatever is wrong under ``config/`` is named before the first job."""
+"""`reobserve check` reports any error under ``config/`` before the first job."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from reobserve.core.errors import InputError
 
 ROOT = Path(__file__).parents[3]
 
-# By name: a file, what is replaced in it, and the beginning of the sentence that says so.
+# By name: a file, a replacement in it, and the beginning of the message.
 FAULTS = {
     "a key of a claim": (
         "claims/ilo.yaml", "threshold: after", "treshold: after",

@@ -1,4 +1,4 @@
-"""Designs and tables among the parameters: who may name one, and what a job receives of it."""
+"""Designs and tables as parameters: who may name one, and what a job receives of it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def number(value: float) -> dict[str, Any]:
 
 @pytest.fixture
 def designed(project: Path) -> dict[str, Any]:
-    """The tree of `ilo` with two designs, which an observer, the study and a table name."""
+    """The tree of `ilo` with two designs, named by an observer, the study and a table."""
     tree = read_yaml(project / "config/papers/ilo.yaml")
     tree["designs"] = {
         name: {"title": f"the {name} gains", "pole": number(pole)}
@@ -65,7 +65,7 @@ def test_job_receives_the_designs_it_names(project: Path, designed: dict[str, An
     assert "designs" not in parameters.settings("metrics", "fig4")
     assert parameters.settings("metrics", "fig4_matched")["designs"] == {"high": high, "low": low}
     assert parameters.settings("study", "matching")["designs"] == {"high": high, "low": low}
-    # A figure also sees the designs of observers that only its study runs.
+    # A figure also receives the designs of observers that only its study runs.
     designed["figures"]["fig4_matched"]["observers"] = ["sampled"]
     seen = load_tree(project, designed).settings("plot", "fig4_matched")["designs"]
     assert {name: body["title"] for name, body in seen.items()} == {

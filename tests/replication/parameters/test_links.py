@@ -1,4 +1,4 @@
-"""Entries that take their value from another: ``same_as`` in parameter files."""
+"""Entries that take their value from another one: ``same_as`` in parameter files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person can look up before anything is built, word by word, on the toy paper."""
+"""The listing commands before any build, word by word, on the toy paper."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The paper `toy` and nothing built; a terminal of 200 columns."""
+    """The paper `toy` with nothing built; a terminal of 200 columns."""
     folder = make_project(tmp_path)
     shutil.rmtree(folder / "results")
     monkeypatch.chdir(folder)
@@ -28,7 +28,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def printed(capsys: Capture, *command: str) -> list[str]:
-    """The lines that a command prints, with single spaces between words."""
+    """The printed lines of a command, with single spaces between words."""
     assert main(list(command)) == 0
     return [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
 
@@ -117,7 +117,7 @@ def test_searches_are_listed(capsys: Capture) -> None:
 
 
 def options(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Those of a command and of all commands below it."""
+    """The options of a command and all its sub-commands."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):
@@ -126,7 +126,7 @@ def options(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def test_defaults_agree_with_the_help() -> None:
-    """Words as `all` or `this one` stand for what is not given."""
+    """Words such as `all` or `this one` stand for a missing option."""
     said = {
         (action.dest, match[1], str(action.default))
         for action in options(command_parser())

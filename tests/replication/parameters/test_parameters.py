@@ -1,4 +1,4 @@
-"""The parameter file: what it demands of an entry, how overrides merge, what a job gets to see."""
+"""The parameter file: required keys of an entry, merging of overrides, and the input of a job."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_every_entry_has_a_source_and_every_assumption_a_reason(paper: str) -> N
 
 
 def test_source_code_has_no_numbers_of_the_paper() -> None:
-    """The gains and constants that only config may hold."""
+    """Gains and constants may only be in config."""
     folder = ROOT / "src/reobserve/papers/ilo"
     text = "\n".join(path.read_text() for path in folder.rglob("*.py"))
     for number in ("36.0", "2000", "200000", "4.084", "6.855", "0.4, ", "5.0, "):
@@ -62,7 +62,7 @@ def test_bare_override_replaces_the_value_and_is_marked() -> None:
     body = entry(parameters, "observers.sampled.K2")
     assert (body["value"], body["unit"], body["source"]) == (1500, "N m s/rad", OVERRIDDEN)
     assert "why" not in body, "the reason was that of the other value"
-    # YAML shares the entry between observers; an override must not leak to the others.
+    # YAML shares the entry between observers; an override must not affect the others.
     other = "observers.continuous.K2"
     assert entry(parameters, other)["value"] == entry(load(), other)["value"]
     assert entry(parameters, other)["source"] == "assumed"
@@ -76,7 +76,7 @@ def test_override_may_have_its_own_source() -> None:
 
 
 def test_numeric_words_are_converted_to_numbers() -> None:
-    """Snakemake hands nested --config values over as words."""
+    """Snakemake passes nested --config values as words."""
     parameters = load({"observers": {"sampled": {"K2": "1e3", "label": "7"}}})
     assert parameters.section("observers", "sampled")["K2"] == 1000.0
     assert parameters.section("observers", "sampled")["label"] == "7"
@@ -104,7 +104,7 @@ def test_parameters_round_trip_through_a_file(tmp_path: Path) -> None:
 
 
 def test_job_depends_only_on_its_own_entries() -> None:
-    """Change every entry in turn: the digest of a job moves if and only if it should."""
+    """Change every entry in turn: the digest of a job changes if and only if it should."""
     parameters = load()
     jobs = {
         "plant constant": ("plant", "constant"),
@@ -221,7 +221,7 @@ def test_non_number_is_refused(value: Any) -> None:
     ],
 )
 def test_nested_unknown_keys_are_refused(overrides: dict[str, Any]) -> None:
-    """A study of `eso` is called like the section that takes designs of one's own."""
+    """A study of `eso` has the name of the section for user-defined designs."""
     with pytest.raises(InputError, match="unknown key"):
         Parameters.load(ROOT, "eso", overrides)
 

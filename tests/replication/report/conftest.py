@@ -21,20 +21,20 @@ __all__ = ["as_built", "browser", "built"]
 
 @pytest.fixture(autouse=True)
 def toy_says_what_its_metrics_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The package of `toy` is in no path here."""
+    """Replace the meanings of metrics, as the package of `toy` cannot be imported here."""
     module = SimpleNamespace(MEANINGS=MEANINGS)
     monkeypatch.setattr(meanings, "paper_module", lambda paper, stage: module)
 
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """A made-up project of one's own."""
+    """A made-up project that a test may change."""
     return make_project(tmp_path)
 
 
 @pytest.fixture(scope="session")
 def whole_page(browser: Browser, request: pytest.FixtureRequest) -> Path:
-    """The page of a whole build, or the one that REPORT_PAGE names."""
+    """The page of a complete build, or the one named by REPORT_PAGE."""
     if "REPORT_PAGE" in os.environ:
         return Path(os.environ["REPORT_PAGE"]).resolve()
     whole: Project = request.getfixturevalue("as_built")
@@ -51,7 +51,7 @@ def small_page(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="session")
 def page_with_gaps(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small page on which a drawing is missing and a claim is broken."""
+    """A small page with a missing plot and a broken claim."""
     folder = make_project(tmp_path_factory.mktemp("gaps"))
     write_claims(folder, [*CLAIMS, BROKEN])
     (folder / "results/toy/fig1.svg").unlink()

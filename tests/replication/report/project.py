@@ -1,4 +1,4 @@
-"""A made-up build for tests: the paper `toy` of the pipeline's tests, without its builds."""
+"""A made-up build for tests: the paper `toy` of the pipeline tests, without building it."""
 
 from __future__ import annotations
 
@@ -75,19 +75,19 @@ MEANINGS = {
 
 
 def configure(folder: Path, papers: str, formats: str) -> None:
-    """Write a configuration of these papers and formats."""
+    """Write a configuration with these papers and formats."""
     rest = "seed: 1\nsamples: 40\nchunks: 1\ncached: true\nreversals: true\n"
     (folder / "config/config.yaml").write_text(f"papers: {papers}\nformats: {formats}\n{rest}")
 
 
 def write_claims(folder: Path, rows: list[dict[str, object]]) -> None:
-    """The table of claims as the build writes it."""
+    """Write the table of claims like the build."""
     full = [{**dict.fromkeys(HEADER, ""), "paper": "toy", **row} for row in rows]
     write_table(folder / "results/claims.csv", full, HEADER)
 
 
 def make_project(folder: Path) -> Path:
-    """All that a report reads, and nothing amiss."""
+    """Write everything that a report reads, without errors."""
     built = folder / "results" / "toy"
     for name in ("config/papers", "config/claims", "config/errata", "workflow/report/toy"):
         (folder / name).mkdir(parents=True)

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.nightly
 
 WIDE = {"width": 1400, "height": 900}
 
-# Of each image: seen in the window once scrolled to, natural width, width, length of its text.
+# For each image: its visibility after scrolling, natural width, width, and length of its text.
 FIGURES = """async () => {
   const found = [];
   for (const image of document.querySelectorAll("article.drawn figure img")) {
@@ -42,7 +42,7 @@ def file(request: pytest.FixtureRequest) -> Path:
 
 @pytest.fixture(scope="module")
 def watched(browser: Browser, file: Path) -> Iterator[Watched]:
-    """A page on a wide screen; it must neither complain nor ask the network for anything."""
+    """A page on a wide screen; it must have no errors and no network requests."""
     opened = Watched(browser, file.as_uri(), viewport=WIDE)
     yield opened
     outside = [url for url in opened.requests if not url.startswith(("data:", file.as_uri()))]
@@ -159,7 +159,7 @@ def test_figure_zooms_by_pinch(browser: Browser, small_page: Path) -> None:
         )
     page.wait_for_function(f"document.querySelector('dialog').dataset.scale > {2.8 * start}")
     assert scale(page) == pytest.approx(3 * start, rel=0.05)
-    # The browser may take a tap right after two fingers for one of theirs; a person taps again.
+    # The browser may merge a tap right after a pinch into it; a person would tap again.
     dialog, close = page.locator("dialog"), page.get_by_role("button", name="Close")
     for _ in range(3):
         close.tap()

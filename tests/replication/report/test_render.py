@@ -1,4 +1,4 @@
-"""The page as HTML: complete, safe, linked in itself, and the same for the same results."""
+"""The page as HTML: complete, safe, with valid links, and reproducible."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGE = "results/report.html"
 
 
 class Outline(HTMLParser):
-    """What of a page links, is linked to, and is a heading; and what is loaded."""
+    """The links, link targets and headings of a page, and the resources it loads."""
 
     def __init__(self) -> None:
         super().__init__()

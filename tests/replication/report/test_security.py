@@ -1,4 +1,4 @@
-"""Whatever text gets into a page, it runs nothing, loads nothing and leads to the web only."""
+"""Text in a page cannot run code, load resources or link to anything but the web."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Systems for the tests of series, and an arithmetic of their own to compute answers in.
+"""Systems for the tests of series, with independent arithmetic to compute answers.
 
-A system is written in polynomials of sympy over the rationals. Nothing here uses the series of
-the package; only `to_map` hands terms over to it, and `to_polynomials` takes them back.
+A system is written in polynomials of sympy over the rationals. Nothing here uses the series of the
+package; only `to_map` and `to_polynomials` convert between them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The estimated domain of convergence of series whose domain is known."""
+"""The estimated domain of convergence of series with a known domain."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_radius_does_not_depend_on_units(scale: float, degree: int) -> None:
 
 
 def test_radius_for_distant_poles_is_refused_or_within_a_factor_of_two() -> None:
-    """The parts obey their law only from a degree of some |pole / a| on: a guess is no help."""
+    """The terms behave asymptotically only from a degree of about |pole / a| on."""
     try:
         found = convergence(scalar(-1, 1, -7.7, 13).S).radius
     except InputError:
@@ -91,19 +91,19 @@ def test_estimated_radii_agree_with_known_ones(
 
 
 def test_growth_along_directions_agrees_with_closed_form() -> None:
-    """1 / (1 - x1 - 2 x2) converges on a ray as far as |x1 + 2 x2| < 1, for ever on another."""
+    """1 / (1 - x1 - 2 x2) converges on a ray while |x1 + 2 x2| < 1, and everywhere on another."""
     domain = convergence(expanded("1/(1 - x1 - 2*x2)", 2, 13))
     points = np.array([[1.0, 0.0], [0.0, 1.0], [0.3, 0.3], [-0.2, -0.1], [2.0, -1.0], [0.0, 0.0]])
     grown = domain.growth(points)
     along = np.abs(points @ [1.0, 2.0])
-    # |P_d| on the sphere is fitted; a direction with a smaller part only converges further.
+    # |P_d| on the sphere is fitted; a direction with a smaller part converges further.
     np.testing.assert_allclose(grown, along, rtol=1e-10, atol=1e-10)
     edge = np.array([[0.93, 0.0], [0.96, 0.0], [1.01, 0.0]])
     assert domain.outside(edge).tolist() == [False, True, True]
 
 
 def test_part_norms_bound_the_values_on_the_sphere() -> None:
-    """The largest value on the complex sphere is at most Bombieri's norm, and near to it."""
+    """The largest value on the complex sphere is at most Bombieri's norm, and close to it."""
     draw = np.random.default_rng(1)
     for variables, degree in ((2, 6), (3, 4)):
         count = len(expanded("x1", variables, degree).basis.exponents)
@@ -146,7 +146,7 @@ def test_too_short_series_is_refused(degree: int) -> None:
 
 
 def test_radius_for_van_der_pol_falls_below_the_cycle_amplitude() -> None:
-    """From degree to degree the estimate falls toward a value below the amplitude of the cycle."""
+    """With the degree the estimate falls toward a value below the amplitude of the cycle."""
     problem = van_der_pol().problem(41, exact=False)
     S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
     radii = [convergence(S.upto(degree)).radius for degree in (13, 25, 41)]
@@ -185,7 +185,7 @@ def test_check_domain_warns_and_returns_the_sentence() -> None:
 
 
 def test_radius_error_is_four_times_the_change_with_fewer_degrees() -> None:
-    """1 / (1 - x) + 1 / (3/2 - x)^3, its coefficients by hand and the fits by another way."""
+    """1 / (1 - x) + 1 / (3/2 - x)^3, its coefficients by hand and the fits independently."""
     found = convergence(expanded("1/(1 - x1) + 1/(3/2 - x1)**3", 1, 13))
     degrees = np.array(found.degrees)
     sizes = 1 + (degrees + 1) * (degrees + 2) / 2 / 1.5 ** (degrees + 3)
@@ -202,7 +202,7 @@ def test_radius_error_is_four_times_the_change_with_fewer_degrees() -> None:
 
 
 def test_radius_error_is_at_least_five_percent() -> None:
-    """The parts of 1 / (1 - x) are all one: every fit finds the radius 1."""
+    """The parts of 1 / (1 - x) are all one: every fit gives the radius 1."""
     assert convergence(expanded("1/(1 - x1)", 1, 13)).error == 0.05
 
 
@@ -219,7 +219,7 @@ def test_radius_fit_uses_the_upper_half_of_the_degrees(degree: int, lowest: int)
 def test_radius_is_undefined_if_estimates_differ_by_more_than_five_percent(
     text: str, degree: int, without: str
 ) -> None:
-    """Two singularities at one distance: the parts of even and odd degree follow two laws."""
+    """Two singularities at one distance: parts of even and odd degree behave differently."""
     sentence = rf"^degree: {degree} is too low .*: {without} without the lowest part and"
     with pytest.raises(InputError, match=sentence):
         convergence(expanded(text, 1, degree))

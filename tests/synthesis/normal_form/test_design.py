@@ -1,4 +1,4 @@
-"""From a system of one's own to its observer; checks of poles and eigenvalues on the way."""
+"""From a user-defined system to its observer; checks of poles and eigenvalues on the way."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ SYSTEMS: dict[str, tuple[Any, list[complex], list[float]]] = {
 
 
 def simulated(described: Any, start: list[float], times: Array) -> tuple[Array, Array]:
-    """States and outputs of the expressions themselves, sines and all."""
+    """States and outputs of the expressions themselves, including sines."""
     dynamics, output, names = described
     f, h = (
         sympy.lambdify([sympy.symbols(names)], [sympy.sympify(e) for e in part])
@@ -72,7 +72,7 @@ def test_one_call_designs_an_observer_for_a_user_defined_system(name: str, form:
     run = run_on_halves(observer, y, state=observer.init([0.0] * len(start)))
     error = np.linalg.norm(run["state"] - x[::2], axis=1)
     assert run.diverged_at is None
-    # Left over: the error of the integrator, and what the cut-off T leaves out.
+    # The rest is the error of the integrator and of the truncated T.
     assert error[-1] < (1e-6 if form == "identity" else 1e-3) * error[0]
     listed, framed = observer.run(y.tolist()), observer.run(pd.DataFrame(y))
     assert listed["state"].tobytes() == framed["state"].tobytes()
@@ -148,7 +148,7 @@ def test_gain_agrees_with_finite_differences(gain: str, order: int) -> None:
         return np.stack(columns, axis=-1)
 
     S, T = form.S.upto(order + 1), form.T.upto(order + 1)
-    if gain == "series":  # by its values: the rest beyond the order falls as its next term
+    if gain == "series":  # by its values: the remainder beyond the order falls as its next term
         near = 1e-2 * x
         short = gain_at(gain, order, form.S, form.T, form.gain, near)
         full = np.linalg.inv(slope(form.S, near))
@@ -211,7 +211,7 @@ def test_resonant_poles_are_refused_with_m_and_lambda() -> None:
         ([1j, -1j], False), ([1j, -1j, -1.0], False), ([-1 + 5j, -1 - 5j, -0.01], True),
         ([0.5 + 1j, 0.5 - 1j, -0.1], False), ([0.0, -1.0], False), ([-1.0, -1.0], True),
         ([np.exp(0.1j), np.exp(2.2j), np.exp(4.3j)], False), ([1j, 1.0], True),
-        ([1e-17, 5.0], False),  # zero but for rounding
+        ([1e-17, 5.0], False),  # zero up to rounding
     ],
 )  # fmt: skip
 def test_poincare_and_siegel_domains_are_distinguished(
@@ -248,7 +248,7 @@ def test_placement_with_two_outputs_gives_the_poles(poles: list[complex]) -> Non
 
 
 def test_redundant_outputs_are_accepted() -> None:
-    """Two sensors of the same thing are no reason to refuse."""
+    """Two sensors of the same quantity are not refused."""
     system = PolynomialSystem.from_expressions(["x2", "-x1"], ["x1", "2*x1"], ["x1", "x2"], 2)
     A = system.F + injection_for(system, [-1, -2]) @ system.H
     np.testing.assert_allclose(np.poly(A), [1, 3, 2], atol=1e-9)

@@ -1,4 +1,4 @@
-"""Systems whose S and T are known in closed form, and resonances, where there is none."""
+"""Systems with S and T in closed form, and resonances, where there is none."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Matrix = list[list[Any]]
 
 
 def solve(case: Case, degree: int) -> tuple[Polynomials, Polynomials]:
-    """S and T over fractions, the same along all roads."""
+    """S and T over fractions, the same by all methods."""
     problem = case.problem(degree)
     solver = solver_for(problem)
     S, T = solve_s(problem, solver), solve_t(problem, solver)
@@ -100,11 +100,11 @@ def test_one_state_in_floats_agrees_with_the_sum_of_the_series(a: Any, b: Any, p
 def test_wrong_sign_of_the_argument_gives_another_series() -> None:
     (x,) = variables(1)
     (s,), _ = solve(scalar(1, 1, -2), 4)
-    # By hand, 2 s_1 + 1 = -2 s_1 and so on: -1/4, then 2/4 and 3/5 and 3/6 times the one before.
+    # By hand, 2 s_1 + 1 = -2 s_1 and so on: -1/4, then 2/4 and 3/5 and 3/6 times the previous one.
     assert s == x - x**2 / 4 + x**3 / 10 - x**4 / 20
 
 
-# ------------------------------------------------------------------------------ series that end
+# ------------------------------------------------------------------------------ finite series
 
 
 x1, x2 = variables(2)
@@ -136,7 +136,7 @@ PLANE = {
 def test_finite_series_has_no_higher_terms(name: str) -> None:
     S, T, h, l = PLANE[name]  # noqa: E741
     case = built_from(S, T, A2, h, l)
-    assert not any(case.residual_of_s(S))  # what the case claims, by other arithmetic
+    assert not any(case.residual_of_s(S))  # the claim of the case, by independent arithmetic
     assert solve(case, 8) == (S, T)
 
 
@@ -159,7 +159,7 @@ def test_finite_series_of_three_states_and_two_outputs_is_exact() -> None:
 
 # ------------------------------------------------------------------------------ Van der Pol
 
-# The cubic term of l takes the damping of the oscillator into the output injection.
+# The cubic term of l moves the damping of the oscillator into the output injection.
 LIENARD = Case(van_der_pol().f, [x1], [-2 * y + y**3 / 3, -4 * y + y**3 / 3])
 
 
@@ -194,7 +194,7 @@ def test_van_der_pol_with_cubic_injection_has_a_linear_error() -> None:
     known = np.array([expm(problem.A * t) @ S(start) for t in instants])
     assert np.max(np.abs(error - known)) < 1e-10
     assert np.max(np.abs(error[-1])) < 1e-3  # exp(-10) of an error of 3
-    assert np.max(np.abs(run.y[0])) > 2.0  # on the limit cycle, where nothing is small
+    assert np.max(np.abs(run.y[0])) > 2.0  # on the limit cycle, far from the origin
 
 
 # ------------------------------------------------------------------------------ linear plants
@@ -293,7 +293,7 @@ def test_resonance_is_refused_from_its_degree_on(poles: tuple[int, int], degree:
 
 @pytest.mark.parametrize(("off", "refused"), [(1e-4, False), (1e-6, False), (1e-10, True)])
 def test_near_resonance_may_lose_half_of_the_digits(off: float, refused: bool) -> None:
-    """x' = -x and z' = -(2 + off) z + x^2, of which S = z - x^2 / off, to as many digits."""
+    """x' = -x and z' = -(2 + off) z + x^2 has S = z - x^2 / off, which loses as many digits."""
     system = PolynomialSystem.from_expressions(
         ["-x", f"-(2 + {off!r})*z + x**2"], ["z"], ["x", "z"], 2
     )

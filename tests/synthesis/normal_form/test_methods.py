@@ -1,4 +1,4 @@
-"""The roads to S and T meet, exactly, and what they find solves the equations."""
+"""All methods for S and T agree exactly, and their results satisfy the equations."""
 
 from __future__ import annotations
 
@@ -71,15 +71,15 @@ def companion(*lower: int) -> tuple[list[list[Any]], list[Any]]:
 
 
 DEFECTIVE = {
-    # F with one Jordan block of zeros; A with one block, or with different eigenvalues
+    # F with one Jordan block of zeros; A with one block, or with distinct eigenvalues
     "double integrator, A defective": (chain(2, *companion(2, 1)), 6),
     "double integrator, A complex": (chain(2, *companion(2, 5)), 6),
     "three integrators, A defective": (chain(3, *companion(3, 3, 1)), 5),
     "four integrators, A distinct": (chain(4, *companion(10, 35, 50, 24)), 4),
-    # A given as a block, and F what remains of it
+    # A given as a block, and F the rest of it
     "block of three in A": (chain(3, jordan(3, -2), [QQ(1), QQ(1, 2), QQ(-1, 3)]), 5),
     "block of four in A": (chain(4, jordan(4, -2), [QQ(1), QQ(1, 2), QQ(-1, 3), QQ(1)]), 4),
-    # Both repeated and without a block: A = -2 I, and F = A - L0 H
+    # Both with repeated eigenvalues and without a block: A = -2 I, and F = A - L0 H
     "A a multiple of the identity": (
         chain(3, [[QQ(-2 * (i == j)) for j in range(3)] for i in range(3)], [QQ(1), QQ(0), QQ(0)]),
         4,
@@ -112,7 +112,7 @@ def test_all_methods_agree_exactly_and_solve_the_equations(case: Case, degree: i
     s, t = entries(problem, S), entries(problem, T)
     assert t == inverted(s, degree)
     left = case.residual_of_s(s)
-    # No term up to the degree, and some above: the series did not end by chance.
+    # No term up to the degree, and some above: the series does not end by chance.
     assert lowest_degree(left) > degree
     assert largest(left) > 0
     assert lowest_degree(case.residual_of_t(t, degree + 1)) > degree
@@ -139,7 +139,7 @@ def test_gain_is_the_jacobian_of_t_at_s(case: Case, degree: int) -> None:
 
 
 def brute_force(case: Case, degree: int) -> tuple[Polynomials, Polynomials]:
-    """S from all unknown coefficients at once; T one degree at a time, as it is not linear."""
+    """S from all unknown coefficients at once; T degree by degree, as it is nonlinear."""
     n = len(case.f)
     plain = variables(n)[0].ring
     unknown = [(d, c, m) for d in range(2, degree + 1) for c in range(n) for m in powers_of(n, d)]
@@ -200,7 +200,7 @@ def test_series_agree_with_brute_force_coefficients(case: Case, degree: int) -> 
 
 
 def float_error(case: Case, degree: int) -> tuple[float, float]:
-    """The largest error of the float roads against the exact ones, relative to the series."""
+    """The largest error of the float methods against the exact ones, relative to the series."""
     exact, floats = case.problem(degree), case.problem(degree, exact=False)
     solver = solver_for(floats)
     known = solver_for(exact)
@@ -223,7 +223,7 @@ def test_complex_eigenvalues_leave_no_imaginary_part(degree: int) -> None:
     error, imaginary = float_error(van_der_pol(), degree)
     assert error < 1e-14
     assert imaginary < 1e-12
-    assert imaginary > 0 or degree < 5  # it is measured: rounding leaves some
+    assert imaginary > 0 or degree < 5  # it is measured: some rounding remains
 
 
 @pytest.mark.parametrize(("n", "p", "degree", "seed"), RANDOM)
@@ -279,7 +279,7 @@ def slopes(values: np.ndarray, radii: np.ndarray) -> list[float]:
 @pytest.mark.parametrize(
     ("case", "degree", "slope"),
     [
-        # f odd and l(h) odd: S and T are odd, and the first term that is left is of degree D + 2.
+        # f odd and l(h) odd: S and T are odd, and the first remaining term is of degree D + 2.
         *((van_der_pol(), degree, degree + 2) for degree in (1, 3, 5, 7)),
         *((random_case(1, 2, 1), degree, degree + 1) for degree in (1, 2, 3, 4)),
         *((random_case(4, 3, 2), degree, degree + 1) for degree in (2, 3, 4)),
@@ -329,7 +329,7 @@ def test_exact_input_gives_exact_results() -> None:
 @pytest.mark.parametrize("degree", [1, 2, 4])
 @pytest.mark.parametrize("compiled", [True, False])
 def test_linear_substitution_agrees_with_point_values(degree: int, compiled: bool) -> None:
-    """p(G w) at points; as plain Python, too, which sees what leaves its arrays."""
+    """p(G w) at points; also as plain Python, which detects access out of bounds."""
     draw = np.random.default_rng(degree)
 
     def complex_numbers(*shape: int) -> np.ndarray:

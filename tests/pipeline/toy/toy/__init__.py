@@ -1,1 +1,1 @@
-"""A lag with a disturbance: what adding a paper takes, every stage included."""
+"""A lag with a disturbance: a minimal paper with every stage."""

@@ -1,4 +1,4 @@
-"""Checks beyond the types of parameters: where gains come from, and that there are some."""
+"""Checks beyond the types of parameters: each observer has gains, from one source."""
 
 from math import isfinite
 

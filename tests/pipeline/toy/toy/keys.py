@@ -33,7 +33,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Observer:
-    """With gains of its own, or those of a design."""
+    """Has its own gains, or those of a design."""
 
     algorithm: Literal["linear"]
     gains: Pair | None = None
@@ -49,7 +49,7 @@ class Study(job.Study):
 
 @dataclass(frozen=True)
 class Theory:
-    """It has no numbers of its own."""
+    """Has no numbers of its own."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Stage metrics: what is left of the error at the end."""
+"""Stage metrics: the remaining error at the end."""
 
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.responses import root_mean_square

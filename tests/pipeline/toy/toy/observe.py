@@ -1,4 +1,4 @@
-"""Stage observe: a linear observer of x and d, by steps of Euler."""
+"""Stage observe: a linear observer of x and d, by Euler steps."""
 
 import numpy as np
 

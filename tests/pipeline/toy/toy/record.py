@@ -1,4 +1,4 @@
-"""What a record of the plant and estimates hold."""
+"""The columns of records and estimates."""
 
 from reobserve.signals.series import Shape
 

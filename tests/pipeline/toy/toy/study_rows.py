@@ -1,4 +1,4 @@
-"""The columns of the table of a study, and what their cells must be."""
+"""The columns of the study table, and the types of their cells."""
 
 from reobserve.core.files import NUMBER, SCORE
 

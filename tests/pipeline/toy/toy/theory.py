@@ -1,4 +1,4 @@
-"""Stage theory: how far the poles of the design are from one place, as a discriminant."""
+"""Stage theory: the distance of the poles of the design from a double pole, as a discriminant."""
 
 from reobserve.papers.toy import keys
 from reobserve.replication.metrics.metrics import Metric
