@@ -169,7 +169,7 @@ def of_imm() -> Iterator[str]:
     yield f"from {_after()}, after a leak at {_parameters('scenarios', 'plain')['onset']:g} s"
     near = golden_metrics("imm", "fig5_neighbourhood")
     yield f"({near['search', 'trials']:g} trials,"
-    low, high = (near["leave", f"{end}_factor"] - 1 for end in ("least", "greatest"))
+    low, high = (near["leave", f"{end}_factor"] - 1 for end in ("minimum", "maximum"))
     yield f"by {low * 100:.1g} % and +{high * 100:.2g} %"
     saturated = [tuned[f"{name}_tuned", "saturation_fraction"] for name in ("svsf", "svsf_thin")]
     assert saturated == [0, 0]
@@ -191,7 +191,7 @@ def of_imm() -> Iterator[str]:
         needed = []
         for name in detectors:
             gap, low, high = (
-                gaps[name, f"least_gap{end} noise={_NOISE} plant={plant}"]
+                gaps[name, f"minimum_gap{end} noise={_NOISE} plant={plant}"]
                 for end in ("", "_low", "_high")
             )
             needed.append(f"{_gap(gap)} ({_gap(low)} to {_gap(high)})")
@@ -225,9 +225,9 @@ def _of_layers_that_switch() -> Iterator[str]:
     trials, earlier = (near["search", name] for name in ("trials", "earlier_trials"))
     yield f"({trials:g} trials, after {earlier:g} of two"
     room = {
-        "the probability of leaving a mode may fall by": ("leave", "least"),
-        "the variance of the measured acceleration by": ("measurement_noise_3", "least"),
-        "the velocity may rise by": ("measurement_noise_2", "greatest"),
+        "the probability of leaving a mode may fall by": ("leave", "minimum"),
+        "the variance of the measured acceleration by": ("measurement_noise_3", "minimum"),
+        "the velocity may rise by": ("measurement_noise_2", "maximum"),
     }
     band = _parameters("studies", "switching_neighbourhood")["band"]
     yield f"before one value is more than {band:g} off"

@@ -124,7 +124,7 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     ),
     "a figure of states of another plant": (
         "delay", {"figures": {"fig1": {"scenario": "lag", "observers": ["extended_lag"]}}},
-        "delay.figures.fig1.scenario: must be of the pendulum, whose states are drawn",
+        "delay.figures.fig1.scenario: must be of the pendulum, whose states are plotted",
     ),
     "a comparison with what estimates no delay": (
         "delay",
