@@ -1,4 +1,4 @@
-"""Commands of the bench: `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
+"""Commands: `reobserve tune`, and `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from reobserve.bench.task import Task
 from reobserve.core.errors import InputError, nearest
-from reobserve.core.files import write_text
+from reobserve.core.files import check_not_read, check_replaceable, read_text, write_text
 
 
 def tune_command(task_file: Path, method: str, output: Path) -> None:
@@ -19,6 +19,34 @@ def tune_command(task_file: Path, method: str, output: Path) -> None:
     if method not in task.methods:
         raise InputError("method", f"there is no {method!r}{nearest(method, task.methods)}")
     tune_method(task, method, _tell).write(output)
+
+
+def tune_records_command(tune_file: Path, output: Path) -> None:
+    """Tune specifications on records; write them, their scores on held-out segments and a table."""
+    from reobserve.bench.recorded import RecordedTask
+    from reobserve.bench.scoring import score_task
+    from reobserve.bench.table import Results, summary, write_cells, write_checkpoints, write_scores
+    from reobserve.bench.tuned_file import tune_method
+
+    task = RecordedTask.read(tune_file)
+    table, evaluations, scores, text = (
+        output / name for name in ("table.csv", "evaluations.csv", "scores.csv", "table.md")
+    )
+    files = {name: output / f"{name}.yaml" for name in task.methods}
+    written = [table, evaluations, scores, text, *files.values()]
+    for path in written:
+        check_replaceable(path)
+    check_not_read(written, task.reads)
+    tuned = {name: tune_method(task, name, _tell) for name in task.methods}
+    cells, checkpoints = score_task(task, tuned)
+    write_scores(task, cells, scores)
+    write_cells(cells, table)
+    write_checkpoints(checkpoints, evaluations)
+    for name, path in files.items():
+        (found,) = tuned[name].training[task.main].repeats
+        write_text(path, task.specifications[name].text(found.settings))
+    write_text(text, summary(Results.read(task, table, evaluations), tuned))
+    print(read_text(text), end="")
 
 
 def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None:

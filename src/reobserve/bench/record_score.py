@@ -1,6 +1,7 @@
 """The score of a method on one record.
 
-The error is the root of sum |estimate - truth|^2 over sum |truth|^2: an estimate of zero has 1.
+The error is the root of sum |estimate - truth|^2 over sum |truth|^2: an estimate of zero has 1. A
+record that states its ``size`` has that in place of the root mean square of its truth.
 Nothing counts as more than `WORST`, which is also the error of a run that failed.
 """
 
@@ -36,7 +37,7 @@ def score(run: Runner, record: Record, since: float, *, details: bool = True) ->
         return Score(np.nan, failed=True)
     first = int(np.searchsorted(record.time, since - 1e-9))
     wrong = np.linalg.norm(estimate - record.truth, axis=1)[first:]
-    power = float((record.truth[first:] ** 2).sum())
+    power = len(wrong) * record.size**2 if record.size else float((record.truth[first:] ** 2).sum())
     error = min(np.sqrt(float((wrong**2).sum()) / power), WORST)
     if not details:
         return Score(float(error))

@@ -108,7 +108,7 @@ class Results:
             if method.given_noise:
                 found.append((f"{method.label}, given R", name, self.task.main, True))
             if method.paper is not None:
-                found.append((f"{method.label}, the paper's settings", name, PAPER, False))
+                found.append((f"{method.label}, {self.task.own}", name, PAPER, False))
         return found
 
     def held_out(self, method: str) -> list[dict[int, float]]:
@@ -132,7 +132,7 @@ def summary(results: Results) -> str:
     titles = [task.conditions[one].title for one in task.table]
     columns = getattr(task.module, "COLUMNS", ("lag", "95 %"))
     head = ["method", "needs", "guarantees", "p", "n95", *titles, *columns, "cost", "edges"]
-    lines = [f"### {task.title}", "", _line(head), _line(["---"] * len(head))]
+    lines = []
     for label, name, training, given in results.rows():
         method, first = task.methods[name], results.cell(task.table[0], name, training)
         cells = [results.cell(one, name, training, given) for one in task.table]
@@ -142,14 +142,16 @@ def summary(results: Results) -> str:
         )
         about = [method.needs, method.guarantees, str(len(method.ranges)),
                  str(median(results.evaluations_needed(name)))]  # fmt: skip
-        lines.append(_line([
+        lines.append([
             label, *(about if training != PAPER and not given else [""] * 4), *map(_shown, cells),
             f"{1000 * first['lag']:.0f} ms" if first and not given else "",
             f"{first['quantile']:.2f}" if first and not given else "",
             f"{cost.sample:g} µs, {cost.construction:g} ms" if not given else "",
             ", ".join(sorted(edges)) if training == task.main and not given else "",
-        ]))  # fmt: skip
-    return "\n".join(lines) + "\n"
+        ])  # fmt: skip
+    filled = [k for k in range(len(head)) if any(line[k] for line in lines)]
+    rows = [[line[k] for k in filled] for line in (head, ["---"] * len(head), *lines)]
+    return "\n".join([f"### {task.title}", "", *map(_line, rows)]) + "\n"
 
 
 def _shown(cell: Mapping[str, Any] | None) -> str:

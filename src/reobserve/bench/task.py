@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,13 +48,15 @@ class Record:
     """What a method reads, rows at the sampling period, and the truth that it estimates.
 
     Arrays have the shapes (k,), (k, p), (k, m) and (k, q). The columns of the truth have one unit,
-    or are scaled to be of one size: their errors are added.
+    or are scaled to be of one size: their errors are added. ``size`` is the root mean square of an
+    error that counts as 1; left out, that of the truth.
     """
 
     time: Array
     inputs: Array
     measurements: Array
     truth: Array
+    size: float | None = None
 
 
 def estimates_of(
@@ -190,6 +192,7 @@ class Task(TaskFile):
 
     name: str = ""
     file: str = ""
+    own: ClassVar[str] = "the paper's settings"  # that `Method.paper` has, in the table
 
     @classmethod
     def read(cls, path: str | Path) -> Task:

@@ -1,4 +1,4 @@
-"""The bench: `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
+"""The bench: `reobserve tune`, and `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
 
 from __future__ import annotations
 
@@ -16,6 +16,35 @@ a task, by hand:
       --outputs scores.csv table.csv
 `snakemake bench` scores and plots all tasks, `snakemake bench_tune` tunes all methods again.
 """
+
+
+_RECORDS = """\
+The file names records, split into segments for training and held-out ones; candidates, each a
+specification of `reobserve estimate` with ranges of its numbers; and columns of the records that
+the estimates are compared with. For example, with what is written into FOLDER:
+
+  reobserve tune examples/measured/tune.yaml --output FOLDER
+      table.md, table.csv         errors on held-out segments, with intervals of 95 %
+      NAME.yaml                   tuned specifications, for `reobserve estimate`
+      scores.csv                  the error in each segment
+      evaluations.csv             errors after fewer evaluations of the search
+"""
+
+
+def add_tune(commands: Any) -> None:
+    """The command `tune`."""
+    tune = add_command(
+        commands, "tune", "bench.commands:tune_records_command",
+        "tune observers on recorded data, and compare them",
+    )  # fmt: skip
+    tune.formatter_class = argparse.RawDescriptionHelpFormatter
+    tune.epilog = _RECORDS
+    tune.add_argument(
+        "tune_file", type=Path, metavar="FILE", help="YAML: records, candidates, reference"
+    )
+    tune.add_argument(
+        "--output", type=Path, required=True, metavar="FOLDER", help="a folder for the results"
+    )
 
 
 def add_bench(commands: Any) -> None:

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
-from reobserve.cli.bench import add_bench
+from reobserve.cli.bench import add_bench, add_tune
 from reobserve.cli.designs import add_designs
 from reobserve.cli.estimation import add_estimate
 from reobserve.cli.evidence import add_evidence
@@ -115,6 +115,7 @@ def command_parser() -> argparse.ArgumentParser:
     add_overview(commands)
     add_estimate(commands)
     add_evidence(commands)
+    add_tune(commands)
     add_bench(commands)
     add_stages(commands)
     return parser

@@ -147,7 +147,7 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
             raise InputError(f"columns.{what}", problem)
         for k, column in enumerate(given):
             wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
-    parts = [_find(at, column, fixed, header, place) for at, column, fixed in wanted]
+    parts = [find_column(at, column, fixed, header, place) for at, column, fixed in wanted]
     every = [column for _, column, _ in wanted]
     timed, dated = bool(columns.time.column), False
     if timed:
@@ -190,9 +190,10 @@ def _title(at: str, column: Column, header: Sequence[str], place: str) -> tuple[
     return found[0], column.unit or said
 
 
-def _find(
+def find_column(
     at: str, column: Column, fixed: str, header: Sequence[str], place: str
 ) -> tuple[str, Conversion, str]:
+    """A column's title in the header, its conversion, and its unit then; raises as `lay_out`."""
     title, unit = _title(at, column, header, place)
     if unit:
         check_unit(f"{at}.unit", unit)
