@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.bench.task import Task
-from reobserve.core.errors import InputError, nearest
+from reobserve.core.errors import InputError, located, nearest
 from reobserve.core.files import check_not_read, check_replaceable, read_text, write_text
 
 
@@ -37,7 +37,10 @@ def tune_records_command(tune_file: Path, output: Path) -> None:
     for path in written:
         check_replaceable(path)
     check_not_read(written, task.reads)
-    tuned = {name: tune_method(task, name, _tell) for name in task.methods}
+    tuned = {}
+    for name in task.methods:
+        with located(f"{tune_file}: candidates.{name}"):
+            tuned[name] = tune_method(task, name, _tell)
     cells, checkpoints = score_task(task, tuned)
     write_scores(task, cells, scores)
     write_cells(cells, table)

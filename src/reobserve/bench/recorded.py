@@ -142,7 +142,9 @@ class RecordedTask(Task):
             `reobserve estimate` if a specification or a record cannot be used.
         """
         path = Path(path)
-        stated = parse(TuneFile, read_yaml(path), str(path))
+        tree = read_yaml(path)
+        with naming(path):
+            stated = parse(TuneFile, tree)
         specifications, methods = {}, {}
         for name, one in stated.candidates.items():
             found = specifications[name] = TunedSpecification(path.parent / one.specification)
@@ -321,6 +323,6 @@ def _columns(
         if name not in columns:
             raise InputError("", f"{one.path} has no estimate {name!r}{nearest(name, columns)}")
         place, own = columns[name]
-        way = conversion(f"reference.{name}.unit", own or unit or "1", unit or own or "1")
+        way = conversion(name, own or unit or "1", unit or own or "1")
         found.append((place, way))
     return found
