@@ -21,7 +21,6 @@ from reobserve.core.documents import read_yaml
 from tests.estimation.records import read_results, write_record
 
 ROOT = Path(__file__).parents[2]
-MEASURED = ROOT / "examples/measured"
 
 # A random walk of variance 0.04 a sample that decays and has an input, under noise of variance 1.
 Q, R = 0.04, 1.0
@@ -94,7 +93,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("reference", [True, False])
-def test_a_filter_is_tuned_to_that_with_the_true_covariances(
+def test_tuned_filter_agrees_with_the_filter_of_true_covariances(
     reference: bool, tmp_path: Path, logged: Path
 ) -> None:
     """By the true state, and by one-step prediction errors; the specification has the true ones."""
@@ -123,9 +122,7 @@ def test_a_filter_is_tuned_to_that_with_the_true_covariances(
     assert f"{'' if reference else 'one-step '}error / " in (tmp_path / "out/table.md").read_text()
 
 
-def test_errors_are_those_of_the_estimates_that_estimate_writes(
-    tmp_path: Path, logged: Path
-) -> None:
+def test_errors_agree_with_estimates_written_by_estimate(tmp_path: Path, logged: Path) -> None:
     file = folder(tmp_path, logged)
     task = RecordedTask.read(file)
     walk = str(tmp_path / "walk.yaml")
@@ -146,7 +143,7 @@ def test_errors_are_those_of_the_estimates_that_estimate_writes(
     assert [one.error for one in found] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_seed_has_one_result(tmp_path: Path, logged: Path) -> None:
+def test_one_seed_gives_one_result(tmp_path: Path, logged: Path) -> None:
     outputs = []
     for name, seed in (("first", 1), ("again", 1), ("other", 2)):
         (tmp_path / name).mkdir()
@@ -154,13 +151,13 @@ def test_a_seed_has_one_result(tmp_path: Path, logged: Path) -> None:
         assert main(["tune", str(file), "--output", str(tmp_path / name / "out")]) == 0
         outputs.append([
             (tmp_path / name / "out" / one).read_bytes()
-            for one in ("walk.yaml", "scores.csv", "table.csv", "evaluations.csv")
+            for one in ("walk.yaml", "scores.csv", "table.csv")
         ])  # fmt: skip
     assert outputs[0] == outputs[1]
     assert outputs[0][0] != outputs[2][0]
 
 
-def test_gaps_hold_the_last_estimate_and_rows_without_a_reference_are_left_out(
+def test_gaps_hold_the_last_estimate_and_rows_without_reference_are_left_out(
     tmp_path: Path, logged: Path
 ) -> None:
     """An observer restarts after a gap, in which the reference goes on."""
@@ -261,7 +258,7 @@ REFUSED: list[tuple[str, Any, str]] = [
 
 
 @pytest.mark.parametrize(("path", "value", "message"), REFUSED, ids=[one[2] for one in REFUSED])
-def test_what_is_wrong_is_refused_by_file_and_key(
+def test_invalid_files_are_refused_naming_file_and_key(
     path: str, value: Any, message: str, tmp_path: Path, logged: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
@@ -273,7 +270,7 @@ def test_what_is_wrong_is_refused_by_file_and_key(
     assert not (tmp_path / "out").exists()
 
 
-def test_what_is_read_is_not_overwritten(
+def test_input_files_are_not_overwritten(
     tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = folder(tmp_path, logged)
@@ -282,7 +279,7 @@ def test_what_is_read_is_not_overwritten(
     assert (tmp_path / "walk.yaml").read_text() == SPECIFICATION
 
 
-def test_a_reference_that_is_zero_or_missing_is_refused(
+def test_zero_or_missing_reference_is_refused(
     tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = folder(tmp_path, logged)
@@ -295,7 +292,7 @@ def test_a_reference_that_is_zero_or_missing_is_refused(
         assert message in capsys.readouterr().err
 
 
-def test_an_observer_without_predictions_needs_a_reference(
+def test_observer_without_predictions_needs_a_reference(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A high-gain observer takes each measurement for the time since the one before."""

@@ -45,3 +45,12 @@ def instants(time: Any, raised: Any) -> tuple[float, float, int]:
     """When it is first and last raised, and how often it switches."""
     reported = time[raised]
     return reported[0], reported[-1], int(np.count_nonzero(np.diff(raised)))
+
+
+def test_heading_is_the_negative_angle_of_the_magnetometer() -> None:
+    both = pd.merge(
+        pd.read_csv(MEASURED / "heading.csv"), pd.read_csv(MEASURED / "turning.csv"), on="Time (s)"
+    )
+    assert len(both) == 401
+    angle = np.unwrap(np.arctan2(both["Magnetometer Y (uT)"], both["Magnetometer X (uT)"]))
+    assert both["Heading (deg)"].to_numpy() == pytest.approx(-np.degrees(angle), abs=0.005)

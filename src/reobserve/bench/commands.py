@@ -25,15 +25,13 @@ def tune_records_command(tune_file: Path, output: Path) -> None:
     """Tune specifications on records; write them, their scores on held-out segments and a table."""
     from reobserve.bench.recorded import RecordedTask
     from reobserve.bench.scoring import score_task
-    from reobserve.bench.table import Results, summary, write_cells, write_checkpoints, write_scores
-    from reobserve.bench.tuned_file import tune_method
+    from reobserve.bench.table import Results, read_cells, summary, write_cells, write_scores
+    from reobserve.bench.task_tuning import tune_method
 
     task = RecordedTask.read(tune_file)
-    table, evaluations, scores, text = (
-        output / name for name in ("table.csv", "evaluations.csv", "scores.csv", "table.md")
-    )
+    table, scores, text = (output / name for name in ("table.csv", "scores.csv", "table.md"))
     files = {name: output / f"{name}.yaml" for name in task.methods}
-    written = [table, evaluations, scores, text, *files.values()]
+    written = [table, scores, text, *files.values()]
     for path in written:
         check_replaceable(path)
     check_not_read(written, task.reads)
@@ -41,14 +39,13 @@ def tune_records_command(tune_file: Path, output: Path) -> None:
     for name in task.methods:
         with located(f"{tune_file}: candidates.{name}"):
             tuned[name] = tune_method(task, name, _tell)
-    cells, checkpoints = score_task(task, tuned)
+    cells = score_task(task, tuned)
     write_scores(task, cells, scores)
     write_cells(cells, table)
-    write_checkpoints(checkpoints, evaluations)
     for name, path in files.items():
         (found,) = tuned[name].training[task.main].repeats
         write_text(path, task.specifications[name].text(found.settings))
-    write_text(text, summary(Results.read(task, table, evaluations), tuned))
+    write_text(text, summary(Results(task, read_cells(table), tuned)))
     print(read_text(text), end="")
 
 

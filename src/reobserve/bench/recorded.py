@@ -111,13 +111,13 @@ class TuneFile:
     seed: Seed = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Segment(Record):
     """A segment of a record, scaled so that an error of ``size`` counts as 1."""
 
     path: Path
     rows: int  # of the record
-    size: ClassVar[float] = 1.0
+    size: ClassVar[float | None] = 1.0
 
 
 @dataclass(frozen=True)

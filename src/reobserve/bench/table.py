@@ -45,6 +45,15 @@ def write_cells(cells: Iterable[Cell], path: Path) -> None:
     write_table(path, map(_cell, cells), CELLS)
 
 
+def read_cells(path: Path) -> list[dict[str, Any]]:
+    """The rows that `write_cells` wrote, numbers as numbers; `InputError` if they are damaged."""
+    words = {*_ROW, "within"}
+    return [
+        {key: text if key in words else float(text or "nan") for key, text in row.items()}
+        for row in read_table(path, CELLS, key=_ROW)
+    ]
+
+
 def _row(cell: Cell) -> dict[str, Any]:
     row = cell.row
     return {
@@ -85,12 +94,7 @@ class Results:
     @classmethod
     def read(cls, task: Task, table: Path, tuned: Path) -> Results:
         """Read the table and a folder of settings; `InputError` if one is missing or damaged."""
-        words = {*_ROW, "within"}
-        cells = [
-            {key: text if key in words else float(text or "nan") for key, text in row.items()}
-            for row in read_table(table, CELLS, key=_ROW)
-        ]
-        return cls(task, cells, read_tuned(task, tuned))
+        return cls(task, read_cells(table), read_tuned(task, tuned))
 
     def cell(
         self, condition: str, method: str, training: str = "", given: bool = False

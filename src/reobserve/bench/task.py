@@ -56,7 +56,7 @@ class Record:
     inputs: Array
     measurements: Array
     truth: Array
-    size: float | None = None
+    size: ClassVar[float | None] = None
 
 
 def estimates_of(

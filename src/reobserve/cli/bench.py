@@ -27,7 +27,6 @@ the estimates are compared with. For example, with what is written into FOLDER:
       table.md, table.csv         errors on held-out segments, with intervals of 95 %
       NAME.yaml                   tuned specifications, for `reobserve estimate`
       scores.csv                  the error in each segment
-      evaluations.csv             errors after fewer evaluations of the search
 """
 
 
