@@ -184,7 +184,9 @@ def test_listing_commands_print_parameters_and_results(built: Project) -> None:
         for key in keys:
             assert key[:30] in squeezed
     why = built.run("reobserve", "params", "ilo", "adaptive.observer_gain", "--why").stdout
-    assert "Law and gains of the comparison are only cited" in re.sub(r"\s+", " ", why)
+    assert "The observer of the comparison and its gains are only cited." in re.sub(
+        r"\s+", " ", why
+    )
     usage = built.run("reobserve", "--help").stdout
     for command in ("list", "params", "estimate", "design", "export", "report", "stage"):
         assert f"    {command} " in usage
