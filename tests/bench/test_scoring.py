@@ -154,6 +154,19 @@ def test_changed_settings_are_detected(tmp_path: Path) -> None:
     assert found["share", "nominal"].ratio == pytest.approx(math.exp(np.mean(logs)))
 
 
+def test_stored_settings_are_kept_for_other_training_sets_of_the_same_task(tmp_path: Path) -> None:
+    tuned = tune_method(toy(tmp_path), "share", lambda _: None)
+    stored = deepcopy(tuned)
+    for one in stored.training.values():
+        for repeat in one.repeats:
+            repeat.settings["share"] = 0.5
+    again = tune_method(toy(tmp_path), "share", lambda _: None, stored)
+    assert again.training["nominal"] == tuned.training["nominal"]
+    assert again.training["noise"] == stored.training["noise"]
+    less = tune_method(toy(tmp_path, budget=20), "share", lambda _: None, stored)
+    assert less.training["noise"].repeats[0].settings["share"] != 0.5
+
+
 def test_result_files_round_trip(tmp_path: Path) -> None:
     task = toy(tmp_path)
     cells = score_task(task, kept(task, tmp_path / "tuned"))

@@ -12,9 +12,9 @@ rule bench_method:
     log: "logs/bench/{task}/{method}.log"
     benchmark: "logs/bench/{task}/{method}.tsv"
     conda: "../envs/reobserve.yaml"
-    params: code=code_of_task, packages=PACKAGES
+    params: code=code_of_task, packages=PACKAGES, stored="--stored config/bench/tuned/{task}/{method}.json"
     message: "bench, {wildcards.task}: tune {wildcards.method}"
-    shell: "(set -x; reobserve bench tune {input} {wildcards.method} --output {output}) 2>&1 | tee {log} >&2"
+    shell: "(set -x; reobserve bench tune {input} {wildcards.method} {params.stored} --output {output}) 2>&1 | tee {log} >&2"
 
 # After all are tuned: this fails if the error of a method has moved by more than its interval.
 rule bench_moved:

@@ -11,14 +11,16 @@ from reobserve.core.errors import InputError, located, nearest
 from reobserve.core.files import check_not_read, check_replaceable, read_text, write_text
 
 
-def tune_command(task_file: Path, method: str, output: Path) -> None:
-    """Tune a method on all training sets of a task, and write its settings."""
+def tune_command(task_file: Path, method: str, stored: Path | None, output: Path) -> None:
+    """Tune a method on the training sets of a task, and write its settings."""
     from reobserve.bench.task_tuning import tune_method
+    from reobserve.bench.tuned_file import TunedMethod
 
     task = Task.read(task_file)
     if method not in task.methods:
         raise InputError("method", f"there is no {method!r}{nearest(method, task.methods)}")
-    tune_method(task, method, _tell).write(output)
+    known = TunedMethod.read(stored) if stored and stored.exists() else None
+    tune_method(task, method, _tell, known).write(output)
 
 
 def tune_records_command(tune_file: Path, output: Path) -> None:

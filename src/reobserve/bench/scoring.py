@@ -210,19 +210,25 @@ def moved(
 ) -> list[Moved]:
     """Compare settings that were kept with those tuned again, in the conditions of the table.
 
-    Of each method all repeats of the main training set count, on the first held-out records.
+    Of each method all repeats of the main training set count, on the first held-out records; equal
+    settings have equal errors.
     """
-    scorer, found = Scorer(task), []
+    scorer = Scorer(task)
+
+    def logs(row: Row, condition: str) -> list[float]:
+        scores = scorer.scores(row, condition, task.seeds.step)
+        return [float(np.log(one.error)) for one in scores]
+
+    found = []
     for method in task.methods:
+        old, new = (
+            [Row.of(method, task.main, one.settings) for one in each.training[task.main].repeats]
+            for each in (kept[method], again[method])
+        )
         for condition in task.table:
-            old, new = (
-                np.mean([
-                    [np.log(score.error) for score in scorer.scores(
-                        Row.of(method, task.main, one.settings), condition, task.seeds.step
-                    )]
-                    for one in tuned[method].training[task.main].repeats
-                ], axis=0)
-                for tuned in (kept, again)
-            )  # fmt: skip
-            found.append(Moved(method, condition, *interval(new - old)))
+            ratio = (1.0, 1.0, 1.0)
+            if old != new:
+                means = [np.mean([logs(row, condition) for row in rows], 0) for rows in (old, new)]
+                ratio = interval(means[1] - means[0])
+            found.append(Moved(method, condition, *ratio))
     return found

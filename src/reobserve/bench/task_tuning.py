@@ -16,8 +16,13 @@ from reobserve.bench.tuning import Objective, Settings, Tuned, tune
 CHECKPOINTS = (10, 25, 50, 100, 200, 400)  # evaluations
 
 
-def tune_method(task: Task, method: str, tell: Callable[[str], None]) -> TunedMethod:
+def tune_method(
+    task: Task, method: str, tell: Callable[[str], None], stored: TunedMethod | None = None
+) -> TunedMethod:
     """Tune a method on all training sets of a task, each as often as it says.
+
+    What is ``stored`` for training sets other than the main one is taken over, unless what decides
+    the search has changed in the task file.
 
     Raises
     ------
@@ -26,6 +31,10 @@ def tune_method(task: Task, method: str, tell: Callable[[str], None]) -> TunedMe
     """
     found, scorer = {}, Scorer(task)
     for name, training in task.training.items():
+        known = stored.training.get(name) if stored and name != task.main else None
+        if known and known.digest == task.digest(method, name):
+            found[name] = known
+            continue
         repeats = []
         for k in range(training.repeats):
             one = tune_once(task, method, name, k)

@@ -61,6 +61,11 @@ class TunedMethod:
     training: dict[str, TunedOn]
     cost: Cost
 
+    @classmethod
+    def read(cls, path: Path) -> TunedMethod:
+        """Read a file; `InputError` if it is missing or damaged."""
+        return parse(cls, read_json(path), str(path))
+
     def write(self, path: Path) -> None:
         """Write the file."""
         write_text(path, json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n")
@@ -77,7 +82,7 @@ def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
     found = {}
     for method in task.methods:
         path = folder / f"{method}.json"
-        found[method] = parse(TunedMethod, read_json(path), str(path))
+        found[method] = TunedMethod.read(path)
         for name in task.training:
             kept = found[method].training.get(name)
             if kept is None or kept.digest != task.digest(method, name):

@@ -63,6 +63,11 @@ def add_bench(commands: Any) -> None:
     )
     _task_file(tune)
     tune.add_argument("method", help="a method of the task")
+    tune.add_argument(
+        "--stored", type=Path, metavar="FILE",
+        help="tune on the first training set only, and take settings for the others from this file "
+        "(all are tuned where it is missing or of another task file)",
+    )  # fmt: skip
     add_output(tune, "the settings, JSON")
 
     score = add_command(
