@@ -42,10 +42,10 @@ def heat_map(results: Results) -> PaperFigure:
     axes.set_xlim(-0.5, len(task.table) - 0.5)
     axes.set_ylim(len(rows) - 0.5, -0.5)
     titles = [
-        textwrap.fill(task.conditions[one].title, max(60 // len(task.table), 9))
+        textwrap.fill(task.conditions[one].title.replace(" %", "\u00a0%"), 56 // len(task.table))
         for one in task.table
     ]
-    axes.set_xticks(range(len(titles)), titles)
+    axes.set_xticks(range(len(titles)), titles, fontsize=look.points(7))
     axes.set_yticks(range(len(rows)), [label for label, *_ in rows])
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
     axes.grid(visible=False)
