@@ -90,7 +90,7 @@ def prove_negative_definite(matrix: arb_mat | ArrayLike) -> Proof:
         with ctx.workprec(bits):
             sign = _sign(balls, 0.0)
             if sign < 0:
-                return Proof(True, False, _margin(balls), bits)
+                return Proof(True, False, _margin(balls, middle), bits)
             if sign > 0 or _form(balls, vector) > 0:
                 return Proof(False, True, 0.0, bits)
     return Proof(False, False, 0.0, _PRECISIONS[-1])
@@ -146,13 +146,20 @@ def _form(balls: arb_mat, vector: NDArray[np.float64]) -> arb:
     return (v.transpose() * balls * v)[0, 0]
 
 
-def _margin(balls: arb_mat) -> float:
-    """The largest t with M + t I proved negative definite, within a thousandth; or zero."""
+def _margin(balls: arb_mat, floats: NDArray[np.float64]) -> float:
+    """The largest t with M + t I proved negative definite, within a thousandth; or zero.
+
+    ``floats`` are the middles of the balls; their eigenvalues are the first guess.
+    """
     from flint import ctx
 
     # No eigenvalue of -M is above its diagonal; the next float above a ball's float is above it.
     high = min(np.nextafter(float((-balls[i, i]).upper()), np.inf) for i in range(balls.nrows()))
     with ctx.workprec(_PRECISIONS[-1]):
+        guess = -float(np.linalg.eigvalsh(floats)[-1])
+        close = sqrt(sqrt(_CLOSE))
+        if guess > 0 and _sign(balls, guess / close) < 0 <= _sign(balls, guess * close):
+            return guess / close
         shifts = (float(high) * 2.0**-power for power in (1, 2, 4, 8, 16, 32, 64, 128, 256, 512))
         low = 0.0
         for shift in shifts:
