@@ -26,6 +26,7 @@ def assert_same_files(first: dict[str, bytes], second: dict[str, bytes]) -> None
 KILLED = "ilo"  # built from scratch on one core, and interrupted
 OTHERS = [paper for paper in PAPERS if paper != KILLED]
 THEORIES = [f"results/{paper}/theory.metrics.csv" for paper in OTHERS]
+TASK = "torque"  # of the bench
 # The longest part, compared bitwise with the library in `test_same_values`.
 TAKEN = ("*.design.json", "*/plant.parquet", "*.study.csv")
 EVIDENCE = (
@@ -60,17 +61,20 @@ def test_builds_on_one_and_two_cores_are_bitwise_identical(
     for pattern in TAKEN:
         take(fresh, as_built, pattern)
     taken = {path: path.stat().st_mtime_ns for path in (fresh.folder / "results").rglob("*.*")}
-    config = (f"papers={OTHERS}".replace("'", ""), f"formats=[{DRAWN}]")
-    asked = ("figures", *THEORIES, "--config", *config)
+    config = (f"papers={OTHERS}".replace("'", ""), f"formats=[{DRAWN}]", f"bench=[{TASK}]")
+    asked = ("figures", "bench", *THEORIES, "--config", *config)
     fresh.run("snakemake", "--cores", "1", *asked)
     assert {path: path.stat().st_mtime_ns for path in taken} == taken
     results = fresh.results()
+    assert results.pop("bench/table.md")  # of one task only
     assert {name.rpartition(".")[2] for name in results} == {
         "parquet", "csv", DRAWN, "rst", "json",
     }  # fmt: skip
     everything = {
-        name: text for name, text in of_figures(as_built).items() if not name.endswith(NOT_DRAWN)
-    }
+        name: text for name, text in of_figures(as_built).items()
+        if not name.endswith(NOT_DRAWN)
+        and (not name.startswith("bench/") or name.startswith(f"bench/{TASK}/"))
+    }  # fmt: skip
     killed = [name for name in everything if name.startswith(f"{KILLED}/")]
     assert killed
     for name in killed:
