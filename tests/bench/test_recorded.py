@@ -251,7 +251,8 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("training", [], "tune.yaml: training: has 0 items, must have 1 or more"),
     ("training/0/file", "other.csv", "other.csv: there is no such file"),
     ("training/0/until", 1100.0, "tune.yaml: held_out.0: overlaps training.0 in log.csv; segments"),
-    ("training/0/since", 3000.0, "training.0: must have rows in each segment; there are none in"),
+    ("training/0/since", 3000.0, "training.0.until: 1000 must be later than since, 3000"),
+    ("held_out/0/since", 1999.0, "held_out.0: must have two rows or more in each segment; log.csv"),
     ("held_out/0/segments", 3, "tune.yaml: held_out: has 3 segments, must have 4 or more"),
     ("held_out/0/segment", 3, "held_out.0.segment: unknown key; did you mean 'segments'?"),
 ]  # fmt: skip
@@ -268,6 +269,83 @@ def test_invalid_files_are_refused_naming_file_and_key(
     assert message in printed
     assert printed.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_copy_of_a_training_record_is_not_held_out(
+    tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = folder(tmp_path, logged, changed("held_out", [{"file": "copy.csv", "segments": 9}]))
+    shutil.copy(logged, tmp_path / "copy.csv")
+    assert main(["tune", str(file), "--output", str(tmp_path / "out")]) == 1
+    message = "tune.yaml: held_out.0: overlaps training.0 in log.csv, of which copy.csv is a copy;"
+    assert message in capsys.readouterr().err
+
+
+def test_faulty_records_are_refused_as_by_estimate_before_the_search(
+    tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = logged.read_text(encoding="utf-8").splitlines(keepends=True)
+    without_row = [*lines[:15_001], *lines[15_003:]]
+    emptied = [
+        *lines[:15_001],
+        lines[15_001].replace(lines[15_001].split(",")[1], ""),
+        *lines[15_002:],
+    ]
+    out = str(tmp_path / "out")
+    for changed_lines in (lines[:1], without_row, emptied):
+        file = folder(tmp_path, logged)
+        (tmp_path / "log.csv").write_text("".join(changed_lines))
+        said = []
+        for command in (
+            ["tune", str(file)],
+            ["estimate", str(tmp_path / "walk.yaml"), str(tmp_path / "log.csv")],
+        ):  # fmt: skip
+            assert main([*command, "--output" if command[0] == "tune" else "--out", out]) == 1
+            said.append(capsys.readouterr().err)
+        assert "tuned" not in said[0]
+        assert said[0].count("\n") == 1
+        assert said[1].partition("log.csv")[2][-60:] in said[0]
+
+
+def test_measured_column_can_be_the_reference(tmp_path: Path, logged: Path) -> None:
+    tree = changed("reference/x", {"column": "y"})
+    task = RecordedTask.read(folder(tmp_path, logged, tree))
+    first = task.record("held_out", 1)
+    y = np.array([float(row["y"]) for row in rows(logged)])
+    assert first.truth[:, 0] * task.scale[0] == pytest.approx(y[: len(first.time)])
+
+
+def test_anchors_are_not_tuned(
+    tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = folder(tmp_path, logged)
+    text = SPECIFICATION.replace("Q: 0.04 ", "Q: &q 0.04 ").replace("variance: 1.0", "variance: *q")
+    (tmp_path / "walk.yaml").write_text(text)
+    assert main(["tune", str(file), "--output", str(tmp_path / "out")]) == 1
+    assert "ranges.observer.Q: has an anchor in " in capsys.readouterr().err
+
+
+def test_settings_that_are_not_better_than_as_specified_are_reported(
+    tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = changed("candidates/walk/ranges", {"observer.Q": {"range": [1.0, 100.0]}})
+    file = folder(tmp_path, logged, {**tree, "budget": 5})
+    assert main(["tune", str(file), "--output", str(tmp_path / "out")]) == 0
+    assert "walk: not better than as specified; raise the budget" in capsys.readouterr().err
+
+
+def test_candidates_state_one_sampling_where_predictions_are_compared(
+    tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = without(
+        changed("candidates/other", {**TUNE["candidates"]["walk"], "specification": "b.yaml"}),
+        "reference",
+    )
+    file = folder(tmp_path, logged, tree)
+    text = SPECIFICATION.replace("period: 0.1", "period: 0.1, missing: interpolate")
+    (tmp_path / "b.yaml").write_text(text)
+    assert main(["tune", str(file), "--output", str(tmp_path / "out")]) == 1
+    assert "b.yaml must state the same sampling as " in capsys.readouterr().err
 
 
 def test_input_files_are_not_overwritten(

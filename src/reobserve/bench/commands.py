@@ -28,7 +28,7 @@ def tune_records_command(tune_file: Path, output: Path) -> None:
     from reobserve.bench.recorded import RecordedTask
     from reobserve.bench.scoring import score_task
     from reobserve.bench.table import Results, read_cells, summary, write_cells, write_scores
-    from reobserve.bench.task_tuning import tune_method
+    from reobserve.bench.task_tuning import objective, tune_method
 
     task = RecordedTask.read(tune_file)
     table, scores, text = (output / name for name in ("table.csv", "scores.csv", "table.md"))
@@ -37,16 +37,19 @@ def tune_records_command(tune_file: Path, output: Path) -> None:
     for path in written:
         check_replaceable(path)
     check_not_read(written, task.reads)
-    tuned = {}
+    tuned, settings = {}, {}
     for name in task.methods:
         with located(f"{tune_file}: candidates.{name}"):
             tuned[name] = tune_method(task, name, _tell)
+        (found,) = tuned[name].training[task.main].repeats
+        settings[name] = found.settings
+        if found.objective >= objective(task, name, task.main, 0, task.stated(name)):
+            _tell(f"{name}: not better than as specified; raise the budget, or change the ranges")
     cells = score_task(task, tuned)
     write_scores(task, cells, scores)
     write_cells(cells, table)
     for name, path in files.items():
-        (found,) = tuned[name].training[task.main].repeats
-        write_text(path, task.specifications[name].text(found.settings))
+        write_text(path, task.specifications[name].text(settings[name]))
     write_text(text, summary(Results(task, read_cells(table), tuned)))
     print(read_text(text), end="")
 

@@ -42,7 +42,7 @@ def score(run: Runner, record: Record, since: float, *, details: bool = True) ->
     if not details:
         return Score(float(error))
     rms = np.sqrt(power / len(wrong))
-    lag = _lag(estimate, record.truth, first) * float(record.time[1] - record.time[0])
+    lag = _lag(estimate, record.truth, first) * float(np.median(np.diff(record.time)))
     return Score(float(error), lag, float(np.quantile(wrong, 0.95) / rms))
 
 

@@ -9,15 +9,16 @@
 
 An observer runs over a whole record, and its error counts in segments: the root mean square of
 (estimate - reference) over that of the reference in all segments. Without a reference it is that of
-the one-step prediction errors of the measurements over that of their changes from row to row, so
-that 1 is the error of "as before". At a row of the reference, the estimate is that of the nearest
-sample or, in a gap, the last one.
+the one-step prediction errors of the measurements over that of their changes from row to row in all
+segments. At a row of the reference, the estimate is that of the nearest sample or, in a gap, the
+last one.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import combinations, pairwise
@@ -39,9 +40,9 @@ from reobserve.bench.task import (
     Training,
 )  # fmt: skip
 from reobserve.bench.tuned_specification import TunedSpecification
-from reobserve.bench.tuning import Settings
+from reobserve.bench.tuning import FAILURES, Settings
 from reobserve.core.documents import read_yaml
-from reobserve.core.errors import InputError, located, nearest
+from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.validation import Count, Seed, Text, items, parse
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.families.file import naming
@@ -53,6 +54,7 @@ _HELD_OUT = 4  # segments: of fewer, an interval means nothing
 _RECORDED = "held_out"  # the one condition
 
 Outputs = dict[str, str]  # names of estimates, and the units of what they are compared with
+Rows = tuple[Outputs, Array, Array, int]  # these, times and values of a record of so many rows
 
 
 @dataclass(frozen=True)
@@ -160,9 +162,13 @@ class RecordedTask(Task):
             for name, size in zip(compared, scale, strict=True):
                 if not size > 0:
                     raise InputError(f"reference.{name}", "does not differ from zero in a segment")
+            paths = list(dict.fromkeys(segment.path for segment in (*training, *held_out)))
             for name, found in specifications.items():
                 with located(f"candidates.{name}.specification"):
-                    _check(found, training[0].path, compared, predicts)
+                    if predicts:
+                        _check_predictions(found, first, paths[0])
+                    for record in paths:
+                        _check(found, record, compared)
         if len(scale) == 1:  # then an error in the column's unit can be read off
             unit = f" / {scale[0]:.3g} {next(iter(compared.values()))}".rstrip()
         scale = scale * np.sqrt(len(scale))
@@ -188,6 +194,11 @@ class RecordedTask(Task):
         paths = [one.path for one in self.specifications.values()]
         return [Path(self.file), *paths, *(segment.path for segment in self.segments)]
 
+    def stated(self, method: str) -> Settings:
+        """The numbers as specified, where others are tried."""
+        one = self.specifications[method]
+        return {key: one.number(key) for key in self.methods[method].ranges}
+
     def record(self, condition: str, seed: int) -> Segment:
         """The segment that a seed counts."""
         return self.segments[seed - 1]
@@ -206,9 +217,12 @@ class RecordedTask(Task):
         ready = {path: one.estimation(settings, path) for path in {s.path for s in self.segments}}
 
         @cache
-        def estimates(path: Path) -> tuple[Array, Array]:
-            """Times and estimates of the rows that have them."""
-            parts = ready[path].feed(one.cells(path)), ready[path].finish()
+        def estimates(path: Path) -> tuple[Array, Array] | Exception:
+            """Times and estimates of the rows that have them, or why there are none."""
+            try:
+                parts = ready[path].feed(one.cells(path)), ready[path].finish()
+            except FAILURES as error:
+                return error
             time, numbers = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
             columns = _columns(one, ready[path], self.compared)
             values = np.column_stack([way.of(numbers[:, c]) for c, way in columns]) / self.scale
@@ -216,12 +230,15 @@ class RecordedTask(Task):
             return time[known], values[known]
 
         def run(segment: Any) -> Array:
-            time, values = estimates(segment.path)
+            found = estimates(segment.path)
+            if isinstance(found, Exception):
+                raise found
+            time, values = found
             rows = np.searchsorted(time, segment.time + one.period / 2, "right") - 1
             if rows[0] < 0:
                 return np.full_like(segment.truth, np.nan)
-            found: Array = segment.truth - values[rows] if self.predicts else values[rows]
-            return found
+            estimate: Array = segment.truth - values[rows] if self.predicts else values[rows]
+            return estimate
 
         return run
 
@@ -232,8 +249,8 @@ def _method(name: str, stated: Candidate, specification: TunedSpecification) -> 
     with located("ranges"):
         own = {key: specification.number(key) for key in stated.ranges}
     return Method(
-        stated.label or name, "", "", dict(stated.ranges), paper=Own(own, stated.specification),
-        fails={_RECORDED: "which the table shows"},
+        " ".join(stated.label.split()) or name, "", "", dict(stated.ranges),
+        paper=Own(own, stated.specification), fails={_RECORDED: "which the table shows"},
     )  # fmt: skip
 
 
@@ -244,6 +261,10 @@ def _segments(
     files = dict.fromkeys(part.file for part in (*stated.training, *stated.held_out))
     truths = {file: _truth(stated.reference, first, folder / file) for file in files}
     compared = next(iter(truths.values()))[0]
+    copies: dict[str, str] = {}  # a record by the name that it has first
+    for file, rows_in in truths.items():
+        originals = (one for one in copies if _are_copies(rows_in, truths[one]))
+        copies[file] = next(originals, file)
     ends: list[tuple[str, str, float, float]] = []
     found: dict[str, list[Segment]] = {"training": [], "held_out": []}
     for kind, segments in found.items():
@@ -253,28 +274,33 @@ def _segments(
                 raise InputError(f"{key}.file", f"{part.file} has other units than {ends[0][1]}")
             since = time[0] if part.since is None else part.since
             until = np.nextafter(time[-1], np.inf) if part.until is None else part.until
+            if until <= since:
+                raise InputError(f"{key}.until", f"{until:g} must be later than since, {since:g}")
             for low, high in pairwise(np.linspace(since, until, part.segments + 1)):
                 inside = (time >= low) & (time < high)
                 if inside.sum() < 2:
-                    said = f"there are none in {part.file} from {low:g} s to {high:g} s"
-                    raise InputError(key, f"must have rows in each segment; {said}")
+                    said = f"{part.file} has {inside.sum()} from {low:g} s to {high:g} s"
+                    raise InputError(key, f"must have two rows or more in each segment; {said}")
                 none = np.empty((0, 0))
                 segments.append(Segment(
                     time[inside], none, none, values[inside], folder / part.file, rows
                 ))  # fmt: skip
                 ends.append((key, part.file, low, high))
     for (one, file, low, high), (key, same, start, end) in combinations(ends, 2):
-        if file == same and start < high - 1e-9 and low < end - 1e-9:
-            raise InputError(key, f"overlaps {one} in {file}; segments must not")
+        if copies[file] == copies[same] and start < high - 1e-9 and low < end - 1e-9:
+            copy = "" if file == same else f", of which {same} is a copy"
+            raise InputError(key, f"overlaps {one} in {file}{copy}; segments must not")
     if len(found["held_out"]) < _HELD_OUT:
         said = f"has {len(found['held_out'])} segments, must have {_HELD_OUT} or more"
         raise InputError("held_out", f"{said}; split a part by the key segments")
     return compared, found["training"], found["held_out"]
 
 
-def _truth(
-    reference: Mapping[str, Reference], first: TunedSpecification, record: Path
-) -> tuple[Outputs, Array, Array, int]:
+def _are_copies(one: Rows, other: Rows) -> bool:
+    return np.array_equal(one[1], other[1]) and np.array_equal(one[2], other[2])
+
+
+def _truth(reference: Mapping[str, Reference], first: TunedSpecification, record: Path) -> Rows:
     """What is compared, and with what: times and values, of a record with so many rows."""
     found = [
         find_column(f"reference.{name}", Column(one.column, one.unit), "", first.header(record),
@@ -294,14 +320,29 @@ def _truth(
     return compared, time[known], truth[known], len(time)
 
 
-def _check(one: TunedSpecification, record: Path, compared: Outputs, predicts: bool) -> None:
-    """Refuse a candidate whose estimates cannot be compared."""
+def _check(one: TunedSpecification, record: Path, compared: Outputs) -> None:
+    """Refuse a candidate that does not run over a record, or has not what is compared."""
     estimation = one.estimation({}, record)
     _columns(one, estimation, compared)
-    if not predicts:
-        return
-    # The residual of a row must change by as much as the measurement of that row does.
+    with suppress(DivergenceError):  # other numbers may be better
+        estimation.feed(one.cells(record))
+
+
+def _check_predictions(one: TunedSpecification, first: TunedSpecification, record: Path) -> None:
+    """Refuse a candidate without predictions, or with those of something else."""
+    if one.stated.sampling != first.stated.sampling:
+        problem = (
+            f"{one.path} must state the same sampling as {first.path}, as there is no reference"
+        )
+        raise InputError("", problem)
     layout, _, values, _ = one.rows(record)
+    others = first.rows(record)[0]
+    for each, place in ((layout, one.path), (others, first.path)):
+        if each.measurements != others.measurements:
+            problem = f"must measure the same as {first.path}, as there is no reference"
+            raise InputError("", f"{place} {problem}")
+    # The residual of a row must change by as much as the measurement of that row does.
+    estimation = one.estimation({}, record)
     y, u = np.split(values[np.isfinite(values).all(axis=1)][:20], [layout.measurements], axis=1)
     last = []
     for y_last in (y[-1], y[-1] + 1.0):

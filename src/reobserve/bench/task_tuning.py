@@ -40,7 +40,8 @@ def tune_method(
             one = tune_once(task, method, name, k)
             repeats.append(_kept(scorer, method, name, one))
             flagged = "".join(f", {setting} at its edge" for setting in one.edges)
-            tell(f"{task.name}, {method}, {training.title} {k + 1}: {one.score:.4g}{flagged}")
+            about = f"{task.name}, {method}, {training.title} {k + 1}"
+            tell(f"{about}: error {one.score:.4g} on training records{flagged}")
         found[name] = TunedOn(task.digest(method, name), repeats)
     return TunedMethod(found, _cost(task, method, found[task.main].repeats[0].settings))
 

@@ -49,6 +49,8 @@ class TunedSpecification:
                 raise InputError(key, problem)
             node = parts[step]
         self._places[key] = start, end = node.start_mark.index, node.end_mark.index
+        if self._text[start] == "&":
+            raise InputError(key, f"has an anchor in {self.path}; write the number out")
         found = parse_yaml(self._text[start:end], str(self.path))
         if isinstance(found, bool) or not isinstance(found, int | float):
             raise InputError(key, f"is {shown(found)} in {self.path}, must be a number")
@@ -84,4 +86,9 @@ class TunedSpecification:
     def _cells(self, record: Path, *more: str) -> Array:
         layout = self.estimation({}, record).layout
         dated = layout.titles[0] if layout.dated else ""
-        return np.concatenate(list(self._file(record).blocks([*layout.titles, *more], dated)))
+        wanted = [*layout.titles, *more]
+        titles = list(dict.fromkeys(wanted))
+        blocks = list(self._file(record).blocks(titles, dated))
+        if not blocks:
+            raise InputError(str(record), "has no rows")
+        return np.concatenate(blocks)[:, [titles.index(one) for one in wanted]]
