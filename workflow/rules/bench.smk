@@ -1,24 +1,24 @@
 # The bench: observers and filters on the same tasks, tuned by one rule, scored on held-out records.
-#   results/bench/{task}/{method}.json      rule bench_method   tuned settings, on demand
+#   results/bench/{task}/tuned              rule bench_methods  tuned settings, on demand
 #   results/bench/{task}/scores.csv         rule bench_scores   of each run; table.csv compares methods
 #   results/bench/{task}/heatmap.{pdf,...}  rule bench_figures  and levels, evaluations; for leak detection
 #   results/bench/table.md                  rule bench_table    what methods know, guarantee and cost
 #
 # Jobs that read records simulate them. Tuned settings are kept in config/bench/tuned; `snakemake bench_tune` tunes again.
 
-rule bench_method:
+rule bench_methods:
     input: "config/bench/{task}.yaml"
-    output: "results/bench/{task}/{method}.json"
-    log: "logs/bench/{task}/{method}.log"
-    benchmark: "logs/bench/{task}/{method}.tsv"
+    output: directory("results/bench/{task}/tuned")
+    log: "logs/bench/{task}/tuned.log"
+    benchmark: "logs/bench/{task}/tuned.tsv"
     conda: "../envs/reobserve.yaml"
-    params: code=code_of_task, packages=PACKAGES, stored="--stored config/bench/tuned/{task}/{method}.json"
-    message: "bench, {wildcards.task}: tune {wildcards.method}"
-    shell: "(set -x; reobserve bench tune {input} {wildcards.method} {params.stored} --output {output}) 2>&1 | tee {log} >&2"
+    params: code=code_of_task, packages=PACKAGES, stored="--stored config/bench/tuned/{task}"
+    message: "bench, {wildcards.task}: tune all methods"
+    shell: "(set -x; reobserve bench tune {input} {params.stored} --output {output}) 2>&1 | tee {log} >&2"
 
 # After all are tuned: this fails if the error of a method has moved by more than its interval.
 rule bench_moved:
-    input: task="config/bench/{task}.yaml", again=tuned_in("results/bench/{task}/{method}.json")
+    input: task="config/bench/{task}.yaml", again="results/bench/{task}/tuned"
     output: "results/bench/{task}/moved.csv"
     log: "logs/bench/{task}/moved.log"
     conda: "../envs/reobserve.yaml"
@@ -26,10 +26,10 @@ rule bench_moved:
     message: "bench, {wildcards.task}: compare the kept settings with those tuned again"
     shell:
         "(set -x; reobserve bench moved {input.task} --cached config/bench/tuned/{wildcards.task}"
-        " --again results/bench/{wildcards.task} --output {output}) &> {log}"
+        " --again {input.again} --output {output}) &> {log}"
 
 rule bench_scores:
-    input: task="config/bench/{task}.yaml", tuned=tuned_in("config/bench/tuned/{task}/{method}.json")
+    input: task="config/bench/{task}.yaml", tuned=tuned_settings
     output:
         "results/bench/{task}/scores.csv",
         report("results/bench/{task}/table.csv", caption="../report/bench/table.rst", category="bench",
@@ -44,7 +44,7 @@ rule bench_scores:
         " --outputs {output}) &> {log}"
 
 rule bench_figures:
-    input: task="config/bench/{task}.yaml", table="results/bench/{task}/table.csv", tuned=tuned_in("config/bench/tuned/{task}/{method}.json")
+    input: task="config/bench/{task}.yaml", table="results/bench/{task}/table.csv", tuned=tuned_settings
     output:
         *[report(f"results/bench/{{task}}/{name}.{FORMATS[0]}", caption=f"../report/bench/{name}.rst", category="bench",
                  subcategory="{task}", labels={"figure": "{task}", "what": name}) for name in ("heatmap", "levels", "evaluations")],

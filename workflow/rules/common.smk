@@ -161,9 +161,9 @@ def checks(wildcards):
     main = [name for name, body in bodies if isinstance(body, dict) and body.get("promised")]
     return digest([decisive(claims), main])
 
-def tuned_in(pattern):
+def tuned_settings(wildcards):
     """An input function: a file for each method of a task."""
-    return lambda wildcards: expand(pattern, task=wildcards.task, method=methods_of(wildcards.task))
+    return expand("config/bench/tuned/{task}/{method}.json", task=wildcards.task, method=methods_of(wildcards.task))
 
 def methods_of(task):
     return list(read_yaml(f"config/bench/{task}.yaml")["methods"])

@@ -11,16 +11,22 @@ from reobserve.core.errors import InputError, located, nearest
 from reobserve.core.files import check_not_read, check_replaceable, read_text, write_text
 
 
-def tune_command(task_file: Path, method: str, stored: Path | None, output: Path) -> None:
-    """Tune a method on the training sets of a task, and write its settings."""
+def tune_command(
+    task_file: Path, methods: Sequence[str], stored: Path | None, output: Path
+) -> None:
+    """Tune methods on the training sets of a task, and write their settings into a folder."""
     from reobserve.bench.task_tuning import tune_method
     from reobserve.bench.tuned_file import TunedMethod
 
     task = Task.read(task_file)
-    if method not in task.methods:
-        raise InputError("method", f"there is no {method!r}{nearest(method, task.methods)}")
-    known = TunedMethod.read(stored) if stored and stored.exists() else None
-    tune_method(task, method, _tell, known).write(output)
+    for name in methods:
+        if name not in task.methods:
+            raise InputError("method", f"there is no {name!r}{nearest(name, task.methods)}")
+    for name in methods or task.methods:
+        path = stored / f"{name}.json" if stored else None
+        known = TunedMethod.read(path) if path and path.exists() else None
+        with located(f"{task_file}: methods.{name}"):
+            tune_method(task, name, _tell, known).write(output / f"{name}.json")
 
 
 def tune_records_command(tune_file: Path, output: Path) -> None:

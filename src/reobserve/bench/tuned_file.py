@@ -88,7 +88,7 @@ def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
             if kept is None or kept.digest != task.digest(method, name):
                 problem = (
                     f"training.{name} is not of what {task.file} states now: tune again "
-                    f"(reobserve bench tune {task.file} {method} --output {path})"
+                    f"(reobserve bench tune {task.file} {method} --output {folder})"
                 )
                 raise InputError(str(path), problem)
     return found

@@ -10,8 +10,7 @@ from reobserve.cli.parts import FORMATS, add_command, add_output
 
 _EXAMPLES = """\
 a task, by hand:
-  reobserve bench tune config/bench/torque.yaml levant \\
-      --output config/bench/tuned/torque/levant.json
+  reobserve bench tune config/bench/torque.yaml levant --output config/bench/tuned/torque
   reobserve bench score config/bench/torque.yaml --tuned config/bench/tuned/torque \\
       --outputs scores.csv table.csv
 `snakemake bench` scores and plots all tasks, `snakemake bench_tune` tunes all methods again.
@@ -59,16 +58,18 @@ def add_bench(commands: Any) -> None:
         commands,
         "tune",
         "bench.commands:tune_command",
-        "tune a method of a task; takes some seconds",
+        "tune methods of a task; each takes some seconds",
     )
     _task_file(tune)
-    tune.add_argument("method", help="a method of the task")
+    tune.add_argument("methods", nargs="*", metavar="method", help="default: all of the task")
     tune.add_argument(
-        "--stored", type=Path, metavar="FILE",
-        help="tune on the first training set only, and take settings for the others from this file "
-        "(all are tuned where it is missing or of another task file)",
+        "--stored", type=Path, metavar="FOLDER",
+        help="tune on the first training set only, and take settings for the others from here "
+        "(all are tuned where a file is missing or of another task file)",
     )  # fmt: skip
-    add_output(tune, "the settings, JSON")
+    tune.add_argument(
+        "--output", type=Path, required=True, metavar="FOLDER", help="for settings, METHOD.json"
+    )
 
     score = add_command(
         commands, "score", "bench.commands:score_command", "score tuned methods on held-out records"
