@@ -89,9 +89,8 @@ def as_run(command: Command, built: str = "") -> str:
     if first == "cp" or words == ["make", "help"]:
         return command.text
     if first in ("make", "snakemake"):
-        if (
-            "--profile" in rest
-        ):  # cluster commands, as there is no cluster here; and chunks, which are all alike
+        # There is no cluster here; and chunks are all alike.
+        if "--profile" in rest:
             words = [word for word in words if word not in ("--profile", "profiles/slurm")]
             words = [word.replace("chunks=200", "chunks=2") for word in words]
         earnest = built in rest or "--dry-run" in rest or command.refused
