@@ -348,6 +348,17 @@ def test_candidates_state_one_sampling_where_predictions_are_compared(
     assert "b.yaml must state the same sampling as " in capsys.readouterr().err
 
 
+def test_candidates_measure_one_column_where_predictions_are_compared(
+    tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = {**TUNE["candidates"]["walk"], "specification": "b.yaml"}
+    file = folder(tmp_path, logged, without(changed("candidates/other", other), "reference"))
+    text = SPECIFICATION.replace("measurements: [{column: y,", "measurements: [{column: truth,")
+    (tmp_path / "b.yaml").write_text(text)
+    assert main(["tune", str(file), "--output", str(tmp_path / "out")]) == 1
+    assert "b.yaml must measure the same as " in capsys.readouterr().err
+
+
 def test_input_files_are_not_overwritten(
     tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

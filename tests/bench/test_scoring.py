@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.bench.scoring import Row, Scorer, moved, score_task
+from reobserve.bench.scoring import Row, Scorer, interval, moved, score_task
 from reobserve.bench.table import Results, write_cells, write_scores
 from reobserve.bench.task import Task
 from reobserve.bench.task_tuning import objective, tune_method
@@ -133,6 +133,14 @@ def test_unexpected_failures_raise_an_error(tmp_path: Path) -> None:
     task = replace(task, methods={"fragile": replace(task.methods["fragile"], fails={})})
     paper = Scorer(task).scores(replace(row, training="paper"), "noise", 64)
     assert [one.failed for one in paper] == failed
+
+
+@pytest.mark.parametrize(("count", "quantile"), [(4, 3.182446), (9, 2.306004)])
+def test_intervals_of_few_records_have_students_width(count: int, quantile: float) -> None:
+    logs = np.random.default_rng(1).normal(-1.0, 0.3, count)
+    half = quantile * np.sqrt(((logs - logs.mean()) ** 2).sum() / (count - 1) / count)
+    expected = [logs.mean(), logs.mean() - half, logs.mean() + half]
+    assert np.log(interval(logs)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_changed_settings_are_detected(tmp_path: Path) -> None:

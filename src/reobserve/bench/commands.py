@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.bench.task import Task
-from reobserve.core.errors import InputError, located, nearest
+from reobserve.core.errors import InputError, nearest
 from reobserve.core.files import check_not_read, check_replaceable, read_text, write_text
 
 
@@ -25,8 +25,7 @@ def tune_command(
     for name in methods or task.methods:
         path = stored / f"{name}.json" if stored else None
         known = TunedMethod.read(path) if path and path.exists() else None
-        with located(f"{task_file}: methods.{name}"):
-            tune_method(task, name, _tell, known).write(output / f"{name}.json")
+        tune_method(task, name, _tell, known).write(output / f"{name}.json")
 
 
 def tune_records_command(tune_file: Path, output: Path) -> None:
@@ -44,12 +43,12 @@ def tune_records_command(tune_file: Path, output: Path) -> None:
         check_replaceable(path)
     check_not_read(written, task.reads)
     tuned, settings = {}, {}
-    for name in task.methods:
-        with located(f"{tune_file}: candidates.{name}"):
-            tuned[name] = tune_method(task, name, _tell)
+    for name, method in task.methods.items():
+        tuned[name] = tune_method(task, name, _tell)
         (found,) = tuned[name].training[task.main].repeats
         settings[name] = found.settings
-        if found.objective >= objective(task, name, task.main, 0, task.stated(name)):
+        assert method.paper is not None  # the numbers as specified
+        if found.objective >= objective(task, name, task.main, 0, method.paper.settings):
             _tell(f"{name}: not better than as specified; raise the budget, or change the ranges")
     cells = score_task(task, tuned)
     write_scores(task, cells, scores)

@@ -1,8 +1,8 @@
 """Recorded data as a task of the bench: its methods are specifications of `reobserve estimate`.
 
     title: Rate of turn from a compass
-    training: [{file: heading.csv, since: 43, until: 57, segments: 4}]
-    held_out: [{file: heading.csv, since: 64, until: 72, segments: 8}]
+    training: [{file: heading.csv, since: 44, until: 46, segments: 2}]
+    held_out: [{file: heading.csv, since: 65, until: 72, segments: 7}]
     reference: {rate: {column: Gyroscope Z (deg/s), unit: deg/s}}
     candidates:
       kalman: {specification: kalman.yaml, ranges: {observer.Q.1: {range: [1, 1e4]}}}
@@ -46,7 +46,7 @@ from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.validation import Count, Seed, Text, items, parse
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.families.file import naming
-from reobserve.estimation.layout import find_column
+from reobserve.estimation.layout import Layout, find_column
 from reobserve.estimation.quantities import Conversion, conversion
 from reobserve.estimation.specification import Column, Name
 
@@ -54,7 +54,7 @@ _HELD_OUT = 4  # segments: of fewer, an interval means nothing
 _RECORDED = "held_out"  # the one condition
 
 Outputs = dict[str, str]  # names of estimates, and the units of what they are compared with
-Rows = tuple[Outputs, Array, Array, int]  # these, times and values of a record of so many rows
+Rows = tuple[Outputs, Array, Array]  # these, and times and values of a record
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,6 @@ class Segment(Record):
     """A segment of a record, scaled so that an error of ``size`` counts as 1."""
 
     path: Path
-    rows: int  # of the record
     size: ClassVar[float | None] = 1.0
 
 
@@ -132,6 +131,7 @@ class RecordedTask(Task):
     scale: Array = field(default_factory=lambda: np.ones(1))
     predicts: bool = False
     own: ClassVar[str] = "as specified"
+    place: ClassVar[str] = "candidates"
 
     @classmethod
     def read(cls, path: str | Path) -> RecordedTask:
@@ -193,11 +193,6 @@ class RecordedTask(Task):
         """All files that it is made of."""
         paths = [one.path for one in self.specifications.values()]
         return [Path(self.file), *paths, *(segment.path for segment in self.segments)]
-
-    def stated(self, method: str) -> Settings:
-        """The numbers as specified, where others are tried."""
-        one = self.specifications[method]
-        return {key: one.number(key) for key in self.methods[method].ranges}
 
     def record(self, condition: str, seed: int) -> Segment:
         """The segment that a seed counts."""
@@ -269,7 +264,7 @@ def _segments(
     found: dict[str, list[Segment]] = {"training": [], "held_out": []}
     for kind, segments in found.items():
         for k, part in enumerate(getattr(stated, kind)):
-            key, (units, time, values, rows) = f"{kind}.{k}", truths[part.file]
+            key, (units, time, values) = f"{kind}.{k}", truths[part.file]
             if units != compared:
                 raise InputError(f"{key}.file", f"{part.file} has other units than {ends[0][1]}")
             since = time[0] if part.since is None else part.since
@@ -283,7 +278,7 @@ def _segments(
                     raise InputError(key, f"must have two rows or more in each segment; {said}")
                 none = np.empty((0, 0))
                 segments.append(Segment(
-                    time[inside], none, none, values[inside], folder / part.file, rows
+                    time[inside], none, none, values[inside], folder / part.file
                 ))  # fmt: skip
                 ends.append((key, part.file, low, high))
     for (one, file, low, high), (key, same, start, end) in combinations(ends, 2):
@@ -301,7 +296,7 @@ def _are_copies(one: Rows, other: Rows) -> bool:
 
 
 def _truth(reference: Mapping[str, Reference], first: TunedSpecification, record: Path) -> Rows:
-    """What is compared, and with what: times and values, of a record with so many rows."""
+    """What is compared, and with what: times and values of a record."""
     found = [
         find_column(f"reference.{name}", Column(one.column, one.unit), "", first.header(record),
                     str(record))
@@ -317,7 +312,7 @@ def _truth(reference: Mapping[str, Reference], first: TunedSpecification, record
     known = np.isfinite(truth).all(axis=1) & np.isfinite(time)
     if not known.any():
         raise InputError(str(record), "has no row with a number in each column that is compared")
-    return compared, time[known], truth[known], len(time)
+    return compared, time[known], truth[known]
 
 
 def _check(one: TunedSpecification, record: Path, compared: Outputs) -> None:
@@ -336,11 +331,9 @@ def _check_predictions(one: TunedSpecification, first: TunedSpecification, recor
         )
         raise InputError("", problem)
     layout, _, values, _ = one.rows(record)
-    others = first.rows(record)[0]
-    for each, place in ((layout, one.path), (others, first.path)):
-        if each.measurements != others.measurements:
-            problem = f"must measure the same as {first.path}, as there is no reference"
-            raise InputError("", f"{place} {problem}")
+    if _measured(layout) != _measured(first.rows(record)[0]):
+        problem = f"{one.path} must measure the same as {first.path}, as there is no reference"
+        raise InputError("", problem)
     # The residual of a row must change by as much as the measurement of that row does.
     estimation = one.estimation({}, record)
     y, u = np.split(values[np.isfinite(values).all(axis=1)][:20], [layout.measurements], axis=1)
@@ -352,6 +345,10 @@ def _check_predictions(one: TunedSpecification, first: TunedSpecification, recor
     if not np.allclose(last[1] - last[0], 1.0):
         problem = "predicts no measurement from those before it, so there must be a reference"
         raise InputError("", f"{one.path} {problem}")
+
+
+def _measured(layout: Layout) -> Sequence[str]:
+    return layout.titles[layout.timed : layout.timed + layout.measurements]
 
 
 def _columns(

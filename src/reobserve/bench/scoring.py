@@ -103,7 +103,7 @@ class Scorer:
         stated = row.training in (PAPER, EARLY) or condition in self.task.methods[row.method].fails
         if one.failed and not stated:
             problem = f"fails in the condition {condition}, seed {seed}: {why}"
-            raise InputError(f"{self.task.file}: methods.{row.method}", problem)
+            raise InputError(f"{self.task.file}: {self.task.place}.{row.method}", problem)
         return replace(one, error=WORST) if one.failed else one
 
     def mean(self, row: Row, conditions: Iterable[str]) -> float:

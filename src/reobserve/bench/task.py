@@ -193,6 +193,7 @@ class Task(TaskFile):
     name: str = ""
     file: str = ""
     own: ClassVar[str] = "the paper's settings"  # that `Method.paper` has, in the table
+    place: ClassVar[str] = "methods"  # the key of the file under which they stand
 
     @classmethod
     def read(cls, path: str | Path) -> Task:

@@ -12,6 +12,7 @@ from reobserve.bench.scoring import EARLY, Row, Scorer
 from reobserve.bench.task import Task
 from reobserve.bench.tuned_file import Cost, Repeat, TunedMethod, TunedOn
 from reobserve.bench.tuning import Objective, Settings, Tuned, tune
+from reobserve.core.errors import located
 
 CHECKPOINTS = (10, 25, 50, 100, 200, 400)  # evaluations
 
@@ -37,7 +38,8 @@ def tune_method(
             continue
         repeats = []
         for k in range(training.repeats):
-            one = tune_once(task, method, name, k)
+            with located(f"{task.file}: {task.place}.{method}"):
+                one = tune_once(task, method, name, k)
             repeats.append(_kept(scorer, method, name, one))
             flagged = "".join(f", {setting} at its edge" for setting in one.edges)
             about = f"{task.name}, {method}, {training.title} {k + 1}"
