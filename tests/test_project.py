@@ -7,6 +7,7 @@ import ast
 import importlib
 import inspect
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -210,8 +211,9 @@ def test_metadata_agrees() -> None:
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_all_metrics_are_explained(paper: str) -> None:
     """All stored metrics, and no others."""
-    reported = [pattern for pattern, _ in meanings(paper)]
-    tree = Parameters.load(ROOT, paper).tree
+    parameters = Parameters.load(ROOT, paper)
+    reported = [pattern for pattern, _ in meanings(parameters.package)]
+    tree = parameters.tree
     parts = [part for part in part_names(tree) if part not in tree.get("tables", {})]
     metrics = {metric for part in parts for _, metric in golden_metrics(paper, part)}
     assert {one for one in metrics if not any(p.fullmatch(one) for p in reported)} == set()
@@ -220,10 +222,8 @@ def test_all_metrics_are_explained(paper: str) -> None:
 
 def test_lists_of_metrics_agree_with_the_papers(tmp_path: Path) -> None:
     """As `reobserve readme` writes them."""
-    for folder in ("config/papers", "results"):
-        (tmp_path / folder).mkdir(parents=True)
-    for paper in known_papers(ROOT):
-        (tmp_path / f"config/papers/{paper}.yaml").touch()
+    shutil.copytree(ROOT / "config/papers", tmp_path / "config/papers")
+    (tmp_path / "results").mkdir()
     text = (ROOT / LISTS).read_text()
     (tmp_path / LISTS).write_text(text)
     write_lists(tmp_path)

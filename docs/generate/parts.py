@@ -63,7 +63,7 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         "specifications": configuration.specifications,
         "models": configuration.models,
         "parameters": lambda: parameters.counts(papers),
-        "metrics": lambda: list_metrics(paper.name for paper in papers),
+        "metrics": lambda: list_metrics({paper.name: paper.parameters.package for paper in papers}),
         "equations": lambda: equations(papers),
         "modules": lambda: packages_and_modules(source),
         "lessons": lambda: _lessons(root / "docs/pages"),

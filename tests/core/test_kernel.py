@@ -66,6 +66,19 @@ def test_edited_kernel_is_recompiled_in_its_callers(package: Path) -> None:
     assert run(package) == "1.0 0\n"
 
 
+def test_edited_kernel_of_another_package_is_recompiled_in_its_callers(package: Path) -> None:
+    own = package / "papers"
+    own.mkdir()
+    (own / "__init__.py").touch()
+    (own / "sums.py").write_text(
+        SUMS.format(other="").replace("reobserve.core. ", "papers.halves ")
+    )
+    program = RUN.replace("reobserve.core.sums", "papers.sums")
+    for divisor, answer in ((2, "2.0 0\n"), (2, "2.0 1\n"), (4, "1.0 0\n")):
+        (own / "halves.py").write_text(HALF.format(divisor=divisor))
+        assert run(package, program) == answer
+
+
 def test_unwritable_cache_folder_only_costs_time(package: Path) -> None:
     for name in ("", "core/"):
         # A file in place of a folder also stops root.

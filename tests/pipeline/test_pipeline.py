@@ -74,7 +74,8 @@ def test_metrics_and_plots_do_not_load_numba(built: Project, tmp_path: Path) -> 
         assert "reobserve.papers" in loaded
         assert not re.search(slow, loaded, re.MULTILINE), paper
         assert not re.search(r"\| +matplotlib$", loaded, re.MULTILINE), paper
-    plots = f"import {', '.join(paper_part(paper, 'plot') for paper in PAPERS)}"
+    packages = [PARAMETER_FILES[paper].package for paper in PAPERS]
+    plots = f"import {', '.join(paper_part(package, 'plot') for package in packages)}"
     loaded = built.run("python", "-X", "importtime", "-c", plots).stderr
     assert not re.search(slow, loaded, re.MULTILINE)
 

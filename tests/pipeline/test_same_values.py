@@ -77,7 +77,11 @@ def test_study_is_bitwise_identical_to_the_library_call(
         with_few_levels(parameters) if study in FEW_LEVELS else parameters
     )
     rows = evaluator.result("study", study)
-    write_table(tmp_path / "study.csv", rows, paper_module(paper, "study_rows").HEADER)
+    write_table(
+        tmp_path / "study.csv",
+        rows,
+        paper_module(PARAMETER_FILES[paper].package, "study_rows").HEADER,
+    )
     built = (as_built.folder / "results" / paper / f"{study}.study.csv").read_bytes()
     mine = (tmp_path / "study.csv").read_bytes()
     if study in FEW_LEVELS:
@@ -91,6 +95,8 @@ def test_table_is_bitwise_identical_to_the_library_call(
     as_built: Project, tmp_path: Path, paper: str, table: str
 ) -> None:
     rows = EVALUATORS[paper].table(table)
-    write_table(tmp_path / "table.csv", rows, paper_module(paper, "table").HEADER)
+    write_table(
+        tmp_path / "table.csv", rows, paper_module(PARAMETER_FILES[paper].package, "table").HEADER
+    )
     found = as_built.folder / "results" / paper / f"{table}.csv"
     assert found.read_bytes() == (tmp_path / "table.csv").read_bytes()

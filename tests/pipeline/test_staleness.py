@@ -321,7 +321,7 @@ def test_import_closure_contains_every_module_a_stage_loads(
         done, names = json.loads(line)
         assert done == 0
         loaded = set(names)
-        closure = set(import_closure(stage_modules(stage, paper)))
+        closure = set(import_closure(stage_modules(stage, PARAMETER_FILES[paper].package)))
         assert loaded <= closure, stage
         columns = set() if studied else {f"reobserve.papers.{paper}.study_rows"}
         assert closure - loaded <= LATE | columns, stage

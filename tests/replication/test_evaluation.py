@@ -18,7 +18,7 @@ def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     evaluator = EVALUATORS["ilo"]
     rows = evaluator.result("study", "matching")
     path = tmp_path_factory.mktemp("built") / "matching.study.csv"
-    write_table(path, rows, paper_module("ilo", "study_rows").HEADER)
+    write_table(path, rows, paper_module("reobserve.papers.ilo", "study_rows").HEADER)
     return path
 
 
@@ -30,7 +30,7 @@ def test_stored_studies_give_the_same_numbers(
 
     after = Evaluator(PARAMETER_FILES["ilo"])
     after.take_studies([study_file])
-    monkeypatch.setattr(paper_module("ilo", "study"), "run", refuse)
+    monkeypatch.setattr(paper_module("reobserve.papers.ilo", "study"), "run", refuse)
     found, wanted = (one.figure("fig4_matched").numbers for one in (after, EVALUATORS["ilo"]))
     assert repr(found) == repr(wanted)  # compares nan with nan as equal
     # With other values the stored study does not apply.
@@ -63,7 +63,9 @@ def test_missing_rows_are_reported_with_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    write_table(Path("orders.study.csv"), [], paper_module("lie", "study_rows").HEADER)
+    write_table(
+        Path("orders.study.csv"), [], paper_module("reobserve.papers.lie", "study_rows").HEADER
+    )
     evaluator = Evaluator(PARAMETER_FILES["lie"])
     evaluator.take_study("orders", Path("orders.study.csv"))
     for each in (evaluator, evaluator.apart(), evaluator.sibling(PARAMETER_FILES["lie"])):
@@ -72,7 +74,7 @@ def test_missing_rows_are_reported_with_the_file(
 
 
 def test_unknown_paper_and_part_are_reported() -> None:
-    with pytest.raises(InputError, match=r"^nobody: there is no such paper$"):
-        paper_module("nobody", "plant")
-    with pytest.raises(InputError, match=r"^ilo: has no table$"):
-        paper_module("ilo", "table")
+    with pytest.raises(InputError, match=r"^reobserve\.papers\.nobody: there is no such package$"):
+        paper_module("reobserve.papers.nobody", "plant")
+    with pytest.raises(InputError, match=r"^reobserve\.papers\.ilo: has no table$"):
+        paper_module("reobserve.papers.ilo", "table")

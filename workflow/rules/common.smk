@@ -5,12 +5,11 @@ import shlex
 import sys
 from pathlib import Path
 
-from reobserve.core.documents import read_yaml
+from reobserve.core.documents import digest, read_yaml
 from reobserve.core.errors import ReobserveError
 from reobserve.replication.check import check_evidence
 from reobserve.replication.claims.registry import claims_text, decisive
 from reobserve.replication.parameters.config import check_config_files, known_tasks
-from reobserve.replication.parameters.parameters import digest
 from reobserve.replication.parameters.names import caption_template, claims_path, samples_path, style_sheet
 from reobserve.replication.prepare import check_metadata, load_parameters
 from reobserve.replication.prepare import refuse_beside_another_build, write_parameters
@@ -81,7 +80,7 @@ def settings(step, about=None):
 
 def code(step):
     """A params function: a digest of all modules that a step of the paper imports."""
-    return lambda wildcards: code_digest(step, wildcards.paper)
+    return lambda wildcards: code_digest(step, PARAMETERS[wildcards.paper].package)
 
 def code_of(module):
     """A digest of a module that serves all papers, and of its imports."""

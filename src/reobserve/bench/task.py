@@ -33,11 +33,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.bench.tuning import Range, Settings
-from reobserve.core.documents import read_yaml
+from reobserve.core.documents import digest, read_yaml
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.validation import Count, Names, NotNegative, Positive, Seed, Text, items, parse
 from reobserve.observers.contract import Observer
-from reobserve.replication.parameters.parameters import digest
 
 Array = NDArray[np.float64]
 Runner = Callable[["Record"], Array]

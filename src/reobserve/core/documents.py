@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import re
@@ -35,6 +36,12 @@ _YAML_1_2 = {
 
 _DIGITS = 30  # of a number, with sign, point and exponent
 _LARGEST = 2**53  # up to here every integer is a float
+
+
+def digest(value: Any) -> str:
+    """A short hash of plain data, the same for the same content."""
+    text = json.dumps(value, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def check_plain(tree: Any, place: str, values: int = VALUES) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
@@ -86,7 +87,7 @@ class FunctionPointer:
 
 def _cached(function: Callable[..., Any], decorator: Any, *arguments: Any, **options: Any) -> Any:
     """Apply a decorator of numba, with its cache in `_cache_folder` if that can be written."""
-    with _cache_in(_cache_folder()) as cached:
+    with _cache_in(_cache_folder(function.__module__.partition(".")[0])) as cached:
         try:
             return decorator(*arguments, cache=cached, **options)(function)
         except RuntimeError as error:  # numba found no folder for the module of this function
@@ -108,22 +109,26 @@ def _cache_in(folder: Path | None) -> Iterator[bool]:
 
 
 @cache
-def _cache_folder() -> Path | None:
-    """The folder for the machine code of these sources; None if no place can be written.
+def _cache_folder(package: str) -> Path | None:
+    """The folder for the machine code of a package; None if no place can be written.
 
     numba looks at the file that defines a function, not at the functions it calls in other files.
-    So the name of the folder is a digest of all modules with kernels: an edit begins a new one.
+    So the name of the folder is a digest of all modules with kernels, of the library and of the
+    package: an edit begins a new one.
     """
-    package = Path(__file__).parents[1]
+    library = Path(__file__).parents[1]
+    folders = [library, *map(Path, getattr(sys.modules.get(package), "__path__", ()))]
     whole = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(package.rglob("*.py")):
+    for path in (
+        path for folder in dict.fromkeys(folders) for path in sorted(folder.rglob("*.py"))
+    ):
         source = path.read_bytes()
         if any(mark in source for mark in _MARKS):
             whole.update(source)
     chosen: Any = numba.config
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     places: list[Any] = (
-        [chosen.CACHE_DIR] if chosen.CACHE_DIR else [package / "__pycache__", caches]
+        [chosen.CACHE_DIR] if chosen.CACHE_DIR else [library / "__pycache__", caches]
     )
     for place in places:
         folder = Path(place) / f"reobserve-kernels-{whole.hexdigest()[:16]}"

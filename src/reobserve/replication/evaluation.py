@@ -12,11 +12,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from reobserve.core.documents import digest
 from reobserve.core.errors import InputError, located, shown
 from reobserve.replication.chain import Step, reads
 from reobserve.replication.metrics.metrics import Metric, lookup
 from reobserve.replication.metrics.parts import only
-from reobserve.replication.parameters.parameters import Parameters, digest
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import (
     compute,
     compute_design,
@@ -98,8 +99,8 @@ def draw(figure: Replication, *, notes: bool) -> PaperFigure:
 
     paper = figure.parameters.paper
     settings = figure.parameters.settings("plot", figure.figure)
-    data = figure_data(paper, settings, figure.plant, figure.estimates, figure.rows)
-    layouts = paper_module(paper, "plot").LAYOUTS
+    data = figure_data(figure.parameters, settings, figure.plant, figure.estimates, figure.rows)
+    layouts = paper_module(figure.parameters.package, "plot").LAYOUTS
     with located(f"{paper}.figures.{figure.figure}"):
         drawn: PaperFigure = layouts[data.job.figure.layout](
             replace(data, metrics=lookup(figure.numbers))
@@ -149,9 +150,9 @@ class Evaluator:
         estimates = {need[2]: results[need] for need in needs if need[0] == "observe"}
         study = next((need for need in needs if need[0] == "study"), None)
         rows = results[study] if study else None
-        data = figure_data(self.parameters.paper, settings, plant, estimates, rows)
+        data = figure_data(self.parameters, settings, plant, estimates, rows)
         with rows_from(self._files.get(self.key(*study)) if study else None):
-            numbers = measure(self.parameters.paper, data)
+            numbers = measure(self.parameters, data)
         self.made[f"metrics {figure}"] = numbers
         return Replication(self.parameters, figure, plant, estimates, rows, numbers)
 
@@ -235,7 +236,7 @@ class Evaluator:
     def take_study(self, study: str, path: Path) -> None:
         """Read one study from a file; `InputError` if that is missing or damaged."""
         key = self.key("study", study)
-        self._done[key], self._files[key] = read_study(self.parameters.paper, path), path
+        self._done[key], self._files[key] = read_study(self.parameters.package, path), path
 
     def run(self, step: str, *names: str) -> Any:
         """Compute the result of a step from those that it reads; `result` computes each once."""
@@ -246,7 +247,7 @@ class Evaluator:
         settings = self.parameters.settings(step, name)
         if step == "theory":
             inputs = [dict(zip(settings["designs"], inputs, strict=True))]
-        return compute(self.parameters.paper, step, name, settings, *inputs)
+        return compute(self.parameters, step, name, settings, *inputs)
 
 
 def evaluate(parameters: Parameters, figure: str) -> Replication:

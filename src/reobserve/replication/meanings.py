@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
 from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import paper_module
 
 LISTS = "results/README.md"
@@ -24,10 +25,10 @@ _BEGIN, _END = "<!-- metrics -->\n", "<!-- end -->\n"
 Meanings = list[tuple[re.Pattern[str], str]]
 
 
-def meanings(paper: str) -> Meanings:
-    """What metrics of a paper mean, by patterns of their names; empty if it does not say."""
+def meanings(package: str) -> Meanings:
+    """Meanings of the metrics of a paper, by patterns of their names; empty if it states none."""
     try:
-        stated: Mapping[str, str] = getattr(paper_module(paper, "metrics"), "MEANINGS", {})
+        stated: Mapping[str, str] = getattr(paper_module(package, "metrics"), "MEANINGS", {})
     except InputError:
         return []
     found = [(pattern(name), text.replace("`", "")) for name, text in stated.items()]
@@ -41,9 +42,9 @@ def pattern(name: str) -> re.Pattern[str]:
     return re.compile("".join(".+" if part[:1] == "<" else re.escape(part) for part in parts))
 
 
-def list_metrics(papers: Iterable[str]) -> str:
-    """The metrics of papers in Markdown: a list for each that says what they are."""
-    modules = {paper: paper_module(paper, "metrics") for paper in papers}
+def list_metrics(packages: Mapping[str, str]) -> str:
+    """The metrics of papers in Markdown, a list for each; ``packages`` are those of the papers."""
+    modules = {paper: paper_module(package, "metrics") for paper, package in packages.items()}
     return "\n".join(
         _list(paper, module.__doc__ or "", module.MEANINGS)
         for paper, module in modules.items()
@@ -64,7 +65,8 @@ def write_lists(project: Path) -> None:
     _, end, after = rest.partition(_END)
     if not begin or not end:
         raise InputError(str(path), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
-    write_text(path, f"{before}{begin}\n{list_metrics(known_papers(project))}\n{end}{after}")
+    packages = {paper: Parameters.load(project, paper).package for paper in known_papers(project)}
+    write_text(path, f"{before}{begin}\n{list_metrics(packages)}\n{end}{after}")
 
 
 def _list(paper: str, docstring: str, stated: Mapping[str, str]) -> str:

@@ -11,11 +11,14 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 
 from reobserve.replication.parameters.names import paper_part
 
-_PACKAGE = "reobserve"
+# The library and the papers: the top-level packages of this project.
+_OURS = ("reobserve", __name__.partition(".")[0])
+_PAPERS = _OURS[1]
 
 # Packages whose version can move a number or a picture.
 _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
@@ -31,30 +34,47 @@ _CHECKED = ("observe", "study", "search", "metrics", "plot")
 _STUDIED = ("study", "metrics", "plot")
 
 
-def stage_modules(stage: str, paper: str) -> list[str]:
-    """The modules a job of a stage starts from: the command line, the stage, the paper's part."""
-    parts = _EVALUATED if stage in ("draw", "robustness") else (stage,)
+def stage_modules(stage: str, package: str) -> list[str]:
+    """The modules a job of a stage starts from: the command line, the stage, the paper's parts.
+
+    ``package`` is that of the paper; parts that only some papers have may be missing in it.
+    """
+    needed, optional = [stage], []
+    if stage in ("sample", "robustness"):
+        needed, optional = ["keys"], [*_EVALUATED, "study_rows"]
     if stage in _CHECKED:
-        parts = (*parts, "keys", "record")
+        needed += ["keys", "record"]
     if stage in _STUDIED:
-        parts = (*parts, "study_rows")
+        optional += ["study_rows"]
+    found = [paper_part(package, part) for part in optional]
     return [
-        f"{_PACKAGE}.__main__",
-        f"{_PACKAGE}.cli.stages.{stage}",
-        *(paper_part(paper, part) for part in parts),
+        f"{_PAPERS}.__main__",
+        f"{_PAPERS}.cli.stages.{stage}",
+        *(paper_part(package, part) for part in needed),
+        *(module for module in found if _source(module) is not None),
     ]
 
 
 def import_closure(modules: Iterable[str]) -> list[str]:
-    """All modules of this package that ``modules`` import, directly or not, themselves included.
+    """All modules of this project that ``modules`` import, directly or not, themselves included.
 
-    Names under ``if TYPE_CHECKING`` are left out: they are not imported when the code runs.
+    Of other packages, only those count that one of ``modules`` belongs to: a paper's own. Names
+    under ``if TYPE_CHECKING`` are left out: they are not imported when the code runs.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If one of ``modules`` does not exist: a digest without it would never change.
     """
-    found: set[str] = set()
     waiting = list(modules)
+    ours = {*_OURS, *(module.partition(".")[0] for module in waiting)}
+    for module in waiting:
+        if _source(module) is None:
+            raise ModuleNotFoundError(f"there is no module {module}", name=module)
+    found: set[str] = set()
     while waiting:
         module = waiting.pop()
-        if module in found or _source(module) is None:
+        if module in found or module.partition(".")[0] not in ours or _source(module) is None:
             continue
         found.add(module)
         if "." in module:
@@ -64,12 +84,12 @@ def import_closure(modules: Iterable[str]) -> list[str]:
 
 
 @cache
-def code_digest(stage: str, paper: str) -> str:
-    """A short hash of the source of everything that a stage of a paper imports from here.
+def code_digest(stage: str, package: str) -> str:
+    """A short hash of the source of everything that a stage of the paper in a package imports.
 
     As it was when this process first asked, so that all jobs of a build get the same.
     """
-    return closure_digest(stage_modules(stage, paper))
+    return closure_digest(stage_modules(stage, package))
 
 
 def closure_digest(modules: Iterable[str]) -> str:
@@ -102,14 +122,18 @@ def versions() -> dict[str, str]:
 
 @cache
 def _source(module: str) -> Path | None:
-    """The file of a module of this package; None for anything else."""
-    head, *rest = module.split(".")
-    if head != _PACKAGE:
+    """The file of a module, found without importing it; None if there is none."""
+    top, *rest = module.split(".")
+    spec = find_spec(top)
+    if spec is None:
         return None
-    base = Path(__file__).parents[1].joinpath(*rest)
-    for path in (base / "__init__.py", base.with_suffix(".py")):
-        if path.is_file():
-            return path
+    if not spec.submodule_search_locations:
+        return Path(spec.origin) if spec.origin and not rest else None
+    for folder in spec.submodule_search_locations:
+        base = Path(folder, *rest)
+        for path in (base / "__init__.py", base.with_name(f"{base.name}.py")):
+            if path.is_file():
+                return path
     return None
 
 

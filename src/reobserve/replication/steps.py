@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from reobserve.core.documents import read_json
+from reobserve.core.documents import digest, read_json
 from reobserve.core.errors import InputError, ReobserveError, located, shown
 from reobserve.core.files import read_table
 from reobserve.core.validation import parse
@@ -19,7 +19,7 @@ from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.figure_data import FigureData
 from reobserve.replication.parameters.job import Settings, declared_keys, read_job
 from reobserve.replication.parameters.names import paper_part
-from reobserve.replication.parameters.parameters import Parameters, digest
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.provenance import code_digest, versions
 from reobserve.signals.series import Series
 
@@ -37,25 +37,25 @@ _CALLS = {
 }
 
 
-def paper_module(paper: str, part: str) -> Any:
-    """The module in which a paper has a part: its own, or that of the whole paper.
+def paper_module(package: str, part: str) -> Any:
+    """The module in which the package of a paper has a part: its own, or that of the whole paper.
 
     Raises
     ------
     InputError
-        If there is no such paper, or it has no such part.
+        If there is no such package, or it has no such part.
     """
-    module, package = paper_part(paper, part), f"reobserve.papers.{paper}"
+    module = paper_part(package, part)
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        problems = {package: "there is no such paper", module: f"has no {part}"}
-        if error.name not in problems:
+        if not f"{module}.".startswith(f"{error.name}."):
             raise
-        raise InputError(paper, problems[error.name]) from None
+        problem = f"has no {part}" if error.name == module else "there is no such package"
+        raise InputError(package, problem) from None
 
 
-def compute(paper: str, stage: str, name: str, settings: Settings, *inputs: Any) -> Any:
+def compute(parameters: Parameters, stage: str, name: str, settings: Settings, *inputs: Any) -> Any:
     """What a job of a stage gives: the paper's own function, of typed settings and of inputs.
 
     ``name`` is that of the branch that the job is about, ``inputs`` are records and designs.
@@ -68,9 +68,10 @@ def compute(paper: str, stage: str, name: str, settings: Settings, *inputs: Any)
         If a simulation leaves the range of floating-point numbers.
     """
     function, section = _CALLS[stage]
-    with located(".".join(part for part in (paper, section, section and name) if part)):
-        job = read_job(declared_keys(paper), settings)
-        return getattr(paper_module(paper, stage), function)(job, *inputs)
+    place = (parameters.paper, section, section and name)
+    with located(".".join(part for part in place if part)):
+        job = read_job(declared_keys(parameters), settings)
+        return getattr(paper_module(parameters.package, stage), function)(job, *inputs)
 
 
 def signed(series: Series, parameters: Parameters, stage: str, job: str, settings: Any) -> Series:
@@ -86,7 +87,7 @@ def provenance(parameters: Parameters, stage: str, job: str, settings: Any) -> d
         "job": job,
         "settings": settings,
         "settings_digest": digest(settings),
-        "code_digest": code_digest(stage, parameters.paper),
+        "code_digest": code_digest(stage, parameters.package),
         "packages": versions(),
     }
 
@@ -99,7 +100,7 @@ def compute_design(parameters: Parameters, design: str) -> dict[str, Any]:
     InputError
         If a setting cannot be used or a number of the design is not finite.
     """
-    computed = compute(parameters.paper, "design", design, parameters.settings("design", design))
+    computed = compute(parameters, "design", design, parameters.settings("design", design))
     try:
         read_back: dict[str, Any] = json.loads(json.dumps(computed, allow_nan=False))
     except ValueError:
@@ -190,16 +191,16 @@ def rows_from(study: Path | None) -> Iterator[None]:
         raise InputError(str(study), problem) from error
 
 
-def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:
+def read_study(package: str, path: Path | None) -> list[dict[str, str]] | None:
     """The rows of a figure's study; None for a figure without one."""
     if path is None:
         return None
-    module = paper_module(paper, "study_rows")
+    module = paper_module(package, "study_rows")
     return read_table(path, module.HEADER, module.KINDS)
 
 
 def figure_data(
-    paper: str,
+    parameters: Parameters,
     settings: Settings,
     plant: Series,
     estimates: Mapping[str, Series],
@@ -212,15 +213,17 @@ def figure_data(
     InputError
         If a setting cannot be used.
     """
-    with located(paper):
-        job = read_job(declared_keys(paper), settings)
+    with located(parameters.paper):
+        job = read_job(declared_keys(parameters), settings)
     data = FigureData(job, plant, estimates)
     if rows is None:
         return data
-    return replace(data, study=StudyTable.of(rows, paper_module(paper, "study_rows").KINDS))
+    return replace(
+        data, study=StudyTable.of(rows, paper_module(parameters.package, "study_rows").KINDS)
+    )
 
 
-def measure(paper: str, data: FigureData) -> list[Metric]:
+def measure(parameters: Parameters, data: FigureData) -> list[Metric]:
     """The metrics of a figure; `InputError` if a setting of the metrics cannot be used."""
-    with located(paper):
-        return list(paper_module(paper, "metrics").measure(data))
+    with located(parameters.paper):
+        return list(paper_module(parameters.package, "metrics").measure(data))

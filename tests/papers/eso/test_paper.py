@@ -549,7 +549,7 @@ def test_study_agrees_with_direct_calls(kind: str, choice: str, level: float, ra
 def test_metrics_include_every_design_of_the_study() -> None:
     settings = parameters().settings("metrics", "fig3_designs")
     estimates = {"pd_pi": estimated("disturbed", "pd_pi")}
-    data = figure_data("eso", settings, record("disturbed"), estimates, rows_of_the_study())
+    data = figure_data(parameters(), settings, record("disturbed"), estimates, rows_of_the_study())
     found = lookup(metrics.measure(data))
     names = [name for observer, name in found if observer not in ("pd_pi", "plant")]
     assert [name.partition(" ")[2] for name in names] == [

@@ -47,7 +47,8 @@ def test_parameter_files_of_the_papers_are_valid(paper: str) -> None:
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_every_job_uses_only_declared_keys(paper: str) -> None:
-    parameters, keys = Parameters.load(ROOT, paper), declared_keys(paper)
+    parameters = Parameters.load(ROOT, paper)
+    keys = declared_keys(parameters)
     jobs = [("theory", "")]
     for stage, section in (
         ("plant", "scenarios"), ("observe", "observers"), ("design", "designs"),
@@ -370,8 +371,11 @@ def test_observer_named_by_a_study_must_exist_with_the_right_form() -> None:
 
 
 def test_parameter_without_declared_keys_is_reported() -> None:
-    with pytest.raises(InputError, match=r"^nobody: has a parameter file, but there is no module "):
-        declared_keys("nobody")
+    parameters = Parameters.load(ROOT, "ilo")
+    parameters.tree["about"]["package"] = "papers.nobody"
+    problem = r"^ilo\.about\.package: 'papers\.nobody': there is no module papers$"
+    with pytest.raises(InputError, match=problem):
+        declared_keys(parameters)
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 import yaml
 
-from reobserve.core.documents import read_yaml
+from reobserve.core.documents import digest, read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats
 from reobserve.replication.parameters.config import known_papers
 from reobserve.replication.parameters.overrides import OVERRIDDEN
-from reobserve.replication.parameters.parameters import Parameters, digest, leaves
+from reobserve.replication.parameters.parameters import Parameters, leaves
 
 ROOT = Path(__file__).parents[3]
 
@@ -98,7 +98,7 @@ def test_parameters_round_trip_through_a_file(tmp_path: Path) -> None:
     path = tmp_path / "parameters.json"
     path.write_text(parameters.text())
     assert Parameters.read(path) == parameters
-    path.write_text(parameters.text()[:100])
+    path.write_text(parameters.text()[:150])
     with pytest.raises(InputError, match=r"parameters.json: is not JSON: Unterminated string"):
         Parameters.read(path)
 

@@ -23,7 +23,7 @@ __all__ = ["as_built", "browser", "built"]
 def toy_says_what_its_metrics_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the meanings of metrics, as the package of `toy` cannot be imported here."""
     module = SimpleNamespace(MEANINGS=MEANINGS)
-    monkeypatch.setattr(meanings, "paper_module", lambda paper, stage: module)
+    monkeypatch.setattr(meanings, "paper_module", lambda package, part: module)
 
 
 @pytest.fixture

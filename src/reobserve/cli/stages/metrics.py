@@ -23,9 +23,7 @@ def run(
     settings = parameters.settings("metrics", figure)
     plant = read_record(plant_file, parameters, settings["figure"]["scenario"])
     estimates = read_estimates(settings["figure"]["observers"], estimate_files, parameters, plant)
-    study = read_study(parameters.paper, study_file)
+    study = read_study(parameters.package, study_file)
     with rows_from(study_file):
-        found = measure(
-            parameters.paper, figure_data(parameters.paper, settings, plant, estimates, study)
-        )
+        found = measure(parameters, figure_data(parameters, settings, plant, estimates, study))
     write_metrics(output, found)

@@ -17,5 +17,5 @@ def run(
     settings = parameters.settings("observe", observer)
     design = named_design(parameters, settings["observer"], design_file)
     plant = read_record(plant_file, parameters)
-    series = compute(parameters.paper, "observe", observer, settings, plant, *design)
+    series = compute(parameters, "observe", observer, settings, plant, *design)
     signed(series, parameters, "observe", observer, settings).write(output)

@@ -12,5 +12,5 @@ def run(parameter_file: Path, scenario: str, output: Path) -> None:
     """Simulate and write; nothing is written if the plant cannot be simulated."""
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("plant", scenario)
-    series = compute(parameters.paper, "plant", scenario, settings)
+    series = compute(parameters, "plant", scenario, settings)
     signed(series, parameters, "plant", scenario, settings).write(output)

@@ -40,7 +40,7 @@ def run(
     text = render(template, settings, metrics)
     plant = read_record(plant_file, parameters, settings["figure"]["scenario"])
     estimates = read_estimates(settings["figure"]["observers"], estimate_files, parameters, plant)
-    study = read_study(parameters.paper, study_file)
+    study = read_study(parameters.package, study_file)
     with rows_from(study_file):
         drawing = draw(
             Replication(parameters, figure, plant, estimates, study, metrics), notes=notes

@@ -69,8 +69,8 @@ def read_estimates(
 def _stated(parameters: Parameters, settings: dict[str, Any]) -> tuple[Any, Job]:
     """What the paper says of its files, and the settings of a job as it declares them."""
     with located(parameters.paper):
-        return paper_module(parameters.paper, "record"), read_job(
-            declared_keys(parameters.paper), settings
+        return paper_module(parameters.package, "record"), read_job(
+            declared_keys(parameters), settings
         )
 
 

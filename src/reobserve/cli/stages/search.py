@@ -21,7 +21,7 @@ def run(parameter_file: Path, plant_file: Path, search: str, output: Path) -> No
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("search", search)
     plant = read_record(plant_file, parameters, settings["search"]["scenario"])
-    found = compute(parameters.paper, "search", search, settings, plant, _tell)
+    found = compute(parameters, "search", search, settings, plant, _tell)
     stored = {"search": found, "provenance": provenance(parameters, "search", search, settings)}
     write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 

@@ -18,5 +18,5 @@ def run(
     settings = parameters.settings("study", study)
     design = named_design(parameters, settings["study"], design_file)
     plant = read_record(plant_file, parameters, settings["study"]["scenario"])
-    rows = compute(parameters.paper, "study", study, settings, plant, *design)
-    write_table(output, rows, paper_module(parameters.paper, "study_rows").HEADER)
+    rows = compute(parameters, "study", study, settings, plant, *design)
+    write_table(output, rows, paper_module(parameters.package, "study_rows").HEADER)

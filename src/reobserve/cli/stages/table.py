@@ -14,5 +14,5 @@ def run(parameter_file: Path, table: str, design_file: Path, output: Path) -> No
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("table", table)
     design = named_design(parameters, settings["table"], design_file)
-    rows = compute(parameters.paper, "table", table, settings, *design)
-    write_table(output, rows, paper_module(parameters.paper, "table").HEADER)
+    rows = compute(parameters, "table", table, settings, *design)
+    write_table(output, rows, paper_module(parameters.package, "table").HEADER)

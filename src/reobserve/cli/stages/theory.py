@@ -29,5 +29,5 @@ def run(parameter_file: Path, design_files: list[Path], output: Path) -> None:
         name: read_design(path, (parameters.paper, name))
         for name, path in zip(names, design_files, strict=True)
     }
-    found = compute(parameters.paper, "theory", "", settings, designs)
+    found = compute(parameters, "theory", "", settings, designs)
     write_metrics(output, found)

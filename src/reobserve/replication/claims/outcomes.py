@@ -6,12 +6,13 @@ import copy
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from reobserve.core.documents import digest
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.replication.claims.checks import THEORY, Check, Numbers
 from reobserve.replication.claims.registry import Claim
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Metric, lookup
-from reobserve.replication.parameters.parameters import Parameters, digest
+from reobserve.replication.parameters.parameters import Parameters
 
 
 @dataclass(frozen=True)

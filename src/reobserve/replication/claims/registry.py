@@ -195,7 +195,7 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
         itself, or since there is no figure, metric or parameter that it names.
     """
     stated = read_claims(project, parameters.paper)
-    known = meanings(parameters.paper)
+    known = meanings(parameters.package)
     claims = []
     for name, entry in stated.claims.items():
         with located(f"claims.{parameters.paper}.{name}"):

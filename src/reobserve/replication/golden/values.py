@@ -52,7 +52,7 @@ def evaluated_numbers(evaluator: Evaluator, part: str) -> dict[Key, Number]:
     """The numbers of a part, computed here; `InputError` if a parameter cannot be used."""
     tree = evaluator.parameters.tree
     if part in tree.get("tables", {}):
-        header = paper_module(evaluator.parameters.paper, "table").HEADER
+        header = paper_module(evaluator.parameters.package, "table").HEADER
         rows = evaluator.table(part)
         return _cells([{name: cell(row.get(name)) for name in header} for row in rows])
     if part == THEORY:

@@ -1,7 +1,7 @@
 """A parameter file checked whole, before anything runs: its types, and what takes building to see.
 
 What a paper's parameter file states is built once, section by section, by what the paper declares
-in ``CHECKS`` of ``reobserve.papers.<paper>.parameters``.
+in ``CHECKS`` of its module ``checks``.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def check_parameters(parameters: Parameters) -> None:
         With the dotted key of what no stage could use.
     """
     stated = read_parameters(parameters)
-    module = importlib.import_module(paper_part(parameters.paper, "checks"))
+    module = importlib.import_module(paper_part(parameters.package, "checks"))
     with building(parameters.paper):
         check_stated(stated, module.CHECKS)
         if hasattr(module, "LAYOUTS"):  # a paper in one module has its drawings at hand

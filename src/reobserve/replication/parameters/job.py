@@ -130,17 +130,26 @@ def read_parameters(parameters: Parameters) -> Any:
         With the dotted key of what is missing, unknown or wrong, or if no package is the paper's.
     """
     sections = {name: parameters.section(name) for name in parameters.tree if name != "about"}
-    return parse(declared_keys(parameters.paper), sections, parameters.paper)
+    return parse(declared_keys(parameters), sections, parameters.paper)
 
 
-def declared_keys(paper: str) -> type:
-    """The declaration of a paper's parameter file."""
+def declared_keys(parameters: Parameters) -> type:
+    """The declaration of a paper's parameter file.
+
+    Raises
+    ------
+    InputError
+        If the package that the file names, or its module with the keys, is not there.
+    """
+    package = parameters.package
+    module = paper_part(package, "keys")
     try:
-        keys: type = importlib.import_module(paper_part(paper, "keys")).Parameters
+        keys: type = importlib.import_module(module).Parameters
     except ModuleNotFoundError as error:
-        raise InputError(
-            paper, f"has a parameter file, but there is no module {error.name}"
-        ) from None
+        if not f"{module}.".startswith(f"{error.name}."):
+            raise
+        problem = f"{package!r}: there is no module {error.name}"
+        raise InputError(f"{parameters.paper}.about.package", problem) from None
     return keys
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 # The sections of a parameter file, by the name of one of their branches.
@@ -17,13 +18,15 @@ SECTIONS = {
 
 DEFAULT_STYLE = "default"
 
-_PAPERS = Path(__file__).parents[2] / "papers"  # a package for each paper, or a module
 
-
-def paper_part(paper: str, part: str) -> str:
-    """The module in which a paper has a part: its own, or that of the whole paper."""
-    whole = (_PAPERS / f"{paper}.py").is_file()
-    return f"reobserve.papers.{paper}" if whole else f"reobserve.papers.{paper}.{part}"
+def paper_part(package: str, part: str) -> str:
+    """The module of a part of a paper, whose package may be one module with all parts."""
+    try:
+        spec = find_spec(package)
+    except ModuleNotFoundError:
+        spec = None
+    whole = spec is not None and spec.submodule_search_locations is None
+    return package if whole else f"{package}.{part}"
 
 
 def stored_parameters(paper: str) -> str:

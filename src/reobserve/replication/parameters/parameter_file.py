@@ -69,6 +69,14 @@ ObserverName = Annotated[str, name(r"[A-Za-z][A-Za-z0-9_]*", _LETTERS, "plant")]
 FigureName = Annotated[str, name("fig[0-9]+[a-z_]*", "fig with digits, then small letters or _")]
 TableName = Annotated[str, name("table[0-9]*[a-z_]*", "table with digits, then small letters or _")]
 
+
+@checked
+def dotted(place: str, text: str) -> None:
+    """Refuse what `import` does not take."""
+    if not all(word.isidentifier() for word in text.split(".")):
+        raise InputError(place, f"{shown(text)} must be the name of a package, such as papers.mine")
+
+
 Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -210,8 +218,9 @@ class Figure(_Branch):
 
 
 class About(Model):
-    """The paper itself."""
+    """The paper itself, and the Python package with its plant, observers, metrics and plots."""
 
+    package: Annotated[Text, dotted]
     title: str
     authors: list[str]
     year: int | None = None

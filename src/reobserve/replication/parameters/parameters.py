@@ -8,7 +8,6 @@ that what is hashed to decide whether an output is stale is what the stage can s
 from __future__ import annotations
 
 import copy
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -93,6 +92,12 @@ class Parameters:
         stored = {"paper": self.paper, "seed": self.seed, "parameters": self.tree}
         return json.dumps(stored, indent=1, ensure_ascii=False) + "\n"
 
+    @property
+    def package(self) -> str:
+        """The package with the paper's own modules."""
+        found: str = self.tree["about"]["package"]
+        return found
+
     def section(self, *path: str) -> Tree:
         """The plain values below ``path``, entries replaced by their values.
 
@@ -169,12 +174,6 @@ def default_seed(project: Path) -> int:
     """The root of the random streams as the config states it."""
     seed: int = read_yaml(project / "config" / "config.yaml")["seed"]
     return seed
-
-
-def digest(value: Any) -> str:
-    """A short hash of plain data, the same for the same content."""
-    text = json.dumps(value, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _values(branch: Any) -> Any:

@@ -285,7 +285,7 @@ class _Paper:
     def numbers(self, path: str, *step: str) -> Data | Gap:
         """The metrics of a figure, or all of the theory, and a link to their file."""
         most = MAX_ROWS if step[1:] else None
-        known = meanings(self.parameters.paper)
+        known = meanings(self.parameters.package)
         place, logged = self._place(step[-1]), self._log(*step)
         found: Data | Gap = self.build.read(place, path, logged, metrics_table, known, most)
         return found if isinstance(found, Gap) else found | {"link": self.build.link(path)}
