@@ -59,12 +59,3 @@ def block(text: str, language: str = "", title: str = "") -> str:
 def indented(text: str, by: int = 4) -> str:
     """A part of a list, a note or a tab."""
     return "".join(f"{' ' * by}{line}" if line.strip() else line for line in text.splitlines(True))
-
-
-def prose(text: object) -> str:
-    """Text in which `$...$` is mathematics and what stands between backticks is code."""
-    pieces = re.split(r"(\$[^$]+\$)", " ".join(str(text).split()))
-    # A bar would end the cell of a table.
-    return "".join(
-        piece.replace("|", r"\vert ") if k % 2 else ticks(piece) for k, piece in enumerate(pieces)
-    )

@@ -15,11 +15,10 @@ import yaml
 
 import reobserve
 from docs.generate.api import is_shown
-from docs.generate.equations import anchor
+from docs.generate.equations import anchor, citations
 from docs.generate.evidence import papers
 from reobserve.cli.main import command_parser
 from reobserve.core.errors import InputError
-from reobserve.replication.equations.table import read_equations
 from reobserve.replication.parameters.parameters import Parameters
 from tests import FIVE
 
@@ -109,13 +108,11 @@ def test_every_command_shows_its_help(site: Site) -> None:
 @pytest.mark.parametrize("paper", FIVE)
 def test_every_equation_has_a_row_with_a_link_to_code(site: Site, paper: str) -> None:
     text = site.page("reference/equations")
-    found = read_equations(ROOT, paper).equations
-    assert {anchor(paper, one) for one in found} <= anchors(
-        site.folder / "reference/equations/index.html"
-    )
-    for one in found:
-        row = text.partition(f'id="{anchor(paper, one)}"')[2].partition("</tr>")[0]
-        for name in filter(is_shown, one.implemented):
+    found = citations(ROOT, paper)
+    assert found is not None
+    for place, names in found.code.items():
+        row = text.partition(f'id="{anchor(paper, place)}"')[2].partition("</tr>")[0]
+        for name in filter(is_shown, names):
             assert f'#{name}"' in row
 
 
