@@ -50,7 +50,6 @@ def lines() -> list[list[str]]:
         ["list", *root],
         ["list", "ilo", "eso", *root],
         ["params", "ilo", "sampled", "--why", *root],
-        ["equations", "ilo", "9", *root],
         ["stage", "parameters", "imm", "--seed", "3", *out, *root],
         ["stage", "parameters", "eso", "--overrides", inertia, *out, *root],
         ["stage", "plant", imm, "plain", *out],

@@ -80,11 +80,6 @@ def errata() -> Reader:
     return Reader("config/errata/lie.yaml", line, valid.tree("config/errata/lie.yaml"))
 
 
-def equations() -> Reader:
-    line = words("equations", "ilo", "1", "--project", ".")
-    return Reader("config/equations/ilo.yaml", line, valid.tree("config/equations/ilo.yaml"))
-
-
 def stored_parameters(paper: str) -> Reader:
     line = words("stage", "plant", "in.json", valid.OBSERVERS[paper][0], "--output", "out.parquet")
     return Reader("in.json", line, json.loads(valid.parameters(paper).read_bytes()))
@@ -177,7 +172,6 @@ READERS: dict[Callable[..., Reader], list[Any]] = {
     settings: [],
     claims: [],
     errata: [],
-    equations: [],
     stored_parameters: [*valid.PAPERS],
     paper_design: ["lie", "eso"],
     user_design: QUICK,

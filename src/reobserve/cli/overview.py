@@ -10,7 +10,7 @@ from reobserve.cli.types import tree, whole
 
 
 def add_overview(commands: Any) -> None:
-    """`list`, `params`, `equations`, `readme`, `latex`, `check` and `schema`."""
+    """`list`, `params`, `readme`, `latex`, `check` and `schema`."""
     listing = add_command(
         commands,
         "list",
@@ -38,20 +38,6 @@ def add_overview(commands: Any) -> None:
     )
     add_project(params)
 
-    equations = add_command(
-        commands, "equations", "replication.equations.command:show_equations",
-        "show where an equation of a paper is implemented, and which test verifies it",
-    )  # fmt: skip
-    equations.add_argument(
-        "paper", nargs="?", default="", help="a paper, as named by `reobserve list`"
-    )
-    equations.add_argument(
-        "number",
-        nargs="*",
-        help="an equation, such as 9, or a place, such as Theorem 1 (default: all)",
-    )
-    add_project(equations)
-
     readme = add_command(
         commands, "readme", "replication.meanings:write_lists",
         "write the meaning of all metrics into results/README.md",
@@ -73,7 +59,7 @@ def add_overview(commands: Any) -> None:
 
     check = add_command(
         commands, "check", "cli.stages.check:run",
-        "check everything under config/: parameters, claims, errata, equations",
+        "check everything under config/: parameters, claims, errata",
     )  # fmt: skip
     check.add_argument("paper", nargs="*", help="only these papers (default: all)")
     check.add_argument(
@@ -86,6 +72,4 @@ def add_overview(commands: Any) -> None:
         commands, "schema", "cli.schemas:print_schema",
         "print the JSON schema of a configuration file, for an editor",
     )  # fmt: skip
-    schema.add_argument(
-        "kind", choices=("config", "parameters", "claims", "errata", "equations", "bench")
-    )
+    schema.add_argument("kind", choices=("config", "parameters", "claims", "errata", "bench"))

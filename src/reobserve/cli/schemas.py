@@ -8,7 +8,6 @@ from typing import Any
 from reobserve.bench.task import TaskFile
 from reobserve.core.validation import schema
 from reobserve.replication.claims.registry import ClaimsFile
-from reobserve.replication.equations.table import EquationTable
 from reobserve.replication.errata import ErrataFile
 from reobserve.replication.parameters.parameter_file import Configuration, ParameterFile
 
@@ -18,7 +17,6 @@ KINDS: dict[str, tuple[str, Any]] = {
     "parameters": ("config/papers/<paper>.yaml", ParameterFile),
     "claims": ("config/claims/<paper>.yaml", ClaimsFile),
     "errata": ("config/errata/<paper>.yaml", ErrataFile),
-    "equations": ("config/equations/<paper>.yaml", EquationTable),
     "bench": ("config/bench/<task>.yaml", TaskFile),
 }
 

@@ -1,4 +1,4 @@
-"""Checks of the configuration beside the parameters: claims, errata, equations, cached samples."""
+"""Checks of the configuration beside the parameters: claims, errata, cached samples."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, located
 from reobserve.replication.claims.cached_samples import read_cached
 from reobserve.replication.claims.registry import amiss, claims_file, read_registry
-from reobserve.replication.equations.table import equations_file, read_equations
 from reobserve.replication.errata import errata_file, read_errata
 from reobserve.replication.parameters.names import samples_path
 from reobserve.replication.parameters.parameters import Parameters
@@ -29,8 +28,6 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
             raise InputError(place, rest)
     if errata_file(project, paper).exists():
         read_errata(project, paper)
-    if equations_file(project, paper).exists():
-        read_equations(project, paper)
     for key, entry in parameters.entries():
         if entry["unit"] == "file" and str(entry["value"]).endswith(".json"):
             with located(f"{paper}.{key}"):

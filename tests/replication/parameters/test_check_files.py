@@ -34,7 +34,6 @@ FAULTS = {
         "errata/ilo.yaml", "certainty: certain", "certainty: sure",
         "errata.ilo.",
     ),
-    "an equation": ("equations/ilo.yaml", "- number:", "- numbr:", "equations.ilo.equations.0."),
     "samples": ("samples/ilo.json", '"looked": true', '"looked": 1', ""),
     "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
     "a link": (
