@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -152,9 +151,6 @@ def _with_noise(rho: float) -> tuple[str, str]:
     return "order2_noise", f"varying_rms_delay_error noise_rho={rho:g}"
 
 
-_NOISE = 0.1  # of the outputs, for the compared detectors
-
-
 def of_imm() -> Iterator[str]:
     plain = {**golden_metrics("imm", "fig5_plain"), **golden_metrics("imm", "fig7_plain")}
     tuned = {**golden_metrics("imm", "fig5"), **golden_metrics("imm", "fig7")}
@@ -175,27 +171,6 @@ def of_imm() -> Iterator[str]:
     assert saturated == [0, 0]
     yield "no innovation leaves the boundary layers"
     yield from _of_layers_that_switch()
-    gaps = golden_metrics("imm", "fig8_closeness")
-    enough = _parameters("studies", "closeness")["enough"]
-    yield f"With noise of {100 * _NOISE:g} %"
-    yield f"suffice for {100 * enough:g} % of the faults"
-    scale = f"{_parameters('studies', 'closeness')['layer_scales'][0]:g}"
-    yield f"psi × {scale}"
-    yield "in brackets intervals of 95 % over the runs"
-    detectors = ("cusum", "kalman", "svsf", f"svsf_scale_{scale}", "glr")
-    plants = {
-        "exact": "one of the models exactly",
-        "driven": "with the process noise that Q states",
-    }
-    for plant, reported in plants.items():
-        needed = []
-        for name in detectors:
-            gap, low, high = (
-                gaps[name, f"minimum_gap{end} noise={_NOISE} plant={plant}"]
-                for end in ("", "_low", "_high")
-            )
-            needed.append(f"{_gap(gap)} ({_gap(low)} to {_gap(high)})")
-        yield f"| {reported} | {' | '.join(needed)} |"
 
 
 def _parameters(section: str, name: str) -> dict[str, Any]:
@@ -206,10 +181,6 @@ def _after() -> str:
     """The time over which probabilities are compared."""
     start, end = Parameters.load(ROOT, "imm").section("metrics")["after"]
     return f"{start:g} to {end:g} s"
-
-
-def _gap(value: float) -> str:
-    return "none" if math.isnan(value) else f"{value:.2g}"
 
 
 def _of_layers_that_switch() -> Iterator[str]:

@@ -64,7 +64,7 @@ def lines() -> list[list[str]]:
         ["report", "--papers", "eso", "--formats", "pdf", "png", *out, *root],
         ["figdiff", "--reference", "folder", "--results", "folder", *root],
         ["accept", "eso", "--reason", "a reason of four", "--cores", "2", *root],
-        ["stage", "study", imm, plant, "closeness", *out],
+        ["stage", "study", imm, plant, "causes", *out],
         ["stage", "search", imm, plant, "calibrated", *out],
         ["stage", "theory", lie, "--design-files", linear, *out],
         ["stage", "robustness", lie, "--samples", "8", "--no-reversals", *out, *root],

@@ -122,7 +122,7 @@ def test_killed_build_resumes_to_the_same_bytes(as_built: Project, fresh: Projec
 
 
 def test_second_build_in_the_same_folder_is_refused(fresh: Project) -> None:
-    target, other = "results/imm/fig8_closeness.svg", "results/lie/figure/plant.parquet"
+    target, other = "results/imm/fig8_causes.svg", "results/lie/figure/plant.parquet"
     first = subprocess.Popen(
         ["snakemake", "--cores", "1", target],
         cwd=fresh.folder, env=fresh.environment, start_new_session=True,

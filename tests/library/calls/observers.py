@@ -160,8 +160,8 @@ def _filters() -> Iterator[Call]:
         "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
-        "papers.imm.innovation_tests.cusum": (y[:, 0], 0.5),
-        "papers.imm.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
+        "bench.innovation_tests.cusum": (y[:, 0], 0.5),
+        "bench.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
     }, MISSING)  # fmt: skip
     yield from called({
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),

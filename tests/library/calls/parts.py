@@ -126,7 +126,6 @@ def _synthesis() -> Iterator[Call]:
     law, zeros = LearningLaw(*parameters), np.zeros((4, 3))
     forward = van_der_pol(["w", "-a + (1 - a**2)*w"])
     cycle = limit_cycle(forward, [2.0, 0.5], 60.0)
-    pressure = (models.NUMERATOR, [1.0, *models.DENOMINATOR])
     negative = ([[-2.0, 1.0], [1.0, -2.0]],)
     yield from called({
         "synthesis.ilo_error_system.LearningLaw": parameters,
@@ -158,7 +157,6 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.h_infinity_norm.h_infinity_norm": (
             [[-1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], 1e-9,
         ),
-        "papers.imm.nu_gap.nu_gap": (pressure, ([1.0], [1.0, 2.0])),
         "papers.lie.floquet.limit_cycle": (forward, [2.0, 0.5], 60.0),
         "papers.lie.floquet.floquet_exponents": (cycle, np.tile(-np.eye(2), (400, 1, 1))),
         "synthesis.definiteness.ball_matrix": negative,

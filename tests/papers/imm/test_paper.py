@@ -547,37 +547,9 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "a period that the input does not fit": (
         study("changes", periods=[0.2]), "studies.changes.periods", "with it, scenario.input:",
     ),
-    "input of pairs": (
-        study("closeness", input=[{**TERM, "from": 4}]), "studies.closeness.input", "at 4 s",
-    ),
-    "horizon of pairs between samples": (
-        study("closeness", horizon=1.4005), "studies.closeness.horizon", "the scenario's period",
-    ),
-    "averaging before the fault": (
-        study("closeness", averaging_time=0.7), "studies.closeness.averaging_time",
-        "0.7 s must fit between onset and horizon, 0.8 and 1.4 s",
-    ),
-    "averaging longer than healthy": (
-        study("closeness", averaging_time=0.9), "studies.closeness.averaging_time",
-        "0.9 s must end before the onset at 0.8 s",
-    ),
-    "settling into the fault": (
-        study("closeness", settling=0.8), "studies.closeness.settling",
-        "0.8 s must end before the onset at 0.8 s",
-    ),
-    "starts between samples": (
-        study("closeness", starts=0.0105), "studies.closeness.starts", "the scenario's period",
-    ),
-    "a false_alarm_probability for more runs": (
-        study("closeness", false_alarm_probability=0.01),
-        "studies.closeness.false_alarm_probability",
-        "0.01 needs 99 records without a fault or more, there are 39",
-    ),
     "causes without an SVSF": (
         study("causes", observers=["kalman_tuned"]), "studies.causes.observers", "have an SVSF",
     ),
-    "pairs that are the same": (study("closeness", shares=[0]), "studies.closeness.shares", "zero"),
-    "half a run": (study("closeness", runs=2.5), "studies.closeness.runs", "a whole number"),
     **{
         f"bounds of {name}": (search(**{name: [1, 0.1]}), f"searches.calibrated.{name}", "and rise")
         for name in ("process_noise", "position_noise", "velocity_noise", "acceleration_noise",

@@ -277,10 +277,6 @@ def test_study_refuses_invalid_settings_before_any_run(monkeypatch: pytest.Monke
     """With the key of the study, and without a single run."""
     for method in study.METHODS:
         monkeypatch.setitem(study.METHODS, method, lambda *_: pytest.fail("has run"))
-    closeness = deepcopy(settings_of("closeness"))
-    closeness["study"]["horizon"] = 1.6001
-    with pytest.raises(InputError, match=r"^study\.horizon: "):
-        study.run(closeness, record("plain"))
     with pytest.raises(InputError, match=r"^study\.periods"):
         changes(periods=[1e-9])
 

@@ -168,8 +168,8 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
         f"lie.tables.table_coefficients.printed.0.text: '{'1' * 41}' must be the digits of a num",
     ),
     "a figure of another method": (
-        "imm", {"figures": {"fig8_closeness": {"study": "changes"}}},
-        "imm.figures.fig8_closeness.study: 'changes' has the method changes, must have closeness",
+        "imm", {"figures": {"fig8_causes": {"study": "changes"}}},
+        "imm.figures.fig8_causes.study: 'changes' has the method changes, must have causes",
     ),
     "a theory of a bank that there is not": (
         "imm", {"theory": {"observers": ["svfs"]}},

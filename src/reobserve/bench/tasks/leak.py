@@ -21,6 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from reobserve.bench.innovation_tests import cusum, inflation_glr
 from reobserve.bench.record_score import Score
 from reobserve.bench.restarted_cusum import restarted_cusum
 from reobserve.bench.task import Array, Condition, Record, Runner, estimates_of
@@ -32,8 +33,6 @@ from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve.papers.imm.detectors import FAR, LENGTHS
-from reobserve.papers.imm.innovation_tests import cusum, inflation_glr
 from reobserve.papers.imm.setup import STATE_FREQUENCY
 from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.plants.hydraulic_actuator import simulate as move
@@ -47,6 +46,8 @@ FAULTY, HEALTHY = "signals", ("healthy", "healthy_2", "healthy_3")  # streams of
 HOLD, DISTURBED = 0.012, 0.02  # [s], of the input and of the unmodelled voltage
 REST = 1e-6  # variance of the first state, in which the plant is at rest
 CAP = 1.0  # [s], the longest delay
+LENGTHS = 2 ** np.arange(10)  # samples since a change, for the likelihood ratio
+FAR = 700.0  # limit of log odds: exp(-FAR) is about the smallest probability
 COLUMNS = ("delay", "false alarms")  # what lag and quantile are in the table
 
 

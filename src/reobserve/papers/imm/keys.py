@@ -11,7 +11,6 @@ from pydantic import Field
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats
 from reobserve.core.validation import (
-    Levels,
     Names,
     NotNegative,
     Positive,
@@ -168,27 +167,6 @@ class Changes(job.Study):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Closeness(job.Study):
-    """Detected faults against the nu-gap between the models."""
-
-    method: Literal["closeness"]
-    input: TestInput
-    starts: Positive
-    horizon: Positive
-    onset: Positive
-    settling: Positive
-    averaging_time: Positive
-    false_alarm_probability: Share
-    enough: Share
-    shares: Levels
-    noise_levels: Levels
-    driven_levels: Changed
-    layer_scales: Changed
-    faultless_runs: Annotated[int, within(1, 100_000)]
-    runs: Annotated[int, within(1, 100_000)]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Causes(job.Study):
     """Banks of SVSFs with one possible cause of their probabilities changed."""
 
@@ -196,7 +174,7 @@ class Causes(job.Study):
     scales: Changed
 
 
-Study = Neighbourhood | Changes | Closeness | Causes
+Study = Neighbourhood | Changes | Causes
 
 
 @dataclass(frozen=True)
@@ -234,7 +212,7 @@ class Probabilities(job.Figure):
 class OfStudy(job.StudyFigure):
     """A study."""
 
-    layout: Literal["neighbourhood", "changes", "closeness", "causes"]
+    layout: Literal["neighbourhood", "changes", "causes"]
 
 
 @dataclass(frozen=True)

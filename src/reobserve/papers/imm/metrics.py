@@ -3,10 +3,9 @@
 Means over the last two seconds before the fault (`_before`) and over the last three of the run
 (`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
 Metrics with coordinates belong to a study. Those of the changes have the change and its level.
-Those of the closeness have the noise, the plant (`exact`, or `driven` by process noise) and the
-share of the leak, and the observer column holds a detector. For the neighbourhood this column holds
-the tuned number, `search`, or `all` banks. In `theory.metrics.csv` it holds a bank, or `model` for
-the normal one. `nan` means that it never happens.
+For the neighbourhood the observer column holds the tuned number, `search`, or `all` banks. In
+`theory.metrics.csv` it holds a bank, or `model` for the normal one. `nan` means that it never
+happens.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.papers.imm import detection
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.scoring import check_rules, probabilities
@@ -59,27 +57,6 @@ MEANINGS = {
     "within the band",
     "maximum_factor": "the maximum such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
-    "nu_gap share=<share>": "between the normal model and its blend with the leakage model",
-    "detected_share noise=<noise> plant=<plant> share=<share>": (
-        "share of the runs without a false alarm that have an alarm after the fault"
-    ),
-    "alarmed_share noise=<noise> plant=<plant> share=<share>": "share of the runs with a "
-    "false alarm",
-    "alarmed_share noise=<noise> plant=<plant>": "the same over all shares",
-    "alarmed_share_low noise=<noise> plant=<plant>": "lower limit of its interval of 95 % (Wilson)",
-    "alarmed_share_high noise=<noise> plant=<plant>": "its upper limit",
-    "median_delay noise=<noise> plant=<plant> share=<share>": (
-        "from the fault to the alarm, over the runs without a false one; nan if most have none"
-    ),
-    "minimum_gap noise=<noise> plant=<plant>": "minimum gap from which on 95 % of the faults "
-    "are detected",
-    "minimum_gap_low noise=<noise> plant=<plant>": "lower end of its interval of 95 % (bootstrap)",
-    "minimum_gap_high noise=<noise> plant=<plant>": "its upper end",
-    "minimum_diagnosis_gap noise=<noise> plant=<plant>": (
-        "gap from which on 95 % of the diagnoses at the end are correct"
-    ),
-    "minimum_diagnosis_gap_low noise=<noise> plant=<plant>": "lower end of its interval",
-    "minimum_diagnosis_gap_high noise=<noise> plant=<plant>": "its upper end",
     "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`",
     "fault_after variant=<variant>": "the same of the faulty mode",
     "saturation_fraction variant=whole": "of the innovations after the fault, outside the layers",
@@ -191,11 +168,6 @@ def _changes(data: FigureData) -> Iterator[Metric]:
         yield Metric.at(name, (quantity, rows.value(), "1"), **{sweep: level})
 
 
-def _closeness(data: FigureData) -> Iterator[Metric]:
-    """Detected faults and false alarms by detector, plant, noise and share; the minimum gaps."""
-    yield from detection.measure(data.study, data.job.study.enough)
-
-
 def _causes(data: FigureData) -> Iterator[Metric]:
     """Metrics of an SVSF-IMM as stated with one cause changed."""
     for (name, variant, quantity), row in data.study.where(run=STATED).groups(
@@ -207,6 +179,5 @@ def _causes(data: FigureData) -> Iterator[Metric]:
 _SUMMARIES = {
     "neighbourhood": _neighbourhood,
     "changes": _changes,
-    "closeness": _closeness,
     "causes": _causes,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.papers.imm import plot_closeness, plot_probability, plot_studies
+from reobserve.papers.imm import plot_probability, plot_studies
 
 LAYOUTS = {
     "normal": plot_probability.draw,
@@ -10,6 +10,5 @@ LAYOUTS = {
     "switching": plot_probability.draw_switching,
     "neighbourhood": plot_studies.draw_neighbourhood,
     "changes": plot_studies.draw_changes,
-    "closeness": plot_closeness.draw,
     "causes": plot_studies.draw_causes,
 }

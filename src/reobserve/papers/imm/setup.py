@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
-from reobserve.observers.gaussian_filter import State as FilterState
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
@@ -221,11 +220,6 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
         rest = np.zeros(chosen.filters[0].model.states)
         certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
         return chosen.init(rest, observer.initial_covariance, certain, u=[held, 0.0])
-
-
-def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> FilterState:
-    """The same for one filter of a bank, run alone."""
-    return one.init(np.zeros(one.model.states), observer.initial_covariance, u=[held, 0.0])
 
 
 @contextmanager

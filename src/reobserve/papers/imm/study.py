@@ -4,7 +4,6 @@ The ``method`` of a study in the parameter file is one of
 
     neighbourhood    how far each tuned number may move before a quoted value leaves its band
     changes          the calibrated banks with one setting changed
-    closeness        detected faults against the nu-gap between the models
     causes           SVSF-IMMs with one possible cause of their probabilities changed
 """
 
@@ -13,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve.core.errors import located
-from reobserve.papers.imm import calibration, keys, study_causes, study_closeness
+from reobserve.papers.imm import calibration, keys, study_causes
 from reobserve.papers.imm.study_rows import HEADER
 from reobserve.replication.parameters.job import Job, Settings, read_job
 from reobserve.signals.series import Series
@@ -21,12 +20,10 @@ from reobserve.signals.series import Series
 METHODS = {
     "neighbourhood": calibration.run_neighbourhood,
     "changes": calibration.run_changes,
-    "closeness": study_closeness.run,
     "causes": study_causes.run,
 }
 _CHECKS = {
     "changes": calibration.check_changes,
-    "closeness": study_closeness.check,
     "causes": study_causes.check,
 }
 

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from reobserve.bench.innovation_tests import cusum, inflation_glr
 from reobserve.core.errors import InputError
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.papers.imm.innovation_tests import cusum, inflation_glr
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
