@@ -87,7 +87,7 @@ class FunctionPointer:
 
 def _cached(function: Callable[..., Any], decorator: Any, *arguments: Any, **options: Any) -> Any:
     """Apply a decorator of numba, with its cache in `_cache_folder` if that can be written."""
-    with _cache_in(_cache_folder(function.__module__.partition(".")[0])) as cached:
+    with _cache_in(_cache_folder((function.__module__ or "").partition(".")[0])) as cached:
         try:
             return decorator(*arguments, cache=cached, **options)(function)
         except RuntimeError as error:  # numba found no folder for the module of this function
