@@ -104,21 +104,6 @@ def shown(value: Any, most: int = _VALUE) -> str:
         return f"a {type(value).__name__} that cannot be shown"
 
 
-# Keys of files and options of builds that had another name.
-RENAMED = {
-    "damping": "observer_gain", "draws": "samples", "drawn": "plot_only", "flips": "reversals",
-    "identity_reading": "identity_variant", "judged": "averaging_time", "kept": "cached",
-    "loose": "no_effect", "memory": "convergence_rate", "obstacles": "limitations",
-    "reading": "variant", "says": "statement",
-}  # fmt: skip
-
-
-def unknown_key(key: str, known: Any) -> str:
-    """The problem with a key that is not among the known ones: its new name, or the nearest."""
-    now = RENAMED.get(key)
-    return f"is now {now}" if now in known else f"unknown key{nearest(key, known)}"
-
-
 def nearest(key: str, known: Any) -> str:
     """The end of a sentence about an unknown name."""
     names = [str(name) for name in known]

@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, TypeAdapter, ValidationError
 
 from reobserve.core.documents import check_plain
-from reobserve.core.errors import InputError, shown, unknown_key
+from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.matrices import as_floats, as_matrix, as_positive_definite, as_vector
 
 Type = TypeVar("Type")
@@ -159,7 +159,7 @@ def _sentence(error: ValidationError, kind: Any, tree: Any, place: str) -> Input
         else:
             problem = "dict_type"
     elif problem in _UNKNOWN:
-        return InputError(here, unknown_key(path[-1], _known(schema, location)))
+        return InputError(here, f"unknown key{nearest(path[-1], _known(schema, location))}")
     elif problem == "missing":
         needed = tag or _title(schema, location)
         parts["needed"] = needed and f"; {needed} needs it"

@@ -75,7 +75,6 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
             "claims.ilo.one.checks.0.metric: there is no 'rms_eror'; did you mean 'rms_error'?",
         ),
         ({"statment": "x"}, "claims.ilo.one.statment: unknown key; did you mean 'statement'?"),
-        ({"says": "x"}, "claims.ilo.one.says: is now statement"),
         (
             {"not_testable": "No."},
             "claims.ilo.one: must have checks with a why, or not_testable",

@@ -63,7 +63,6 @@ def test_every_job_uses_only_declared_keys(paper: str) -> None:
 
 
 PRINTED = {"component": 1, "powers": [3, 0]}
-OWN = {"value": 0.1, "unit": "1", "source": "mine"}
 
 # The message for an override, by paper.
 OVERRIDES: dict[str, tuple[str, Tree, str]] = {
@@ -182,17 +181,6 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     "a bare value in a new branch": (
         "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "observer_gain": 3}}},
         "ilo.observers.new.observer_gain: 3 must be a mapping of keys to values",
-    ),
-    "an old name of Lambda": (
-        "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "damping": OWN}}},
-        "ilo.observers.new.damping: is now observer_gain",
-    ),
-    "an old name of gamma": (
-        "imm",
-        {"observers": {"new": {
-            "algorithm": "smooth_variable_structure", "label": "x", "memory": OWN,
-        }}},
-        "imm.observers.new.memory: is now convergence_rate",
     ),
     "a paper that is a number": ("ilo", 3, "ilo: 3 must be a mapping"),  # type: ignore[dict-item]
     "a word of 20 000 letters": (
@@ -337,9 +325,6 @@ CALLS: dict[str, tuple[Tree, str]] = {
         {"sample": {}},
         "config.sample: unknown key; did you mean 'samples'?",
     ),
-    "an old key": ({"draws": 40}, "config.draws: is now samples"),
-    "another old key": ({"kept": True}, "config.kept: is now cached"),
-    "a third old key": ({"flips": True}, "config.flips: is now reversals"),
     "a paper in a number": ({"ilo": 3}, "config.ilo: 3 must be a mapping of keys to values"),
     "a key in a number": ({3: 3}, "config: has the key 3, must be text"),
 }

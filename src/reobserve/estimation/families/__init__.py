@@ -33,16 +33,6 @@ FAMILIES = {
     "levant": "levant:LevantDesign",
 }
 
-_RENAMED = {
-    "fixed_gain": "luenberger, with the gain under gains",
-    "steady_kalman": "kalman, with gain: steady",
-    "pi": "adaptive, with a proportional_gain",
-    "augmented_kalman": "augmented-kalman",
-    "normal_form": "normal-form",
-    "high_gain": "high-gain",
-    "extended_high_gain": "extended-high-gain",
-}
-
 
 def family(name: Any, place: str = "kind") -> type[Design]:
     """The class of a family.
@@ -52,8 +42,6 @@ def family(name: Any, place: str = "kind") -> type[Design]:
     InputError
         If there is none of that name.
     """
-    if isinstance(name, str) and name in _RENAMED:
-        raise InputError(place, f"{name} is now {_RENAMED[name]}")
     found: type[Design]
     if isinstance(name, str) and name in FAMILIES:
         module, _, attribute = FAMILIES[name].partition(":")

@@ -15,7 +15,7 @@ import numpy as np
 from reobserve.core.documents import Tree
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import FloatArray, as_positive
-from reobserve.core.validation import checked, join, parse
+from reobserve.core.validation import checked, parse
 from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
 from reobserve.observers.contract import Observer
 
@@ -26,25 +26,6 @@ Certificate = dict[str, Any]  # of plain values; `poles` are pairs of real and i
 Period = Annotated[float, checked(as_positive)]
 
 _AGREE = 1e-6  # of a number: what another processor may make of the same gains
-
-
-# Keys that are now called otherwise.
-_RENAMED = {
-    "H": "C, with y = C x + D u",
-    "continuous": "time: continuous, with A and B beside it",
-    "model": "nothing: its keys stand beside kind",
-    "system": "nothing: its keys stand beside kind",
-    "body": "nothing: inertia, input_matrix and fault_matrix stand beside kind",
-    "start": "initial_state (and initial_covariance, initial_delay)",
-    "initial_variance": "initial_covariance",
-    "variables": "states, a mapping of names to units",
-    "walk": "random_walk",
-    "input_matrix": "fault_matrix, of augmented-kalman",
-    "output_matrix": "output_fault_matrix",
-    "Az": "filter_rate",
-    "law": "gain, varying or steady, which stands with the system",
-    "order": "order of the system",
-}
 
 
 # Parameters of observers, and the keys that state them.
@@ -120,7 +101,6 @@ class Design(ABC):
             If a key is missing, unknown or wrong.
         """
         hints = get_type_hints(cls)
-        check_renamed(tree, hints["system"])
         for name in _names(hints["gains"]) - _names(hints["system"]):
             if name in tree:
                 raise InputError(name, "must stand under gains")
@@ -129,8 +109,6 @@ class Design(ABC):
         if gains is not None and hints["gains"] is NoneType:
             raise InputError("gains", "must be left out; nothing is chosen in this family")
         if gains is not None:
-            if isinstance(gains, dict):
-                check_renamed(gains, hints["gains"], "gains")
             gains = parse(hints["gains"], gains, "gains")
         return parse(hints["system"], rest), gains
 
@@ -259,25 +237,6 @@ def _names(hint: Any) -> set[str]:
     """The keys of a dataclass, or of the one among several types."""
     kinds = [kind for kind in get_args(hint) or [hint] if is_dataclass(kind)]
     return {each.name for kind in kinds for each in fields(kind)}
-
-
-def check_renamed(tree: Tree, hint: Any, place: str = "") -> None:
-    """Refuse keys that had another name.
-
-    Raises
-    ------
-    InputError
-        With the new name.
-    """
-    known = _names(hint)
-    modes = tree.get("modes")
-    parts = {"": tree}
-    if isinstance(modes, Mapping):
-        parts |= {f"modes.{name}": mode for name, mode in modes.items()}
-    for where, part in parts.items():
-        for key in part if isinstance(part, Mapping) else ():
-            if key in _RENAMED and key not in known:
-                raise InputError(join(join(place, where), key), f"is now {_RENAMED[key]}")
 
 
 def plain(value: Any) -> Any:

@@ -17,14 +17,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar
 
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import write_text
 from reobserve.core.validation import parse
 from reobserve.estimation.families import family, name_of
-from reobserve.estimation.families.design import Design, check_renamed, plain
+from reobserve.estimation.families.design import Design, plain
 
 FORMAT = "reobserve design"
 SCHEMA = 1
@@ -57,10 +57,6 @@ def load_design(path: str | Path) -> Design:
     if "certificate" not in body:
         raise InputError(f"{path}: certificate", "is missing; a design file needs it")
     with naming(path):
-        hints = get_type_hints(kind)
-        for part in ("system", "gains"):
-            if isinstance(body.get(part), Mapping):
-                check_renamed(body[part], hints[part], part)
         return parse(kind, body).checked()
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
-from reobserve.core.errors import InputError, nearest, shown, unknown_key
+from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import reason
 from reobserve.core.validation import parse
 from reobserve.replication.parameters.names import DEFAULT_STYLE, style_sheet
@@ -84,7 +84,7 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     known = [*Configuration.model_fields, *papers]
     for key in config:
         if key not in known:
-            raise InputError(f"config.{key}", unknown_key(key, known))
+            raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
     parse(Configuration, config, "config")
     for key, there in (("papers", papers), ("bench", known_tasks(project))):
         for name in config.get(key, ()):

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from reobserve.core.documents import Tree
-from reobserve.core.errors import InputError, nearest, shown, unknown_key
+from reobserve.core.errors import InputError, nearest, shown
 
 OVERRIDDEN = "user override"
 
@@ -138,7 +138,7 @@ def _merge(base: Tree, over: Any, place: str, paper: str, root: Tree) -> Tree:
         here = f"{place}.{key}"
         if key not in base:
             if section not in _OPEN:
-                raise InputError(here, unknown_key(key, base))
+                raise InputError(here, f"unknown key{nearest(key, base)}")
             merged[key] = _added(base, value, here, paper, root)
         elif is_entry(base[key]):
             merged[key] = _override(base[key], value, here, root)
@@ -171,7 +171,8 @@ def _override(entry: Tree, value: Any, place: str, root: Tree) -> Tree:
         raise InputError(place, "{} must be a value, or a mapping with the key 'value'")
     for key in value:
         if key not in ("value", "unit", "source", "why", "range"):
-            raise InputError(f"{place}.{key}", unknown_key(key, ["value", "why"]))
+            problem = f"unknown key{nearest(key, ['value', 'why'])}"
+            raise InputError(f"{place}.{key}", problem)
     entry = _target(root, entry, place, ())
     if value.get("unit", entry["unit"]) != entry["unit"]:
         raise InputError(f"{place}.unit", f"{shown(value['unit'])} must be {entry['unit']!r}")
