@@ -20,7 +20,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.replication.claims.registry import read_claims
 from reobserve.replication.claims.verdict_table import THRESHOLDS
 from reobserve.replication.claims.verdicts import VERDICTS
-from reobserve.replication.figure_diff.pixels import compare, read_pixels
+from reobserve.replication.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
 from reobserve.replication.parameters.parameter_file import Configuration
 from reobserve.replication.parameters.parameters import Parameters
 
@@ -44,7 +44,7 @@ def test_python_examples_of_readme_and_library_page_run(
     assert capsys.readouterr().out == shown
     stored, drawn = ROOT / "docs/pages/start/tank.png", tmp_path / "tank.png"
     pixels = (read_pixels(path) for path in (stored, drawn))
-    assert not compare(*pixels, drawn.name).exceeded, "copy what the README samples"
+    assert rms_difference(*pixels, drawn.name) <= TOLERANCE, "copy what the README samples"
     replicated: dict[str, object] = {}
     exec(compile(figure, "README.md", "exec"), replicated)
     assert replicated["result"].metrics.shape[1] == 4  # type: ignore[attr-defined]

@@ -10,7 +10,7 @@ import pytest
 from docs import outputs
 from docs.generate import sources
 from docs.outputs import by_hand, renewed, with_outputs
-from reobserve.replication.figure_diff.pixels import compare, read_pixels
+from reobserve.replication.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
 
 from .hand_written import name, snippets
 
@@ -57,7 +57,7 @@ def test_page_shows_what_its_code_prints_and_plots(page: Path, tmp_path: Path) -
     assert changed(page.read_text(encoding="utf-8"), found) == [], "make pages renews it"
     for drawn in tmp_path.iterdir():
         pixels = (read_pixels(path) for path in (page.parent / "pictures" / drawn.name, drawn))
-        assert not compare(*pixels, drawn.name).exceeded, "make pages draws it again"
+        assert rms_difference(*pixels, drawn.name) <= TOLERANCE, "make pages draws it again"
 
 
 def test_numbers_may_differ_by_one_in_the_last_digit() -> None:

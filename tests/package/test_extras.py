@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 # Import names that differ from the package name.
-IMPORTED = {"python-flint": "flint", "pyyaml": "yaml", "pillow": "PIL", "scikit-image": "skimage"}
+IMPORTED = {"python-flint": "flint", "pyyaml": "yaml", "pillow": "PIL"}
 
 CORE = """
 import contextlib, io, sys

@@ -29,7 +29,6 @@ EXTRAS = {
     "docutils": "pipeline",
     "jinja2": "pipeline",
     "rocrate": "pipeline",
-    "skimage": "pipeline",
 }
 
 

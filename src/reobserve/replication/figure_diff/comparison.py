@@ -28,15 +28,16 @@ _OF_SAMPLES = ("specification", "sensitivity")
 class Item:
     """A figure, a table, the theory or the claims of a paper, and what is different about it.
 
-    ``reference`` and ``new`` are the pictures of a figure, None where there is none. ``problems``
-    are sentences on what is missing or cannot be compared.
+    ``reference`` and ``new`` are the pictures of a figure, None where there is none, and ``rms``
+    is their difference in grey levels. ``problems`` are sentences on what is missing or cannot be
+    compared.
     """
 
     paper: str
     name: str
     reference: Path | None = None
     new: Path | None = None
-    pixels: pixels.PixelDifference | None = None
+    rms: float | None = None
     moved: list[Moved] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
@@ -45,8 +46,12 @@ class Item:
         """In a few words, the gravest first."""
         if self.problems:
             return "not compared"
-        differs = self.moved or (self.pixels is not None and self.pixels.exceeded)
-        return "moved" if differs else "agrees"
+        return "moved" if self.moved or self.redrawn else "agrees"
+
+    @property
+    def redrawn(self) -> bool:
+        """Whether the pictures differ by more than the tolerance."""
+        return self.rms is not None and self.rms > pixels.TOLERANCE
 
     @contextmanager
     def problem_noted(self) -> Iterator[None]:
@@ -109,7 +114,7 @@ def _drawn(paper: str, name: str, reference: Path | None, new: Path | None) -> I
     if reference and new:
         with item.problem_noted():
             old, found = map(pixels.read_pixels, (reference, new))
-            item.pixels = pixels.compare(old, found, f"{paper} {name}")
+            item.rms = pixels.rms_difference(old, found, f"{paper} {name}")
     elif reference:
         item.problems.append("the figure was not built")
     elif new:

@@ -37,7 +37,7 @@ def summary(items: Sequence[Item], problems: Sequence[str]) -> str:
     for item in items:
         if item.verdict != "agrees":
             lines.append(f"- {item.paper} {item.name}: {item.verdict}")
-            drawn = [str(item.pixels)] if item.pixels and item.pixels.exceeded else []
+            drawn = [f"RMS {item.rms:.3g} grey levels"] if item.redrawn else []
             said = (*item.problems, *drawn, *map(str, item.moved[:3]))
             lines += [f"    - {sentence}" for sentence in said]
     return "\n".join(lines)
@@ -61,18 +61,17 @@ def render(items: Sequence[Item], problems: Sequence[str], templates: Path) -> s
         problems=problems,
         failed=[one for one in shown if one.item.verdict != "agrees"],
         agreeing=[one for one in shown if one.item.verdict == "agrees"],
-        rms=pixels.RMS,
-        similarity=pixels.SIMILARITY,
+        tolerance=pixels.TOLERANCE,
     )
 
 
 def _show(item: Item) -> _Shown:
-    same = item.pixels is not None and item.pixels.place is None
     difference = ""
-    if item.pixels and not same and item.reference and item.new:
-        old, new = map(pixels.read_pixels, (item.reference, item.new))
-        difference = _data(pixels.show_difference(old, new, item.pixels.place))
-    return _Shown(item, _picture(item.reference), "" if same else _picture(item.new), difference)
+    if item.rms and item.reference and item.new:
+        pictures = map(pixels.read_pixels, (item.reference, item.new))
+        difference = _data(pixels.show_difference(*pictures))
+    new = "" if item.rms == 0 else _picture(item.new)
+    return _Shown(item, _picture(item.reference), new, difference)
 
 
 def _picture(path: Path | None) -> str:
