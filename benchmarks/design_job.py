@@ -1,7 +1,8 @@
 """Designs for one plant in a fresh process: their times and memory, printed as JSON.
 
-``python -m benchmarks.design_job STATES ROUNDS ROAD...``, with the names of `ROADS`. The rounds
-take the roads in turns. The process is fresh so that its peak of memory is that of the first road.
+``python -m benchmarks.design_job STATES ROUNDS METHOD...``, with the names of `METHODS`.
+The rounds take the methods in turns. The process is fresh so that its peak of memory is that of the
+first method.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.feasible_point import SOLVERS
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
-Road = Callable[[AugmentedSystem], Design]
+Method = Callable[[AugmentedSystem], Design]
 
 
 def unsplit(system: AugmentedSystem) -> Design:
@@ -33,7 +34,7 @@ def unsplit(system: AugmentedSystem) -> Design:
         return pd_pi.design(system)
 
 
-ROADS: dict[str, Road] = {
+METHODS: dict[str, Method] = {
     "Clarabel": pd_pi.design,
     "SCS": lambda system: pd_pi.design(system, solver="SCS"),
     "unsplit": unsplit,
@@ -44,13 +45,13 @@ def main() -> None:
     """Warm up on the smallest plant, then measure."""
     states, rounds, names = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
     for name in names:
-        ROADS[name](plant(2))
+        METHODS[name](plant(2))
     system, before = plant(states), _peak()
     runs: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
     for _ in range(rounds):
         for name in names:
             try:
-                runs[name].append(_measured(ROADS[name], system))
+                runs[name].append(_measured(METHODS[name], system))
             except InputError as error:
                 print(json.dumps({"refused": f"{name}: {error}"}))
                 return
@@ -70,7 +71,7 @@ def main() -> None:
     print(json.dumps(found))
 
 
-def _measured(road: Road, system: AugmentedSystem) -> dict[str, Any]:
+def _measured(method: Method, system: AugmentedSystem) -> dict[str, Any]:
     """One design: the times [s] of its parts, what the solver tells of itself, and the design."""
     import clarabel
     import cvxpy
@@ -88,7 +89,7 @@ def _measured(road: Road, system: AugmentedSystem) -> dict[str, Any]:
             patch.object(clarabel, "DefaultSolver", lambda *args: _kept(solvers, make(*args)))
         )
         start = time.perf_counter()
-        design = road(system)
+        design = method(system)
         whole = time.perf_counter() - start
     times = {
         "design": whole,

@@ -31,8 +31,8 @@ def add(section: Section, quick: bool) -> None:
     output, control = record(_SAMPLES)
     matrices = linear_system(system, gains)
     observer = ExtendedStateObserver(system, gains, sampling_period=PERIOD)
-    roads = {"zero": _held, "first": _straight}
-    for hold, peers_of in roads.items():
+    methods = {"zero": _held, "first": _straight}
+    for hold, peers_of in methods.items():
         before = (_last(output), _last(control)) if hold == "zero" else (output, control)
         few = before[0][:_FEW], before[1][:_FEW]
         found = observer.run(output[:_FEW], control[:_FEW], before=few)

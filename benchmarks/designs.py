@@ -50,10 +50,10 @@ def _rounds(states: int, quick: bool) -> int:
     return 5 if states <= 8 else 3
 
 
-def _job(section: Section, states: int, rounds: int, *roads: str) -> Found | None:
+def _job(section: Section, states: int, rounds: int, *methods: str) -> Found | None:
     """What `benchmarks.design_job` finds; none, with a note, if a design is refused."""
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.design_job", str(states), str(rounds), *roads],
+        [sys.executable, "-m", "benchmarks.design_job", str(states), str(rounds), *methods],
         cwd=Path(__file__).parents[1],
         check=True,
         capture_output=True,
@@ -67,7 +67,7 @@ def _job(section: Section, states: int, rounds: int, *roads: str) -> Found | Non
 
 
 def _solvers(section: Section, states: int, rounds: int) -> dict[str, Any] | None:
-    """Clarabel against SCS; what Clarabel's road took."""
+    """Clarabel against SCS; what Clarabel's method took."""
     found = _job(section, states, rounds, "Clarabel", "SCS")
     if found is None:
         return None

@@ -42,8 +42,8 @@ def run(quick: bool) -> Section:
             section.notes.append(f"no C compiler takes {' '.join(flags)}: that C is skipped")
         else:
             libraries[f"C {' '.join(flags)}"] = c.library
-    for law, steps in (("kalman", STEPS), ("kalman", MANY), ("switching", MANY)):
-        _against_c(section, libraries, law, steps, repeats)
+    for kind, steps in (("kalman", STEPS), ("kalman", MANY), ("switching", MANY)):
+        _against_c(section, libraries, kind, steps, repeats)
     _against_python(section, STEPS // 10 if quick else STEPS, repeats)
     return section
 
@@ -56,12 +56,12 @@ def _run(bank: IMM, z: Array, u: Array) -> Found:
 
 
 def _against_c(
-    section: Section, libraries: dict[str, ctypes.CDLL], law: str, steps: int, repeats: int
+    section: Section, libraries: dict[str, ctypes.CDLL], kind: str, steps: int, repeats: int
 ) -> None:
-    bank = banks()[law]
+    bank = banks()[kind]
     z, u, _ = record(steps)
-    label = f"{_LABELS[law]}, {steps:,} steps"
-    peers = {name: _c_call(library, law, bank, z, u) for name, library in libraries.items()}
+    label = f"{_LABELS[kind]}, {steps:,} steps"
+    peers = {name: _c_call(library, kind, bank, z, u) for name, library in libraries.items()}
     agreeing = _agreeing(section, label, _run(bank, z, u), peers)
     jobs: dict[str, Callable[[], object]] = {
         "run": lambda: _run(bank, z, u),
@@ -80,7 +80,7 @@ def _against_c(
 
 def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
-    compiled, law = bank._bank, bank._linear[0].compiled_gain
+    compiled, gain = bank._bank, bank._linear[0].compiled_gain
     assert compiled is not None
     rows = new_bank_rows(len(z), 3, 4, 1)
 
@@ -90,12 +90,12 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
             np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0))
         )
         work = new_bank_work(posteriors, compiled.mixing)
-        return run_bank((0,) * 4, (0,), compiled, law, posteriors, z, u, False, work, rows)
+        return run_bank((0,) * 4, (0,), compiled, gain, posteriors, z, u, False, work, rows)
 
     return call
 
 
-def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Peer:
+def _c_call(library: ctypes.CDLL, kind: str, bank: IMM, z: Array, u: Array) -> Peer:
     rows: list[Any] = []
     for model in models():
         inverse = np.linalg.pinv(model.arrays.C)
@@ -108,7 +108,7 @@ def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Pe
     first = np.concatenate(
         [np.zeros(12), np.tile(np.eye(4).ravel(), 3), np.zeros(3), np.full(3, 1.0 / 3.0)]
     )
-    found, function, steps = new_bank_rows(len(z), 3, 4, 1), library[law], ctypes.c_long(len(z))
+    found, function, steps = new_bank_rows(len(z), 3, 4, 1), library[kind], ctypes.c_long(len(z))
     function.restype = ctypes.c_long
     places = [pointer(array) for array in found[:4]]
 

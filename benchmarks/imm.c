@@ -1,6 +1,6 @@
 /* The interacting multiple model in C: what the compiled bank of filters is measured against.
  *
- * As a C programmer would write it for one bank: sizes and gain law are known to the compiler.
+ * As a C programmer would write it for one bank: sizes and gains are known to the compiler.
  * Probabilities of modes are kept as they stand, with likelihoods relative to the greatest;
  * covariances are in Joseph's form, computed as triangles. All members are doubles, so that the
  * caller can fill a structure from one row of numbers.
@@ -33,12 +33,12 @@ typedef struct {
     double mean[MODES][STATES];
     square covariance[MODES];
     double error[MODES][OUTPUTS], probability[MODES];
-} beliefs;
+} posteriors;
 
-typedef enum { KALMAN, SWITCHING } law;
+typedef enum { KALMAN, SWITCHING } gain;
 
 /* Mean and covariance of a mixture. */
-static inline void mixture(const double weight[MODES], const beliefs *b, double mean[STATES],
+static inline void mixture(const double weight[MODES], const posteriors *b, double mean[STATES],
                            square covariance) {
     EACH(a, STATES) {
         mean[a] = 0.0;
@@ -65,7 +65,7 @@ static inline void output_error(const mode *m, const double *z, const double *u,
 /* One filter takes a sample; returns the squared distance of the measurement, and by `root` the
  * root of the determinant of its covariance: likelihoods differ by nothing else. The
  * inputs `u` are that over the step, then that of the row. */
-static inline double filter(law gain_law, const mode *m, const double *z, const double *u,
+static inline double filter(gain kind, const mode *m, const double *z, const double *u,
                             double x[STATES], square P, double error[OUTPUTS],
                             double innovation[OUTPUTS], double *root) {
     double moved[STATES];
@@ -106,7 +106,7 @@ static inline double filter(law gain_law, const mode *m, const double *z, const 
         distance += scaled[o] * scaled[o];
         *root *= L[o][o];
     }
-    if (gain_law == KALMAN) {
+    if (kind == KALMAN) {
         EACH(a, STATES) {
             EACH(o, OUTPUTS) {
                 K[a][o] = cross[a][o];
@@ -146,16 +146,16 @@ static inline double filter(law gain_law, const mode *m, const double *z, const 
         EACH(o, OUTPUTS) s -= rest[a][o] * K[b][o];
         P[a][b] = P[b][a] = s;
     }
-    if (gain_law == SWITCHING) output_error(m, z, u + INPUTS, x, error);
+    if (kind == SWITCHING) output_error(m, z, u + INPUTS, x, error);
     return distance;
 }
 
-static inline long run(law gain_law, const bank *restrict k, beliefs *restrict b,
+static inline long run(gain kind, const bank *restrict k, posteriors *restrict b,
                        const double *restrict z, const double *restrict u, long rows,
                        double *restrict estimates, double *restrict covariances,
                        double *restrict probabilities, double *restrict innovations) {
     for (long row = 0; row < rows; row++) {
-        beliefs mixed = *b;
+        posteriors mixed = *b;
         double logarithm[MODES], greatest = -INFINITY, total = 0.0;
         EACH(j, MODES) {
             double weight[MODES], ahead = 0.0;
@@ -170,7 +170,7 @@ static inline long run(law gain_law, const bank *restrict k, beliefs *restrict b
         EACH(j, MODES) {
             double root;
             const double distance =
-                filter(gain_law, &k->modes[j], z + OUTPUTS * row, u + INPUTS * row, mixed.mean[j],
+                filter(kind, &k->modes[j], z + OUTPUTS * row, u + INPUTS * row, mixed.mean[j],
                        mixed.covariance[j], mixed.error[j],
                        innovations + OUTPUTS * (MODES * row + j), &root);
             logarithm[j] = log(logarithm[j] / root) - 0.5 * distance;
@@ -191,11 +191,11 @@ static inline long run(law gain_law, const bank *restrict k, beliefs *restrict b
     return rows;
 }
 
-#define LOOP(name, law)                                                                        \
-    long name(const bank *k, beliefs *b, const double *z, const double *u, long rows,          \
+#define LOOP(name, kind)                                                                       \
+    long name(const bank *k, posteriors *b, const double *z, const double *u, long rows,       \
               double *estimates, double *covariances, double *probabilities,                   \
               double *innovations) {                                                           \
-        return run(law, k, b, z, u, rows, estimates, covariances, probabilities, innovations); \
+        return run(kind, k, b, z, u, rows, estimates, covariances, probabilities, innovations);\
     }
 
 LOOP(kalman, KALMAN)

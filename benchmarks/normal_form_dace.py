@@ -1,4 +1,4 @@
-"""The roads in DACE, a library of truncated power series in C, driven from Python.
+"""The methods in DACE, a library of truncated power series in C, driven from Python.
 
 What DACE does not have, the linear equation of each degree, goes to scipy: with the matrix K of
 the derivative along F x on the monomials of the degree it is P K - A P = R, of Sylvester's form.

@@ -1,4 +1,4 @@
-"""The first normal form in a fresh process, along all roads: its time, printed in seconds.
+"""The first normal form in a fresh process, along all methods: its time, printed in seconds.
 
 Imports are not counted. Whether the machine code is compiled or read depends on the cache, which
 the caller chooses by ``NUMBA_CACHE_DIR``.
@@ -21,8 +21,8 @@ def main() -> None:
     problem = van_der_pol(3)
     start = time.perf_counter()
     solver = solver_for(problem)
-    for road in (solve_s, solve_t, lie_transform):
-        road(problem, solver)
+    for method in (solve_s, solve_t, lie_transform):
+        method(problem, solver)
     print(time.perf_counter() - start)
 
 

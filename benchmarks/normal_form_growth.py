@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmarks.normal_form_problems import dense_cubic, roads
+from benchmarks.normal_form_problems import dense_cubic, methods
 from benchmarks.timing import interleaved
 
 PLOT = Path(__file__).with_name("results") / "normal_forms.svg"
 
 _HIGHEST = {2: 14, 3: 10, 4: 8}  # degree for each number of states
 _MOST_STATES, _DEGREE = 7, 5
-_ROADS = ("S", "T", "inverse of S", "Lie")
+_METHODS = ("S", "T", "inverse of S", "Lie")
 
 Times = dict[str, float]
 
@@ -32,8 +32,8 @@ def plot(quick: bool) -> str:
 
 
 def _times(states: int, degree: int, rounds: int) -> Times:
-    jobs = roads(dense_cubic(states, degree))
-    return interleaved({name: jobs[name] for name in _ROADS}, rounds)
+    jobs = methods(dense_cubic(states, degree))
+    return interleaved({name: jobs[name] for name in _METHODS}, rounds)
 
 
 def _draw(panels: dict[str, dict[int, Times]]) -> None:
@@ -43,7 +43,7 @@ def _draw(panels: dict[str, dict[int, Times]]) -> None:
 
     figure, axes = new_figure((1.55,) * len(panels), share_time=False)
     for panel, (title, measured) in zip(axes, panels.items(), strict=True):
-        for name, style in zip(_ROADS, STYLES, strict=False):
+        for name, style in zip(_METHODS, STYLES, strict=False):
             milliseconds = [1e3 * times[name] for times in measured.values()]
             panel.semilogy(list(measured), milliseconds, label=name, **style.points())
         decades(panel.yaxis)

@@ -1,4 +1,4 @@
-"""The systems that all normal-form benchmarks share, and their roads, each with its solver."""
+"""The systems that all normal-form benchmarks share, and their methods, each with its solver."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def dense_cubic(states: int, degree: int) -> NormalFormProblem:
     return NormalFormProblem(system, PolynomialMap.linear(gain), degree)
 
 
-def roads(problem: NormalFormProblem) -> dict[str, Callable[[], Any]]:
+def methods(problem: NormalFormProblem) -> dict[str, Callable[[], Any]]:
     """S, T, both, the inversion and the Lie recursion; the solver's construction included."""
     series = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
 

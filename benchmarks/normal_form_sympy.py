@@ -1,6 +1,6 @@
-"""The roads by brute force in sympy: unknown coefficients, compared monomial by monomial.
+"""The methods by brute force in sympy: unknown coefficients, compared monomial by monomial.
 
-All roads share the arithmetic, sympy's polynomials over QQ[unknowns] cut off at a degree, and
+All methods share the arithmetic, sympy's polynomials over QQ[unknowns] truncated at a degree, and
 sympy's solvers. A map is a list of n polynomials in x1..xn.
 """
 
@@ -153,7 +153,7 @@ class _Space:
         return found
 
     def times(self, a: Any, b: Any, degree: int) -> Any:
-        """The product, cut off at a degree."""
+        """The product, truncated at a degree."""
         found: dict[Any, Any] = {}
         for m, one in a.items():
             for k, other in b.items():

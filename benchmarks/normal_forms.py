@@ -1,4 +1,4 @@
-"""Normal forms along three roads against brute force in sympy and against DACE."""
+"""Normal forms along three methods against brute force in sympy and against DACE."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import normal_form_dace, normal_form_growth
-from benchmarks.normal_form_problems import dense_cubic, roads, van_der_pol
+from benchmarks.normal_form_problems import dense_cubic, methods, van_der_pol
 from benchmarks.report import Check, Row, Section, seconds
 from benchmarks.timing import first_call, interleaved
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 _AIMS = {(2, 5): 2e-4, (4, 9): 5e-3}  # [s] for S and T together, by states and degree
 _TOLERANCE = 1e-8  # of the largest coefficient; Lie's S of degree 9 has lost the most digits
-_LIMIT = 10.0  # [s] for a road in sympy
+_LIMIT = 10.0  # [s] for a method in sympy
 
 
 def run(quick: bool) -> Section:
@@ -49,15 +49,15 @@ def run(quick: bool) -> Section:
 
 
 def _size(section: Section, problem: NormalFormProblem, batch: int, rounds: int) -> None:
-    """One problem: aims, the roads beside each other, and beside DACE."""
+    """One problem: aims, the methods beside each other, and beside DACE."""
     size = (problem.system.states, problem.degree)
     label = "{} states, degree {}".format(*size)
-    ours = roads(problem)
+    ours = methods(problem)
     # What takes microseconds is measured warm, many times in a row.
     times = {
         name: time / batch
         for name, time in interleaved(
-            {name: _repeated(road, batch) for name, road in ours.items()}, 4 * rounds
+            {name: _repeated(method, batch) for name, method in ours.items()}, 4 * rounds
         ).items()
     }
     aim = _AIMS.get(size)
@@ -94,9 +94,9 @@ def _against_dace(
         "inverse of S": lambda: peer.inverse(S),
         "Lie": peer.lie,
     }
-    for road, time_ in interleaved(jobs, min(rounds, 3)).items():
-        section.rows.append(Row(f"{label}: {road}", times[road], "DACE", time_))
-    ours = roads(problem)
+    for method, time_ in interleaved(jobs, min(rounds, 3)).items():
+        section.rows.append(Row(f"{label}: {method}", times[method], "DACE", time_))
+    ours = methods(problem)
     recursion, (T_there, S_there) = ours["Lie"](), peer.lie()
     for what, theirs, mine in (
         ("S", S, ours["S"]()),
@@ -116,9 +116,9 @@ def _against_sympy(section: Section, quick: bool) -> None:
     found = {}
     for degree in (3, 5):
         exact, problem = van_der_pol(degree, exact=True), van_der_pol(degree)
-        batches = {name: _repeated(road, 50) for name, road in roads(problem).items()}
+        batches = {name: _repeated(method, 50) for name, method in methods(problem).items()}
         ours = {name: time_ / 50 for name, time_ in interleaved(batches, 5).items()}
-        mine = {"S": roads(problem)["S"](), "T": roads(problem)["T"]()}
+        mine = {"S": methods(problem)["S"](), "T": methods(problem)["T"]()}
         short = {
             "S at once": partial(brute.brute_s, exact),
             "T by degrees": partial(brute.direct_t, exact),
@@ -137,12 +137,12 @@ def _against_sympy(section: Section, quick: bool) -> None:
                 else:
                     times[way], results[way] = measured
         for way, result in results.items():
-            road = way.partition(" ")[0].rstrip(",")
-            what = f"2 states, degree {degree}: {road}"
-            section.rows.append(Row(what, ours[road], f"sympy, {way}", times[way]))
+            method = way.partition(" ")[0].rstrip(",")
+            what = f"2 states, degree {degree}: {method}"
+            section.rows.append(Row(what, ours[method], f"sympy, {way}", times[way]))
             theirs = brute.coefficients(result, problem.basis)
             section.checks.append(
-                _check(f"{what}, sympy, {way}", theirs, mine["S" if road == "S" else "T"])
+                _check(f"{what}, sympy, {way}", theirs, mine["S" if method == "S" else "T"])
             )
         found[degree] = times, ours
     section.notes += [

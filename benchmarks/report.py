@@ -96,7 +96,7 @@ class Section:
         return "\n".join(lines) + "\n"
 
     def data(self) -> dict[str, Any]:
-        """The section as plain data."""
+        """The section as values for JSON."""
         plain = asdict(self)
         for row, cells in zip(self.rows, plain["rows"], strict=True):
             cells.update(ratio=row.ratio, met=row.met)

@@ -195,14 +195,14 @@ def _of_layers_that_switch() -> Iterator[str]:
     yield f"{100 * outside:.2g} % of the innovations lie outside the thin layers and none outside"
     trials, earlier = (near["search", name] for name in ("trials", "earlier_trials"))
     yield f"({trials:g} trials, after {earlier:g} of two"
-    room = {
+    margins = {
         "the probability of leaving a mode may fall by": ("leave", "minimum"),
         "the variance of the measured acceleration by": ("measurement_noise_3", "minimum"),
         "the velocity may rise by": ("measurement_noise_2", "maximum"),
     }
     band = _parameters("studies", "switching_neighbourhood")["band"]
     yield f"before one value is more than {band:g} off"
-    for what, (number, end) in room.items():
+    for what, (number, end) in margins.items():
         yield f"{what} {percent(abs(near[number, f'{end}_factor'] - 1))}"
     leak = [
         causes["svsf_thin_retuned", f"fault_after variant={name}"] for name in ("whole", "frozen")

@@ -166,7 +166,7 @@ def _robustness(
     cached: CachedSamples | None,
     numbers: Mapping[str, Mapping[tuple[str, str], float]],
 ) -> Robustness | None:
-    """What the cached samples say of a claim; None where nothing was drawn."""
+    """What the cached samples say of a claim; None where nothing was sampled."""
     if cached is None:
         return None
     stated = outcome(claim, numbers)

@@ -22,7 +22,7 @@ _IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+\.png)\)")
 
 _CODE = re.compile(r"`([^`]+)`")
 
-_DENSITY = 1.6  # pixels of a picture to one of the page, as in the report
+_DENSITY = 1.6  # pixels of an image to one of the page, as in the report
 
 
 def write(root: Path, build: Path) -> None:

@@ -35,7 +35,7 @@ values = st.one_of(numbers, words, st.sampled_from(TREES))
 
 @st.composite
 def changed(draw: st.DrawFn, tree: Any, odd: st.SearchStrategy[Any] = values) -> Any:
-    """A copy of a tree of plain data with one to three changes anywhere in it."""
+    """A copy of a tree of plain values with one to three changes anywhere in it."""
     whole = copy.deepcopy(tree)
     for _ in range(draw(st.integers(1, 3))):
         path: list[Any] = []
@@ -92,12 +92,12 @@ def damaged(draw: st.DrawFn, content: bytes, tokens: list[bytes] | None = None) 
 
 
 def as_json(tree: Any) -> bytes:
-    """Plain data as a program would write it."""
+    """Plain values as a program would write it."""
     return json.dumps(tree).encode()
 
 
 def as_yaml(tree: Any) -> bytes:
-    """Plain data as a person might write it."""
+    """Plain values as a person might write it."""
     try:
         return yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False).encode()
     except UnicodeEncodeError:  # half of a surrogate pair

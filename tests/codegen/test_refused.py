@@ -46,7 +46,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "name: 'größe' must be an identifier of C",
     ),
     "no observer": (lambda: program_of(3), "observer: 3 must be an observer"),  # type: ignore[arg-type]
-    "an observer of one's own": (
+    "a user-defined observer": (
         lambda: program_of(Own(cases.model())),
         "observer: a Own cannot be exported; ",
     ),

@@ -299,7 +299,7 @@ def test_small_png_is_read_and_other_content_is_refused(tmp_path: Path) -> None:
     expected = np.array([[0, 128, 255], [16, 32, 48]])
     np.testing.assert_array_equal(read_pixels(path)[:, :, 0], expected)
     path.write_bytes(b"GIF89a" + b"\0" * 50)
-    with pytest.raises(InputError, match="is no picture"):
+    with pytest.raises(InputError, match="is no image"):
         read_pixels(path)
 
 

@@ -1,4 +1,4 @@
-"""Plain data checked against types: every error is one sentence with the dotted key."""
+"""Values checked against types: every error is one sentence with the dotted key."""
 
 from __future__ import annotations
 

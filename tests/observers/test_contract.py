@@ -198,23 +198,23 @@ def test_time_is_in_seconds(case: Case) -> None:
     assert np.array_equal(run.time, period * np.arange(SHORT))
     later = part(case, SHORT, 2 * SHORT, run.state)
     assert np.array_equal(later.time, period * np.arange(SHORT, 2 * SHORT))
-    stamps = 1e3 + period * np.arange(len(case.y))
-    stamped = observe(case, time=stamps)
-    assert np.array_equal(stamped.time, stamps)
-    assert not np.shares_memory(stamped.time, stamps)
+    times = 1e3 + period * np.arange(len(case.y))
+    stamped = observe(case, time=times)
+    assert np.array_equal(stamped.time, times)
+    assert not np.shares_memory(stamped.time, times)
     assert same_rows(stamped, observe(case))
 
 
 @pytest.mark.parametrize("off", [0.5, -1.0, 1.0])
 def test_uneven_times_are_refused_naming_the_row(case: Case, off: float) -> None:
     period = case.observer.sampling_period
-    stamps = period * np.arange(len(case.y))
-    stamps[7:] += off * period
+    times = period * np.arange(len(case.y))
+    times[7:] += off * period
     reported = (
         rf"^time: goes from .* s at row 7, must go on by the sampling period of {period:g} s$"
     )
     with pytest.raises(InputError, match=reported):
-        observe(case, time=stamps)
+        observe(case, time=times)
 
 
 # --- Results of a run ---------------------------------------------------------------------------
@@ -481,15 +481,15 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
     for values in (y, u):
         if values is not None:
             values[20:] = ((case.huge or 1e300) * signs).reshape(-1, *[1] * (values.ndim - 1))
-    stamps = 50.0 + case.observer.sampling_period * np.arange(SHORT)
-    arguments = {"y": y, "u": u, "time": stamps}
+    times = 50.0 + case.observer.sampling_period * np.arange(SHORT)
+    arguments = {"y": y, "u": u, "time": times}
     run = observe(case, **arguments, on_divergence="return")
     if case.huge is None:  # cannot diverge
         assert run.diverged_at is None
         assert len(run) == SHORT
         assert all(np.isfinite(run[name]).all() for name in run.estimates)
         return
-    assert run.diverged_at == run.time[-1] == stamps[len(run) - 1]
+    assert run.diverged_at == run.time[-1] == times[len(run) - 1]
     assert 19 <= len(run) - 1 < SHORT - 1
     clean = part(case, 0, 20, case.state)
     assert all(np.array_equal(run[name][:20], clean[name][: len(run)]) for name in clean.estimates)
@@ -503,7 +503,7 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
     # Resuming with the diverging row, the last finite time is before the record.
     before, rest = observe(case, y=y[: len(run)], u=None if u is None else u[: len(run)]), len(run)
     again = case.observer.run(
-        y[rest:], None if u is None else u[rest:], state=before.state, time=stamps[rest:],
+        y[rest:], None if u is None else u[rest:], state=before.state, time=times[rest:],
         on_divergence="return",
     )  # fmt: skip
     assert len(again) == 0

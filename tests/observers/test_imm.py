@@ -271,7 +271,7 @@ def test_three_models_with_three_outputs_agree_with_50_digits(kind: str, mixing:
     assert np.all((share > 0.05) & (share < 0.95))
 
 
-# --- A bank of one, and the same bits -----------------------------------------------------------
+# --- A bank of one, and bitwise identical loops --------------------------------------------------
 
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])

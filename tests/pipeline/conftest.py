@@ -53,7 +53,7 @@ def with_few_levels(parameters: Parameters) -> Parameters:
 
 # Samples give verdicts, which are compared every night; a build in a test needs only one, and no
 # search for reversals, which takes longer than all figures.
-FEW_DRAWS = ("samples=1", "reversals=false", "cached=false")
+FEW_SAMPLES = ("samples=1", "reversals=false", "cached=false")
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ def copy_toy(target: Path) -> Project:
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A copy with everything built on two cores; tests must restore what they change.
 
-    Each claim has a single sample, see `FEW_DRAWS`. With several processes, the first that needs it
-    builds it for all. Tests in the same process may run jobs in it; tests in other processes
+    Each claim has a single sample, see `FEW_SAMPLES`. With several processes, the first that needs
+    it builds it for all. Tests in the same process may run jobs in it; tests in other processes
     compare with `as_built`.
     """
     shared = tmp_path_factory.getbasetemp()
@@ -147,7 +147,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
             copy = copy_project(folder)
             # The package of this checkout, whose compiled kernels the unit tests share.
             environment = project_copy.copy_environment(ROOT)
-            copy.snakemake("--config", *FEW_DRAWS, environment=environment)
+            copy.snakemake("--config", *FEW_SAMPLES, environment=environment)
             shutil.copytree(folder / "results", whole / "results")
     return Project(folder)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import FEW_DRAWS, ROOT, Project, copy_project
+from .conftest import FEW_SAMPLES, ROOT, Project, copy_project
 
 pytestmark = pytest.mark.nightly
 
@@ -33,7 +33,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     copy.run("git", "init", "--quiet")
     copy.run("git", "add", "--all")
     copy.run(*git, "commit", "--quiet", "--message", "all")
-    copy.snakemake("--config", "papers=[two_mass]", *FEW_DRAWS)
+    copy.snakemake("--config", "papers=[two_mass]", *FEW_SAMPLES)
     return copy
 
 
@@ -43,7 +43,7 @@ def test_example_builds_from_scratch(project: Project) -> None:
     claims = (project.folder / "results/claims.csv").read_text()
     assert claims.count("\ntwo_mass,") == 3
     assert "two_mass" in (project.folder / "results/report.html").read_text()
-    assert project.stale(config=("papers=[two_mass]", *FEW_DRAWS)) == {}
+    assert project.stale(config=("papers=[two_mass]", *FEW_SAMPLES)) == {}
 
 
 def test_example_results_depend_on_its_single_module(project: Project) -> None:
@@ -51,7 +51,7 @@ def test_example_results_depend_on_its_single_module(project: Project) -> None:
     kept = module.read_bytes()
     try:
         module.write_bytes(kept.replace(b"From rest, under", b"Starting at rest, under"))
-        stale = project.stale(config=("papers=[two_mass]", *FEW_DRAWS))
+        stale = project.stale(config=("papers=[two_mass]", *FEW_SAMPLES))
     finally:
         module.write_bytes(kept)
     assert stale["plant"] == 2

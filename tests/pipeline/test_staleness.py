@@ -15,7 +15,7 @@ import pytest
 
 from reobserve.replication.provenance import import_closure, stage_modules
 
-from .conftest import FEW_DRAWS, PAPERS, PARAMETER_FILES, Project
+from .conftest import FEW_SAMPLES, PAPERS, PARAMETER_FILES, Project
 
 # Stages that a paper has if its parameter file has the section.
 OPTIONAL = {"design": "designs", "study": "studies", "table": "tables", "theory": "theory"}
@@ -93,7 +93,7 @@ def test_touching_a_file_makes_nothing_stale(built: Project) -> None:
         path.touch()
     for path in (built.folder / "config").rglob("*.yaml"):
         path.touch()
-    assert built.stale(config=FEW_DRAWS) == {}
+    assert built.stale(config=FEW_SAMPLES) == {}
 
 
 @pytest.mark.nightly
@@ -122,7 +122,7 @@ def test_new_package_version_makes_dependent_jobs_stale(built: Project) -> None:
 def test_samples_are_stale_after_changes_of_figures_and_observers(
     built: Project, override: str
 ) -> None:
-    stale = built.stale(config=[*FEW_DRAWS, override])
+    stale = built.stale(config=[*FEW_SAMPLES, override])
     assert stale["robustness"] == stale["sensitivity"] == 1
 
 
@@ -147,7 +147,7 @@ def test_changed_title_makes_only_the_plot_stale(built: Project, section: str, n
 @pytest.mark.nightly
 def test_changed_caption_makes_its_plot_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
-        assert built.stale(config=FEW_DRAWS) == {"plot": 1, **REPORTED}
+        assert built.stale(config=FEW_SAMPLES) == {"plot": 1, **REPORTED}
 
 
 # Jobs made stale by the wording of a claim, and by its checks.
@@ -188,7 +188,7 @@ def test_evidence_is_stale_after_its_inputs_change(
     built: Project, file: str, old: str, new: str, stale: dict[str, int]
 ) -> None:
     with edited(built.folder / file, old, new):
-        assert built.stale(config=FEW_DRAWS) == stale
+        assert built.stale(config=FEW_SAMPLES) == stale
 
 
 @pytest.mark.nightly
@@ -283,7 +283,7 @@ LATE = {
 @pytest.fixture(scope="module")
 def commands(built: Project) -> list[list[str]]:
     """The arguments of all stage jobs, after the name of the stage."""
-    asked = ("--dry-run", "--forceall", "--printshellcmds", "--config", *FEW_DRAWS)
+    asked = ("--dry-run", "--forceall", "--printshellcmds", "--config", *FEW_SAMPLES)
     output = built.snakemake(*asked).stdout
     found = re.findall(r"\(set -x; reobserve stage (.*?)\) ", output)
     return [command.split() for command in found]
@@ -307,8 +307,8 @@ def test_import_closure_contains_every_module_a_stage_loads(
     jobs: dict[tuple[str, bool, bool], list[str]] = {}
     for words in commands:
         of_paper = f"results/{paper}/parameters.json" in words
-        dear = words[0] == "study" and STUDIES[paper] not in words
-        if of_paper and words[0] in ALL_STAGES and not dear:
+        slow = words[0] == "study" and STUDIES[paper] not in words
+        if of_paper and words[0] in ALL_STAGES and not slow:
             kind = (words[0], has_file(words, "--design-file"), has_file(words, "--study-file"))
             jobs.setdefault(kind, [word for word in words if not word.endswith((".pdf", ".png"))])
     optional = {

@@ -10,7 +10,7 @@ from reobserve.plotting.look import use_sheet
 
 
 @pytest.fixture(autouse=True)
-def _the_look_of_the_house() -> Iterator[None]:
+def _default_style() -> Iterator[None]:
     """Reset the style sheet after each test."""
     yield
     use_sheet(None)

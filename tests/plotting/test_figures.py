@@ -49,7 +49,7 @@ LOOK = {
     "axes.spines.right": (False, "a frame says nothing"),
     "axes.titlelocation": ("left", "titles are read as text"),
     "legend.frameon": (False, "a legend hides no line"),
-    "figure.constrained_layout.use": (True, "no label is cut off"),
+    "figure.constrained_layout.use": (True, "no label is clipped"),
     "path.simplify": (True, "files of long records stay small"),
     "pdf.fonttype": (42, "journals take no fonts of type 3"),
     "svg.hashsalt": ("reobserve", "the same bytes each time"),

@@ -1,4 +1,4 @@
-"""Fitting: in a smaller style nothing overlaps, is cut off or lost."""
+"""Fitting: in a smaller style nothing overlaps, is clipped or lost."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_legend_lies_between_title_and_panel(fitted: PaperFigure) -> None:
     assert panel.y1 <= place.y0 < place.y1 <= words.y0
     assert " ".join(title.get_text().split()) == TITLE
     assert [text.get_text()[-1] for text in legend.get_texts()] == ["0", "1", "2"]
-    assert above.get_ylim()[1] < 1.2, "room for a legend that is elsewhere"
+    assert above.get_ylim()[1] < 1.2, "no space for a legend that is in another place"
 
 
 def test_tick_labels_do_not_overlap_and_no_name_is_lost(fitted: PaperFigure) -> None:

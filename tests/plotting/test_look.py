@@ -98,7 +98,7 @@ REFUSED = {
     "figure.figsize: 0.1, 3": "line 2: figure.figsize, width in inches: 0.1 must be from 1 to 40",
     "figure.figsize: 3, 99": "line 2: figure.figsize, height in inches: 99 must be from 0.5 to 40",
     "figure.figsize: 3": "line 2: figure.figsize: .*",
-    "figure.constrained_layout.use: False": "line 2: .*must be True, so that no label is cut off",
+    "figure.constrained_layout.use: False": "line 2: .*must be True, so that no label is clipped",
     "text.usetex: True": "line 2: text.usetex: 'True' must be False, so that no LaTeX is needed",
     "savefig.bbox: tight": "line 2: savefig.bbox: 'tight' must be None, so that the width is",
     "pdf.fonttype: 3": "line 2: pdf.fonttype: '3' must be 42, which journals take",

@@ -1,4 +1,4 @@
-# From records to what readers see: metrics, drawings with captions, and tables.
+# From records to what readers see: metrics, plots with captions, and tables.
 
 STYLE = [path for path in [style_sheet(config["style"])] if Path(path).is_file()]
 

@@ -93,7 +93,7 @@ def _kept(scorer: Scorer, method: str, training: str, one: Tuned) -> Repeat:
 
 
 def _cost(task: Task, method: str, settings: Settings) -> Cost:
-    """The least of several, as others use the machine."""
+    """The minimum of several, as others use the machine."""
     condition = task.training[task.main].conditions[0]
     record = task.record(condition, task.held_out_seeds(1)[0])
     forget: Callable[[], None] = getattr(task.module, "forget", lambda: None)

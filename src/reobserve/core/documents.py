@@ -1,4 +1,4 @@
-"""YAML and JSON of plain data: every key once, nothing nested too deep, no more than is needed."""
+"""Values from YAML and JSON: every key once, nothing nested too deep, no more than is needed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _LARGEST = 2**53  # up to here every integer is a float
 
 
 def digest(value: Any) -> str:
-    """A short hash of plain data, the same for the same content."""
+    """A short hash of what JSON can hold, the same for the same content."""
     text = json.dumps(value, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -179,12 +179,12 @@ def read_yaml(path: str | Path) -> Tree:
 
 
 def parse_json(text: str, place: str, values: int = VALUES) -> Any:
-    """Plain data from JSON text.
+    """Values from JSON text.
 
     Raises
     ------
     InputError
-        If it is no JSON, names a key twice, or is no plain data; see `check_plain`.
+        If it is no JSON, names a key twice, or holds what `check_plain` refuses.
     """
     try:
         tree = json.loads(text, object_pairs_hook=_once)

@@ -40,7 +40,7 @@ def missing(name: str, purpose: str, extra: str | None = None) -> InputError:
     name
         As it is imported.
     purpose
-        What takes it, as "draw a picture".
+        What takes it, as "draw a plot".
     extra
         The extra to install, where several bring it.
     """

@@ -1,4 +1,4 @@
-"""Plain data checked against types, by pydantic, with errors of one sentence.
+"""Values of YAML and JSON checked against types, by pydantic, with errors of one sentence.
 
 A file is declared as a dataclass (or a pydantic model) whose fields are its keys:
 
@@ -43,7 +43,7 @@ def parse(kind: Any, tree: object, place: str = "", *, finite: bool = True) -> A
 
 
 def parse(kind: Any, tree: object, place: str = "", *, finite: bool = True) -> Any:
-    """Make a ``kind`` of plain data.
+    """Make a ``kind`` of the values of YAML or JSON.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def parse(kind: Any, tree: object, place: str = "", *, finite: bool = True) -> A
         text = json.dumps([tree], allow_nan=not finite, default=_as_list)
     except (TypeError, ValueError, RecursionError):
         check_plain(tree, place)
-        raise InputError(place, "is no plain data") from None
+        raise InputError(place, "cannot be written as JSON") from None
     try:
         (found,) = _adapter(kind, finite).validate_json(text)
     except ValidationError as error:

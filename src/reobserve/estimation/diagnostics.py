@@ -17,7 +17,7 @@ Consistency: a filter predicts how far its innovations spread. Where they spread
 half, in the root mean square, more than five times as far, the record contradicts the model. Where
 an observer predicts no spread, its residual is compared with what is measured: it contradicts the
 model if it is more than half of that, more than five times the noise, and does not die away (more
-than a hundredth of its greatest value is left).
+than a hundredth of its maximum is left).
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
             f"delay: over 100 % of the first {len(y)} rows the input moves too little for it to be "
             "seen, and it stays as it began"
         )
-    with np.errstate(over="ignore", invalid="ignore"):  # of readings near the largest number
+    with np.errstate(over="ignore", invalid="ignore"):  # of measurements near the largest number
         found += _unsettled(estimation, whole, later, noisy, len(y))
     return found
 

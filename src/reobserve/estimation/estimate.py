@@ -37,7 +37,7 @@ class Estimated(NamedTuple):
 class Estimation:
     """All that stands between the rows of a record and the rows of its estimates.
 
-    However rows come in blocks, the estimates are the same to the bit.
+    However rows come in blocks, the estimates are bitwise identical.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ class Estimation:
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of blocks; `misleading` looks at the whole
+            warnings.simplefilter("ignore")  # of blocks; `diagnostics` checks the whole
             with self.dated(float(stretch.time[0]), rows):
                 run = self.observer.run(stretch.y, stretch.u, state=self.state)
         self.state = run.state

@@ -1,6 +1,6 @@
 """Values between samples: each column from its own samples, as soon as these settle it.
 
-However a record is cut into blocks, the values are the same to the bit: a value depends on the
+However a record is cut into blocks, the values are bitwise identical: a value depends on the
 samples beside it (for pchip on two on each side), and is given when no later row can change it.
 """
 

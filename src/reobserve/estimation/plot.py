@@ -1,7 +1,7 @@
 """A plot of results: estimates with what they may be off, residuals, alarms, and gaps in grey.
 
 It remembers no more than some thousand points of a record, however long that is: of more it keeps
-the least and the greatest value of as many rows as must share a point. matplotlib is imported when
+the minimum and the maximum of as many rows as must share a point. matplotlib is imported when
 the plot is drawn.
 """
 

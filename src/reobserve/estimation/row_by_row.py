@@ -1,4 +1,4 @@
-"""Estimates of rows of text as they come, with the bits of a whole record.
+"""Estimates of rows of text as they come, bitwise those of a whole record.
 
 Where no policy has anything to do, a row takes a short way: its numbers go from the text to the
 observer and back without a detour by blocks. Else it is a block of one row.

@@ -58,7 +58,7 @@ class UnevenError(InputError):
 def _placed(
     time: Array, grid: Array, period: float, jitter: float, refuse: bool, passed: Array
 ) -> tuple[int, float]:
-    """How many rows are accepted, and the greatest jitter; fills the periods ``passed`` by each.
+    """How many rows are accepted, and the maximum jitter; fills the periods ``passed`` by each.
 
     ``grid`` is [low, high], nan before the first row; the rows go on from it.
     """
@@ -92,7 +92,7 @@ def _placed(
 
 
 def least_jitter(blocks: Iterable[Array], period: float) -> tuple[float | None, float | None]:
-    """The least jitter, in hundredths of a period, that accepts timestamps; None if none does.
+    """The minimum jitter, in hundredths of a period, that accepts timestamps; None if none does.
 
     Then also their mean interval [s], if it differs from the period by more than rounding.
     """
@@ -180,7 +180,7 @@ class Timestamps:
         raise InputError(self.place, problem)
 
     def _look(self, steps: Array) -> None:
-        """Judge the period once there are enough intervals."""
+        """Check the period once there are enough intervals."""
         missing = _LOOKED_AT - len(self.begun)
         if missing > 0 and len(steps):
             self.begun += steps[:missing].tolist()

@@ -6,9 +6,9 @@
 
 Measurements ``y`` and known inputs ``u`` of one sample stand in the same row, ``sampling_period``
 seconds after the row before; u is the input from that sample on. The estimate of a row is made
-from the rows up to it. An observer is a frozen dataclass of the plant as it knows it and then its
+from the rows up to it. An observer is a frozen dataclass of its model of the plant and then its
 gains, with ``sampling_period`` by its name; its state is a value; `run` is one compiled loop over
-the arithmetic of `step`, so that both give the same bits.
+the arithmetic of `step`, so that both give bitwise identical results.
 
 What a method needs between samples it has by a rule of its own, which each observer states; who
 knows more of it gives it as ``middle`` and ``before``.
@@ -41,7 +41,7 @@ from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]
 
-_UNEVEN = 0.01  # of the sampling period: how much longer or shorter a time between stamps may be
+_UNEVEN = 0.01  # of the sampling period: how much longer or shorter the time between rows may be
 
 
 class ObserverState(Protocol):
@@ -209,7 +209,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         """Take one sample: the next state, and the estimates at it.
 
         The arguments are those of `run`, without the axis of samples. Stepping through a record
-        gives the bits that `run` gives.
+        gives bitwise what `run` gives.
 
         Raises
         ------
@@ -273,19 +273,19 @@ class Observer(Value, ABC, Generic[StateKind]):
         loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
         record = self._read(y, u, before, middle)
         start = self._start(record.y[0]) if state is None else self._checked(state)
-        stamps = self._stamps(time, start, len(record.y))
+        times = self._times(time, start, len(record.y))
         rows = self._fill(start, record)
         good = self._good(rows)
         missing = int(np.isnan(record.y[:good]).any(axis=1).sum()) if self.reads_missing else 0
         estimates, left, after, diverged_at = rows.estimates, rows.before, rows.state, None
-        if good < len(stamps):
+        if good < len(times):
             if loud:
-                raise self._divergence(start, record, stamps, good)
+                raise self._divergence(start, record, times, good)
             estimates = {name: array[:good] for name, array in estimates.items()}
             left = {name: array[:good] for name, array in left.items()}
-            after, diverged_at = start, self._last_finite(start, stamps, good)
+            after, diverged_at = start, self._last_finite(start, times, good)
         return Run(
-            stamps[:good], estimates, self.units, after, diverged_at, left, missing,
+            times[:good], estimates, self.units, after, diverged_at, left, missing,
             self.component_names,
         )  # fmt: skip
 
@@ -294,17 +294,17 @@ class Observer(Value, ABC, Generic[StateKind]):
         return rows.finite if self.reads_missing else rows.good
 
     def _divergence(
-        self, state: StateKind, record: Record, stamps: Array, good: int
+        self, state: StateKind, record: Record, times: Array, good: int
     ) -> DivergenceError:
         """The error to raise where the rows of a record beyond the first ``good`` ones diverged."""
-        finding = self._finding(state, record, good, float(stamps[0]))
-        return DivergenceError(type(self).__name__, self._last_finite(state, stamps, good), finding)
+        finding = self._finding(state, record, good, float(times[0]))
+        return DivergenceError(type(self).__name__, self._last_finite(state, times, good), finding)
 
-    def _last_finite(self, state: StateKind, stamps: Array, good: int) -> float:
+    def _last_finite(self, state: StateKind, times: Array, good: int) -> float:
         """The time [s] up to which estimates are finite, perhaps that of the state's sample."""
         if good:
-            return float(stamps[good - 1])
-        return float(stamps[0]) - (0.0 if state.sample is None else self.sampling_period)
+            return float(times[good - 1])
+        return float(times[0]) - (0.0 if state.sample is None else self.sampling_period)
 
     def _read(
         self, y: ArrayLike, u: ArrayLike | None, before: Pair | None, middle: Pair | None
@@ -347,22 +347,22 @@ class Observer(Value, ABC, Generic[StateKind]):
         """How many sampling periods after the first row of all the next one stands."""
         return 0 if state.sample is None else state.count + 1
 
-    def _stamps(self, time: ArrayLike | None, state: StateKind, rows: int) -> Array:
+    def _times(self, time: ArrayLike | None, state: StateKind, rows: int) -> Array:
         """The times of the rows."""
         if time is None:
             counted = self._next_row(state) + np.arange(rows, dtype=np.float64)
             return counted * self.sampling_period
-        stamps = as_samples("time", time, None, rows=rows, like="y")
+        times = as_samples("time", time, None, rows=rows, like="y")
         with np.errstate(over="ignore"):
-            off = np.abs(np.diff(stamps) - self.sampling_period)
+            off = np.abs(np.diff(times) - self.sampling_period)
         if off.size and off.max() > _UNEVEN * self.sampling_period:
             row = int(np.argmax(off > _UNEVEN * self.sampling_period))
             raise InputError(
                 "time",
-                f"goes from {stamps[row]:.9g} to {stamps[row + 1]:.9g} s at row {row + 1}, must go "
+                f"goes from {times[row]:.9g} to {times[row + 1]:.9g} s at row {row + 1}, must go "
                 f"on by the sampling period of {self.sampling_period:g} s",
             )
-        return stamps.copy()
+        return times.copy()
 
 
 def check_state(

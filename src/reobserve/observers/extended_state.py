@@ -71,7 +71,7 @@ class ExtendedStateObserver(Observer[State]):
     Parameters
     ----------
     system
-        The plant as the observer knows it, with the filter.
+        The observer's model of the plant, with the filter.
     gains
         L and Ld; with Ld = 0 it is the PI observer (6).
     sampling_period

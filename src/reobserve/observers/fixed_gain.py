@@ -3,7 +3,7 @@
     x-(k) = A x^(k-1) + B u(k-1)
     x^(k) = x-(k) + L [y(k) - C x-(k) - D u(k)]
 
-Its error moves by (I - L C) A a sample. It keeps account of a covariance like any linear filter:
+Its error moves by (I - L C) A a sample. It computes a covariance like any linear filter:
 where Q and R are not known, its estimates do not depend on them.
 """
 
@@ -107,7 +107,7 @@ def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
         If the poles cannot be placed, `reobserve.synthesis.linear.place`; or they are not stable.
     """
     A, _, C, _, _, _ = as_kind("model", model, LinearModel).arrays
-    # The corrected estimate sees the state through C A: (I - L C) A = A - L (C A).
+    # The corrected estimate depends on the state through C A: (I - L C) A = A - L (C A).
     return FixedGainObserver(model, place(A, C @ A, poles))
 
 

@@ -286,7 +286,7 @@ class GaussianFilter(NoiseByRow):
 
 
 def new_rows(rows: int, states: int, outputs: int) -> tuple[Array, Array, Array, Array, Array]:
-    """Room for means, covariances, innovations, their covariances and log-likelihoods."""
+    """Arrays for means, covariances, innovations, their covariances and log-likelihoods."""
     k, n, m = rows, states, outputs
     return (
         np.empty((k, n)), np.empty((k, n, n)), np.empty((k, m)), np.empty((k, m, m)), np.empty(k),

@@ -71,7 +71,7 @@ class ILO(RigidBodyObserver):
     Parameters
     ----------
     model
-        The rigid body as the observer knows it.
+        The observer's model of the rigid body.
     K1, K2
         Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
     observer_gain

@@ -74,7 +74,7 @@ def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
 
 
 def new_bank_rows(k: int, r: int, n: int, m: int) -> BankRows:
-    """Room for the estimates of k rows, by r filters of n states and m outputs."""
+    """Arrays for the estimates of k rows, by r filters of n states and m outputs."""
     shapes = (k, n), (k, n, n), (k, r), (k, r, m), (k,)
     return BankRows(*map(np.empty, shapes))
 

@@ -1,4 +1,4 @@
-"""A normal-form observer for a system of one's own, in one call."""
+"""A normal-form observer for a user-defined system, in one call."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def normal_form_observer(
         higher one lets `NormalFormObserver.check_domain` estimate where they converge.
     expanded
         The degree up to which f and h are expanded, at least that of the series: what is no
-        polynomial of this degree is cut off, also in the model that the observer runs on.
+        polynomial of this degree is truncated, also in the model that the observer runs on.
     inputs
         Known inputs that stand in the dynamics: symbols, or their names.
     higher

@@ -46,7 +46,7 @@ class Law(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room for monomials, the values of ``inner`` and a matrix, so that no step asks for any."""
+    """Arrays for monomials, the values of ``inner`` and a matrix, allocated once for all steps."""
 
     monomials: Array
     values: Array

@@ -64,7 +64,7 @@ class RigidBodyObserver(Observer[State]):
     Parameters
     ----------
     model
-        The rigid body as the observer knows it.
+        The observer's model of the rigid body.
     sampling_period
         [s], and the step of the classical Runge-Kutta method.
 

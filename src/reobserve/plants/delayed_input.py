@@ -153,7 +153,7 @@ def _check_axes(name: str, signal: Signal) -> None:
 
 
 def _check_arrivals(control: Signal, origins: Array, step: float) -> None:
-    """Refuse a break of the control in the time that one step sees.
+    """Refuse a break of the control in the time that one step covers.
 
     ``origins`` are the instants t - tau(t) at the start, the middle and the end of the steps. A
     break that the start just has behind it and the end just before it lies on the grid. So does

@@ -94,7 +94,7 @@ def mosaic(
 
 
 def thin(time: Array, values: Array, buckets: int = 1200) -> tuple[Array, Array]:
-    """Fewer points with the same picture: the least and the greatest of each bucket, in order.
+    """Fewer points with the same plot: the minimum and the maximum of each bucket, in order.
 
     There are ``buckets`` of them or a few more; a series of less than four points a bucket is
     left alone.
@@ -127,7 +127,7 @@ def time_axis(axes: Axes, time: Array) -> None:
 def headroom(
     axes: Axes, share: float = 0.0, *, factor: float = 1.0, to: float | None = None
 ) -> None:
-    """Room for the legend above the curves: a share of the height, a factor, or a new limit."""
+    """Space for the legend above the curves: a share of the height, a factor, or a new limit."""
     low, high = axes.get_ylim()
     if isinstance(axes.figure, PaperFigure):
         axes.figure.bare[axes] = (low, high)
@@ -155,7 +155,7 @@ def decades(axis: Axis) -> None:
 
 
 def add_note(figure: PaperFigure, *paragraphs: str) -> None:
-    """Small print under the panels: what was chosen where the paper is silent.
+    """Footnotes under the panels: what was chosen where the paper is silent.
 
     Lines are broken where the paragraphs are; in a narrower style also elsewhere.
     """

@@ -67,8 +67,8 @@ _GENERIC = ("sans-serif", "serif", "monospace")
 
 # What a sheet may state in this way only, and why.
 _FIXED: dict[str, tuple[Any, str]] = {
-    "figure.constrained_layout.use": (True, "so that no label is cut off"),
-    "figure.autolayout": (False, "so that no label is cut off"),
+    "figure.constrained_layout.use": (True, "so that no label is clipped"),
+    "figure.autolayout": (False, "so that no label is clipped"),
     "savefig.bbox": (None, "so that the width is that of figure.figsize"),
     "text.usetex": (False, "so that no LaTeX is needed"),
     "pdf.fonttype": (42, "which journals take"),

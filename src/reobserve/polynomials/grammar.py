@@ -31,7 +31,7 @@ _LONGEST = 10_000  # characters
 _DEEPEST = 60  # levels of parentheses, signs and powers
 _MOST_PARTS = 10_000
 _HIGHEST_POWER = 1000
-_MOST_BITS = 1024  # of a whole number: those of the greatest float
+_MOST_BITS = 1024  # of a whole number: those of the largest float
 
 _TOKEN = re.compile(
     r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(\w+)|(\*\*|[-+*/^()]))"

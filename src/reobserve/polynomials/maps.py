@@ -1,4 +1,4 @@
-"""Maps whose components are polynomials, or power series cut off at a degree."""
+"""Maps whose components are polynomials, or power series truncated at a degree."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class PolynomialMap:
     def linear(cls, matrix: ArrayLike) -> PolynomialMap:
         """The map x -> M x, M of shape (m, n), of floats or (dtype object) of fractions."""
         given = np.asarray(matrix)
-        # Integers would cut off what is added to them, and overflow when multiplied.
+        # Integers would truncate what is added to them, and overflow when multiplied.
         rows = given + Fraction(0) if given.dtype == object else given.astype(np.float64)
         basis = monomials(rows.shape[1], 1)
         return cls(basis, np.concatenate([zeros((len(rows), 1), rows), rows], axis=1))
@@ -128,7 +128,7 @@ class PolynomialMap:
             yield int(component), powers, self.coefficients[component, place]
 
     def upto(self, degree: int) -> PolynomialMap:
-        """Cut off, or filled with zeros, at another degree."""
+        """Truncated, or filled with zeros, at another degree."""
         basis = monomials(self.variables, degree)
         table = zeros((self.components, len(basis.exponents)), self.coefficients)
         kept = min(table.shape[1], self.coefficients.shape[1])
@@ -176,7 +176,7 @@ class PolynomialMap:
         return PolynomialMap(basis, table[:, : len(basis.exponents)])
 
     def after(self, inner: PolynomialMap, degree: int) -> PolynomialMap:
-        """The composition self(inner(x)), cut off at ``degree``; inner has no constant terms.
+        """The composition self(inner(x)), truncated at ``degree``; inner has no constant terms.
 
         Raises
         ------

@@ -58,7 +58,7 @@ SETTINGS = {
     "smart_quotes": False,
 }
 
-# What a caption may be made of. No directive and no role makes anything else of text: no picture,
+# What a caption may be made of. No directive and no role makes anything else of text: no image,
 # no other file, no class or name that the page has given.
 _ALLOWED = {
     *("document", "paragraph", "Text", "emphasis", "strong", "literal", "subscript"),

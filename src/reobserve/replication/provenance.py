@@ -20,7 +20,7 @@ from reobserve.replication.parameters.names import paper_part
 _OURS = ("reobserve", __name__.partition(".")[0])
 _PAPERS = _OURS[1]
 
-# Packages whose version can move a number or a picture.
+# Packages whose version can move a number or a figure.
 _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
 
 
@@ -116,7 +116,7 @@ def files_digest(*places: str) -> str:
 
 @cache
 def versions() -> dict[str, str]:
-    """The versions of the packages that decide numbers and pictures."""
+    """The versions of the packages that decide numbers and figures."""
     return {name: metadata.version(name) for name in _PACKAGES}
 
 

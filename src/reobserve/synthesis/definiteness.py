@@ -11,7 +11,7 @@ the ball of v^T M v lies above zero. Balls that are too wide to tell are compute
 digits.
 
 A matrix that comes out of products and sums is best formed in balls, too, in a precision that
-leaves the radii of no account: ``with flint.ctx.workprec(400): M = ball_matrix(P) * ...``.
+leaves the radii negligible: ``with flint.ctx.workprec(400): M = ball_matrix(P) * ...``.
 """
 
 from __future__ import annotations

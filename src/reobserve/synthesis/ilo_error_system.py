@@ -31,7 +31,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class LearningLaw:
-    """A body as the observer knows it and its learning law: all that the error equation has.
+    """An observer's model of a body and its learning law: all that the error equation has.
 
     Chen & Saif 2007, (4).
 

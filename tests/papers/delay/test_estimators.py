@@ -326,4 +326,4 @@ def test_delay_leaving_the_bounds_within_a_step_is_held(
         for found in (run(one, FAST, delay, 10.0, first)[:, 0] for one in (narrow, free))
     )
     assert ours < 2e-7
-    assert unbounded > 0.5 * beyond, "what is cut off shows"
+    assert unbounded > 0.5 * beyond, "what is truncated shows"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -35,6 +36,13 @@ from reobserve.replication.parameters.parameters import Parameters
 ROOT = Path(__file__).parents[3]
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.sampled.K2"
+
+
+def test_readme_of_results_explains_all_columns() -> None:
+    text = (ROOT / "results" / "README.md").read_text(encoding="utf-8")
+    table = text.partition("## Columns of `claims.csv`")[2].partition("<!--")[0]
+    first = [line.split("|")[1] for line in table.splitlines() if line.startswith("|")]
+    assert sorted(re.findall("`(.*?)`", " ".join(first))) == sorted(HEADER)
 
 
 def marked() -> Parameters:

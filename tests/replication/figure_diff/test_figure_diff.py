@@ -128,7 +128,7 @@ def test_agreement_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
          "made fig1, watch rms: golden 0.5, found 0.6, off by 0.1, allowed 5e-13"),
         (lambda: record("watch", 1e-6), "fig1: moved", "fig1, watch x at 0.05 s: golden 0.9987"),
         (lambda: draw(f"{BUILT}/fig1.png", "state y"), "fig1: moved", "    - RMS "),
-        (lambda: write_text(f"{ACCEPTED}/fig1.png", "no"), "fig1: not compared", "no picture"),
+        (lambda: write_text(f"{ACCEPTED}/fig1.png", "no"), "fig1: not compared", "no image"),
         (rewrite(f"{BUILT}/table1.csv", "2.5", "2.6"), "table1: moved", "row 1 value: golden 2.5"),
         (rewrite("results/claims.csv", "reproduced", "contradicted"), "claims: moved",
          "made is_stable, verdict: golden reproduced, found contradicted"),

@@ -118,5 +118,5 @@ def test_damaged_image_is_named(reference: Path, tmp_path: Path, start: int) -> 
     path = tmp_path / "fig1.png"
     whole = reference.read_bytes()
     path.write_bytes(whole[:start] + b"\0" * 40 + whole[start + 40 :])
-    with pytest.raises(InputError, match=r"fig1\.png: is damaged or is no picture \("):
+    with pytest.raises(InputError, match=r"fig1\.png: is damaged or is no image \("):
         read_pixels(path)

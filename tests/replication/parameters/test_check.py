@@ -98,15 +98,15 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
         "lie", {"designs": {"linear": {"degree": 5000}}},
         "lie.designs.linear.degree: 5000 must be 61 or less",
     ),
-    "a missing key of an observer of one's own": (
+    "a missing key of a user-defined observer": (
         "delay", {"observers": {"new": {"algorithm": "relay", "label": "x"}}},
         "delay.observers.new.relay_gain: is missing; the algorithm relay needs it",
     ),
-    "a missing key of a filter of one's own": (
+    "a missing key of a user-defined filter": (
         "imm", {"observers": {"new": {"algorithm": "kalman", "label": "x"}}},
         "imm.observers.new.realisation: is missing; the algorithm kalman needs it",
     ),
-    "a missing key of an extended state observer of one's own": (
+    "a missing key of a user-defined extended state observer": (
         "eso", {"observers": {"new": {"algorithm": "extended_state", "label": "x"}}},
         "eso.observers.new.design: is missing; the observer needs it",
     ),

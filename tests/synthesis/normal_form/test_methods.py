@@ -204,7 +204,7 @@ def float_error(case: Case, degree: int) -> tuple[float, float]:
     exact, floats = case.problem(degree), case.problem(degree, exact=False)
     solver = solver_for(floats)
     known = solver_for(exact)
-    S, T = (road(exact, known).astype(float) for road in (solve_s, solve_t))
+    S, T = (method(exact, known).astype(float) for method in (solve_s, solve_t))
     lie = lie_transform(floats, solver)
     error = max(
         np.max(np.abs(found - wanted)) / np.max(np.abs(wanted))

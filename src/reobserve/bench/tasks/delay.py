@@ -5,7 +5,7 @@
 Methods know a = b = 1, the bounds of tau, and u, u' and u'' exactly. In each third of a record the
 delay steps, ramps or swings. Truth and estimates are tau less the middle of its bounds: to report
 the middle has an error of 1. That is done by all who need the past of the input, up to when the
-record is as long as the greatest delay.
+record is as long as the maximum delay.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def _delay_terms(plant: Plant, draw: np.random.Generator, period: float) -> list
 
 
 def _first(plant: Plant, period: float) -> int:
-    """The row from which on the input is known for as long as the greatest delay."""
+    """The row from which on the input is known for as long as the maximum delay."""
     return int(np.ceil(plant.bounds[1] / period - 1e-9))
 
 

@@ -1,4 +1,4 @@
-"""Stage sensitivity: pictures of the samples that decided the claims of a paper."""
+"""Stage sensitivity: plots of the samples that decided the claims of a paper."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from reobserve.replication.claims.registry import read_registry
 from reobserve.replication.claims.robustness_file import read_robustness
 from reobserve.replication.parameters.parameters import Parameters
 
-_PICTURES = {"specification": specification_curves, "sensitivity": sensitivity_bars}
+_PLOTS = {"specification": specification_curves, "sensitivity": sensitivity_bars}
 
 
 def run(parameter_file: Path, robustness_file: Path, outputs: list[Path], project: Path) -> None:
-    """Draw and save; the name of an output, without its suffix, says which picture it is."""
+    """Draw and save; the name of an output, without its suffix, says which plot it is."""
     parameters = Parameters.read(parameter_file)
     claims = read_registry(project, parameters).claims
     found = read_robustness(robustness_file, parameters.paper)
-    for name, draw in _PICTURES.items():
-        picture = draw(claims, found)
-        fix_layout(picture)
+    for name, draw in _PLOTS.items():
+        plot = draw(claims, found)
+        fix_layout(plot)
         for output in outputs:
             if output.stem == name:
-                save(picture, output)
+                save(plot, output)

@@ -31,7 +31,7 @@ from reobserve.observers.normal_form_transformed import TransformedObserver
 
 Array = FloatArray
 Form = Literal["identity", "transformed"]
-Reading = Literal["series", "jacobian", "composed"]
+Variant = Literal["series", "jacobian", "composed"]
 
 EXAMPLE = """\
 # A pendulum whose angle is measured. Right-hand sides are text in states and inputs.
@@ -75,7 +75,7 @@ class NonlinearSystem(System):
     order: int
     poles: Poles | None = None
     form: Form = "identity"
-    gain: Reading = "series"
+    gain: Variant = "series"
     degree: int | None = None
     expanded: int = 9
     initial_state: list[float] | None = None

@@ -77,7 +77,7 @@ def repaired_weights(
     Parameters
     ----------
     fault_matrix, K1, K2
-        B_f [-], K1 [-] and K2 [N m s]; see `ErrorSystem`.
+        B_f [-], K1 [-] and K2 [N m s]; see `LearningLaw`.
     size
         The number of axes.
 

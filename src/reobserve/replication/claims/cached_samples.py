@@ -24,7 +24,8 @@ from reobserve.replication.claims.reversals import Reversal
 from reobserve.replication.parameters.names import samples_path
 from reobserve.replication.provenance import versions
 
-_ROUNDING = 1e-6  # of a number; what is chaotic differs by more, and is drawn again elsewhere
+# Of a number; what is chaotic differs by more, and is sampled again on other processors.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)

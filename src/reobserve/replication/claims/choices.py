@@ -70,7 +70,7 @@ class Knob:
         return round(value) if whole else value
 
     def drawn(self, stream: np.random.Generator) -> Any:
-        """A value that another reader could have set."""
+        """A random value of those that another reader could have set."""
         if self.named and stream.random() < 0.5:
             return self.named[int(stream.integers(len(self.named)))]
         if self.words:
@@ -87,7 +87,7 @@ class Choice:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each drawn value is of."""
+        """What each sampled value is of."""
         return tuple(knob.name for knob in self.knobs) or self.keys
 
 
@@ -116,7 +116,7 @@ def find_choice(parameters: Parameters, pattern: str) -> Choice:
 def sample(
     parameters: Parameters, choices: Iterable[Choice], number: int
 ) -> tuple[Parameters, tuple[Any, ...]]:
-    """The parameters with every choice drawn again from its range, and the values drawn.
+    """The parameters with every choice sampled from its range, and the values.
 
     The reader of a ``number`` sets a choice the same, whichever others are asked of him.
     """

@@ -3,7 +3,7 @@
 The number of a sample, the seed and a choice say what is chosen. So a sample comes out the same in
 whatever process it is made: a chunk is nothing but samples that others need not make. They take
 those that are there and make those that are not; neither how samples are cut into chunks, nor the
-order in which these are made, nor one that is missing can move a bit of what is found.
+order in which these are made, nor one that is missing changes what is found.
 """
 
 from __future__ import annotations

@@ -41,11 +41,11 @@ _MAX_BARS = 6  # the largest; the others seldom explain more than chance does
 
 
 def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
-    """Of the main claims that were drawn, one below the other."""
+    """Of the main claims that were sampled, one below the other."""
     drawn = [claim for claim in claims if claim.is_main and claim.name in found]
     drawn = [claim for claim in drawn if found[claim.name].samples]
     if not drawn:
-        return _said("No main claim depends on a choice that could be drawn.")
+        return _said("No main claim depends on a choice that could be sampled.")
     rows = [len(found[claim.name].names) for claim in drawn]
     figure, panels = _stack(
         [place for count in rows for place in ((0.45, 1.5), (0.06, 0.05 + 0.13 * count))], 0.25

@@ -122,7 +122,7 @@ def _scan(
 def _narrow(
     parameters: Parameters, outcomes: Outcomes, claim: Claim, stated: bool, bracket: _Bracket
 ) -> _Bracket:
-    """Halve the interval between the change that flips and the one that does not."""
+    """Halve the interval between the change that reverses the verdict and the one that does not."""
     knob = bracket.knob
     if knob.words:
         return bracket

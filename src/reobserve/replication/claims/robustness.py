@@ -19,7 +19,7 @@ from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.parameters.parameters import Parameters
 
 # Of the samples: from here on a claim stands whatever else a reader chooses, and as rarely as this
-# leaves it is said to fail. One in ten may choose badly. Set before anything was drawn.
+# leaves it is said to fail. One in ten may choose badly. Set before anything was sampled.
 FIRM = 0.9
 
 # No claim is decided by fewer samples, if it may have as many: which choice decides can only be
@@ -44,7 +44,7 @@ def finding(
     stated
         Whether it holds with the settings of the parameter file.
     held
-        In how many of the draws it holds.
+        In how many of the samples it holds.
     samples
         How many there are; where there are none the settings of the file decide.
     """

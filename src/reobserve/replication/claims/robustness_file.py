@@ -1,4 +1,4 @@
-"""The robustness of claims as it is cached between two stages: plain data for JSON."""
+"""The robustness of claims as it is cached between two stages, in JSON."""
 
 from __future__ import annotations
 

@@ -10,9 +10,9 @@ from reobserve.replication.claims.robustness import Inquiry
 def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]]:
     """The samples of a chunk by claim, without those that are cached.
 
-    Nothing is drawn of a claim that the cached samples before the chunk decide. Chunks do not wait
-    for each other, so a chunk may sample what nobody will need; it cannot sample what would decide
-    otherwise.
+    Nothing is sampled of a claim that the cached samples before the chunk decide. Chunks do not
+    wait for each other, so a chunk may sample what nobody will need; it cannot sample what would
+    decide otherwise.
     """
     known = inquiry.known
     again = [claim for claim in inquiry.claims if known[claim.name].cached]

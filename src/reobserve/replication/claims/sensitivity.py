@@ -75,7 +75,7 @@ def _influences(robustness: Robustness) -> list[Influence]:
 
 
 def as_places(values: Sequence[Any]) -> list[float]:
-    """Numbers as they are; anything else by its place among those that were drawn."""
+    """Numbers as they are; anything else by its place among those that were sampled."""
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         return [float(value) for value in values]
     return [float(place) for place in ranks([repr(value) for value in values])]

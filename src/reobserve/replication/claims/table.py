@@ -25,7 +25,7 @@ HEADER = (
 NOT_LOOKED_FOR = "not looked for"  # in place of a reversal
 
 
-# A broken claim has a problem and nothing else; what depends on nothing was not drawn.
+# A broken claim has a problem and nothing else; what depends on nothing was not sampled.
 KINDS = {
     "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
     "samples": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,

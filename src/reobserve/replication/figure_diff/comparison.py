@@ -1,4 +1,4 @@
-"""Everything that was built or accepted, compared: pictures, golden numbers and verdicts."""
+"""Everything that was built or accepted, compared: images, golden numbers and verdicts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _OF_SAMPLES = ("specification", "sensitivity")
 class Item:
     """A figure, a table, the theory or the claims of a paper, and what is different about it.
 
-    ``reference`` and ``new`` are the pictures of a figure, None where there is none, and ``rms``
+    ``reference`` and ``new`` are the images of a figure, None where there is none, and ``rms``
     is their difference in grey levels. ``problems`` are sentences on what is missing or cannot be
     compared.
     """
@@ -50,7 +50,7 @@ class Item:
 
     @property
     def redrawn(self) -> bool:
-        """Whether the pictures differ by more than the tolerance."""
+        """Whether the images differ by more than the tolerance."""
         return self.rms is not None and self.rms > pixels.TOLERANCE
 
     @contextmanager
@@ -63,7 +63,7 @@ class Item:
 
 
 def figures(folder: Path) -> dict[str, Path]:
-    """The pictures in a folder, by figure."""
+    """The images in a folder, by figure."""
     paths = sorted(folder.glob("*.png"))
     return {path.stem: path for path in paths if path.stem not in _OF_SAMPLES}
 
@@ -109,7 +109,7 @@ def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> I
 
 
 def _drawn(paper: str, name: str, reference: Path | None, new: Path | None) -> Item:
-    """An item with its pictures compared, if there are any."""
+    """An item with its images compared, if there are any."""
     item = Item(paper, name, reference, new)
     if reference and new:
         with item.problem_noted():

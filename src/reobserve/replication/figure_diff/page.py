@@ -15,7 +15,7 @@ from reobserve.replication.report.policy import content_policy, inline
 
 @dataclass(frozen=True)
 class _Shown:
-    """An item with its pictures as data, empty where there is none."""
+    """An item with its images as data, empty where there is none."""
 
     item: Item
     reference: str
@@ -68,13 +68,13 @@ def render(items: Sequence[Item], problems: Sequence[str], templates: Path) -> s
 def _show(item: Item) -> _Shown:
     difference = ""
     if item.rms and item.reference and item.new:
-        pictures = map(pixels.read_pixels, (item.reference, item.new))
-        difference = _data(pixels.show_difference(*pictures))
-    new = "" if item.rms == 0 else _picture(item.new)
-    return _Shown(item, _picture(item.reference), new, difference)
+        images = map(pixels.read_pixels, (item.reference, item.new))
+        difference = _data(pixels.show_difference(*images))
+    new = "" if item.rms == 0 else _image(item.new)
+    return _Shown(item, _image(item.reference), new, difference)
 
 
-def _picture(path: Path | None) -> str:
+def _image(path: Path | None) -> str:
     return _data(path.read_bytes()) if path else ""
 
 

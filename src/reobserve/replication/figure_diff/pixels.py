@@ -37,7 +37,7 @@ _MAX_PIXELS = 20_000_000  # 80 megabytes; the largest figure has 1.6 million
 
 
 def read_pixels(path: Path) -> Pixels:
-    """The picture of a PNG on white paper, shape (rows, columns, 3).
+    """The image of a PNG on white paper, shape (rows, columns, 3).
 
     Raises
     ------
@@ -54,15 +54,15 @@ def read_pixels(path: Path) -> Pixels:
         ):
             if image.width * image.height > _MAX_PIXELS:
                 raise ValueError(f"{image.width} x {image.height} pixels are too many")
-            picture = image.convert("RGBA")
+            decoded = image.convert("RGBA")
     except Exception as error:  # what decoders raise has no common type
-        raise InputError(str(path), f"is damaged or is no picture ({error})") from None
-    paper = Image.new("RGBA", picture.size, (_WHITE, _WHITE, _WHITE, _WHITE))
-    return np.asarray(Image.alpha_composite(paper, picture).convert("RGB"))
+        raise InputError(str(path), f"is damaged or is no image ({error})") from None
+    paper = Image.new("RGBA", decoded.size, (_WHITE, _WHITE, _WHITE, _WHITE))
+    return np.asarray(Image.alpha_composite(paper, decoded).convert("RGB"))
 
 
 def rms_difference(reference: Pixels, new: Pixels, name: str) -> float:
-    """Root mean square of the difference; `InputError` if the pictures differ in size."""
+    """Root mean square of the difference; `InputError` if the images differ in size."""
     if reference.shape != new.shape:
         here, there = (f"{p.shape[1]} x {p.shape[0]}" for p in (new, reference))
         raise InputError(name, f"has {here} pixels, the reference figure has {there}")

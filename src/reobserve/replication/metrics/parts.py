@@ -1,4 +1,4 @@
-"""Parts of a theory: while claims are drawn, only those are computed that are asked for.
+"""Parts of a theory: while claims are sampled, only those are computed that are asked for.
 
 A theory is some thousand runs and solutions behind a few hundred numbers, of which a claim needs
 one or two, in every sample. Which numbers a part gives is remembered when all of it is computed.

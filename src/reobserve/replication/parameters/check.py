@@ -113,7 +113,7 @@ def check_stated(stated: Any, checks: Checks) -> None:
 
 
 def _job(stated: Any, whole: Job, one: str, branch: Any) -> Job:
-    """What a job of the branch sees."""
+    """What a job of the branch receives."""
     seen = {one: branch}
     if hasattr(branch, "scenario"):
         seen["scenario"] = stated.scenarios[branch.scenario]

@@ -18,7 +18,7 @@ class FigureData:
     Attributes
     ----------
     job
-        The branches of the parameter file that the figure sees.
+        The branches of the parameter file that the figure depends on.
     plant
         The record of its scenario.
     estimates

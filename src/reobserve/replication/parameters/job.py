@@ -1,4 +1,4 @@
-"""A paper's parameter file by the types that the paper declares: whole, and as one job sees it.
+"""A paper's parameter file by the types that the paper declares: whole, and as one job receives it.
 
 The declaration is the dataclass ``Parameters`` among the paper's ``keys``: a field for each section
 of the parameter file, a mapping where the branches of a section have names.

@@ -1,4 +1,4 @@
-"""Content of the report as plain data for its templates, read from the files of a build.
+"""Content of the report as values for its templates, read from the files of a build.
 
 Whatever is missing or damaged becomes a `Gap` in its place, and the rest is complete.
 """
@@ -40,8 +40,8 @@ CLAIMS_FILE = "results/claims.csv"
 _OF_A_TASK = ("heatmap", "levels", "evaluations", "detection")
 
 # What is drawn of the claims of a paper, and what each shows.
-_PICTURES = {
-    "specification": "Main claims over all samples in order, their bounds, and the choices drawn",
+_PLOTS = {
+    "specification": "Main claims over all samples in order, their bounds, and the choices sampled",
     "sensitivity": "Which choices decide the claims that turn over",
 }
 
@@ -142,7 +142,7 @@ class _Build:
             "theory": parts.numbers(theory, "theory") if "theory" in tree else None,
             **scored,
             "verdicts": {claim.name: claim.verdict for claim in claims},
-            "pictures": [parts.picture(*one) for one in _PICTURES.items()] if claims else [],
+            "plots": [parts.plot(*one) for one in _PLOTS.items()] if claims else [],
             "errata": self.gaps.attempt(f"{name}-errata", read_errata, self.folder, name),
             "entries": found,
             "known_keys": [key for entry in found for key in entry.keys],
@@ -263,7 +263,7 @@ class _Paper:
             **self.build.drawing(base, self._place(name), logged),
         }
 
-    def picture(self, name: str, title: str) -> Data:
+    def plot(self, name: str, title: str) -> Data:
         """A plot of the samples that decided the claims."""
         base, logged = f"results/{self.parameters.paper}/{name}", self._log("sensitivity")
         drawing = self.build.drawing(base, self._place("claims"), logged)

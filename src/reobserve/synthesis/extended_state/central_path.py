@@ -4,9 +4,10 @@ Unknown are matrices X, and gamma if a constraint has a slope in it. Of all of t
 
     S = constant + gamma slope + sum of (L X R + R^T X^T L^T) > 0
 
-for each constraint, those with the least sum of squares of all entries are asked for, or those with
-the minimum gamma that have a sum of squares below a radius squared. But the latter need not exist,
-and of the former a solver, which finds their squares to 1e-8, finds the entries to 1e-4. So it is
+for each constraint, those with the minimum sum of squares of all entries are asked for, or those
+with the minimum gamma that have a sum of squares below a radius squared. But the latter need not
+exist, and of the former a solver, which finds their squares to 1e-8, finds the entries to 1e-4. So
+it is
 
     (rows / gap) log(squares) - sum of log det S      or
     ((rows + 1) / gap) gamma - log(radius^2 - squares) - sum of log det S

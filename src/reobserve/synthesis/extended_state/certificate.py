@@ -36,7 +36,7 @@ from reobserve.synthesis.extended_state.inequality import (
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 
-_BITS = 400  # leaves the radii of no account where the blocks are formed
+_BITS = 400  # leaves the radii negligible where the blocks are formed
 _SLACK = 1e-12  # of the lower bound, its rounding
 
 

@@ -1,22 +1,23 @@
 """The attenuation gamma that no gains of the observer can get below, from constant disturbances.
 
 At s = 0 the error (Indriawati, Agustinah & Jazidie, (10)) is G d with Ao G = -Bo; Ld plays no part.
-Take the columns of G that belong to da = [d, w], and let K = C~ G be what the observer sees of
-them. With L = [Lx; Lf]
+Take the columns of G that belong to da = [d, w], and let K = C~ G be what the observer measures
+of them. With L = [Lx; Lf]
 
     [Aa F] G - Lx K = -Da,    Lf K = 0.
 
 A stable Ao has an inverse, so Lf, of r + q rows, has full rank, and K a rank of p - r - q at most:
-constants in a subspace V of dimension k - (p - r - q) or more, k = kd + kw, are not seen. For them
+constants in a subspace V of dimension k - (p - r - q) or more, k = kd + kw, are not measured. For
+them
 
     [ Aa F ]         [ -Da ]
     [ Ca 0 ] G da =  [  0  ] da,
 
 which fixes G da whatever the gains, as the matrix to the left has full column rank without a zero
 at the origin. V lies in the subspace W of those da for which it can be solved at all. Among all
-such V in W, the least largest gain from V is a singular value of G on W (Courant and Fischer): the
-one with dim V - 1 smaller ones below it. With as many outputs as faults no constant is seen, V and
-W are everything, and the lower bound is the largest singular value of G.
+such V in W, the minimum of the largest gain from V is a singular value of G on W (Courant and
+Fischer): the one with dim V - 1 smaller ones below it. With as many outputs as faults no constant
+is measured, V and W are everything, and the lower bound is the largest singular value of G.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ As T(S(x)) = x it is the inverse of dS/dx, so S alone is enough: with M = (S')^-
 
     M_0 = I,    M_k = -(S'_1 M_(k-1) + ... + S'_k M_0).
 
-A gain cut off at an order can be read in three ways, which agree in the limit only:
+A gain truncated at an order has three variants, which agree in the limit only:
 
     series      the series of L up to the order, as the paper has it
     jacobian    the inverse of dS/dx, S up to one degree more
