@@ -59,6 +59,7 @@ check: $(STAMP)  ## style, types, workflow lint
 	ruff check .
 	ruff format --check .
 	mypy
+	snakefmt --check Snakefile workflow
 	check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
 	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	snakemake --lint

@@ -3,6 +3,7 @@
 
 import shlex
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 from reobserve.core.documents import digest, read_yaml
@@ -10,7 +11,12 @@ from reobserve.core.errors import ReobserveError
 from reobserve.replication.check import check_evidence
 from reobserve.replication.claims.registry import claims_text, decisive
 from reobserve.replication.parameters.config import check_config_files, known_tasks
-from reobserve.replication.parameters.names import caption_template, claims_path, samples_path, style_sheet
+from reobserve.replication.parameters.names import (
+    caption_template,
+    claims_path,
+    samples_path,
+    style_sheet,
+)
 from reobserve.replication.prepare import check_metadata, load_parameters
 from reobserve.replication.prepare import refuse_beside_another_build, write_parameters
 from reobserve.replication.provenance import closure_digest, code_digest, files_digest, versions
@@ -21,17 +27,30 @@ if not workflow.deployment_settings.deployment_method:
     here = shlex.quote(str(Path(sys.executable).parent))
     shell.prefix(f"set -euo pipefail; PS4='+ '; export PATH={here}:$PATH; ")
 
-try:
+
+@contextmanager
+def refused_in_one_sentence():
+    """End the run with the message of an error of the user's."""
+    try:
+        yield
+    except ReobserveError as error:
+        sys.exit(f"reobserve: {error}")
+
+
+with refused_in_one_sentence():
     check_metadata(Path())
     check_config_files("config/config.yaml", *workflow.configfiles)
-    configfile: "config/config.yaml"
+
+
+configfile: "config/config.yaml"
+
+
+with refused_in_one_sentence():
     PARAMETERS = load_parameters(Path(), config)
     for parameters in PARAMETERS.values():
         check_evidence(Path(), parameters)
     if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
-except ReobserveError as error:
-    sys.exit(f"reobserve: {error}")
 
 PAPERS = config["papers"]
 CLAIMED = [paper for paper in PAPERS if Path(claims_path(paper)).is_file()]
@@ -40,72 +59,119 @@ BENCH = config["bench"]
 BUILT = f"--papers {' '.join(PAPERS)} --formats {' '.join(FORMATS)} --bench {' '.join(BENCH)}"
 PACKAGES = versions()
 
+
 def names(section, paper):
     """The names in a section of a parameter file."""
     return list(PARAMETERS[paper].tree.get(section, {}))
 
+
 def each(pattern, section):
     """The files of a pattern with {paper} and {name}: one for each name in a section."""
-    return [pattern.format(paper=paper, name=name) for paper in PAPERS for name in names(section, paper)]
+    return [
+        pattern.format(paper=paper, name=name) for paper in PAPERS for name in names(section, paper)
+    ]
+
 
 def each_of_paper(pattern, section):
     """An input function: the same for the paper of a job."""
-    return lambda wildcards: expand(pattern, paper=wildcards.paper, name=names(section, wildcards.paper))
-FIGURES = [path for kind in (*FORMATS, "caption.rst") for path in each(f"results/{{paper}}/{{name}}.{kind}", "figures")]
+    return lambda wildcards: expand(
+        pattern, paper=wildcards.paper, name=names(section, wildcards.paper)
+    )
+
+
+FIGURES = [
+    path
+    for kind in (*FORMATS, "caption.rst")
+    for path in each(f"results/{{paper}}/{{name}}.{kind}", "figures")
+]
 TABLES = each("results/{paper}/{name}.csv", "tables")
 NUMBERS = each("results/{paper}/{name}.metrics.csv", "figures") + [
-    f"results/{paper}/theory.metrics.csv" for paper in PAPERS if "theory" in PARAMETERS[paper].tree]
+    f"results/{paper}/theory.metrics.csv" for paper in PAPERS if "theory" in PARAMETERS[paper].tree
+]
 WORDS = [path for path in (*FIGURES, *TABLES, *NUMBERS) if path.endswith((".rst", ".csv"))]
 LATEX = [str(Path(path).with_suffix(".tex")) for path in WORDS if config["latex"]]
 
 
 def of_task(task):
     """The figures of a task of the bench; of a detector also delays over false alarms."""
-    rated = any("rate" in one.get("plant", {}) for one in read_yaml(f"config/bench/{task}.yaml")["conditions"].values())
-    return [f"results/bench/{task}/{name}" for name in ("heatmap", "levels", "evaluations", *["detection"] * rated)]
-OF_BENCH = [f"{path}.{kind}" for task in BENCH for path in of_task(task) for kind in FORMATS] + ["results/bench/table.md"] * bool(BENCH)
+    rated = any(
+        "rate" in one.get("plant", {})
+        for one in read_yaml(f"config/bench/{task}.yaml")["conditions"].values()
+    )
+    return [
+        f"results/bench/{task}/{name}"
+        for name in ("heatmap", "levels", "evaluations", *["detection"] * rated)
+    ]
+
+
+OF_BENCH = [f"{path}.{kind}" for task in BENCH for path in of_task(task) for kind in FORMATS]
+OF_BENCH += ["results/bench/table.md"] * bool(BENCH)
+
 
 def one_of(section):
-    return "|".join(sorted({name for paper in PARAMETERS for name in names(section, paper)})) or "none"
+    return (
+        "|".join(sorted({name for paper in PARAMETERS for name in names(section, paper)})) or "none"
+    )
+
 
 wildcard_constraints:
-    paper="|".join(PARAMETERS), scenario=one_of("scenarios"), observer=one_of("observers"),
-    design=one_of("designs"), study=one_of("studies"), search=one_of("searches"),
-    table=one_of("tables"), figure=one_of("figures"), chunk=r"\d+-\d+",
-    task="|".join(known_tasks(Path())) or "none", method=r"\w+"
+    paper="|".join(PARAMETERS),
+    scenario=one_of("scenarios"),
+    observer=one_of("observers"),
+    design=one_of("designs"),
+    study=one_of("studies"),
+    search=one_of("searches"),
+    table=one_of("tables"),
+    figure=one_of("figures"),
+    chunk=r"\d+-\d+",
+    task="|".join(known_tasks(Path())) or "none",
+    method=r"\w+",
+
 
 def settings(step, about=None):
     """A params function: the parameter values that a step reads; a changed one reruns the job."""
-    return lambda wildcards: PARAMETERS[wildcards.paper].settings(step, wildcards[about] if about else "")
+    return lambda wildcards: PARAMETERS[wildcards.paper].settings(
+        step, wildcards[about] if about else ""
+    )
+
 
 def code(step):
     """A params function: a digest of all modules that a step of the paper imports."""
     return lambda wildcards: code_digest(step, PARAMETERS[wildcards.paper].package)
 
+
 def code_of(module):
     """A digest of a module that serves all papers, and of its imports."""
     return closure_digest(["reobserve.__main__", module])
 
+
 def branch(wildcards, section, about):
     """The parameters of what a wildcard names; one sentence if its paper has none of that name."""
-    try:
+    with refused_in_one_sentence():
         return PARAMETERS[wildcards.paper].section(section, wildcards[about])
-    except ReobserveError as error:
-        sys.exit(f"reobserve: {error}")
+
 
 def design_of(section, about):
     """An input function: the design that an observer, a study or a table names, if it does."""
+
     def design(wildcards):
         body = branch(wildcards, section, about)
-        return [f"results/{wildcards.paper}/{body['design']}.design.json"] if "design" in body else []
+        return (
+            [f"results/{wildcards.paper}/{body['design']}.design.json"] if "design" in body else []
+        )
+
     return design
+
 
 def plant_of(section, about):
     """An input function: the record of the scenario that a study or a search names."""
+
     def plant(wildcards):
         body = branch(wildcards, section, about)
         return f"results/{wildcards.paper}/{body['scenario']}/plant.parquet"
+
     return plant
+
 
 def recorded(wildcards):
     """An input function: files with recorded samples that the plant or the scenario names."""
@@ -113,10 +179,16 @@ def recorded(wildcards):
     values = PARAMETERS[wildcards.paper].section("plant") | scenario
     return [file for value in values.values() for file in sample_files(value)]
 
+
 def files_of(wildcards):
     """An input function: the files that a study names, such as what a search has found."""
     body = PARAMETERS[wildcards.paper].tree["studies"][wildcards.study]
-    return [entry["value"] for entry in body.values() if isinstance(entry, dict) and entry["unit"] == "file"]
+    return [
+        entry["value"]
+        for entry in body.values()
+        if isinstance(entry, dict) and entry["unit"] == "file"
+    ]
+
 
 def behind(wildcards):
     """An input function: the record, the estimates and the study behind a figure."""
@@ -125,33 +197,45 @@ def behind(wildcards):
     return {
         "plant": f"{folder}/plant.parquet",
         "estimates": [f"{folder}/{observer}.parquet" for observer in figure["observers"]],
-        "study": [f"results/{wildcards.paper}/{figure['study']}.study.csv"] if "study" in figure else [],
+        "study": (
+            [f"results/{wildcards.paper}/{figure['study']}.study.csv"] if "study" in figure else []
+        ),
     }
+
 
 def template(wildcards):
     """An input function: the template of a caption, then what all captions of the paper share."""
     shared = sorted(map(str, Path(f"workflow/report/{wildcards.paper}").glob("_*.rst")))
     return [caption_template(Path(), wildcards.paper, wildcards.figure, "figure"), *shared]
 
+
 def table_caption(wildcards):
     """A params function: the caption of a table."""
     return caption_template(Path(), wildcards.paper, wildcards.table, "table")
+
 
 def chunks(wildcards):
     """An input function: the samples of a paper in chunks of one size; none if one job computes all."""
     size = -(-config["samples"] // config["chunks"])
     starts = range(0, config["samples"], size) if config["chunks"] > 1 else []
-    return [f"results/{wildcards.paper}/samples/{start}-{start + size - 1}.json" for start in starts]
+    return [
+        f"results/{wildcards.paper}/samples/{start}-{start + size - 1}.json" for start in starts
+    ]
+
 
 def cached(wildcards):
     """An input function: the samples of a paper that are kept in config/samples."""
     path = samples_path(wildcards.paper)
     return [path] if config["cached"] and Path(path).is_file() else []
 
+
 def sampled(wildcards):
     """A params function: a digest of the parameters with their ranges and of the checks."""
     parameters = PARAMETERS[wildcards.paper]
-    return digest([parameters.decisive(), parameters.seed, decisive(claims_text(Path(), wildcards.paper))])
+    return digest(
+        [parameters.decisive(), parameters.seed, decisive(claims_text(Path(), wildcards.paper))]
+    )
+
 
 def checks(wildcards):
     """A params function: a digest of the checks, and of which claims are main ones."""
@@ -160,17 +244,25 @@ def checks(wildcards):
     main = [name for name, body in bodies if isinstance(body, dict) and body.get("promised")]
     return digest([decisive(claims), main])
 
+
 def tuned_settings(wildcards):
     """An input function: a file for each method of a task."""
-    return expand("config/bench/tuned/{task}/{method}.json", task=wildcards.task, method=methods_of(wildcards.task))
+    return expand(
+        "config/bench/tuned/{task}/{method}.json",
+        task=wildcards.task,
+        method=methods_of(wildcards.task),
+    )
+
 
 def methods_of(task):
     return list(read_yaml(f"config/bench/{task}.yaml")["methods"])
+
 
 def code_of_task(wildcards):
     """A params function: a digest of the task's module, of what scores and of all that they import."""
     task = f"reobserve.bench.tasks.{wildcards.task}"
     return closure_digest(["reobserve.bench.scoring", "reobserve.bench.tuned_file", task])
+
 
 # No job makes these files. Snakemake would not see that the params of a job have changed while a
 # job before it, whose output it takes as `ancient`, has yet to run.

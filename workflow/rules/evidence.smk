@@ -1,118 +1,216 @@
 # Whether the claims hold: theory and Monte Carlo samples -> robustness -> claims -> report, verdicts.
 
+
 rule theory:
-    input: each_of_paper("results/{paper}/{name}.design.json", "designs")
+    input:
+        each_of_paper("results/{paper}/{name}.design.json", "designs"),
     output:
-        report("results/{paper}/theory.metrics.csv", caption="../report/theory.rst", category="{paper}",
-               subcategory="numbers", labels={"figure": "theory", "what": "metrics"})
-    log: "logs/{paper}/theory.log"
-    benchmark: "logs/{paper}/theory.tsv"
-    conda: "../envs/reobserve.yaml"
-    params: settings=settings("theory"), code=code("theory"), packages=PACKAGES
-    message: "{wildcards.paper}: compute the numbers of the theory"
+        report(
+            "results/{paper}/theory.metrics.csv",
+            caption="../report/theory.rst",
+            category="{paper}",
+            subcategory="numbers",
+            labels={"figure": "theory", "what": "metrics"},
+        ),
+    log:
+        "logs/{paper}/theory.log",
+    benchmark:
+        "logs/{paper}/theory.tsv"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        settings=settings("theory"),
+        code=code("theory"),
+        packages=PACKAGES,
+    message:
+        "{wildcards.paper}: compute the numbers of the theory"
     shell:
         "(set -x; reobserve stage theory results/{wildcards.paper}/parameters.json"
         " --design-files {input} --output {output}) &> {log}"
 
+
 # With `chunks` above one; else the rule robustness computes all samples.
 rule sample:
-    input: cached=cached, studies=each_of_paper("results/{paper}/{name}.study.csv", "studies")
-    output: "results/{paper}/samples/{chunk}.json"
-    log: "logs/{paper}/samples/{chunk}.log"
-    benchmark: "logs/{paper}/samples/{chunk}.tsv"
+    input:
+        cached=cached,
+        studies=each_of_paper("results/{paper}/{name}.study.csv", "studies"),
+    output:
+        "results/{paper}/samples/{chunk}.json",
+    log:
+        "logs/{paper}/samples/{chunk}.log",
+    benchmark:
+        "logs/{paper}/samples/{chunk}.tsv"
     priority: 2
-    conda: "../envs/reobserve.yaml"
-    params: settings=sampled, code=code("sample"), packages=PACKAGES
-    message: "{wildcards.paper}: compute the Monte Carlo samples {wildcards.chunk}"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        settings=sampled,
+        code=code("sample"),
+        packages=PACKAGES,
+    message:
+        "{wildcards.paper}: compute the Monte Carlo samples {wildcards.chunk}"
     shell:
         "(set -x; reobserve stage sample results/{wildcards.paper}/parameters.json {wildcards.chunk}"
         " --cached {input.cached} --study-files {input.studies} --output {output}) &> {log}"
+
 
 rule robustness:
     input:
         cached=cached,
         studies=each_of_paper("results/{paper}/{name}.study.csv", "studies"),
-        chunks=chunks
-    output: "results/{paper}/robustness.json"
-    log: "logs/{paper}/robustness.log"
-    benchmark: "logs/{paper}/robustness.tsv"
+        chunks=chunks,
+    output:
+        "results/{paper}/robustness.json",
+    log:
+        "logs/{paper}/robustness.log",
+    benchmark:
+        "logs/{paper}/robustness.tsv"
     priority: 2
-    conda: "../envs/reobserve.yaml"
+    conda:
+        "../envs/reobserve.yaml"
     params:
-        settings=sampled, code=code("robustness"), packages=PACKAGES,
-        options=f"--samples {config['samples']}" + ("" if config["reversals"] else " --no-reversals")
-    message: "{wildcards.paper}: decide the claims over Monte Carlo samples of what is left open"
+        settings=sampled,
+        code=code("robustness"),
+        packages=PACKAGES,
+        options=f"--samples {config['samples']}"
+        + ("" if config["reversals"] else " --no-reversals"),
+    message:
+        "{wildcards.paper}: decide the claims over Monte Carlo samples of what is left open"
     shell:
         "(set -x; reobserve stage robustness results/{wildcards.paper}/parameters.json {params.options}"
         " --cached {input.cached} --chunk-files {input.chunks} --study-files {input.studies}"
         " --output {output}) &> {log}"
 
+
 rule sensitivity:
-    input: "results/{paper}/robustness.json"
+    input:
+        "results/{paper}/robustness.json",
     output:
-        report(expand("results/{{paper}}/{name}.{kind}", name=["specification", "sensitivity"], kind=FORMATS),
-               caption="../report/sensitivity.rst", category="{paper}", subcategory="evidence",
-               labels={"figure": "claims", "what": "sensitivity"})
-    log: "logs/{paper}/sensitivity.log"
-    benchmark: "logs/{paper}/sensitivity.tsv"
-    conda: "../envs/reobserve.yaml"
+        report(
+            expand(
+                "results/{{paper}}/{name}.{kind}",
+                name=["specification", "sensitivity"],
+                kind=FORMATS,
+            ),
+            caption="../report/sensitivity.rst",
+            category="{paper}",
+            subcategory="evidence",
+            labels={"figure": "claims", "what": "sensitivity"},
+        ),
+    log:
+        "logs/{paper}/sensitivity.log",
+    benchmark:
+        "logs/{paper}/sensitivity.tsv"
+    conda:
+        "../envs/reobserve.yaml"
     params:
         checks=checks,
-        code=code_of("reobserve.cli.stages.sensitivity"), packages=PACKAGES
-    message: "{wildcards.paper}: plot which choices decide the claims"
+        code=code_of("reobserve.cli.stages.sensitivity"),
+        packages=PACKAGES,
+    message:
+        "{wildcards.paper}: plot which choices decide the claims"
     shell:
         "(set -x; reobserve stage sensitivity results/{wildcards.paper}/parameters.json {input}"
         " --outputs {output}) &> {log}"
 
+
 rule claims:
     input:
         [path for path in NUMBERS if path.split("/")[1] in CLAIMED],
-        expand("results/{paper}/robustness.json", paper=CLAIMED)
+        expand("results/{paper}/robustness.json", paper=CLAIMED),
     output:
-        report("results/claims.csv", caption="../report/claims.rst", category="evidence",
-               labels={"figure": "all", "what": "claims"})
-    log: "logs/claims.log"
-    benchmark: "logs/claims.tsv"
-    conda: "../envs/reobserve.yaml"
+        report(
+            "results/claims.csv",
+            caption="../report/claims.rst",
+            category="evidence",
+            labels={"figure": "all", "what": "claims"},
+        ),
+    log:
+        "logs/claims.log",
+    benchmark:
+        "logs/claims.tsv"
+    conda:
+        "../envs/reobserve.yaml"
     params:
-        papers=CLAIMED, code=code_of("reobserve.cli.stages.claims"),
-        claims=digest([[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED])
-    message: "decide all claims"
-    shell: "(set -x; reobserve stage claims {params.papers} --output {output}) &> {log}"
+        papers=CLAIMED,
+        code=code_of("reobserve.cli.stages.claims"),
+        claims=digest(
+            [[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED]
+        ),
+    message:
+        "decide all claims"
+    shell:
+        "(set -x; reobserve stage claims {params.papers} --output {output}) &> {log}"
+
 
 rule report:
-    input: FIGURES, TABLES, NUMBERS, "results/claims.csv",
-        expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS), OF_BENCH
+    input:
+        FIGURES,
+        TABLES,
+        NUMBERS,
+        "results/claims.csv",
+        expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS),
+        OF_BENCH,
     output:
-        report("results/report.html", caption="../report/replication.rst", category="evidence",
-               labels={"figure": "all", "what": "replication report"})
-    log: "logs/report.log"
-    benchmark: "logs/report.tsv"
-    conda: "../envs/reobserve.yaml"
+        report(
+            "results/report.html",
+            caption="../report/replication.rst",
+            category="evidence",
+            labels={"figure": "all", "what": "replication report"},
+        ),
+    log:
+        "logs/report.log",
+    benchmark:
+        "logs/report.tsv"
+    conda:
+        "../envs/reobserve.yaml"
     params:
-        built=BUILT, texts=files_digest("config", "workflow/report"),
-        code=code_of("reobserve.replication.report"), packages=PACKAGES
-    message: "write the replication report"
-    shell: "(set -x; reobserve report {params.built} --output {output}) &> {log}"
+        built=BUILT,
+        texts=files_digest("config", "workflow/report"),
+        code=code_of("reobserve.replication.report"),
+        packages=PACKAGES,
+    message:
+        "write the replication report"
+    shell:
+        "(set -x; reobserve report {params.built} --output {output}) &> {log}"
+
 
 # After the report, which shows broken claims: this fails then.
 rule verdicts:
-    input: claims="results/claims.csv", report="results/report.html"
-    output: "results/verdicts.md"
-    log: "logs/verdicts.log"
-    conda: "../envs/reobserve.yaml"
-    params: code=code_of("reobserve.cli.stages.verdicts")
-    message: "count the verdicts"
-    shell: "(set -x; reobserve stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
+    input:
+        claims="results/claims.csv",
+        report="results/report.html",
+    output:
+        "results/verdicts.md",
+    log:
+        "logs/verdicts.log",
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        code=code_of("reobserve.cli.stages.verdicts"),
+    message:
+        "count the verdicts"
+    shell:
+        "(set -x; reobserve stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
+
 
 # On demand: the build as an RO-Crate, to be deposited and cited.
 rule archive:
-    input: rules.all.input, NUMBERS, expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS)
-    output: "results/archive.zip"
-    log: "logs/archive.log"
-    conda: "../envs/reobserve.yaml"
+    input:
+        rules.all.input,
+        NUMBERS,
+        expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS),
+    output:
+        "results/archive.zip",
+    log:
+        "logs/archive.log",
+    conda:
+        "../envs/reobserve.yaml"
     params:
         texts=files_digest("config", "workflow", "CITATION.cff", "README.md", "CHANGELOG.md"),
-        code=code_of("reobserve.cli.stages.archive"), packages=PACKAGES
-    message: "pack the build"
-    shell: "(set -x; reobserve stage archive {input} --output {output}) 2>&1 | tee {log} >&2"
+        code=code_of("reobserve.cli.stages.archive"),
+        packages=PACKAGES,
+    message:
+        "pack the build"
+    shell:
+        "(set -x; reobserve stage archive {input} --output {output}) 2>&1 | tee {log} >&2"

@@ -2,66 +2,115 @@
 
 STYLE = [path for path in [style_sheet(config["style"])] if Path(path).is_file()]
 
+
 rule metrics:
-    input: unpack(behind)
+    input:
+        unpack(behind),
     output:
-        report("results/{paper}/{figure}.metrics.csv", caption="../report/metrics.rst", category="{paper}",
-               subcategory="numbers", labels={"figure": "{figure}", "what": "metrics"})
-    log: "logs/{paper}/{figure}.metrics.log"
-    benchmark: "logs/{paper}/{figure}.metrics.tsv"
-    conda: "../envs/reobserve.yaml"
-    params: settings=settings("metrics", "figure"), code=code("metrics"), packages=PACKAGES
-    message: "{wildcards.paper}: compute the metrics of {wildcards.figure}"
+        report(
+            "results/{paper}/{figure}.metrics.csv",
+            caption="../report/metrics.rst",
+            category="{paper}",
+            subcategory="numbers",
+            labels={"figure": "{figure}", "what": "metrics"},
+        ),
+    log:
+        "logs/{paper}/{figure}.metrics.log",
+    benchmark:
+        "logs/{paper}/{figure}.metrics.tsv"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        settings=settings("metrics", "figure"),
+        code=code("metrics"),
+        packages=PACKAGES,
+    message:
+        "{wildcards.paper}: compute the metrics of {wildcards.figure}"
     shell:
         "(set -x; reobserve stage metrics results/{wildcards.paper}/parameters.json {wildcards.figure}"
         " --plant-file {input.plant} --estimate-files {input.estimates} --study-file {input.study}"
         " --output {output}) &> {log}"
 
+
 rule plot:
     input:
         unpack(behind),
         metrics="results/{paper}/{figure}.metrics.csv",
-        template=template
+        template=template,
     output:
-        report(f"results/{{paper}}/{{figure}}.{FORMATS[0]}", caption="../report/caption.rst", category="{paper}",
-               subcategory="figures", labels={"figure": "{figure}", "what": "drawing"}),
+        report(
+            f"results/{{paper}}/{{figure}}.{FORMATS[0]}",
+            caption="../report/caption.rst",
+            category="{paper}",
+            subcategory="figures",
+            labels={"figure": "{figure}", "what": "drawing"},
+        ),
         expand("results/{{paper}}/{{figure}}.{kind}", kind=FORMATS[1:]),
-        caption="results/{paper}/{figure}.caption.rst"
-    log: "logs/{paper}/{figure}.plot.log"
-    benchmark: "logs/{paper}/{figure}.plot.tsv"
-    conda: "../envs/reobserve.yaml"
+        caption="results/{paper}/{figure}.caption.rst",
+    log:
+        "logs/{paper}/{figure}.plot.log",
+    benchmark:
+        "logs/{paper}/{figure}.plot.tsv"
+    conda:
+        "../envs/reobserve.yaml"
     params:
-        settings=settings("plot", "figure"), code=code("plot"), packages=PACKAGES,
+        settings=settings("plot", "figure"),
+        code=code("plot"),
+        packages=PACKAGES,
         style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
         options=" ".join(["--style", *STYLE, *([] if config["notes"] else ["--no-notes"])]),
-        drawings=lambda wildcards, output: output[:-1]
-    message: "{wildcards.paper}: plot {wildcards.figure}"
+        drawings=lambda wildcards, output: output[:-1],
+    message:
+        "{wildcards.paper}: plot {wildcards.figure}"
     shell:
         "(set -x; reobserve stage plot results/{wildcards.paper}/parameters.json {wildcards.figure}"
         " --plant-file {input.plant} --estimate-files {input.estimates} --study-file {input.study}"
         " --metrics-file {input.metrics} --template {input.template[0]} {params.options}"
         " --outputs {params.drawings} --caption {output.caption}) &> {log}"
 
+
 rule table:
-    input: design=design_of("tables", "table")
+    input:
+        design=design_of("tables", "table"),
     output:
-        report("results/{paper}/{table}.csv", caption="../report/table_caption.rst", category="{paper}",
-               subcategory="tables", labels={"figure": "{table}", "what": "table"})
-    log: "logs/{paper}/{table}.table.log"
-    benchmark: "logs/{paper}/{table}.table.tsv"
-    conda: "../envs/reobserve.yaml"
-    params: settings=settings("table", "table"), code=code("table"), packages=PACKAGES, caption=table_caption
-    message: "{wildcards.paper}: compute the table {wildcards.table}"
+        report(
+            "results/{paper}/{table}.csv",
+            caption="../report/table_caption.rst",
+            category="{paper}",
+            subcategory="tables",
+            labels={"figure": "{table}", "what": "table"},
+        ),
+    log:
+        "logs/{paper}/{table}.table.log",
+    benchmark:
+        "logs/{paper}/{table}.table.tsv"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        settings=settings("table", "table"),
+        code=code("table"),
+        packages=PACKAGES,
+        caption=table_caption,
+    message:
+        "{wildcards.paper}: compute the table {wildcards.table}"
     shell:
         "(set -x; reobserve stage table results/{wildcards.paper}/parameters.json {wildcards.table}"
         " --design-file {input.design} --output {output}) &> {log}"
 
+
 # A caption or a table as LaTeX: by its name, or all of them with `--config latex=true`.
 rule latex:
-    input: lambda wildcards: f"results/{wildcards.of}.{'rst' if wildcards.of.endswith('.caption') else 'csv'}"
-    output: "results/{of}.tex"
-    log: "logs/{of}.latex.log"
-    conda: "../envs/reobserve.yaml"
-    params: code=code_of("reobserve.cli.stages.latex")
-    message: "write {output}"
-    shell: "(set -x; reobserve latex {input} --output {output}) &> {log}"
+    input:
+        lambda wildcards: f"results/{wildcards.of}.{'rst' if wildcards.of.endswith('.caption') else 'csv'}",
+    output:
+        "results/{of}.tex",
+    log:
+        "logs/{of}.latex.log",
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        code=code_of("reobserve.cli.stages.latex"),
+    message:
+        "write {output}"
+    shell:
+        "(set -x; reobserve latex {input} --output {output}) &> {log}"
