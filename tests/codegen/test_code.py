@@ -15,10 +15,10 @@ from reobserve.codegen.record import test_run as run_record
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.program import program_of
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.plants.pendulum import pendulum
 from reobserve.systems.triangular_text import triangular_model
 from tests.codegen import cases
 from tests.codegen.cases import NAMES, columns_of, observer_of
+from tests.observers.small_plants import pendulum
 
 SIGNALS = ("as measured", "as applied")
 
@@ -144,7 +144,7 @@ def test_c_code_reports_overflow(folder: Path) -> None:
 
 
 def test_observer_without_fixed_steps_is_refused_with_the_reason() -> None:
-    high_gain = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 10.0, sampling_period=0.01)
+    high_gain = HighGainObserver(pendulum(), 10.0, sampling_period=0.01)
     with pytest.raises(InputError, match=r"a model of compiled functions cannot be exported"):
         program_of(high_gain, high_gain.init([0.0, 0.0]))
     cases_of_text = HighGainObserver(

@@ -28,17 +28,17 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.unchecked import unchecked_step
-from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
+from tests.observers.small_plants import pendulum
 
 Array = NDArray[np.float64]
 
 TOO_LONG = r"; (from t = \S+ s on )?its step of \S+ s is too long: with 1/(\d+) of it the estimates"
 ITSELF = r"; (from t = \S+ s on )?the observer itself diverges: with 1/1024 of its step"
 BODY = RigidBody(np.eye(3))
-MODEL = pendulum(9.81, 1.0, 1.0, 0.1)
+MODEL = pendulum(9.81, 0.1, 1.0)
 
 
 # --- Van der Pol in reversed time: a stable origin, a gain that passes -3e5 on the way to it ------

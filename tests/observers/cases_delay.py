@@ -18,9 +18,8 @@ from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
-from reobserve.plants.first_order_lag import first_order_lag
-from reobserve.plants.pendulum import pendulum
 from tests.observers.case import Case
+from tests.observers.small_plants import first_order_lag, pendulum, pendulum_slope
 from tests.observers.test_normal_form_observers import form, plant
 
 Array = NDArray[np.float64]
@@ -30,15 +29,14 @@ PERIOD, DELAY, SLOPE, BOUNDS = 0.02, 0.6, 0.7, (0.0, 1.0)
 
 def high_gain() -> Case:
     """The pendulum under a held torque that jumps at every fourth sample."""
-    model = pendulum(9.81, 0.5, 0.2, 0.3)
+    model = pendulum()
     u = np.repeat(np.random.default_rng(5).normal(0.0, 0.3, 50), 4)
     x = np.empty((len(u), 2))
     x[0] = 0.3, -0.2
-    stiffness, friction, gain = model.parameters
     for k in range(len(u) - 1):
         x[k + 1] = solve_ivp(
-            lambda _, v, k=k: [v[1], gain * u[k] - stiffness * np.sin(v[0]) - friction * v[1]],
-            (0, PERIOD), x[k], method="DOP853", rtol=1e-10, atol=1e-12,
+            lambda _, v, k=k: pendulum_slope(v, u[k]), (0, PERIOD), x[k],
+            method="DOP853", rtol=1e-10, atol=1e-12,
         ).y[:, -1]  # fmt: skip
     observer = HighGainObserver(model, 5.0, sampling_period=PERIOD)
     return Case(

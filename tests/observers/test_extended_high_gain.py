@@ -15,15 +15,23 @@ from scipy.integrate import solve_ivp
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
-from reobserve.signals.inputs import Signal
 from reobserve.systems.triangular_text import triangular_model
-from tests.plants.test_delayed_plants import PENDULUM, PIECES, PROFILE, RAMP, SINE, START
+from tests.observers.small_plants import (
+    DELAYS,
+    G_OVER_L,
+    GAIN,
+    MEET,
+    START,
+    A,
+    pendulum,
+    pendulum_slope,
+    trajectory,
+)
 
 Array = NDArray[np.float64]
 
 BOUNDS = (0.0, 1.5)
 FIRST_DELAY = 0.3
-G_OVER_L, A, GAIN = 9.81 / 0.5, 0.3 / 0.2, 1 / (0.2 * 0.5**2)
 
 
 @dataclass(frozen=True)
@@ -39,25 +47,38 @@ class Case:
     bounds: tuple[float, float] = BOUNDS
 
 
-# The control with the past that a plant needs, and with its derivatives.
-CONTROLS: dict[str, tuple[Signal, Callable[[Any], list[Any]]]] = {
-    "ramp": (RAMP, lambda t: [0.009 * t, 0.009 + 0 * t, 0 * t]),
-    "sine": (SINE, lambda t: [np.sin(0.2 * t), 0.2 * np.cos(0.2 * t), -0.04 * np.sin(0.2 * t)]),
+# The control with its derivatives, also before t = 0.
+CONTROLS: dict[str, Callable[[Any], list[Any]]] = {
+    "ramp": lambda t: [0.009 * t, 0.009 + 0 * t, 0 * t],
+    "sine": lambda t: [np.sin(0.2 * t), 0.2 * np.cos(0.2 * t), -0.04 * np.sin(0.2 * t)],
 }
+
+
+def delay_in(inside: float) -> Callable[[float], float]:
+    """The delay in the piece that contains a time."""
+    return DELAYS[sum(inside >= jump for jump in MEET[1:-1])]
+
+
+@cache
+def plant(applied: str) -> Callable[[Array], Array]:
+    """The states of the pendulum at any times."""
+
+    def slope(t: float, x: Array, inside: float) -> Array:
+        return pendulum_slope(x, CONTROLS[applied](t - delay_in(inside)(t))[0])
+
+    return trajectory(slope, START, MEET)
 
 
 @cache
 def record(applied: str, step: float, end: float) -> tuple[Array, Array]:
     """y and u, u', u'' of the pendulum at each half step."""
-    steps = round(2 * end / step)
-    control, values = CONTROLS[applied]
-    y = PENDULUM.simulate(START, control, PROFILE, 0.5 * step, steps)[:, 0].copy()
-    return y, np.stack(values(0.5 * step * np.arange(steps + 1)), axis=1)
+    time = 0.5 * step * np.arange(round(2 * end / step) + 1)
+    return plant(applied)(time)[:, 0].copy(), np.stack(CONTROLS[applied](time), axis=1)
 
 
 def observer(case: Case, step: float) -> ExtendedHighGainObserver:
     return ExtendedHighGainObserver(
-        PENDULUM.model, case.rho, case.order, case.bounds, case.threshold, case.switched,
+        pendulum(), case.rho, case.order, case.bounds, case.threshold, case.switched,
         1.0 if case.dynamic else None, sampling_period=step,
     )  # fmt: skip
 
@@ -81,7 +102,7 @@ class Equations:
     """Right-hand sides and events of one mode: held at a bound (-1, 0, 1), switched off or not."""
 
     def __init__(self, case: Case) -> None:
-        self.case, self.u, self.tau = case, CONTROLS[case.applied][1], PIECES[0]
+        self.case, self.u, self.tau = case, CONTROLS[case.applied], DELAYS[0]
         self.held, self.off = 0, False
 
     def xi(self, t: float, v: Array) -> float:
@@ -151,8 +172,8 @@ def reference(case: Case, marks: tuple[float, ...]) -> tuple[Array, list[tuple[s
     v = np.array([*START, 0.0, 0.0, FIRST_DELAY, *(np.eye(3).ravel() if case.dynamic else ())])
     t, rows, log, equations = 0.0, [], [], Equations(case)
     equations.off = abs(equations.xi(t, v)) < case.threshold
-    for stop in sorted({*marks, *(jump for jump in (20.0, 40.0, 60.0) if jump < marks[-1])}):
-        equations.tau = PIECES[sum(t >= jump for jump in (20, 40, 60))]
+    for stop in sorted({*marks, *(jump for jump in MEET[1:-1] if jump < marks[-1])}):
+        equations.tau = delay_in(t)
         while stop - t > 1e-13:
             names, events = [], []
             for name, (function, direction) in equations.events().items():

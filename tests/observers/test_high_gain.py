@@ -17,9 +17,9 @@ from reobserve.core.errors import InputError
 from reobserve.core.vector_field import vector_field
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver, State
-from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
 from reobserve.systems.triangular import TriangularModel
+from tests.observers.small_plants import pendulum
 
 Array = NDArray[np.float64]
 
@@ -332,7 +332,7 @@ def test_wrong_parameters_of_the_observer_are_refused(changed: dict[str, Any], s
 
 def test_observer_can_be_pickled_if_its_functions_are_importable() -> None:
     observer, y = (
-        HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 5.0, sampling_period=0.01),
+        HighGainObserver(pendulum(), 5.0, sampling_period=0.01),
         np.linspace(0, 1, 9),
     )
     again = pickle.loads(pickle.dumps(observer))

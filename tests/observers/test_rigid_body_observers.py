@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,6 @@ from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State, whole_steps
 from reobserve.observers.run import Run
-from reobserve.plants.satellite import Satellite
-from reobserve.signals.inputs import Signal
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
     matched_integrator,
@@ -27,11 +26,12 @@ from reobserve.synthesis.ilo_accuracy import (
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain
 from reobserve.systems.rigid_body import RigidBody
+from tests.observers.small_plants import trajectory
+from tests.observers.test_rigid_body_order import INERTIA, euler
 from tests.systems.test_rigid_body import SHAPE
 
 Array = NDArray[np.float64]
 
-INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 BODY = RigidBody(INERTIA)
 SKEWED = RigidBody(
     INERTIA,
@@ -43,7 +43,6 @@ TURNING_K1 = np.array([[0.6, -0.5, 0.0], [0.5, 0.6, 0.0], [0.0, 0.0, 0.7]])
 FULL_K2 = np.array([[200.0, 20.0, -10.0], [15.0, 160.0, 12.0], [0.0, -25.0, 220.0]])
 FULL_OBSERVER_GAIN = np.array([[50.0, 8.0, -3.0], [8.0, 40.0, 5.0], [-3.0, 5.0, 60.0]])
 FULL_INTEGRAL = np.array([[900.0, 60.0, 0.0], [60.0, 700.0, -40.0], [0.0, -40.0, 800.0]])
-NOTHING = Signal(3, ())
 
 DELAY = 7  # steps in an interval
 OBSERVERS: dict[str, RigidBodyObserver] = {
@@ -117,6 +116,16 @@ INTERVALS = [0.003, 0.006, 0.0125, 0.025, 0.05, 0.1, 0.15, 0.2]
 OMEGA = 10.0
 
 
+def turned(fault: Callable[[float], Any], end: float, start: Any = (0.0, 0.0, 0.0)) -> Any:
+    """The rate of the body under a fault torque on its axes, as a function of time."""
+    return trajectory(lambda t, rate, _: euler(rate, np.array(fault(t))), start, (0.0, end))
+
+
+@cache
+def turned_by_a_sine() -> Any:
+    return turned(lambda t: [np.sin(OMEGA * t), 0.0, 0.0], 22.0)
+
+
 def errors_under_a_sine(
     observer: RigidBodyObserver, settle: float, periods: int
 ) -> tuple[Array, NDArray[np.complex128]]:
@@ -128,14 +137,11 @@ def errors_under_a_sine(
     """
     h = observer.sampling_period
     steps = round((settle + periods * 2 * np.pi / OMEGA) / h)
-    fault = Signal.parse(
-        "fault", [{"kind": "sine", "axis": 1, "amplitude": 1.0, "frequency": OMEGA}], 3
-    )
-    rate = Satellite(INERTIA).simulate(np.zeros(3), NOTHING, fault, h / 2, 2 * steps)
+    rate = turned_by_a_sine()(np.arange(2 * steps + 1) * h / 2)
     run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
     first = round(settle / h)
     time = np.arange(first, steps + 1) * h
-    torque = fault(time)
+    torque = np.outer(np.sin(OMEGA * time), [1.0, 0.0, 0.0])
     start = (torque - run["fault"][first:])[:-1]
     end = (torque - run.before["fault"][first:])[1:]
     # Simpson's rule is exact for the square of a piecewise linear function.
@@ -199,10 +205,9 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
     gain, observer_gain, step, horizon = 2000.0, 100.0, 1e-4, 4.0
     # 16 sin^5 t has four vanishing derivatives at the start: no ripple arises at the onset.
     waves = ((10.0, 1.0), (-5.0, 3.0), (1.0, 5.0))
-    terms = [{"kind": "sine", "axis": 1, "amplitude": a, "frequency": f} for a, f in waves]
     steps = round(horizon / step)
-    fault = Signal.parse("fault", terms, 3)
-    rate = Satellite(INERTIA).simulate(np.zeros(3), NOTHING, fault, step / 2, 2 * steps)
+    plant = turned(lambda t: [sum(a * np.sin(f * t) for a, f in waves), 0.0, 0.0], horizon)
+    rate = plant(np.arange(2 * steps + 1) * step / 2)
     control = np.zeros_like(rate)
     time = np.arange(steps + 1) * step
     third = sum(-a * f**3 * np.cos(f * time) for a, f in waves)
@@ -341,18 +346,8 @@ def adaptive(**changed: Any) -> RigidBodyObserver:
     return AdaptiveObserver(BODY, **settings, sampling_period=step)
 
 
-def plant(step: float = 0.1, steps: int = 10, rate: Any = (0.0, 0.0, 0.0)) -> Array:
-    return Satellite(INERTIA).simulate(rate, NOTHING, NOTHING, step, steps)
-
-
 UPDATE = "^update_interval: "
 BAD_INPUT: list[tuple[Build, str]] = [
-    # The plant
-    (lambda: plant(step=0.0), r"^step: 0 must be greater than zero$"),
-    (lambda: plant(step=-0.1), r"^step: -0.1 must be greater than zero$"),
-    (lambda: plant(steps=0), r"^steps: 0 must be a whole number, 1 or more$"),
-    (lambda: plant(rate=[1, 2]), r"^initial_rate: has shape \(2,\), must be a list of 3 numbers$"),
-    (lambda: plant(rate=[1, 2, np.nan]), r"^initial_rate: .*nan.* not finite$"),
     # Steps and intervals
     (
         lambda: whole_steps(0.1, 0.03),
@@ -436,11 +431,7 @@ def test_invalid_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
 def test_exact_initial_estimate_stays_exact() -> None:
     """True rate and known constant fault at the start: K1 = I and integrators keep them."""
     body, step, torque = RigidBody(INERTIA), 1e-3, [0.3, -0.2, 0.1]
-    terms = [{"kind": "constant", "axis": i + 1, "size": f} for i, f in enumerate(torque)]
-    none = Signal.parse("control", [], 3)
-    rate = Satellite(INERTIA).simulate(
-        [0.1, 0.2, -0.1], none, Signal.parse("fault", terms, 3), step / 2, 2000
-    )
+    rate = turned(lambda _: torque, 1.0, [0.1, 0.2, -0.1])(np.arange(2001) * step / 2)
     for observer in (
         ILO(body, 1.0, 500.0, 50.0, 10 * step, sampling_period=step),
         SampledILO(body, 1.0, 500.0, 50.0, 10 * step, sampling_period=step),
@@ -463,16 +454,3 @@ def test_sampled_gain_is_refused_just_above_the_limit_and_accepted_below() -> No
     assert sampled(K2=(1 - 1e-9) * limit)
     with pytest.raises(InputError, match="the limit is 1 times this K2"):
         sampled(K2=(1 + 1e-9) * limit)
-
-
-def test_divergent_plant_reports_its_last_finite_time() -> None:
-    # A step far too large for this spin: every step raises the rate until overflow.
-    plant_ = Satellite(np.diag([1.0, 2.0, 3.0]))
-    with pytest.raises(
-        DivergenceError, match=r"^satellite diverged: .* finite up to t = "
-    ) as found:
-        plant_.simulate([10.0, 11.0, 12.0], NOTHING, NOTHING, 1.0, 100)
-    last = round(found.value.time)
-    assert np.isfinite(plant_.simulate([10.0, 11.0, 12.0], NOTHING, NOTHING, 1.0, last)).all()
-    with pytest.raises(DivergenceError):
-        plant_.simulate([10.0, 11.0, 12.0], NOTHING, NOTHING, 1.0, last + 1)

@@ -1,4 +1,4 @@
-"""Order of convergence against references that never interpolate, and closed forms of rotation.
+"""Order of convergence against references that never interpolate.
 
 The references integrate plant and observer together in plain numpy with a Runge-Kutta method of
 order 8. The delayed estimate of the continuous observer needs no interpolation if the intervals
@@ -10,9 +10,8 @@ values, which are the end values of the stack one interval shorter.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,24 +19,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.core.errors import InputError
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
 from reobserve.observers.run import Run
-from reobserve.papers.ilo.setup import stride
-from reobserve.plants.satellite import Satellite
-from reobserve.replication.parameters.job import read_parameters
-from reobserve.replication.parameters.parameters import Parameters
-from reobserve.signals.inputs import Signal
 from reobserve.systems.rigid_body import RigidBody
+from tests.observers.small_plants import trajectory
 
 Array = NDArray[np.float64]
 Terms = tuple[dict[str, Any], ...]
-
-ROOT = Path(__file__).parents[2]
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 INPUT = np.array([[1.0, 0.1, 0.0], [0.0, 0.9, -0.2], [0.05, 0.0, 1.1]])
@@ -108,6 +100,19 @@ def integrate(slope: Callable[[float, Array], Array], start: float, end: float, 
     found = solve_ivp(slope, (start, end), y, method="DOP853", rtol=1e-12, atol=1e-14)
     assert found.success
     return np.asarray(found.y[:, -1])
+
+
+@cache
+def plant(where: str) -> Callable[[Array], Array]:
+    """The true rate at any times."""
+    case = SCENARIOS[where]
+
+    def slope(time: float, rate: Array, inside: float) -> Array:
+        known = INPUT @ value(case.control, time, inside)
+        return euler(rate, known + FAULT @ value(case.fault, time, inside))
+
+    edges = INTERVAL / PIECES * np.arange(INTERVALS * PIECES + 1)
+    return trajectory(slope, RATE, edges.tolist())
 
 
 @dataclass(frozen=True)
@@ -232,16 +237,23 @@ def simulate(where: str, build: Callable[[float], RigidBodyObserver], steps: int
     """Plant on the grid of half steps, with the observer on it."""
     case, h = SCENARIOS[where], INTERVAL / steps
     half_steps = 2 * steps * INTERVALS
-    fault, control, offset = (
-        Signal.parse("test", terms, 3) for terms in (case.fault, case.control, case.offset)
-    )
-    rate = Satellite(INERTIA, INPUT, FAULT).simulate(RATE, control, fault, h / 2, half_steps)
     time = np.arange(half_steps + 1) * (h / 2)
+    rate = plant(where)(time)
+
+    def limits(side: float) -> tuple[Array, Array]:
+        """The measured rate and the control, at times from one side of possible jumps."""
+        offset, control = (
+            np.array([value(terms, t, t + side) for t in time])
+            for terms in (case.offset, case.control)
+        )
+        return rate + offset, control
+
+    (y, u), (y_before, u_before) = limits(1e-9), limits(-1e-9)
+    y_before[0], u_before[0] = y[0], u[0]
     observer = build(h)
     run = run_on_halves(
-        observer, rate + offset(time), control(time), state=observer.init(ESTIMATE),
-        y_before=rate + offset(time, before=True), u_before=control(time, before=True),
-    )  # fmt: skip
+        observer, y, u, state=observer.init(ESTIMATE), y_before=y_before, u_before=u_before
+    )
     assert run.diverged_at is None
     return run
 
@@ -320,99 +332,3 @@ def test_adaptive_observer_is_of_order_4(where: str) -> None:
         return AdaptiveObserver(BODY, OBSERVER_GAIN, INTEGRAL, 0.1 * K2, sampling_period=step)
 
     check_order(where, build, plain_reference(where, "adaptive"))
-
-
-# --- The plant alone ----------------------------------------------------------------------------
-
-NOTHING = Signal(3, ())
-
-
-def test_plant_is_of_order_4_across_jumps_of_its_torques() -> None:
-    # Torques of thousands of newton metres, so that the smallest errors stay far above rounding.
-    fault = (
-        {"kind": "constant", "axis": 1, "from": 0.13, "size": 300.0},
-        {"kind": "sine", "axis": 2, "from": 0.24, "amplitude": 1000.0, "frequency": 10.0},
-        {"kind": "ramp", "axis": 3, "from": 0.3, "until": 0.5, "slope": 4000.0},
-    )
-    control = ({"kind": "constant", "axis": 3, "from": 0.2, "until": 0.4, "size": -400.0},)
-    piece, known = INTERVAL / PIECES, [RATE]
-    for k in range(INTERVALS * PIECES):
-
-        def slope(time: float, rate: Array, inside: float = (k + 0.5) * piece) -> Array:
-            known_torque = INPUT @ value(control, time, inside)
-            return euler(rate, known_torque + FAULT @ value(fault, time, inside))
-
-        known.append(integrate(slope, k * piece, (k + 1) * piece, known[-1]))
-    steps, errors = [1, 2, 4, 8], []
-    for n in steps:
-        found = Satellite(INERTIA, INPUT, FAULT).simulate(
-            RATE,
-            Signal.parse("control", control, 3),
-            Signal.parse("fault", fault, 3),
-            piece / n,
-            n * INTERVALS * PIECES,
-        )
-        errors.append(float(np.max(np.abs(found[::n] - known))))
-    assert order(steps, errors) == pytest.approx(4.0, abs=0.1)
-    assert errors[-1] < 1e-9
-
-
-def free_rotation(inertia: Array, rate: Array, step: float, horizon: float) -> Array:
-    plant = Satellite(inertia)
-    return plant.simulate(rate, NOTHING, NOTHING, step, round(horizon / step))
-
-
-def test_free_rotation_conserves_energy_and_angular_momentum() -> None:
-    steps, drifts = [100, 200, 400, 800], []
-    for n in steps:
-        rate = free_rotation(INERTIA, np.array([0.9, -1.1, 0.7]), 10.0 / n, 10.0)
-        momentum = rate @ INERTIA
-        energy = 0.5 * np.sum(rate * momentum, axis=1)
-        size = np.linalg.norm(momentum, axis=1)
-        drifts.append([np.max(np.abs(x / x[0] - 1)) for x in (energy, size)])
-    for drift in np.transpose(drifts):
-        assert order(steps, list(drift)) > 3.9
-    assert np.max(drifts[-1]) < 1e-9
-
-
-def test_axisymmetric_body_precesses_as_in_closed_form() -> None:
-    # a w1' = (a - c) w2 w3 and a w2' = (c - a) w3 w1: the transverse rate turns at (c - a) w3 / a.
-    a, c, spin, transverse = 20.0, 32.0, 1.5, 0.4
-    third = np.array([1.0, 2.0, -2.0]) / 3.0
-    first = np.array([2.0, 1.0, 2.0]) / 3.0
-    axes = np.column_stack([first, np.cross(third, first), third])
-    inertia = axes @ np.diag([a, a, c]) @ axes.T
-    inertia = (inertia + inertia.T) / 2
-    turn = (c - a) / a * spin
-    steps, errors = [200, 400, 800, 1600], []
-    for n in steps:
-        step = 10.0 / n
-        angle = turn * step * np.arange(n + 1)
-        known = np.column_stack(
-            [transverse * np.cos(angle), transverse * np.sin(angle), np.full(n + 1, spin)]
-        )
-        found = free_rotation(inertia, axes @ known[0], step, 10.0) @ axes
-        errors.append(float(np.max(np.abs(found - known))))
-    assert order(steps, errors) == pytest.approx(4.0, abs=0.1)
-    assert errors[-1] < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("period", "samples"),
-    [(0.002, 1), (0.004, 2), (0.02, 10), (0.001, 0), (0.003, 0), (1e-6, 0)],
-)
-def test_half_period_must_be_a_whole_number_of_samples(period: float, samples: int) -> None:
-    observer = SampledILO(
-        RigidBody(inertia=np.eye(3)),
-        K1=1.0,
-        K2=0.1,
-        observer_gain=1.0,
-        update_interval=period,
-        sampling_period=period,
-    )
-    plant = replace(read_parameters(Parameters.load(ROOT, "ilo")).plant, step=0.001)
-    if samples:
-        assert stride(plant, observer) == samples
-    else:
-        with pytest.raises(InputError, match=r"^sampling_period: .* even multiple of plant.step"):
-            stride(plant, observer)

@@ -19,6 +19,7 @@ from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
 from reobserve.signals.inputs import Signal
 from reobserve.systems.triangular import TriangularModel
+from tests.observers.small_plants import DELAYS, MEET, START, pendulum_slope
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,6 @@ Array = NDArray[np.float64]
 GRAVITY, LENGTH, MASS, FRICTION = 9.81, 0.5, 0.2, 0.3
 PENDULUM = DelayedInputPlant(pendulum(GRAVITY, LENGTH, MASS, FRICTION))
 LAG = DelayedInputPlant(first_order_lag())
-START = (0.87, 0.0)
 
 
 def signal(*terms: dict[str, Any]) -> Signal:
@@ -55,19 +55,6 @@ INPUTS: dict[str, tuple[Signal, Callable[[float], float]]] = {
     "ramp": (RAMP, lambda t: 0.009 * t),
     "sine": (SINE, lambda t: float(np.sin(0.2 * t))),
 }
-# The same profile in plain Python: a function for each piece, and the times between pieces.
-PIECES: tuple[Callable[[float], float], ...] = (
-    lambda t: 0.6,
-    lambda t: 1.2,
-    lambda t: 0.3,
-    lambda t: 0.8 + 0.45 * float(np.sin(0.2 * t)),
-)
-MEET = (0, 20, 40, 60, 120)
-
-
-def pendulum_slope(x: Array, u: float) -> Array:
-    rate = -GRAVITY / LENGTH * np.sin(x[0]) - FRICTION / MASS * x[1] + u / (MASS * LENGTH**2)
-    return np.array([x[1], rate])
 
 
 def lag_slope(x: Array, u: float) -> Array:
@@ -86,7 +73,7 @@ def reference(plant: str, applied: str) -> Array:
     _, slope, state = PLANTS[plant]
     u = INPUTS[applied][1]
     states = [np.array(state)]
-    for tau, (begin, end) in zip(PIECES, pairwise(MEET), strict=True):
+    for tau, (begin, end) in zip(DELAYS, pairwise(MEET), strict=True):
         for second in range(begin, end):
             found = solve_ivp(
                 lambda t, x, tau=tau: slope(x, u(t - tau(t))),
@@ -294,7 +281,7 @@ def test_delayed_control_equals_the_earlier_control() -> None:
     for applied, u in INPUTS.values():
         # At the jumps themselves from the right, as the profile is stated.
         pieces = np.minimum(np.searchsorted((20, 40, 60), time, side="right"), 3)
-        expected = [u(t - PIECES[k](t)) for t, k in zip(time, pieces, strict=True)]
+        expected = [u(t - DELAYS[k](t)) for t, k in zip(time, pieces, strict=True)]
         assert delayed(applied, PROFILE, time) == pytest.approx(expected, abs=1e-14)
 
 

@@ -10,11 +10,11 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.triangular import TriangularModel
 from reobserve.systems.triangular_text import triangular_model
+from tests.observers.small_plants import first_order_lag
 
 
 def test_parameters_of_a_model_may_be_a_list() -> None:

@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import special_ortho_group
 
 from reobserve.core.errors import InputError
-from reobserve.plants.satellite import Satellite
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import acceleration, product
 
@@ -81,10 +80,9 @@ BAD_BODIES: list[tuple[Any, str]] = [
 
 
 @pytest.mark.parametrize(("inertia", "sentence"), BAD_BODIES)
-@pytest.mark.parametrize("kind", [RigidBody, Satellite])
-def test_invalid_inertia_is_refused(kind: type[RigidBody], inertia: Any, sentence: str) -> None:
+def test_invalid_inertia_is_refused(inertia: Any, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        kind(inertia)
+        RigidBody(inertia)
 
 
 @pytest.mark.parametrize(

@@ -21,10 +21,9 @@ from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.signals.inputs import Signal
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from reobserve.systems.triangular import TriangularModel
+from tests.observers.small_plants import G_OVER_L, A
 from tests.observers.test_extended_high_gain import (
     FIRST_DELAY,
-    G_OVER_L,
-    A,
     Case,
     observed,
     observer,

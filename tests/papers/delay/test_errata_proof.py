@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay.theory_gains import steady_ramp_error
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A
+from tests.observers.small_plants import G_OVER_L, GAIN, A
 from tests.papers.delay.test_errata import delay_error, seconds
 from tests.papers.delay.test_proofs import bound, remainder
 from tests.plants.test_delayed_plants import PENDULUM, RAMP, SINE

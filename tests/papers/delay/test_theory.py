@@ -16,15 +16,8 @@ from reobserve.papers.delay.theory_gains import error_matrix
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Numbers, lookup
 from reobserve.replication.parameters.job import read_job
-from tests.observers.test_extended_high_gain import (
-    G_OVER_L,
-    GAIN,
-    A,
-    Case,
-    observed,
-    observer,
-    record,
-)
+from tests.observers.small_plants import G_OVER_L, GAIN, A
+from tests.observers.test_extended_high_gain import Case, observed, observer, record
 from tests.papers import fixed_parameters
 
 Array = NDArray[np.float64]
