@@ -27,7 +27,7 @@ from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVaria
 from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_constraints, pi_constraints
 from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.system import AugmentedSystem
-from tests.papers.eso.plants import dc_motor, random_plant
+from tests.synthesis.plants import dc_motor, random_plant
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from tests.papers.eso.plants import dc_motor, random_plant
+from tests.synthesis.plants import dc_motor, random_plant
 
 Array = NDArray[np.float64]
 

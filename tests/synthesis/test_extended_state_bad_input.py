@@ -9,7 +9,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import feasible_point, pd_pi, pi
-from tests.papers.eso.plants import dc_motor, random_plant
+from tests.synthesis.plants import dc_motor, random_plant
 
 
 @pytest.mark.parametrize("design", [pd_pi.design, pi.design])

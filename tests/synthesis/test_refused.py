@@ -29,8 +29,8 @@ from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sample
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.systems.linear import LinearModel
-from tests.papers.eso.plants import dc_motor
 from tests.papers.lie.test_floquet import system
+from tests.synthesis.plants import dc_motor
 
 MOTOR = dc_motor()  # of six errors and two outputs
 GAINS = Gains(np.zeros((6, 2)), np.zeros((6, 2)))

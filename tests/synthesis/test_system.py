@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state.system import AugmentedSystem
-from tests.papers.eso.plants import dc_motor, random_plant
+from tests.synthesis.plants import dc_motor, random_plant
 
 
 def test_blocks_of_the_example_agree_with_the_paper() -> None:

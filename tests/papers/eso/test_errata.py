@@ -24,7 +24,7 @@ from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from tests.papers.eso.plants import dc_motor
+from tests.synthesis.plants import dc_motor
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve.replication.parameters.parameters import Parameters
 from reobserve.signals.inputs import Signal
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from tests.papers.eso.plants import dc_motor
+from tests.synthesis.plants import dc_motor
 
 ROOT = Path(__file__).parents[3]
 SYSTEM = dc_motor()

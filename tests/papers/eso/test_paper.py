@@ -31,7 +31,7 @@ from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import Gains
 from tests.papers import fixed_parameters
-from tests.papers.eso.plants import dc_motor
+from tests.synthesis.plants import dc_motor
 
 Array = NDArray[np.float64]
 Tree = dict[str, Any]

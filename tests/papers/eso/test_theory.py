@@ -37,8 +37,8 @@ from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from tests.papers import fixed_parameters
-from tests.papers.eso.plants import dc_motor
 from tests.published_numbers import golden_metrics
+from tests.synthesis.plants import dc_motor
 
 ROOT = Path(__file__).parents[3]
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]

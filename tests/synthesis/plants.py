@@ -1,4 +1,4 @@
-"""Small plants shared by the tests."""
+"""Small plants of extended state observers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 
 def dc_motor(**changed: Any) -> AugmentedSystem:
-    """The paper's example with J = b / 10 = 0.01, Ke = Kt = 0.01, R = 1, L = 0.5."""
+    """A DC motor with J = b / 10 = 0.01, Ke = Kt = 0.01, R = 1, L = 0.5."""
     matrices = {
         "A": [[-10.0, 1.0], [-0.02, -2.0]],
         "B": [[0.0], [2.0]],
