@@ -467,6 +467,16 @@ def test_deviations_agree_with_many_simulations(design: str, source: str) -> Non
     assert np.abs(measured / found - 1).max() < 4 / np.sqrt(2 * copies)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_overflowing_deviations_are_refused() -> None:
+    motor = dc_motor()
+    gains = pd_pi.design(motor).gains
+    small = held_deviation(motor, gains, [1e-3, 0.0, 0.0], 0.1)
+    assert held_deviation(motor, gains, [1e150, 0.0, 0.0], 0.1) == pytest.approx(1e153 * small)
+    with pytest.raises(InputError, match=r"^deviations: give variances beyond floating-point num"):
+        held_deviation(motor, gains, [1e160, 0.0, 0.0], 0.1)
+
+
 def test_deviation_over_time_is_the_mean_within_a_hold() -> None:
     """At many instants of a hold: the initial error, propagated, and the noise since then."""
     system, gains, sizes, period = dc_motor(), gains_of("pd_pi"), np.array([0.1, 0.06, 0.03]), 0.1

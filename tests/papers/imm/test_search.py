@@ -204,6 +204,12 @@ def test_invalid_bounds_are_refused_before_any_trial(
     assert caught.value.parameter == f"search.{key}"
 
 
+@pytest.mark.parametrize("value", [[1.0, 1.0], [0.0, 1.0]])
+def test_bounds_that_are_not_positive_or_do_not_rise_are_refused(value: list[float]) -> None:
+    with pytest.raises(InputError, match=r"^kept: \[[01], 1\] must be above 0 and rise$"):
+        keys.bounds("kept", value)
+
+
 # --- The stored search --------------------------------------------------------------------------
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
+from reobserve.papers.lie import floquet
 from reobserve.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 from reobserve.systems.polynomial import PolynomialSystem
@@ -176,3 +177,9 @@ def test_system_escaping_in_finite_time_is_refused() -> None:
 def test_initial_state_of_wrong_size_is_refused() -> None:
     with pytest.raises(InputError, match=r"^initial_state: has shape \(3,\), must be a list of 2"):
         limit_cycle(system("x2", "-x1 - x2"), [1.0, 0.0, 0.0], 20.0)
+
+
+def test_trajectory_with_too_many_slopes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(floquet, "_MOST_CALLS", 1000)
+    with pytest.raises(InputError, match=r"^settle: takes more than 1000 slopes; make it shorter"):
+        limit_cycle(system("x2", "(1 - x1**2)*x2 - x1"), [2.0, 0.0], 1e6)
