@@ -11,8 +11,6 @@ import pytest
 
 from reobserve.core.documents import DEPTH, check_plain, parse_json, read_json, read_yaml
 from reobserve.core.errors import InputError, one_line, shown
-from reobserve.replication.parameters.config import check_config
-from tests.pipeline.conftest import ROOT
 
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{key}: &{key} [{','.join([f'*{chr(ord(key) - 1)}'] * 9)}]\n" for key in "bcdefghi"
@@ -126,9 +124,6 @@ def test_already_parsed_data_is_checked() -> None:
     ):
         with pytest.raises(InputError, match=said):
             check_plain(tree, "config")
-    config = {**read_yaml(ROOT / "config/config.yaml"), "ilo": {"a": datetime.date(2007, 5, 1)}}
-    with pytest.raises(InputError, match=r"^config.ilo.a: is a date"):
-        check_config(ROOT, config, ["ilo"])
 
 
 @pytest.mark.parametrize(

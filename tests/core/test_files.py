@@ -1,18 +1,15 @@
-"""Outputs replace only regular files; tables, columns and images are checked completely."""
+"""Outputs replace only regular files; tables and columns are checked completely."""
 
 from __future__ import annotations
 
 import os
 import socket
-import struct
 import subprocess
 import sys
-import zlib
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from threading import Event
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
@@ -33,9 +30,7 @@ from reobserve.core.files import (
     write_text,
     write_whole,
 )
-from reobserve.replication.figure_diff.pixels import read_pixels
-from reobserve.replication.metrics.metrics import lookup, read_metrics
-from tests.pipeline.conftest import ROOT
+from reobserve.estimation.families import family
 
 Capture = pytest.CaptureFixture[str]
 
@@ -117,11 +112,12 @@ def test_output_that_is_not_a_file_is_refused(
     output: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["stage", "parameters", "ilo", "--project", str(ROOT), "--output", output]) == 1
+    (tmp_path / "model.yaml").write_text(family("luenberger").example)
+    assert main(["design", "luenberger", "model.yaml", "--out", output]) == 1
     said = capsys.readouterr().err
     assert said.startswith("reobserve: ")
     assert said.count("\n") == 1
-    assert os.listdir(tmp_path) == []
+    assert os.listdir(tmp_path) == ["model.yaml"]
 
 
 # --- Tables -------------------------------------------------------------------------------------
@@ -206,26 +202,6 @@ def test_table_that_is_empty_or_not_utf8_is_refused(tmp_path: Path) -> None:
             read_table(path, ["name"])
 
 
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ("a,rms,half,V", r"line 2, value: 'half' must be a number, nan or inf$"),
-        ("a,rms,1,furlongs", r"line 2, unit: 'furlongs' must be a unit$"),
-        ("a,rms,1,V/", r"line 2, unit: 'V/' must be a unit$"),
-        (",rms,1,V", r"line 2, observer: '' must be a name$"),
-        ("a,rms,1,V\na,rms,2,V", r"line 3 repeats 'a, rms'$"),
-    ],
-)
-def test_metrics_table_has_unique_numbers_with_units(tmp_path: Path, row: str, said: str) -> None:
-    path = tmp_path / "metrics.csv"
-    path.write_text(f"observer,metric,value,unit\n{row}\n")
-    with pytest.raises(InputError, match=said):
-        read_metrics(path)
-    path.write_text('observer,metric,value,unit\na,rms,nan,"rad, N m/s^2"\n')
-    with pytest.raises(InputError, match=r"^metrics: there is no 'lag' of 'a'$"):
-        _ = lookup(read_metrics(path))["a", "lag"]
-
-
 # --- Columns of user files ------------------------------------------------------------------------
 
 
@@ -267,139 +243,14 @@ def test_parquet_columns_must_be_numeric(tmp_path: Path) -> None:
     assert read_columns(path)["a"].tolist() == [1.0, 2.0]
 
 
-# --- Images ---------------------------------------------------------------------------------------
-
-
-def png(width: int, height: int, *rows: bytes) -> bytes:
-    """A grey PNG that states this size, whatever it contains."""
-
-    def chunk(name: bytes, content: bytes) -> bytes:
-        check = zlib.crc32(name + content)
-        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", check)
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    data = zlib.compress(b"".join(b"\0" + row for row in rows))
-    return (
-        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
-    )
-
-
-@pytest.mark.parametrize("size", [5_000, 12_000, 60_000, 2**31 - 1])
-def test_image_too_large_to_decode_is_refused(tmp_path: Path, size: int) -> None:
-    path = tmp_path / "bomb.png"
-    path.write_bytes(png(size, size))
-    with pytest.raises(InputError, match=r"bomb.png: (has \d+ x \d+ pixels|is damaged)") as caught:
-        read_pixels(path)
-    assert "\n" not in str(caught.value)
-
-
-def test_small_png_is_read_and_other_content_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "small.png"
-    path.write_bytes(png(3, 2, b"\0\x80\xff", b"\x10\x20\x30"))
-    expected = np.array([[0, 128, 255], [16, 32, 48]])
-    np.testing.assert_array_equal(read_pixels(path)[:, :, 0], expected)
-    path.write_bytes(b"GIF89a" + b"\0" * 50)
-    with pytest.raises(InputError, match="is no image"):
-        read_pixels(path)
-
-
 # --- The command line -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (
-            ["stage", "parameters", "ilo", "--seed", "-5"],
-            "--seed: '-5' must be a whole number from 0 to 9007199",
-        ),
-        (
-            ["stage", "parameters", "ilo", "--seed", "x" * 20_000],
-            "must be a whole number from 0 to",
-        ),
-        (
-            ["stage", "robustness", "l.json", "--samples", "-3"],
-            "--samples: '-3' must be a whole number from 1",
-        ),
-        (
-            ["stage", "robustness", "l.json", "--samples", "0"],
-            "--samples: '0' must be a whole number from 1 to",
-        ),
-        (["report", "--formats", "gif"], "argument --formats: invalid choice: 'gif'"),
-        (
-            ["stage", "parameters", "ilo", "--overrides", "[" * 20_000],
-            "is nested deeper than 40 levels",
-        ),
-        (
-            ["stage", "parameters", "ilo", "--overrides", '{"a": NaN}'],
-            "a: nan must be a finite number",
-        ),
-        (
-            ["stage", "parameters", "ilo", "--overrides", '{"a": 1, "a": 1}'],
-            "has the key 'a' twice",
-        ),
-    ],
-)
-def test_invalid_command_line_arguments_are_refused_by_the_parser(
-    arguments: list[str], said: str, tmp_path: Path, capsys: Capture
-) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main([*arguments, "--output", str(tmp_path / "out")])
-    assert caught.value.code == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert said in last
-    assert len(last) < 1000
-    assert os.listdir(tmp_path) == []
-
-
-def test_claims_of_an_unknown_paper_are_refused(tmp_path: Path, capsys: Capture) -> None:
-    arguments = [
-        "stage",
-        "claims",
-        "nope",
-        "--project",
-        str(ROOT),
-        "--output",
-        str(tmp_path / "c.csv"),
-    ]
-    assert main(arguments) == 1
-    assert capsys.readouterr().err.startswith("reobserve: paper: there is no 'nope'; there are: ")
-    assert os.listdir(tmp_path) == []
-
-
 def test_standard_output_on_a_full_device_is_reported() -> None:
-    command = [sys.executable, "-m", "reobserve", "list", "--project", str(ROOT)]
+    command = [sys.executable, "-m", "reobserve", "estimate", "--example", "list"]
     with open("/dev/full", "w", encoding="utf-8") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr == (
         "reobserve: standard output: cannot be written (No space left on device)\n"
     )
-
-
-def test_names_beyond_the_terminal_encoding_are_printed(tmp_path: Path) -> None:
-    """The list has names with accents, and a path has characters that the locale cannot encode."""
-    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
-    reported = {**os.environ, **ascii_only, "PYTHONCOERCECLOCALE": "0"}
-    folder = tmp_path / "née"
-    for arguments, code in (
-        (["list", "delay"], 0),
-        (["stage", "parameters", "ilo", "--output", f"{folder}/parameters.json"], 0),
-        (
-            [
-                "stage",
-                "plant",
-                f"{folder}/none.json",
-                "constant",
-                "--output",
-                f"{folder}/plant.parquet",
-            ],
-            1,
-        ),
-    ):
-        project = ["--project", str(ROOT)] if "plant" not in arguments else []
-        command = [sys.executable, "-m", "reobserve", *arguments, *project]
-        done = subprocess.run(command, env=reported, capture_output=True, text=True, check=False)
-        assert done.returncode == code, done.stderr
-        assert "Traceback" not in done.stderr
-    assert os.listdir(folder) == ["parameters.json"]

@@ -11,7 +11,7 @@ import pytest
 from pydantic import Field, Tag
 
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import FloatArray
+from reobserve.core.matrices import FloatArray, as_positive
 from reobserve.core.validation import (
     Count,
     Names,
@@ -20,6 +20,7 @@ from reobserve.core.validation import (
     Share,
     Window,
     array,
+    checked,
     having,
     items,
     matrix,
@@ -29,7 +30,6 @@ from reobserve.core.validation import (
     vector,
     within,
 )
-from reobserve.replication.parameters.job import signal
 
 
 @dataclass(frozen=True)
@@ -176,8 +176,8 @@ CONDITIONS: dict[str, tuple[Any, Any, str]] = {
     ),
     "another shape": (Annotated[Any, array(2, 1)], [1, 2], "x: has shape (2,), must be (2, 1)"),
     "no matrix": (Annotated[Any, matrix(2)], [1, 2, 3], "x: has shape (3,), must be one number"),
+    "refused by a function": (Annotated[Any, checked(as_positive)], -1, "x: -1 must be greater"),
     "indefinite": (Annotated[Any, positive_definite(2)], [1, -1], "x: must be positive definite"),
-    "no signal": (Annotated[list[Any], signal(1)], [{"kind": "x"}], "x[0].kind: 'x' must be one"),
 }
 
 
@@ -196,7 +196,7 @@ def test_conditions_accept_valid_values() -> None:
         (Annotated[int, within(0, 5)], 5),
         (Annotated[Any, array(2, 1)], [[1], [2]]),
         (Annotated[Any, matrix(2)], 3),
-        (Annotated[list[Any], signal(1)], []),
+        (Annotated[Any, checked(as_positive)], 3),
         (float | None, None),
         (float | str, "1/3"),
     ):

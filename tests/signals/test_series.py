@@ -227,6 +227,26 @@ def test_metrics_round_trip_through_a_file(tmp_path: Path) -> None:
     assert lookup(metrics)["adaptive", "delay"] == 2.0
 
 
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("a,rms,half,V", r"line 2, value: 'half' must be a number, nan or inf$"),
+        ("a,rms,1,furlongs", r"line 2, unit: 'furlongs' must be a unit$"),
+        ("a,rms,1,V/", r"line 2, unit: 'V/' must be a unit$"),
+        (",rms,1,V", r"line 2, observer: '' must be a name$"),
+        ("a,rms,1,V\na,rms,2,V", r"line 3 repeats 'a, rms'$"),
+    ],
+)
+def test_metrics_table_has_unique_numbers_with_units(tmp_path: Path, row: str, said: str) -> None:
+    path = tmp_path / "metrics.csv"
+    path.write_text(f"observer,metric,value,unit\n{row}\n")
+    with pytest.raises(InputError, match=said):
+        read_metrics(path)
+    path.write_text('observer,metric,value,unit\na,rms,nan,"rad, N m/s^2"\n')
+    with pytest.raises(InputError, match=r"^metrics: there is no 'lag' of 'a'$"):
+        _ = lookup(read_metrics(path))["a", "lag"]
+
+
 def test_metric_is_found_by_its_coordinates(tmp_path: Path) -> None:
     levels = (("ise", 1.0, 2.0), ("ise", 2e-05, 3.0), ("ise", 0.1234567890123, 4.0))
     metrics = [

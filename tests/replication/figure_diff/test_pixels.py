@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -119,4 +121,37 @@ def test_damaged_image_is_named(reference: Path, tmp_path: Path, start: int) -> 
     whole = reference.read_bytes()
     path.write_bytes(whole[:start] + b"\0" * 40 + whole[start + 40 :])
     with pytest.raises(InputError, match=r"fig1\.png: is damaged or is no image \("):
+        read_pixels(path)
+
+
+def png(width: int, height: int, *rows: bytes) -> bytes:
+    """A grey PNG that states this size, whatever it contains."""
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        check = zlib.crc32(name + content)
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", check)
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    data = zlib.compress(b"".join(b"\0" + row for row in rows))
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+    )
+
+
+@pytest.mark.parametrize("size", [5_000, 12_000, 60_000, 2**31 - 1])
+def test_image_too_large_to_decode_is_refused(tmp_path: Path, size: int) -> None:
+    path = tmp_path / "bomb.png"
+    path.write_bytes(png(size, size))
+    with pytest.raises(InputError, match=r"bomb.png: (has \d+ x \d+ pixels|is damaged)") as caught:
+        read_pixels(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_small_png_is_read_and_other_content_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "small.png"
+    path.write_bytes(png(3, 2, b"\0\x80\xff", b"\x10\x20\x30"))
+    expected = np.array([[0, 128, 255], [16, 32, 48]])
+    np.testing.assert_array_equal(read_pixels(path)[:, :, 0], expected)
+    path.write_bytes(b"GIF89a" + b"\0" * 50)
+    with pytest.raises(InputError, match="is no image"):
         read_pixels(path)

@@ -6,24 +6,26 @@ Each case is an override as a user would write it, or a changed parameter file.
 from __future__ import annotations
 
 import copy
+import datetime
 import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 import yaml
 
 from reobserve.core.documents import check_plain, read_yaml
 from reobserve.core.errors import InputError
+from reobserve.core.validation import parse
 from reobserve.replication.parameters.check import check_parameters
 from reobserve.replication.parameters.config import (
     check_config,
     known_papers,
     take_truths,
 )
-from reobserve.replication.parameters.job import declared_keys, named, read_job
+from reobserve.replication.parameters.job import declared_keys, named, read_job, signal
 from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
@@ -327,6 +329,7 @@ CALLS: dict[str, tuple[Tree, str]] = {
     ),
     "a paper in a number": ({"ilo": 3}, "config.ilo: 3 must be a mapping of keys to values"),
     "a key in a number": ({3: 3}, "config: has the key 3, must be text"),
+    "a date": ({"ilo": {"a": datetime.date(2007, 5, 1)}}, "config.ilo.a: is a date"),
 }
 
 
@@ -344,6 +347,13 @@ def test_boolean_words_of_the_command_line_are_converted(word: str, taken: bool)
     take_truths(config)
     assert config["reversals"] is taken
     check_config(ROOT, config, known_papers(ROOT))
+
+
+def test_terms_of_a_signal_are_checked() -> None:
+    kind = Annotated[list[Any], signal(1)]
+    assert parse(kind, [], "x") == []
+    with pytest.raises(InputError, match=r"^x\[0\]\.kind: 'x' must be one"):
+        parse(kind, [{"kind": "x"}], "x")
 
 
 def test_observer_named_by_a_study_must_exist_with_the_right_form() -> None:
