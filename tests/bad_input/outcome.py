@@ -9,6 +9,7 @@ import resource
 import sys
 import tempfile
 import warnings
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +17,6 @@ from types import SimpleNamespace
 from reobserve.cli.main import command_parser, main
 from reobserve.core.errors import ReobserveError
 
-ROOT = Path(__file__).parents[2]
 LONGEST = 1000  # maximum length of a message
 MEMORY = 4 << 30  # maximum memory that a call may request
 
@@ -25,8 +25,14 @@ class RefusedError(ReobserveError):
     """The command line refused, with an exit code and a one-line message."""
 
 
-def is_accepted(call: Callable[[], object], files: Mapping[str, bytes] | None = None) -> bool:
+def is_accepted(
+    call: Callable[[], object],
+    files: Mapping[str, bytes] | None = None,
+    project: Path | None = None,
+) -> bool:
     """Make a call in a folder with these files: True if it returns, False if it refuses.
+
+    The folder also has what it lacks of the configuration of a ``project``.
 
     Anything else fails: another exception, a message of several lines, a file left or changed by a
     refused call, a file outside the folder, or a half-written file.
@@ -38,7 +44,8 @@ def is_accepted(call: Callable[[], object], files: Mapping[str, bytes] | None = 
         for name, content in (files or {}).items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
-        _link_project(ROOT, folder, ("config", "workflow"))
+        if project is not None:
+            _link_project(project, folder, ("config", "workflow"))
         before = _files(top)
         refusal = None
         with contextlib.chdir(folder), _limited_memory(), warnings.catch_warnings():
@@ -59,7 +66,13 @@ def is_accepted(call: Callable[[], object], files: Mapping[str, bytes] | None = 
         return refusal is None
 
 
-def command(*words: object, stdin: bytes = b"", parse_only: bool = False) -> None:
+def command(
+    *words: object,
+    stdin: bytes = b"",
+    parse_only: bool = False,
+    main: Callable[[list[str]], int] = main,
+    parser: Callable[[], ArgumentParser] = command_parser,
+) -> None:
     """Run ``reobserve``, or only its parser, in this process; raises `RefusedError` if it
     refuses."""
     out, err = io.StringIO(), io.StringIO()
@@ -68,7 +81,7 @@ def command(*words: object, stdin: bytes = b"", parse_only: bool = False) -> Non
     code: object = 0
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            code = 0 if parse_only and command_parser().parse_args(line) else main(line)
+            code = 0 if parse_only and parser().parse_args(line) else main(line)
         except SystemExit as stop:
             code = stop.code
         finally:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,6 @@ from tests.library.calls import Call, calls
 class Nothing:
     """Neither number, nor word, nor model, nor anything else that a call could use."""
 
-
-# Texts of the user that are only printed.
-LABELS = {
-    "signals.inputs.Signal.check_grid": "name",
-    "plants.delayed_input.check_delay": "name",
-}
 
 # The name that a call uses in place of the parameter's.
 SAID = {
@@ -59,18 +53,23 @@ def refused(call: Call, place: int, parameter: str) -> bool:
     return False
 
 
-def test_argument_of_wrong_type_is_refused_naming_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A single test, since the shared preparation is made once."""
-    monkeypatch.chdir(tmp_path)  # some write a file
+def not_refused(every: Mapping[str, Call], labels: Mapping[str, str]) -> list[str]:
+    """Arguments that accept anything; ``labels`` are texts that are only printed."""
     wrong = []
-    for name, call in calls().items():
+    for name, call in every.items():
         call.function(*call.arguments)  # everything else is valid
         named = zip(range(len(call.arguments)), parameters(call), strict=False)
         wrong += [
             f"{name}: {parameter or place + 1}"
             for place, parameter in named
-            if LABELS.get(name) != parameter and not refused(call, place, parameter)
+            if labels.get(name) != parameter and not refused(call, place, parameter)
         ]
-    assert wrong == []
+    return wrong
+
+
+def test_argument_of_wrong_type_is_refused_naming_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A single test, since the shared preparation is made once."""
+    monkeypatch.chdir(tmp_path)  # some write a file
+    assert not_refused(calls(), {}) == []

@@ -596,3 +596,14 @@ def test_growing_sine_and_its_derivatives_are_exact() -> None:
             ]  # fmt: skip
         assert signal(time)[:, 0] == pytest.approx(found, rel=1e-13, abs=1e-15)
         signal = signal.derivative("fault")
+
+
+def test_signal_that_overflows_is_refused() -> None:
+    terms = [{"kind": "ramp", "axis": 1, "slope": 1e308}]
+    with pytest.raises(InputError, match=r"^signal: is not finite at t = 2 s$"):
+        Signal.parse("fault", terms, 1)(np.array([0.0, 1.0, 2.0]))
+
+
+def test_decreasing_times_are_refused() -> None:
+    with pytest.raises(InputError, match=r"^time: "):
+        Signal.parse("fault", [], 1)([0.0, -1.0])

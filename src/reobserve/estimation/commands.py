@@ -245,8 +245,7 @@ def _tell_origin(report: DataReport) -> bool:
 
 def _put(lines: str) -> None:
     if lines:
-        sys.stdout.write(lines)
-        sys.stdout.flush()
+        print(lines, end="", flush=True)
 
 
 def _expected(specification: Specification) -> list[str]:
@@ -269,7 +268,7 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
     from reobserve.estimation.families.examples import examples, simulated, specification_text
 
     if name == "list" and out is None and record is None:
-        sys.stdout.write("\n".join(examples()) + "\n")
+        print(*examples(), sep="\n")
         return
     text = specification_text(name)
     if record is not None and record.suffix != ".csv":
@@ -288,6 +287,6 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
         writer.writerows([f"{value:.9g}" for value in row] for row in cells)
         write_text(record, stream.getvalue())
     if out is None:
-        sys.stdout.write(text)
+        print(text, end="")
     else:
         write_text(out, text)

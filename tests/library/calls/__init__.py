@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 
 from . import observers, parts
 from .call import Call
 
-__all__ = ["Call", "calls"]
+__all__ = ["Call", "by_name", "calls"]
 
 
 @cache
 def calls() -> dict[str, Call]:
     """All calls by name."""
-    every = [*parts.calls(), *observers.calls()]
-    found = {call.name: call for call in every}
-    assert len(found) == len(every)
+    return by_name([*parts.calls(), *observers.calls()])
+
+
+def by_name(every: Iterable[Call]) -> dict[str, Call]:
+    found: dict[str, Call] = {}
+    for call in every:
+        assert call.name not in found, call.name
+        found[call.name] = call
     return found

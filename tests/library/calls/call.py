@@ -24,13 +24,16 @@ class Call:
     takes: tuple[str, ...] = ()
 
 
-def called(table: Mapping[str, tuple[Any, ...]], takes: tuple[str, ...] = ()) -> Iterator[Call]:
+def called(
+    table: Mapping[str, tuple[Any, ...]], takes: tuple[str, ...] = (), package: str = "reobserve"
+) -> Iterator[Call]:
+    """Calls of functions by their names in a package."""
     for name, arguments in table.items():
-        yield Call(name, pkgutil.resolve_name(f"reobserve.{name}"), arguments, takes)
+        yield Call(name, pkgutil.resolve_name(f"{package}.{name}"), arguments, takes)
 
 
 def method(owner: object, method: str, *arguments: Any, takes: tuple[str, ...] = ()) -> Call:
     """A call of a method of an object."""
     kind = type(owner)
-    name = f"{kind.__module__.removeprefix('reobserve.')}.{kind.__qualname__}.{method}"
+    name = f"{kind.__module__.partition('.')[2]}.{kind.__qualname__}.{method}"
     return Call(name, getattr(owner, method), arguments, takes)

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from reobserve.plants.hydraulic_actuator import ActuatorModel
-from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
@@ -15,25 +11,8 @@ from reobserve.systems.polynomial import PolynomialSystem
 
 INERTIA = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
 TRANSITION = np.array([[1.0, 0.01], [-0.01, 0.99]])
-NUMERATOR = [27.03, 9577.0, 1.87e6, 1.65e8]
-DENOMINATOR = [535.2, 7.38e4, 6.08e6, 1.813e8]
 VAN_DER_POL = ["-w", "a - (1 - a**2)*w"]  # in reversed time, so that the origin is stable
-TERMS: list[dict[str, Any]] = [
-    {"kind": "constant", "axis": 1, "size": 0.5},
-    {"kind": "sine", "axis": 1, "from": 0.1, "amplitude": 1.0, "frequency": 2.0, "phase": 0.5},
-    {"kind": "growing_sine", "axis": 1, "from": 1, "until": 2, "growth": 0.01, "frequency": 1.57},
-    {"kind": "ramp", "axis": 1, "from": 1, "until": 4, "slope": 0.1},
-    {"kind": "square", "axis": 1, "from": 1, "until": 6, "high": 1, "period": 4, "width": 2},
-    {"kind": "prbs", "axis": 1, "until": 3, "amplitude": 0.1, "clock": 100, "order": 7},
-    {"kind": "sweep", "axis": 1, "amplitude": 0.1, "start": 1, "end": 50, "duration": 20},
-]
 HALF = np.linspace(0.0, 0.2, 41)  # two samples a step of 0.01 s
-
-
-def signal(axes: int = 1) -> Signal:
-    """A constant on every axis."""
-    terms = [{"kind": "constant", "axis": k + 1, "size": 0.1} for k in range(axes)]
-    return Signal.parse("signal", terms, axes)
 
 
 def linear_model() -> LinearModel:
@@ -70,8 +49,3 @@ def gains() -> Gains:
     system = augmented()
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, np.eye(system.size), np.eye(2))
     return Gains(P @ system.C_tilde.T, np.zeros((system.size, 2)))
-
-
-def actuator() -> ActuatorModel:
-    """The hydraulic actuator without fault."""
-    return ActuatorModel(NUMERATOR, DENOMINATOR)

@@ -13,13 +13,12 @@ from reobserve.observers.gaussian_filter import Gaussian
 from reobserve.observers.imm import IMM
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smoother import rts_smoother
-from reobserve.plants.first_order_lag import first_order_lag
-from reobserve.plants.pendulum import pendulum
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.rigid_body import RigidBody
+from tests.observers.small_plants import first_order_lag, pendulum
 
 from .call import COMPLEX, MISSING, Call, called, method
 from .models import HALF, INERTIA, VAN_DER_POL, augmented, gains, linear_model, swing, van_der_pol
@@ -87,7 +86,7 @@ def sampled(kind: Callable[..., object], count: int) -> Callable[..., object]:
 
 
 def _observers() -> Iterator[Call]:
-    body, swing = RigidBody(INERTIA), pendulum(9.81, 0.5, 0.2, 0.3)
+    body, swing = RigidBody(INERTIA), pendulum()
     rates = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
     inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])  # with their derivatives
     cosine = 0.1 * np.cos(HALF)

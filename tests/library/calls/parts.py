@@ -1,4 +1,4 @@
-"""Valid calls of everything except observers: signals, models, plants, synthesis, designs."""
+"""Valid calls of everything except observers: models, synthesis, designs."""
 
 from __future__ import annotations
 
@@ -15,26 +15,17 @@ from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.estimation.families import family
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.papers.ilo.theorem import certify, theorem1
-from reobserve.papers.lie.floquet import limit_cycle
-from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
-from reobserve.plants.delayed_input import DelayedInputPlant
-from reobserve.plants.first_order_lag import first_order_lag
-from reobserve.plants.hydraulic_actuator import ActuatorModel
-from reobserve.plants.pendulum import pendulum
-from reobserve.plants.polynomial import PolynomialPlant
-from reobserve.plants.satellite import Satellite
-from reobserve.signals.inputs import Signal
-from reobserve.signals.series import Channel
 from reobserve.synthesis.ilo_error_system import LearningLaw
+from tests.observers.small_plants import first_order_lag
 
 from . import models
-from .call import COMPLEX, Call, called, method
-from .models import HALF, INERTIA, TERMS, TRANSITION, VAN_DER_POL, signal, van_der_pol
+from .call import Call, called
+from .models import INERTIA, TRANSITION, VAN_DER_POL, van_der_pol
 
 
 def calls() -> Iterator[Call]:
     """All of them."""
-    for part in (_basics, _models, _plants, _synthesis, _designs):
+    for part in (_basics, _models, _synthesis, _designs):
         yield from part()
 
 
@@ -62,10 +53,8 @@ def _basics() -> Iterator[Call]:
 
 
 def _models() -> Iterator[Call]:
-    time, lag, system = HALF[::2], first_order_lag(), van_der_pol()
+    lag, system = first_order_lag(), van_der_pol()
     yield from called({
-        "signals.inputs.Signal.parse": ("fault", TERMS, 1),
-        "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
         "systems.linear.LinearModel": (
             TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], [[0.0]], 1e-4, 1e-2,
         ),
@@ -75,57 +64,11 @@ def _models() -> Iterator[Call]:
         "systems.polynomial.PolynomialSystem": (system.dynamics, system.output),
         "systems.polynomial.PolynomialSystem.from_expressions": (VAN_DER_POL, ["a"], ["a", "w"], 3),
     })  # fmt: skip
-    yield method(signal(), "__call__", time)
-    yield method(signal(), "check_grid", "fault", 0.01, 1.0)
-    for term in TERMS:  # each value of a term by itself
-
-        def parse(*values: object, keys: tuple[str, ...] = tuple(term)) -> None:
-            found = Signal.parse("fault", [dict(zip(keys, values, strict=True))], 1)
-            assert np.isfinite(found(np.linspace(0.0, 3.0, 30))).all()
-
-        yield Call(f"signals.inputs.Signal.parse, {term['kind']}", parse, (*term.values(),))
-
-
-def _plants() -> Iterator[Call]:
-    one, motor = signal(), DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
-    control = SpeedControl.placed(motor, [-5.0, -6.0, -7.0])
-    controlled = (motor, control, np.eye(2), np.ones((2, 1)), np.ones((2, 1)))
-    late, model = DelayedInputPlant(pendulum(9.81, 0.5, 0.2, 0.3)), models.actuator()
-    oscillator = PolynomialPlant(van_der_pol())
-    yield from called({"plants.dc_motor.SpeedControl.placed": (motor, [-5.0, -6.0, -7.0])}, COMPLEX)
-    yield from called({
-        "plants.dc_motor.DCMotor": (0.01, 0.1, 0.01, 0.01, 1.0, 0.5, False),
-        "plants.dc_motor.SpeedControl": ([1.0, 0.1], 2.0),
-        "plants.dc_motor.poles_for": (1.0, 0.1),
-        "plants.dc_motor.ControlledMotor": controlled,
-        "plants.delayed_input.DelayedInputPlant": (late.model,),
-        "plants.delayed_input.delayed": (one, one, HALF),
-        "plants.delayed_input.check_delay": ("delay", one, (0.0, 1.0), 0.01, 1.0),
-        "plants.first_order_lag.first_order_lag": (1.0, 2.0),
-        "plants.pendulum.pendulum": (9.81, 0.5, 0.2, 0.3),
-        "plants.hydraulic_actuator.ActuatorModel": (models.NUMERATOR, models.DENOMINATOR),
-        "plants.hydraulic_actuator.simulate": (
-            [model, model], [0] * 10 + [1] * 10, np.ones(20), 1e-3,
-        ),
-        "plants.polynomial.PolynomialPlant": (oscillator.system,),
-        "plants.satellite.Satellite": (INERTIA, np.eye(3), np.eye(3)),
-    })  # fmt: skip
-    noise = (np.zeros((20, 2)), np.zeros((20, 1)))
-    yield method(ControlledMotor(*controlled), "simulate", one, one, one, *noise, 0.01, [0.0, 0.0])
-    yield method(late, "simulate", [0.1, 0.0], one, one, 0.01, 20)
-    yield method(model, "sampled", "motion", 1e-3, 1e3)
-    yield method(model, "blended", ActuatorModel([1, 2, 3, 4e8], models.DENOMINATOR), 0.5)
-    yield method(oscillator, "simulate", [0.1, 0.0], 0.01, 20)
-    yield method(oscillator, "output", np.zeros((5, 2)))
-    body, three = Satellite(INERTIA), signal(3)
-    yield method(body, "simulate", [0.1, 0.0, 0.0], three, three, 0.01, 20)
 
 
 def _synthesis() -> Iterator[Call]:
     parameters = (INERTIA, 500.0, np.eye(3), 0.9, 50.0, 0.01)
     law, zeros = LearningLaw(*parameters), np.zeros((4, 3))
-    forward = van_der_pol(["w", "-a + (1 - a**2)*w"])
-    cycle = limit_cycle(forward, [2.0, 0.5], 60.0)
     negative = ([[-2.0, 1.0], [1.0, -2.0]],)
     yield from called({
         "synthesis.ilo_error_system.LearningLaw": parameters,
@@ -135,11 +78,6 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_accuracy.matched_integrator": (500.0, 0.01, 3),
         "synthesis.ilo_accuracy.pi_error_transfer": (
             [1.0], INERTIA, 500.0, np.eye(3), 1000.0, 10.0,
-        ),
-        "papers.ilo.lyapunov.gyroscopic_eta": (INERTIA, 0.1),
-        "papers.ilo.lyapunov.repaired_weights": (np.eye(3), 0.9, 50.0),
-        "papers.ilo.lyapunov.lyapunov_values": (
-            INERTIA, np.eye(3), np.ones((5, 3)), np.ones((5, 3)), 0.1, 2,
         ),
         "synthesis.ilo_sampled_stability.held_blocks": (law,),
         "synthesis.ilo_sampled_stability.sampled_map": (law,),
@@ -157,8 +95,6 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.h_infinity_norm.h_infinity_norm": (
             [[-1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], 1e-9,
         ),
-        "papers.lie.floquet.limit_cycle": (forward, [2.0, 0.5], 60.0),
-        "papers.lie.floquet.floquet_exponents": (cycle, np.tile(-np.eye(2), (400, 1, 1))),
         "synthesis.definiteness.ball_matrix": negative,
         "synthesis.definiteness.prove_negative_definite": negative,
     })  # fmt: skip
@@ -188,7 +124,6 @@ def _designs() -> Iterator[Call]:
         "synthesis.extended_state.gamma_bound.as_gamma": (system, 1.05),
         "synthesis.extended_state.certificate.error_system": (system, found),
         "synthesis.extended_state.certificate.certify": (system, found, 100.0),
-        "papers.eso.deviation.held_deviation": (system, found, np.ones(3), 0.1),
         "synthesis.extended_state.pi.design": (system, 1.05),
         "synthesis.extended_state.pi.design_feasible": (system, 1.0),
         "synthesis.extended_state.pd_pi.design": (system, 1.05),

@@ -1,0 +1,15 @@
+"""The required outcome of invalid input, in folders with the configuration of the project."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from reobserve.cli.main import command_parser, main
+from tests.bad_input import outcome
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = "reobserve"
+
+command = partial(outcome.command, main=main, parser=command_parser)
+is_accepted = partial(outcome.is_accepted, project=ROOT)

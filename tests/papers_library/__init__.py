@@ -1,0 +1,1 @@
+"""Tests of every call of plants, signals and functions of the papers."""
