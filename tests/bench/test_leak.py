@@ -15,10 +15,11 @@ from scipy.stats import chi2, kstest
 from reobserve.bench.plot import detection
 from reobserve.bench.restarted_cusum import restarted_cusum
 from reobserve.bench.table import Results
-from reobserve.bench.task import Array, Condition, Task
+from reobserve.bench.task import Condition, Task
 from reobserve.bench.tasks import leak
 from reobserve.estimation.false_alarms import false_alarm_threshold
 from reobserve.observers.kalman import KalmanFilter
+from tests.bench.test_restarted_cusum import by_hand
 
 TASK = Task.read(Path(__file__).parents[2] / "config/bench/leak.yaml")
 PLANT: leak.Plant = TASK.plant_in("nominal")
@@ -71,34 +72,12 @@ def test_normalised_innovations_are_chi_squared() -> None:
     assert kstest(np.concatenate(found), chi2(size).cdf).pvalue > 0.01
 
 
-def by_hand(one: KalmanFilter, other: KalmanFilter, y: Array, u: Array) -> Array:
-    """Page's sum by matrices; the second filter restarts when the sum is zero."""
-    means, spreads = [np.zeros((4, 1))] * 2, [leak.REST * np.eye(4)] * 2
-    models, g, found = [one.model, other.model], 0.0, []
-    for k in range(len(y)):
-        logs = []
-        for j, model in enumerate(models):
-            A, B, C, R = (np.asarray(part) for part in (model.A, model.B, model.C, model.R))
-            if k:
-                means[j] = A @ means[j] + B * u[k - 1]
-                spreads[j] = A @ spreads[j] @ A.T + model.Q
-            S = C @ spreads[j] @ C.T + R
-            e, K = y[k] - C @ means[j], spreads[j] @ C.T / S
-            means[j], spreads[j] = means[j] + K @ e, spreads[j] - K @ C @ spreads[j]
-            logs.append(-0.5 * (np.log(2 * np.pi * S) + e**2 / S).item())
-        g = max(0.0, g + logs[1] - logs[0])
-        if g == 0.0:
-            means[1], spreads[1] = means[0], spreads[0]
-        found.append(g)
-    return np.array(found)
-
-
 def test_restarted_sum_agrees_with_matrix_recursion() -> None:
     one, other = filters(PLANT, SETTINGS)
     record = leak.simulate(replace(PLANT, share=(0.9, 1.0)), Condition("nominal"), 5, PERIOD)
     y, u = record.measurements, record.inputs
     found = restarted_cusum(one, other, y, u, one.init(np.zeros(4), leak.REST))
-    assert found == pytest.approx(by_hand(one, other, y, u), rel=1e-8, abs=1e-8)
+    assert found == pytest.approx(by_hand(one, other, y, u, leak.REST), rel=1e-8, abs=1e-8)
     onset = int(np.argmax(record.truth > 0))
     assert (found[:onset] == 0).mean() > 0.5
     assert found[-1] > 50

@@ -1,62 +1,20 @@
-"""Figures and tables show the numbers of the results."""
+"""Figures show the numbers of the results."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from reobserve.bench.plot import evaluations, heat_map, levels
-from reobserve.bench.table import Results, summary
-from reobserve.bench.task import Task
-from reobserve.bench.tuned_file import Cost, Repeat, TunedMethod, TunedOn
+from reobserve.bench.table import Results
 
-from .toy import method, stated, write
-
-
-def cell(condition: str, method: str, training: str = "nominal", **keys: Any) -> dict[str, Any]:
-    return {
-        "condition": condition, "method": method, "training": training, "given_noise": "no",
-        "seeds": 16.0, "error": 0.2, "low": 0.1, "high": 0.3, "first": keys.get("error", 0.2),
-        "ratio": 1.0, "ratio_low": 1.0,
-        "ratio_high": 1.0, "within": "yes", "failed": 0.0, "lag": 0.012, "quantile": 0.5,
-        "repeat_low": 0.1, "repeat_high": 0.3, **keys,
-    }  # fmt: skip
+from .toy import stated_results
 
 
 @pytest.fixture
 def results(tmp_path: Path) -> Results:
-    tree = stated()
-    own = {"settings": {"share": 1.0}, "source": "p. 1"}
-    tree["methods"] = {"share": method(label="Share", paper=own),
-                       "reported": method(label="Given", given_noise=True)}  # fmt: skip
-    tree["conditions"]["wrong"] = {"title": "wrong", "model": 0.1}
-    tree["shown"] = ["share", "reported"]
-    cells = [
-        cell("nominal", "share", error=0.25, ratio=1.25, within="no"),
-        cell("nominal", "reported"),
-        cell("nominal", "share", "paper", error=2.5, ratio=12.5, within="no", failed=0.25),
-        cell("noise", "share", error=0.75),
-        cell("noise", "share", "noise", error=0.65),
-        cell("noise", "reported", error=0.55),
-        cell("noise", "reported", given_noise="yes", error=0.45),
-        cell("noise", "reported", "noise", given_noise="yes", error=0.35),
-        cell("high", "share", error=0.15),
-        cell("wrong", "share", error=0.85),
-    ]
-    repeats = [
-        Repeat(
-            {"share": 1.0},
-            0.0,
-            {"share": "high"},
-            dict(zip(("10", "25", "40"), errors, strict=True)),
-        )
-        for errors in ((0.5, 0.3, 0.2), (0.4, 0.21, 0.2), (0.6, 0.2, 0.2))
-    ]
-    tuned = TunedMethod({"nominal": TunedOn("", repeats)}, Cost(1.5, 0.25))
-    task = Task.read(write(tmp_path, tree))
-    return Results(task, cells, {"share": tuned, "reported": tuned})
+    return stated_results(tmp_path)
 
 
 def test_heat_map_has_one_cell_per_number(results: Results) -> None:
@@ -99,17 +57,3 @@ def test_level_figure_marks_tuned_given_and_retuned_settings(results: Results) -
 def test_error_curve_shows_the_median_of_repeats(results: Results) -> None:
     (line, *_) = evaluations(results).axes[0].lines
     assert line.get_xydata().tolist() == [[10.0, 0.5], [25.0, 0.21], [40.0, 0.2]]
-
-
-def test_table_lists_requirements_and_cost_of_each_method(results: Results) -> None:
-    lines = summary(results).splitlines()
-    assert lines[4] == (
-        "| Share | k | g | 1 | 25 | 0.250 [0.100 0.300] | **0.750** [0.100 0.300] | 12 ms | 0.50 "
-        "| 0.25 µs, 1.5 ms | share (high) |"
-    )
-    assert "| Share, the paper's settings |  |  |  |  | 2.50 [0.100 0.300], 25 % f" in lines[5]
-    assert "**0.450** [0.100 0.300]" in lines[7]
-    assert "| lag | 95 % | cost |" in lines[2]
-    results.task.module.COLUMNS = ("delay", "false alarms")  # type: ignore[attr-defined]
-    head = summary(results).splitlines()[2]
-    assert "| delay | false alarms | cost |" in head

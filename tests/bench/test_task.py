@@ -12,8 +12,6 @@ from reobserve.core.errors import InputError
 
 from .toy import method, stated, toy, write
 
-KEPT = sorted(Path("config/bench").glob("*.yaml"))
-
 
 def changed(*path: str, to: Any) -> dict[str, Any]:
     tree = stated()
@@ -71,21 +69,3 @@ def test_method_is_constructed_from_noise_and_settings(tmp_path: Path) -> None:
         estimate = task.make("reported", {"trust": 2.0}, "noise", given=given)(record)
         assert estimate == pytest.approx(2.0 / (1 + noise**2) * record.measurements)
     assert task.record("high", 5).truth[0, 0] == 2.0
-
-
-@pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
-def test_records_are_paired_across_conditions(path: Path) -> None:
-    """All conditions of a seed have the same faults and the same unit noise."""
-    task = Task.read(path)
-    nominal = task.record("nominal", 3)
-    for name, condition in task.conditions.items():
-        record = task.record(name, 3)
-        every = slice(None, None, condition.period)
-        assert record.time == pytest.approx(nominal.time[every], abs=1e-12)
-        assert (
-            len(record.inputs) == len(record.measurements) == len(record.truth) == len(record.time)
-        )
-        if condition.model == 0 and not condition.plant:
-            assert (record.truth == nominal.truth[every]).all()
-    other = task.record("nominal", 4)
-    assert (other.measurements != nominal.measurements).any()

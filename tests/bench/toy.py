@@ -7,7 +7,9 @@ from typing import Any
 
 import yaml
 
+from reobserve.bench.table import Results
 from reobserve.bench.task import Task
+from reobserve.bench.tuned_file import Cost, Repeat, TunedMethod, TunedOn
 
 MODULE = '''
 from dataclasses import dataclass
@@ -83,3 +85,47 @@ def write(folder: Path, tree: dict[str, Any]) -> Path:
 
 def toy(folder: Path, **changed: Any) -> Task:
     return Task.read(write(folder, {**stated(), **changed}))
+
+
+def cell(condition: str, method: str, training: str = "nominal", **keys: Any) -> dict[str, Any]:
+    return {
+        "condition": condition, "method": method, "training": training, "given_noise": "no",
+        "seeds": 16.0, "error": 0.2, "low": 0.1, "high": 0.3, "first": keys.get("error", 0.2),
+        "ratio": 1.0, "ratio_low": 1.0,
+        "ratio_high": 1.0, "within": "yes", "failed": 0.0, "lag": 0.012, "quantile": 0.5,
+        "repeat_low": 0.1, "repeat_high": 0.3, **keys,
+    }  # fmt: skip
+
+
+def stated_results(folder: Path) -> Results:
+    """Results with stated numbers, of no tuning."""
+    tree = stated()
+    own = {"settings": {"share": 1.0}, "source": "p. 1"}
+    tree["methods"] = {"share": method(label="Share", paper=own),
+                       "reported": method(label="Given", given_noise=True)}  # fmt: skip
+    tree["conditions"]["wrong"] = {"title": "wrong", "model": 0.1}
+    tree["shown"] = ["share", "reported"]
+    cells = [
+        cell("nominal", "share", error=0.25, ratio=1.25, within="no"),
+        cell("nominal", "reported"),
+        cell("nominal", "share", "paper", error=2.5, ratio=12.5, within="no", failed=0.25),
+        cell("noise", "share", error=0.75),
+        cell("noise", "share", "noise", error=0.65),
+        cell("noise", "reported", error=0.55),
+        cell("noise", "reported", given_noise="yes", error=0.45),
+        cell("noise", "reported", "noise", given_noise="yes", error=0.35),
+        cell("high", "share", error=0.15),
+        cell("wrong", "share", error=0.85),
+    ]
+    repeats = [
+        Repeat(
+            {"share": 1.0},
+            0.0,
+            {"share": "high"},
+            dict(zip(("10", "25", "40"), errors, strict=True)),
+        )
+        for errors in ((0.5, 0.3, 0.2), (0.4, 0.21, 0.2), (0.6, 0.2, 0.2))
+    ]
+    tuned = TunedMethod({"nominal": TunedOn("", repeats)}, Cost(1.5, 0.25))
+    task = Task.read(write(folder, tree))
+    return Results(task, cells, {"share": tuned, "reported": tuned})
