@@ -55,11 +55,6 @@ def errata() -> readers.Reader:
     return Reader("config/errata/lie.yaml", line, valid.tree("config/errata/lie.yaml"))
 
 
-def equations() -> readers.Reader:
-    line = words("equations", "ilo", "1", "--project", ".")
-    return Reader("config/equations/ilo.yaml", line, valid.tree("config/equations/ilo.yaml"))
-
-
 def stored_parameters(paper: str) -> readers.Reader:
     line = words("stage", "plant", "in.json", valid.OBSERVERS[paper][0], "--output", "out.parquet")
     return Reader("in.json", line, json.loads(valid.parameters(paper).read_bytes()))
@@ -117,7 +112,6 @@ READERS: dict[Callable[..., readers.Reader], list[Any]] = {
     settings: [],
     claims: [],
     errata: [],
-    equations: [],
     stored_parameters: [*valid.PAPERS],
     paper_design: ["lie", "eso"],
     observed_record: [*valid.PAPERS],

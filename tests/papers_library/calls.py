@@ -111,7 +111,6 @@ def _papers() -> Iterator[Call]:
         "papers.ilo.lyapunov.lyapunov_values": (
             INERTIA, np.eye(3), np.ones((5, 3)), np.ones((5, 3)), 0.1, 2,
         ),
-        "papers.imm.nu_gap.nu_gap": (pressure, ([1.0], [1.0, 2.0])),
         "papers.lie.floquet.limit_cycle": (forward, [2.0, 0.5], 60.0),
         "papers.lie.floquet.floquet_exponents": (cycle, np.tile(-np.eye(2), (400, 1, 1))),
         "papers.eso.deviation.held_deviation": (augmented(), gains(), np.ones(3), 0.1),
