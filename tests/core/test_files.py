@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from threading import Event
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
@@ -27,6 +28,7 @@ from reobserve.core.files import (
     Kind,
     read_columns,
     read_table,
+    write_table,
     write_text,
     write_whole,
 )
@@ -107,6 +109,43 @@ def test_concurrent_writers_of_one_file_take_turns(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
+@pytest.mark.parametrize("error", [RuntimeError("stop"), KeyboardInterrupt(), OSError(28, "full")])
+@pytest.mark.parametrize("exists", [True, False])
+def test_failed_write_keeps_the_old_file(
+    tmp_path: Path, error: BaseException, exists: bool
+) -> None:
+    path = tmp_path / "table.csv"
+    if exists:
+        path.write_text("old")
+
+    def write(partial: Path) -> None:
+        partial.write_text("half of the n", encoding="utf-8")
+        assert partial.parent == tmp_path  # the move into place stays on one file system
+        assert not exists or path.read_text() == "old"
+        raise error
+
+    # Errors of the disk become a message, everything else passes through.
+    with pytest.raises(InputError if isinstance(error, OSError) else type(error)):
+        write_whole(path, write)
+    assert os.listdir(tmp_path) == (["table.csv"] if exists else [])
+    assert not exists or path.read_text() == "old"
+
+
+def test_write_replaces_the_old_file_and_leftovers(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    partials: list[Path] = []
+
+    def write(partial: Path) -> None:
+        partials.append(partial)
+        partial.write_text("old", encoding="utf-8")
+
+    write_whole(path, write)
+    partials[0].write_text("left behind by a killed process, longer than what follows")
+    write_text(path, "née")
+    assert path.read_bytes() == "née".encode()
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
 @pytest.mark.parametrize("output", ["", ".", "/", "..", "a\0b", "x" * 300])
 def test_output_that_is_not_a_file_is_refused(
     output: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
@@ -155,6 +194,24 @@ def test_table_is_checked_completely(tmp_path: Path, text: str, said: str) -> No
     with pytest.raises(InputError, match=said) as caught:
         read_table(path, HEADER, KINDS, ("name", "run"))
     assert len(str(caught.value)) < 1000
+
+
+def test_tables_keep_every_digit(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    values = [0.1, 1 / 3, 1e-300, np.float64(2) ** 0.5, float("nan"), -0.0]
+    write_table(
+        path, ({"name": f"row, {i}", "value": v} for i, v in enumerate(values)), ["name", "value"]
+    )
+    rows = read_table(path, ["name", "value"])
+    assert [row["name"] for row in rows] == [f"row, {i}" for i in range(6)]
+    assert np.array([float(row["value"]) for row in rows]).tobytes() == np.array(values).tobytes()
+    with pytest.raises(InputError, match=r"table.csv: has the columns \['name', 'value'\], must "):
+        read_table(path, ["name", "unit"])
+    path.write_text("name,value\nfirst,1\nsecond\n")
+    with pytest.raises(InputError, match=r"table.csv: line 3 has not 2 cells$"):
+        read_table(path, ["name", "value"])
+    with pytest.raises(InputError, match=r"none.csv: cannot be read \(No such file"):
+        read_table(tmp_path / "none.csv", ["name"])
 
 
 CELLS = (

@@ -1,8 +1,7 @@
-"""Series and files on disk, metrics of signals, and random streams."""
+"""Series on disk, and metrics of signals."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,6 @@ import pytest
 
 from reobserve.core import files
 from reobserve.core.errors import InputError
-from reobserve.core.files import read_table, write_table, write_text, write_whole
-from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.replication.metrics.metrics import (
     Metric,
     lookup,
@@ -110,6 +107,21 @@ def test_step_is_the_sampling_period() -> None:
         _ = Series(np.array([0.1]), {}).step
 
 
+@pytest.mark.parametrize(
+    ("off", "even"), [(1e-9, True), (1e-8, True), (1e-4, False), (-1e-4, False)]
+)
+def test_step_off_by_0_1_percent_is_uneven(off: float, even: bool) -> None:
+    """``off`` is in seconds, for steps of 0.1 s; rounding of a time axis is accepted."""
+    time = 0.1 * np.arange(11)
+    time[5] += off
+    series = Series(time, {})
+    if even:
+        assert series.step == pytest.approx(0.1, rel=1e-12)
+    else:
+        with pytest.raises(InputError, match=r"^time: must be evenly spaced$"):
+            _ = series.step
+
+
 def test_invalid_series_are_refused() -> None:
     time = np.array([0.0, 0.1, 0.2])
     for bad in (np.array([0.0, 0.2, 0.1]), np.array([0.0, 0.1, 0.1]), time[:, None]):
@@ -152,6 +164,16 @@ def test_invalid_series_files_are_refused(tmp_path: Path) -> None:
         Series.read(path)
 
 
+def test_record_of_any_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step must be able to read anything an earlier one could write."""
+    monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
+    series = Series(np.arange(1000.0), {"x": Channel(np.arange(1000.0), "m")}, {}, {})
+    series.write(tmp_path / "x.parquet")
+    with pytest.raises(InputError, match="more than 100 bytes"):
+        files.read_bytes(tmp_path / "x.parquet")
+    assert np.array_equal(Series.read(tmp_path / "x.parquet")["x"], series["x"])
+
+
 # --- Files --------------------------------------------------------------------------------------
 
 
@@ -163,61 +185,6 @@ def test_unwritable_folder_is_named(tmp_path: Path) -> None:
             record().write(path)
         assert found.value.parameter == str(path)
     assert (tmp_path / "folder").read_text() == "a file"
-
-
-@pytest.mark.parametrize("error", [RuntimeError("stop"), KeyboardInterrupt(), OSError(28, "full")])
-@pytest.mark.parametrize("exists", [True, False])
-def test_failed_write_keeps_the_old_file(
-    tmp_path: Path, error: BaseException, exists: bool
-) -> None:
-    path = tmp_path / "table.csv"
-    if exists:
-        path.write_text("old")
-
-    def write(partial: Path) -> None:
-        partial.write_text("half of the n", encoding="utf-8")
-        assert partial.parent == tmp_path  # the move into place stays on one file system
-        assert not exists or path.read_text() == "old"
-        raise error
-
-    # Errors of the disk become a message, everything else passes through.
-    with pytest.raises(InputError if isinstance(error, OSError) else type(error)):
-        write_whole(path, write)
-    assert os.listdir(tmp_path) == (["table.csv"] if exists else [])
-    assert not exists or path.read_text() == "old"
-
-
-def test_write_replaces_the_old_file_and_leftovers(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
-    partials: list[Path] = []
-
-    def write(partial: Path) -> None:
-        partials.append(partial)
-        partial.write_text("old", encoding="utf-8")
-
-    write_whole(path, write)
-    partials[0].write_text("left behind by a killed process, longer than what follows")
-    write_text(path, "née")
-    assert path.read_bytes() == "née".encode()
-    assert os.listdir(tmp_path) == ["a.txt"]
-
-
-def test_tables_keep_every_digit(tmp_path: Path) -> None:
-    path = tmp_path / "table.csv"
-    values = [0.1, 1 / 3, 1e-300, np.float64(2) ** 0.5, float("nan"), -0.0]
-    write_table(
-        path, ({"name": f"row, {i}", "value": v} for i, v in enumerate(values)), ["name", "value"]
-    )
-    rows = read_table(path, ["name", "value"])
-    assert [row["name"] for row in rows] == [f"row, {i}" for i in range(6)]
-    assert np.array([float(row["value"]) for row in rows]).tobytes() == np.array(values).tobytes()
-    with pytest.raises(InputError, match=r"table.csv: has the columns \['name', 'value'\], must "):
-        read_table(path, ["name", "unit"])
-    path.write_text("name,value\nfirst,1\nsecond\n")
-    with pytest.raises(InputError, match=r"table.csv: line 3 has not 2 cells$"):
-        read_table(path, ["name", "value"])
-    with pytest.raises(InputError, match=r"none.csv: cannot be read \(No such file"):
-        read_table(tmp_path / "none.csv", ["name"])
 
 
 def test_metrics_round_trip_through_a_file(tmp_path: Path) -> None:
@@ -339,64 +306,3 @@ def test_settling_time_is_the_last_entry_into_the_band() -> None:
     # A jump out of the band and back between two steps belongs to the step that contains it.
     late = np.array([0.0, 0.0, 4.0, 0.0])
     assert settling_time(TIME, late, np.zeros(4), 1.0) == 3.0
-
-
-# --- Random streams -----------------------------------------------------------------------------
-
-
-def test_random_stream_depends_only_on_seed_and_names() -> None:
-    first = random_stream(7, "ilo", "rate noise").standard_normal(100)
-    random_stream(7, "ilo", "start").standard_normal(1000)  # other streams may be used in between
-    again = random_stream(7, "ilo", "rate noise")
-    assert np.array_equal(again.standard_normal(40), first[:40])
-    assert np.array_equal(again.standard_normal(60), first[40:])
-
-
-def test_streams_of_different_names_are_uncorrelated() -> None:
-    keys = [(7, "ilo", "noise"), (7, "ilo", "start"), (8, "ilo", "noise"), (7, "other", "noise")]
-    drawn = np.array([random_stream(*key).standard_normal(4000) for key in keys])
-    correlation = np.corrcoef(drawn) - np.eye(len(keys))
-    assert np.abs(correlation).max() < 5 / np.sqrt(4000)  # five standard deviations
-    assert drawn.std(axis=1) == pytest.approx(1, abs=5 / np.sqrt(8000))
-
-
-@pytest.mark.parametrize(
-    ("off", "even"), [(1e-9, True), (1e-8, True), (1e-4, False), (-1e-4, False)]
-)
-def test_step_off_by_0_1_percent_is_uneven(off: float, even: bool) -> None:
-    """``off`` is in seconds, for steps of 0.1 s; rounding of a time axis is accepted."""
-    time = 0.1 * np.arange(11)
-    time[5] += off
-    series = Series(time, {})
-    if even:
-        assert series.step == pytest.approx(0.1, rel=1e-12)
-    else:
-        with pytest.raises(InputError, match=r"^time: must be evenly spaced$"):
-            _ = series.step
-
-
-def test_streams_of_differently_split_names_differ() -> None:
-    """The slash separates ("a", "bc") and ("ab", "c"), so no name may contain one."""
-    drawn = [random_stream(7, *names).random() for names in (("a", "bc"), ("ab", "c"), ("abc",))]
-    assert len(set(drawn)) == 3
-    with pytest.raises(InputError, match=r"^stream: the name 'a/b' must not hold a slash$"):
-        random_stream(7, "a/b", "c")
-
-
-@pytest.mark.parametrize(("samples", "hold"), [(7, 3), (6, 3), (1, 4), (5, 1)])
-def test_held_noise_changes_at_the_stated_interval(samples: int, hold: int) -> None:
-    """The left limit changes one sample later; in order, no number is used twice."""
-    drawn = random_stream(7, "noise").standard_normal(samples)
-    values, before = held_normal(random_stream(7, "noise"), samples, hold)
-    assert values.tolist() == [drawn[k // hold] for k in range(samples)]
-    assert before.tolist() == [drawn[max(k - 1, 0) // hold] for k in range(samples)]
-
-
-def test_record_of_any_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A step must be able to read anything an earlier one could write."""
-    monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
-    series = Series(np.arange(1000.0), {"x": Channel(np.arange(1000.0), "m")}, {}, {})
-    series.write(tmp_path / "x.parquet")
-    with pytest.raises(InputError, match="more than 100 bytes"):
-        files.read_bytes(tmp_path / "x.parquet")
-    assert np.array_equal(Series.read(tmp_path / "x.parquet")["x"], series["x"])
