@@ -104,7 +104,6 @@ def _plants() -> Iterator[Call]:
 def _papers() -> Iterator[Call]:
     forward = van_der_pol(["w", "-a + (1 - a**2)*w"])
     cycle = limit_cycle(forward, [2.0, 0.5], 60.0)
-    pressure = (NUMERATOR, [1.0, *DENOMINATOR])
     yield from called({
         "papers.ilo.lyapunov.gyroscopic_eta": (INERTIA, 0.1),
         "papers.ilo.lyapunov.repaired_weights": (np.eye(3), 0.9, 50.0),
