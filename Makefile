@@ -70,8 +70,8 @@ OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 	GLIBC_TUNABLES=glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2
 
 elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of a newer and an older processor
-	$(NEWER) pytest tests/golden/test_golden.py
-	$(OLDER) pytest tests/golden/test_golden.py
+	$(NEWER) pytest tests/reobserve_papers/golden/test_golden.py
+	$(OLDER) pytest tests/reobserve_papers/golden/test_golden.py
 
 bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks

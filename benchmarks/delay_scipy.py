@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.plants.pendulum import pendulum
+from reobserve_papers.plants.pendulum import pendulum
 
 Array = NDArray[np.float64]
 

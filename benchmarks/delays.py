@@ -21,8 +21,8 @@ from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_high_gain_loop import run as observer_loop
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.plants.delayed_input import DelayedInputPlant, _simulate, delayed
-from reobserve.signals.inputs import Signal
+from reobserve_papers.plants.delayed_input import DelayedInputPlant, _simulate, delayed
+from reobserve_papers.signals.inputs import Signal
 
 Array = NDArray[np.float64]
 

@@ -38,8 +38,8 @@ def _times(states: int, degree: int, rounds: int) -> Times:
 
 def _draw(panels: dict[str, dict[int, Times]]) -> None:
     # Late: drawing is no part of what is measured.
-    from reobserve.plotting.figures import STYLES, decades, new_figure
-    from reobserve.plotting.formats import save
+    from reobserve_papers.plotting.figures import STYLES, decades, new_figure
+    from reobserve_papers.plotting.formats import save
 
     figure, axes = new_figure((1.55,) * len(panels), share_time=False)
     for panel, (title, measured) in zip(axes, panels.items(), strict=True):

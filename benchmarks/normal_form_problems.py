@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import place_poles
 
-from reobserve.papers.lie.lie_transform import lie_transform
+from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s

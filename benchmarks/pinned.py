@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.report import Row, Section
 from reobserve.core.code_paths import ENABLED, KERNEL
 from reobserve.core.errors import ReobserveError
-from reobserve.replication.golden.conditions import FREE, evaluate
+from reobserve_papers.golden.conditions import FREE, evaluate
 
 _PAPERS = ("ilo", "lie", "eso")
 _SETTINGS = {"pinned": {KERNEL: "Nehalem", ENABLED: " "}, "as the processor would have it": FREE}

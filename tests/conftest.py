@@ -77,6 +77,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def _turn(item: pytest.Item) -> int:
     file = item.nodeid.partition("::")[0]
-    if SHARED.get(file) == "pipeline" or file == "tests/pipeline/test_determinism.py":
+    if SHARED.get(file) == "pipeline" or file == "tests/reobserve_papers/pipeline/test_determinism.py":
         return 0
     return 2 if "as_built" in getattr(item, "fixturenames", ()) else 1

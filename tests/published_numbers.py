@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from tests import ROOT
+
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from reobserve.replication.claims.cached_samples import read_cached
-from reobserve.replication.claims.registry import read_claims
-from reobserve.replication.golden.files import golden_file, read_metrics, read_numbers
-from reobserve.replication.metrics.metrics import Numbers
-from reobserve.replication.parameters.names import samples_path
-from reobserve.replication.parameters.parameters import Parameters
+from reobserve_papers.claims.cached_samples import read_cached
+from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.golden.files import golden_file, read_metrics, read_numbers
+from reobserve_papers.metrics.metrics import Numbers
+from reobserve_papers.parameters.names import samples_path
+from reobserve_papers.parameters.parameters import Parameters
 
-ROOT = Path(__file__).parents[1]
 
 
 def golden_metrics(paper: str, figure: str) -> dict[tuple[str, str], float]:

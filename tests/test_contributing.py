@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tests import ROOT
+
 import re
 import shlex
 from importlib.util import find_spec
@@ -12,7 +14,6 @@ import pytest
 from reobserve.cli.main import main
 from reobserve.core.documents import read_yaml
 
-ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 INLINE = [code.replace("\n", " ") for code in re.findall(r"`([^`]+)`", TEXT)]
 BLOCKS = [line.strip() for line in re.findall(r"^    (\S.*)$", TEXT, re.MULTILINE)]
@@ -49,7 +50,7 @@ def test_named_command_exists(words: list[str], capsys: pytest.CaptureFixture[st
 def test_named_places_exist() -> None:
     named = {word for code in (*INLINE, *BLOCKS) for word in re.findall(r"[\w.]+/[\w./]+", code)}
     named -= {".venv/bin/activate"}
-    assert "src/reobserve/cli/stage_commands.py" in named
+    assert "src/reobserve_papers/cli/stage_commands.py" in named
     assert {name for name in named if not (ROOT / name).exists()} == set()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tests import ROOT
+
 import argparse
 import ast
 import importlib
@@ -18,16 +20,15 @@ import yaml
 
 from reobserve.cli.main import command_parser
 from reobserve.core.errors import InputError
-from reobserve.replication.golden.values import part_names
-from reobserve.replication.meanings import LISTS, meanings, write_lists
-from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.parameters import Parameters
-from reobserve.replication.provenance import import_closure
+from reobserve_papers.golden.values import part_names
+from reobserve_papers.steps.meanings import LISTS, meanings, write_lists
+from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.provenance import import_closure
 
 from . import FIVE
 from .published_numbers import golden_metrics
 
-ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "reobserve"
 
 
@@ -73,7 +74,7 @@ def test_packages_import_only_those_before_them() -> None:
         assert not inside(imports(path), *above), path
     for path in files("observers"):
         closure = set(import_closure([".".join(("reobserve.observers", path.stem))]))
-        never = ("reobserve.plants", "reobserve.core.files", "reobserve.signals.series")
+        never = ("reobserve_papers.plants", "reobserve.core.files", "reobserve_papers.signals.series")
         assert not inside(closure, *never), path
 
 

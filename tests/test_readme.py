@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tests import ROOT
+
 import csv
 import os
 import re
@@ -17,17 +19,16 @@ import yaml
 from matplotlib import rc_context, rcdefaults
 
 from reobserve.core.documents import read_yaml
-from reobserve.replication.claims.registry import read_claims
-from reobserve.replication.claims.verdict_table import THRESHOLDS
-from reobserve.replication.claims.verdicts import VERDICTS
-from reobserve.replication.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
-from reobserve.replication.parameters.parameter_file import Configuration
-from reobserve.replication.parameters.parameters import Parameters
+from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.claims.verdict_table import THRESHOLDS
+from reobserve_papers.claims.verdicts import VERDICTS
+from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
+from reobserve_papers.parameters.parameter_file import Configuration
+from reobserve_papers.parameters.parameters import Parameters
 
 from . import FIVE
 from .published_numbers import numbers_left, squeezed
 
-ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LIBRARY = (ROOT / "docs/pages/start/library.md").read_text(encoding="utf-8")
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from reobserve.bench.scoring import PAPER
-from reobserve.bench.table import Results
-from reobserve.bench.task import Task
-from reobserve.plotting.apart import own_style
+from reobserve.tuning.scoring import PAPER
+from reobserve.tuning.table import Results
+from reobserve.tuning.task import Task
+from reobserve_papers.plotting.apart import own_style
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,6 +49,6 @@ class Bench:
     def heat_map(self) -> Figure:
         """Methods by conditions."""
         with own_style():
-            from reobserve.bench.plot import heat_map
+            from reobserve_papers.bench.plot import heat_map
 
             return heat_map(self.results)

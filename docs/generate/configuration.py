@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from docs.generate.markdown import block, code, heading, plain, table
-from reobserve.cli.schemas import KINDS as KINDS_OF_FILES
+from reobserve_papers.cli.schemas import KINDS as KINDS_OF_FILES
 from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
 from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.examples import examples, specification_text
-from reobserve.replication.parameters.parameter_file import Configuration
+from reobserve_papers.parameters.parameter_file import Configuration
 
 
 def keys_of_a_build(root: Path) -> str:

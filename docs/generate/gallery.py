@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from docs.generate.evidence import REFERENCES, Figure, Paper
 from docs.generate.markdown import block, code, heading, plain
-from reobserve.replication.report.markup import first_sentence
+from reobserve_papers.report.markup import first_sentence
 
 _REFERENCES = f"../../../{REFERENCES}"  # from a page in a folder
 

@@ -7,7 +7,7 @@ from itertools import groupby
 
 from docs.generate.evidence import Paper
 from docs.generate.markdown import code, heading, plain, table, ticks
-from reobserve.replication.report.assumptions import Entry
+from reobserve_papers.report.assumptions import Entry
 
 _NO_UNIT = ("1", "word", "file")
 

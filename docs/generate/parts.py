@@ -13,7 +13,7 @@ from docs.generate.markdown import Page
 from docs.generate.modules import packages_and_modules
 from docs.generate.navigation import FOLDERS, hand_written
 from reobserve.core.errors import InputError, nearest
-from reobserve.replication.meanings import list_metrics
+from reobserve_papers.steps.meanings import list_metrics
 
 _TEACHING = ("tutorials", "how-to", "explanation")
 

@@ -9,9 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from reobserve.bench.tuning import tune
+    from reobserve.tuning.search import tune
     from reobserve.core.errors import DivergenceError, InputError
-    from reobserve.estimation.false_alarms import false_alarm_threshold
+    from reobserve.detection.false_alarms import false_alarm_threshold
     from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
     from reobserve.observers.smoother import rts_smoother
     from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
-    from reobserve.replication.replicate import replicate
+    from reobserve_papers.steps.one_figure import replicate
     from reobserve.systems.linear import LinearModel
     from reobserve.systems.nonlinear import NonlinearModel
     from reobserve.systems.polynomial import PolynomialSystem

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tests import ROOT
+
 import importlib.util
 import os
 import subprocess
@@ -16,7 +18,6 @@ from tests.browser import browser
 
 __all__ = ["browser"]
 
-ROOT = Path(__file__).parents[2]
 
 MISSING = "no mkdocs to build the site with: make docs installs it"
 

@@ -10,7 +10,7 @@ import pytest
 from docs import outputs
 from docs.generate import sources
 from docs.outputs import by_hand, renewed, with_outputs
-from reobserve.replication.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
+from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
 
 from .hand_written import name, snippets
 

@@ -11,8 +11,8 @@ from docs.generate.navigation import hand_written, navigation
 from docs.generate.parts import part
 from docs.outputs import PAGES, ROOT, by_hand
 from reobserve.core.errors import InputError
-from reobserve.replication.claims.registry import read_claims
-from reobserve.replication.golden.claims import read_golden
+from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.golden.claims import read_golden
 from tests import FIVE, published_numbers
 from tests.test_project import PACKAGES
 

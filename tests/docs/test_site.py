@@ -19,7 +19,7 @@ from docs.generate.equations import anchor, citations
 from docs.generate.evidence import papers
 from reobserve.cli.main import command_parser
 from reobserve.core.errors import InputError
-from reobserve.replication.parameters.parameters import Parameters
+from reobserve_papers.parameters.parameters import Parameters
 from tests import FIVE
 
 from .conftest import ROOT, Site

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tests import ROOT
+
 import subprocess
 import sys
 import tomllib
@@ -11,7 +13,6 @@ from packaging.requirements import Requirement
 
 from reobserve.core.extras import EXTRAS
 
-ROOT = Path(__file__).parents[2]
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 # Import names that differ from the package name.

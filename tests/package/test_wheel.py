@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from tests import ROOT
+
 import email.parser
 import re
 import subprocess
@@ -11,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
 DATA = ("config/config.yaml", "config/papers", "config/searches")
 
 

@@ -106,7 +106,7 @@ rule bench_figures:
     conda:
         "../envs/reobserve.yaml"
     params:
-        code=code_of("reobserve.bench.plot"),
+        code=code_of("reobserve_papers.bench.plot"),
         packages=PACKAGES,
         style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
         options=" ".join(["--style", *STYLE]),
@@ -149,7 +149,7 @@ rule bench_table:
         "../envs/reobserve.yaml"
     params:
         folders=expand("results/bench/{task}", task=BENCH),
-        code=code_of("reobserve.bench.table"),
+        code=code_of("reobserve.tuning.table"),
     message:
         "bench: write the table of all methods"
     shell:

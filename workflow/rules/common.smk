@@ -8,19 +8,14 @@ from pathlib import Path
 
 from reobserve.core.documents import digest, read_yaml
 from reobserve.core.errors import ReobserveError
-from reobserve.replication.check import check_evidence
-from reobserve.replication.claims.registry import claims_text, decisive
-from reobserve.replication.parameters.config import check_config_files, known_tasks
-from reobserve.replication.parameters.names import (
-    caption_template,
-    claims_path,
-    samples_path,
-    style_sheet,
-)
-from reobserve.replication.prepare import check_metadata, load_parameters
-from reobserve.replication.prepare import refuse_beside_another_build, write_parameters
-from reobserve.replication.provenance import closure_digest, code_digest, files_digest, versions
-from reobserve.signals.inputs import sample_files
+from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.claims.registry import claims_text, decisive
+from reobserve_papers.parameters.config import check_config_files, known_tasks
+from reobserve_papers.parameters.names import caption_template, claims_path, samples_path, style_sheet
+from reobserve_papers.parameters.prepare import check_metadata, load_parameters
+from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
+from reobserve_papers.steps.provenance import closure_digest, code_digest, files_digest, versions
+from reobserve_papers.signals.inputs import sample_files
 
 # Jobs use the environment that runs Snakemake, activated or not; with conda, that of their rule.
 if not workflow.deployment_settings.deployment_method:
@@ -260,8 +255,8 @@ def methods_of(task):
 
 def code_of_task(wildcards):
     """A params function: a digest of the task's module, of what scores and of all that they import."""
-    task = f"reobserve.bench.tasks.{wildcards.task}"
-    return closure_digest(["reobserve.bench.scoring", "reobserve.bench.tuned_file", task])
+    task = f"reobserve_papers.bench.tasks.{wildcards.task}"
+    return closure_digest(["reobserve.tuning.scoring", "reobserve.tuning.tuned_file", task])
 
 
 # No job makes these files. Snakemake would not see that the params of a job have changed while a

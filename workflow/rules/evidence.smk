@@ -105,7 +105,7 @@ rule sensitivity:
         "../envs/reobserve.yaml"
     params:
         checks=checks,
-        code=code_of("reobserve.cli.stages.sensitivity"),
+        code=code_of("reobserve_papers.cli.stages.sensitivity"),
         packages=PACKAGES,
     message:
         "{wildcards.paper}: plot which choices decide the claims"
@@ -133,7 +133,7 @@ rule claims:
         "../envs/reobserve.yaml"
     params:
         papers=CLAIMED,
-        code=code_of("reobserve.cli.stages.claims"),
+        code=code_of("reobserve_papers.cli.stages.claims"),
         claims=digest(
             [[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED]
         ),
@@ -167,7 +167,7 @@ rule report:
     params:
         built=BUILT,
         texts=files_digest("config", "workflow/report"),
-        code=code_of("reobserve.replication.report"),
+        code=code_of("reobserve_papers.report"),
         packages=PACKAGES,
     message:
         "write the replication report"
@@ -187,7 +187,7 @@ rule verdicts:
     conda:
         "../envs/reobserve.yaml"
     params:
-        code=code_of("reobserve.cli.stages.verdicts"),
+        code=code_of("reobserve_papers.cli.stages.verdicts"),
     message:
         "count the verdicts"
     shell:
@@ -208,7 +208,7 @@ rule archive:
         "../envs/reobserve.yaml"
     params:
         texts=files_digest("config", "workflow", "CITATION.cff", "README.md", "CHANGELOG.md"),
-        code=code_of("reobserve.cli.stages.archive"),
+        code=code_of("reobserve_papers.cli.stages.archive"),
         packages=PACKAGES,
     message:
         "pack the build"

@@ -109,7 +109,7 @@ rule latex:
     conda:
         "../envs/reobserve.yaml"
     params:
-        code=code_of("reobserve.cli.stages.latex"),
+        code=code_of("reobserve_papers.cli.stages.latex"),
     message:
         "write {output}"
     shell:

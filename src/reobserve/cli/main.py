@@ -16,13 +16,13 @@ from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
-from reobserve.cli.bench import add_bench, add_tune
+from reobserve_papers.cli.bench import add_bench, add_tune
 from reobserve.cli.designs import add_designs
 from reobserve.cli.estimation import add_estimate
-from reobserve.cli.evidence import add_evidence
+from reobserve_papers.cli.evidence import add_evidence
 from reobserve.cli.outputs import check_outputs
-from reobserve.cli.overview import add_overview
-from reobserve.cli.stage_commands import add_stages
+from reobserve_papers.cli.overview import add_overview
+from reobserve_papers.cli.stage_commands import add_stages
 from reobserve.core.code_paths import pin_code_paths
 from reobserve.core.errors import InputError, ReobserveError, one_line, shown
 from reobserve.core.extras import EXTRAS, missing

@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_filter_loop import (
-    Size,
-    assign,
-    factor_innovation,
-    kalman_gain,
-)
+from reobserve.observers.linear_filter_loop import Size, assign, factor_innovation, kalman_gain
 from reobserve.observers.nonlinear_filter_work import NO_ROOT, FilterWork, correct_mean, innovate
 from reobserve.systems.nonlinear_flow import Functions, move
 

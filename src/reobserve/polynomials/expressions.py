@@ -20,12 +20,7 @@ from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, one_line, shown
 from reobserve.core.extras import package
 from reobserve.polynomials.arithmetic import Coefficients, add_applied, zeros
-from reobserve.polynomials.grammar import (
-    ANALYTIC,
-    NOT_EXPANDED,
-    check_size,
-    parse,
-)
+from reobserve.polynomials.grammar import ANALYTIC, NOT_EXPANDED, check_size, parse
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
 from reobserve.polynomials.univariate import DIGITS, FUNCTIONS, LARGEST, coefficients

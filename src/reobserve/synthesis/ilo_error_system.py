@@ -17,13 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import (
-    Matrix,
-    as_floats,
-    as_matrix,
-    as_positive,
-    as_positive_definite,
-)
+from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive, as_positive_definite
 
 Verdict = Literal["stable", "marginal", "unstable"]
 Complex = NDArray[np.complex128]

@@ -9,11 +9,7 @@ from typing import ClassVar
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.design import Certificate, Design, Example
 from reobserve.estimation.families.signals import Signal, listed
-from reobserve.estimation.families.triangular import (
-    TriangularSystem,
-    decay_sentence,
-    step_growth,
-)
+from reobserve.estimation.families.triangular import TriangularSystem, decay_sentence, step_growth
 from reobserve.observers.high_gain import HighGainObserver, State
 
 EXAMPLE = """\

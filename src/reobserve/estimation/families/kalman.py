@@ -11,11 +11,7 @@ import numpy as np
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Example, pairs
-from reobserve.estimation.families.linear_system import (
-    FilterDesign,
-    NoisySystem,
-    decay_sentences,
-)
+from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, decay_sentences
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter

@@ -12,13 +12,7 @@ import numpy as np
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import (
-    Certificate,
-    Design,
-    Estimates,
-    System,
-    pole_text,
-)
+from reobserve.estimation.families.design import Certificate, Design, Estimates, System, pole_text
 from reobserve.estimation.families.signals import Signal, listed, numbered, variances
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.linear import undetectable_modes

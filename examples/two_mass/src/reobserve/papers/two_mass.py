@@ -19,13 +19,13 @@ from reobserve.core.matrices import Matrix
 from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Levels, NotNegative, Positive, vector
 from reobserve.observers.fixed_gain import luenberger, steady_kalman
-from reobserve.plotting.figures import STYLES, new_figure, time_axis
-from reobserve.replication.metrics.metrics import Metric
-from reobserve.replication.metrics.responses import root_mean_square
-from reobserve.replication.parameters.check import Checks
-from reobserve.replication.parameters.figure_data import FigureData
-from reobserve.replication.parameters.job import AnyFigure, Job, Study
-from reobserve.signals.series import Channel, Series, Shape
+from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.responses import root_mean_square
+from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.parameters.job import AnyFigure, Job, Study
+from reobserve_papers.signals.series import Channel, Series, Shape
 from reobserve.systems.linear import LinearModel
 
 

@@ -1,1 +1,0 @@
-"""The tasks of the bench, one module each: see `reobserve.bench.task`."""

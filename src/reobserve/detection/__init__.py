@@ -1,0 +1,1 @@
+"""Detection of changes and faults: tests of innovations, and thresholds by false alarms."""

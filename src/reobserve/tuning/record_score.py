@@ -1,0 +1,70 @@
+"""The score of a method on one record.
+
+The error is the root of sum |estimate - truth|^2 over sum |truth|^2: an estimate of zero has 1. A
+record that states its ``size`` has that in place of the root mean square of its truth.
+Nothing counts as more than `WORST`, which is also the error of a run that failed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from reobserve.tuning.task import Array, Record, Runner, Task
+
+WORST = 3.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """Of a record: the error, the lag [s], and the 95 % quantile of |error| over rms of truth."""
+
+    error: float
+    lag: float = np.nan
+    quantile: float = np.nan
+    failed: bool = False
+
+
+def score(run: Runner, record: Record, since: float, *, details: bool = True) -> Score:
+    """Compare an estimate with ``record.truth``, of the same shape, from ``since`` [s] on.
+
+    Without ``details`` there is only the error: the lag takes as long as many methods.
+    """
+    estimate = run(record)
+    if not np.isfinite(estimate).all():
+        return Score(np.nan, failed=True)
+    first = int(np.searchsorted(record.time, since - 1e-9))
+    wrong = np.linalg.norm(estimate - record.truth, axis=1)[first:]
+    power = len(wrong) * record.size**2 if record.size else float((record.truth[first:] ** 2).sum())
+    error = min(np.sqrt(float((wrong**2).sum()) / power), WORST)
+    if not details:
+        return Score(float(error))
+    rms = np.sqrt(power / len(wrong))
+    lag = _lag(estimate, record.truth, first) * float(np.median(np.diff(record.time)))
+    return Score(float(error), lag, float(np.quantile(wrong, 0.95) / rms))
+
+
+def _lag(estimate: Array, truth: Array, first: int) -> float:
+    """By how many samples the truth must be delayed to fit best: the first minimum."""
+
+    def misfit(shift: int) -> float:
+        late = truth[max(first - shift, 0) : len(truth) - shift]
+        off = (estimate[len(estimate) - len(late) :] - late).ravel()
+        return float(off @ off) / len(off)
+
+    shift, before, here, after = 0, np.inf, misfit(0), misfit(1)
+    while after < here and shift < len(truth) // 4:
+        shift += 1
+        before, here, after = here, after, misfit(shift + 1)
+    if not np.isfinite(before):
+        return 0.0
+    # The vertex of a parabola through the three.
+    return shift + 0.5 * (before - after) / (before - 2 * here + after)
+
+
+def score_of(task: Task, run: Runner, record: Record, *, details: bool = True) -> Score:
+    """The score of a method on a record, by the task's own ``score`` if it has one."""
+    scored: Callable[..., Score] = getattr(task.module, "score", score)
+    return scored(run, record, task.scored_from, details=details)

@@ -1,0 +1,172 @@
+"""Tables of the bench: files of scores and of comparisons, and the summary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from reobserve.tuning.scoring import DECIDED, PAPER, Cell
+from reobserve.tuning.task import Task
+from reobserve.tuning.tuned_file import TunedMethod, read_tuned
+from reobserve.core.files import read_table, write_table
+
+_ROW = ("condition", "method", "training", "given_noise")
+SCORES = (*_ROW, "seed", "error", "lag", "quantile", "failed")
+CELLS = (
+    *_ROW, "seeds", "error", "low", "high", "first", "ratio", "ratio_low", "ratio_high", "within",
+    "failed", "lag", "quantile", "repeat_low", "repeat_high",
+)  # fmt: skip
+
+
+def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
+    """Write one row for each run on a held-out record."""
+    write_table(
+        path,
+        (
+            {**_row(cell), "seed": seed, "error": one.error, "lag": one.lag,
+             "quantile": one.quantile, "failed": _said(one.failed)}
+            for cell in cells
+            for seed, one in zip(
+                task.held_out_seeds(len(cell.scores)), cell.scores, strict=True
+            )
+        ),
+        SCORES,
+    )  # fmt: skip
+
+
+def write_cells(cells: Iterable[Cell], path: Path) -> None:
+    """Write one row for each method in a condition: geometric means, intervals, comparisons."""
+    write_table(path, map(_cell, cells), CELLS)
+
+
+def read_cells(path: Path) -> list[dict[str, Any]]:
+    """The rows that `write_cells` wrote, numbers as numbers; `InputError` if they are damaged."""
+    words = {*_ROW, "within"}
+    return [
+        {key: text if key in words else float(text or "nan") for key, text in row.items()}
+        for row in read_table(path, CELLS, key=_ROW)
+    ]
+
+
+def _row(cell: Cell) -> dict[str, Any]:
+    row = cell.row
+    return {
+        "condition": cell.condition, "method": row.method, "training": row.training,
+        "given_noise": _said(row.given),
+    }  # fmt: skip
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    ended = [one for one in cell.scores if not one.failed]
+    lags = [one.lag for one in ended if not math.isnan(one.lag)]  # of some there is none
+    return {
+        **_row(cell),
+        "seeds": len(cell.scores),
+        **dict(zip(("error", "low", "high"), cell.error, strict=True)),
+        "first": cell.first,
+        **dict(zip(("ratio", "ratio_low", "ratio_high"), cell.ratio, strict=True)),
+        "within": cell.within,
+        "failed": 1.0 - len(ended) / len(cell.scores),
+        "lag": float(np.mean(lags)) if lags else None,
+        "quantile": float(np.mean([one.quantile for one in ended])) if ended else None,
+        **dict(zip(("repeat_low", "repeat_high"), cell.repeats or (None, None), strict=True)),
+    }
+
+
+def _said(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+@dataclass(frozen=True)
+class Results:
+    """A task with its cells as the file has them, numbers as numbers, and its tuned methods."""
+
+    task: Task
+    cells: Sequence[Mapping[str, Any]]
+    tuned: Mapping[str, TunedMethod]
+
+    @classmethod
+    def read(cls, task: Task, table: Path, tuned: Path) -> Results:
+        """Read the table and a folder of settings; `InputError` if one is missing or damaged."""
+        return cls(task, read_cells(table), read_tuned(task, tuned))
+
+    def cell(
+        self, condition: str, method: str, training: str = "", given: bool = False
+    ) -> Mapping[str, Any] | None:
+        """A row of the table, if there is one; that of the main training set by default."""
+        wanted = (condition, method, training or self.task.main, _said(given))
+        found = (one for one in self.cells if tuple(one[key] for key in _ROW) == wanted)
+        return next(found, None)
+
+    def rows(self) -> list[tuple[str, str, str, bool]]:
+        """What the table shows: label, method, training set and whether the noise is given."""
+        found = []
+        for name, method in self.task.methods.items():
+            found.append((method.label, name, self.task.main, False))
+            if method.given_noise:
+                found.append((f"{method.label}, given R", name, self.task.main, True))
+            if method.paper is not None:
+                found.append((f"{method.label}, {self.task.own}", name, PAPER, False))
+        return found
+
+    def held_out(self, method: str) -> list[dict[int, float]]:
+        """For each repeat of the main training set the held-out errors over evaluations."""
+        repeats = self.tuned[method].training[self.task.main].repeats
+        return [{int(n): error for n, error in one.held_out.items()} for one in repeats]
+
+    def evaluations_needed(self, method: str) -> list[int]:
+        """For each repeat the evaluations after which the error stays within 5 % of the final."""
+        found = []
+        for errors in self.held_out(method):
+            final = list(errors.values())[-1]
+            late = max((n for n, one in errors.items() if one > (1 + DECIDED) * final), default=0)
+            found.append(next(n for n in errors if n > late))
+        return found
+
+
+def summary(results: Results) -> str:
+    """The table of a task in Markdown: what a method needs, guarantees, costs and reaches."""
+    task = results.task
+    titles = [task.conditions[one].title for one in task.table]
+    columns = getattr(task.module, "COLUMNS", ("lag", "95 %"))
+    head = ["method", "needs", "guarantees", "p", "n95", *titles, *columns, "cost", "edges"]
+    lines = []
+    for label, name, training, given in results.rows():
+        method, first = task.methods[name], results.cell(task.table[0], name, training)
+        cells = [results.cell(one, name, training, given) for one in task.table]
+        tuning, cost = results.tuned[name].training[task.main], results.tuned[name].cost
+        edges = sorted(
+            {f"{key} ({end})" for one in tuning.repeats for key, end in one.edges.items()}
+        )
+        about = [method.needs, method.guarantees, str(len(method.ranges)),
+                 str(median(results.evaluations_needed(name)))]  # fmt: skip
+        lines.append([
+            label, *(about if training != PAPER and not given else [""] * 4), *map(_shown, cells),
+            f"{1000 * first['lag']:.0f} ms" if first and not given else "",
+            f"{first['quantile']:.2f}" if first and not given else "",
+            f"{cost.sample:g} µs, {cost.construction:g} ms" if not given else "",
+            ", ".join(sorted(edges)) if training == task.main and not given else "",
+        ])  # fmt: skip
+    filled = [k for k in range(len(head)) if any(line[k] for line in lines)]
+    rows = [[line[k] for k in filled] for line in (head, ["---"] * len(head), *lines)]
+    return "\n".join([f"### {task.title}", "", *map(_line, rows)]) + "\n"
+
+
+def _shown(cell: Mapping[str, Any] | None) -> str:
+    """Error and interval, bold where it is within 5 % of the best."""
+    if cell is None:
+        return ""
+    mean, low, high = (f"{cell[key]:#.3g}" for key in ("error", "low", "high"))
+    text = f"**{mean}**" if cell["within"] == "yes" else mean
+    failed = f", {100 * cell['failed']:.0f} % failed" if cell["failed"] else ""
+    return f"{text} [{low} {high}]{failed}"
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"

@@ -1,0 +1,110 @@
+"""Tuning of the methods of a task, on its training sets."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from reobserve.tuning.record_score import WORST, score_of
+from reobserve.tuning.scoring import EARLY, Row, Scorer
+from reobserve.tuning.task import Task
+from reobserve.tuning.tuned_file import Cost, Repeat, TunedMethod, TunedOn
+from reobserve.tuning.search import Objective, Settings, Tuned, tune
+from reobserve.core.errors import located
+
+CHECKPOINTS = (10, 25, 50, 100, 200, 400)  # evaluations
+
+
+def tune_method(
+    task: Task, method: str, tell: Callable[[str], None], stored: TunedMethod | None = None
+) -> TunedMethod:
+    """Tune a method on all training sets of a task, each as often as it says.
+
+    What is ``stored`` for training sets other than the main one is taken over, unless what decides
+    the search has changed in the task file.
+
+    Raises
+    ------
+    InputError
+        If no settings work.
+    """
+    found, scorer = {}, Scorer(task)
+    for name, training in task.training.items():
+        known = stored.training.get(name) if stored and name != task.main else None
+        if known and known.digest == task.digest(method, name):
+            found[name] = known
+            continue
+        repeats = []
+        for k in range(training.repeats):
+            with located(f"{task.file}: {task.place}.{method}"):
+                one = tune_once(task, method, name, k)
+            repeats.append(_kept(scorer, method, name, one))
+            flagged = "".join(f", {setting} at its edge" for setting in one.edges)
+            about = f"{task.name}, {method}, {training.title} {k + 1}"
+            tell(f"{about}: error {one.score:.4g} on training records{flagged}")
+        found[name] = TunedOn(task.digest(method, name), repeats)
+    return TunedMethod(found, _cost(task, method, found[task.main].repeats[0].settings))
+
+
+def tune_once(
+    task: Task, method: str, training: str, repeat: int, *, log: Path | None = None, **options: Any
+) -> Tuned:
+    """Tune a method once, on the records of one repeat; ``options`` are those of `tune`."""
+    about = f"{task.name} {task.digest(method, training)} {repeat}"
+    return tune(
+        *_search(task, method, training, repeat),
+        **{"budget": task.budget, "seed": task.seed + repeat, "failed": WORST, **options},
+        log=log, about=about,
+    )  # fmt: skip
+
+
+def objective(task: Task, method: str, training: str, repeat: int, settings: Settings) -> float:
+    """The objective of settings on the records of a repeat, as the search computes it."""
+    make, _, records, score = _search(task, method, training, repeat)
+    return Objective(make, records, score, WORST)(settings)[0]
+
+
+def _search(task: Task, method: str, training: str, repeat: int) -> tuple[Any, Any, Any, Any]:
+    """What `tune` takes: make, ranges, records and score.
+
+    Methods are given the noise of the records that they are tuned on.
+    """
+    conditions = task.training[training].conditions
+    ranges = task.methods[method].ranges.items()
+    return (
+        lambda settings: {one: task.make(method, settings, one, given=True) for one in conditions},
+        {name: (*one.range, one.scale) for name, one in ranges},
+        [(one, task.record(one, k)) for one in conditions for k in task.training_seeds(repeat)],
+        lambda runs, pair: score_of(task, runs[pair[0]], pair[1], details=False).error,
+    )
+
+
+def _kept(scorer: Scorer, method: str, training: str, one: Tuned) -> Repeat:
+    task, held_out = scorer.task, {}
+    given = task.methods[method].given_noise
+    for count in (*(n for n in CHECKPOINTS if n < task.budget), task.budget):
+        settings, last = one.after(count), count == task.budget
+        row = Row.of(method, training if last else EARLY, settings, given=given)
+        error = scorer.mean(row, task.training[training].conditions)
+        held_out[str(count)] = float(f"{error:.6g}")
+    return Repeat(one.settings, one.objective, one.edges, held_out)
+
+
+def _cost(task: Task, method: str, settings: Settings) -> Cost:
+    """The minimum of several, as others use the machine."""
+    condition = task.training[task.main].conditions[0]
+    record = task.record(condition, task.held_out_seeds(1)[0])
+    forget: Callable[[], None] = getattr(task.module, "forget", lambda: None)
+    made, ran = [], []
+    for _ in range(7):
+        forget()
+        began = time.perf_counter()
+        run = task.make(method, settings, condition, given=False)
+        made.append(time.perf_counter() - began)
+        began = time.perf_counter()
+        run(record)
+        ran.append(time.perf_counter() - began)
+    sample = 1e6 * min(ran) / len(record.time)
+    return Cost(float(f"{1e3 * min(made):.2g}"), float(f"{sample:.2g}"))

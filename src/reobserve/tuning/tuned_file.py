@@ -1,0 +1,94 @@
+"""The file of tuned settings of a method.
+
+`config/bench/tuned/TASK/METHOD.json` has for each training set the digest of what decides the
+search, and for each repeat the best settings, their objective on the training records, settings at
+an edge of their range, and errors on held-out records over evaluations.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from reobserve.tuning.task import Task
+from reobserve.tuning.search import Settings
+from reobserve.core.documents import read_json
+from reobserve.core.errors import InputError
+from reobserve.core.files import write_text
+from reobserve.core.validation import parse
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """One tuning.
+
+    ``held_out`` has the errors of the best settings after so many evaluations, on the first
+    held-out records in the conditions of the training set.
+    """
+
+    settings: Settings
+    objective: float
+    edges: dict[str, str]
+    held_out: dict[str, float]
+
+    @property
+    def error(self) -> float:
+        """The held-out error of the settings."""
+        return list(self.held_out.values())[-1]
+
+
+@dataclass(frozen=True)
+class TunedOn:
+    """The tunings on a training set."""
+
+    digest: str
+    repeats: list[Repeat]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of the tuned method on the machine that tuned it: construction [ms], a sample [us]."""
+
+    construction: float
+    sample: float
+
+
+@dataclass(frozen=True)
+class TunedMethod:
+    """A file of tuned settings."""
+
+    training: dict[str, TunedOn]
+    cost: Cost
+
+    @classmethod
+    def read(cls, path: Path) -> TunedMethod:
+        """Read a file; `InputError` if it is missing or damaged."""
+        return parse(cls, read_json(path), str(path))
+
+    def write(self, path: Path) -> None:
+        """Write the file."""
+        write_text(path, json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n")
+
+
+def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
+    """The tuned settings of all methods of a task.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, or was tuned for something else than the task file states.
+    """
+    found = {}
+    for method in task.methods:
+        path = folder / f"{method}.json"
+        found[method] = TunedMethod.read(path)
+        for name in task.training:
+            kept = found[method].training.get(name)
+            if kept is None or kept.digest != task.digest(method, name):
+                problem = (
+                    f"training.{name} is not of what {task.file} states now: tune again "
+                    f"(reobserve bench tune {task.file} {method} --output {folder})"
+                )
+                raise InputError(str(path), problem)
+    return found

@@ -1,0 +1,94 @@
+"""A specification of `reobserve estimate` whose numbers change, and the records that it reads."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reobserve.tuning.task import Array
+from reobserve.tuning.search import Settings
+from reobserve.core.documents import parse_yaml
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.files import read_text
+from reobserve.core.validation import parse
+from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.families.file import naming
+from reobserve.estimation.layout import Layout
+from reobserve.estimation.reading import File
+from reobserve.estimation.specification import Specification, read_specification
+
+
+class TunedSpecification:
+    """The specification in a file, and numbers in it by dotted key, as ``observer.Q.1``."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.stated = path, read_specification(path)
+        self.period = self.stated.sampling.period
+        self._text = read_text(path)
+        self._places: dict[str, tuple[int, int]] = {}
+        self.header = cache(lambda record: self._file(record).header())
+        self.cells = cache(self._cells)
+
+    def number(self, key: str) -> float:
+        """The number at a key; `InputError` if there is none."""
+        import yaml
+
+        node: Any = yaml.compose(self._text, yaml.SafeLoader)
+        for step in key.split("."):
+            parts: dict[str, Any] = {}
+            if isinstance(node, yaml.MappingNode):
+                parts = {name.value: part for name, part in node.value}
+            elif isinstance(node, yaml.SequenceNode):
+                parts = {str(place): part for place, part in enumerate(node.value)}
+            if step not in parts:
+                problem = f"there is no {shown(step)} in {self.path}{nearest(step, parts)}"
+                raise InputError(key, problem)
+            node = parts[step]
+        self._places[key] = start, end = node.start_mark.index, node.end_mark.index
+        if self._text[start] == "&":
+            raise InputError(key, f"has an anchor in {self.path}; write the number out")
+        found = parse_yaml(self._text[start:end], str(self.path))
+        if isinstance(found, bool) or not isinstance(found, int | float):
+            raise InputError(key, f"is {shown(found)} in {self.path}, must be a number")
+        return float(found)
+
+    def text(self, settings: Settings) -> str:
+        """The text of the file with other numbers, all else as it is."""
+        text = self._text
+        for key in sorted(settings, key=lambda key: self._places[key], reverse=True):
+            start, end = self._places[key]
+            text = f"{text[:start]}{settings[key]!r}{text[end:]}"
+        return text
+
+    def estimation(self, settings: Settings, record: Path) -> Estimation:
+        """What runs the observer with other numbers over a record; alarms are left out."""
+        tree = {**parse_yaml(self.text(settings), str(self.path)), "alarms": []}
+        with naming(self.path):
+            return Estimation(parse(Specification, tree), self.header(record), str(record))
+
+    def rows(self, record: Path, *more: str) -> tuple[Layout, Array, Array, Array]:
+        """The layout of a record; its times, what the observer reads, and columns besides."""
+        layout = self.estimation({}, record).layout
+        cells, width = self.cells(record, *more), len(layout.titles)
+        time, values = layout.values(cells[:, :width], DataReport())
+        if not layout.timed:
+            time = self.period * np.arange(len(cells), dtype=np.float64)
+        return layout, time, values, cells[:, width:]
+
+    def _file(self, record: Path) -> File:
+        text = self.stated.columns
+        return File(record, text.delimiter, text.decimal, text.encoding, text.time.format)
+
+    def _cells(self, record: Path, *more: str) -> Array:
+        layout = self.estimation({}, record).layout
+        dated = layout.titles[0] if layout.dated else ""
+        wanted = [*layout.titles, *more]
+        titles = list(dict.fromkeys(wanted))
+        blocks = list(self._file(record).blocks(titles, dated))
+        if not blocks:
+            raise InputError(str(record), "has no rows")
+        return np.concatenate(blocks)[:, [titles.index(one) for one in wanted]]

@@ -1,0 +1,181 @@
+"""Figures of the bench: a heat map, errors over levels and evaluations, delays of detectors."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from statistics import median
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import LogLocator
+
+from reobserve.tuning.table import Results
+from reobserve.tuning.task import Task
+from reobserve_papers.plotting import look
+from reobserve_papers.plotting.figures import STYLES, PaperFigure, Style, add_note, blank, few_ticks
+
+_WORST = 2.0  # the ratio to the best at which the colour is darkest
+
+
+def heat_map(results: Results) -> PaperFigure:
+    """Methods by conditions: the error in the cell, its ratio to the best as the colour."""
+    task, rows = results.task, results.rows()
+    figure = blank(0.75 + 0.21 * len(rows))
+    axes = figure.subplots()
+    for y, (_, name, training, given) in enumerate(rows):
+        for x, condition in enumerate(task.table):
+            cell = results.cell(condition, name, training, given)
+            if cell is None:
+                continue
+            shade = min(math.log(max(cell["ratio"], 1.0)) / math.log(_WORST), 1.0)
+            axes.add_patch(Rectangle(
+                (x - 0.5, y - 0.5), 1, 1, facecolor=str(0.95 - 0.55 * shade), edgecolor="white",
+                hatch="///" if cell["failed"] else "", linewidth=1.5,
+            ))  # fmt: skip
+            near = cell["within"] == "yes"
+            axes.text(
+                x, y, f"{cell['error']:#.3g}", ha="center", va="center",
+                fontsize=look.points(8), fontweight="bold" if near else "normal",
+                color="white" if shade > 0.6 else "black",
+            )  # fmt: skip
+    axes.set_xlim(-0.5, len(task.table) - 0.5)
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    wide = max(56 // len(task.table), 9)
+    titles = [
+        textwrap.fill(task.conditions[one].title.replace(" %", "\u00a0%"), wide)
+        for one in task.table
+    ]
+    axes.set_xticks(range(len(titles)), titles, fontsize=look.points(7))
+    axes.set_yticks(range(len(rows)), [label for label, *_ in rows])
+    axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
+    axes.grid(visible=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    add_note(
+        figure,
+        "Normalised error on held-out records. Bold: within 5 % of the best in the column;",
+        "the darker, the greater the ratio to the best, up to 2; hatched: some runs failed.",
+    )
+    return figure
+
+
+def levels(results: Results) -> PaperFigure:
+    """Errors over noise, over model error and over keys of the plant that conditions change.
+
+    All on the same held-out seeds. Lines: frozen settings; crosses: given the noise; rings: tuned
+    again.
+    """
+    axes_of = _axes(results.task)
+    panels = {label: sorted(found) for label, found in axes_of.items() if found[1:]} or axes_of
+    figure = blank(3.4)
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for panel, (label, places) in zip(axes, panels.items(), strict=True):
+        for name, style in zip(results.task.shown, STYLES, strict=False):
+            _levels(panel, results, name, places, style)
+        panel.set_xlabel(label)
+        if places[0][0] > 0:
+            panel.set_xscale("log")
+            few_ticks(panel, [float(f"{level:.2g}") for level, _ in places])
+    axes[0].set_yscale("log")
+    axes[0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes[0].yaxis.set_major_formatter("{x:g}")
+    axes[0].yaxis.set_minor_formatter("")
+    axes[0].set_ylabel("normalised error")
+    # Lines for methods, and what markers without a line stand for.
+    for label, marker in (("the same, given the noise", "x"), ("tuned again", "o")):
+        axes[0].plot(
+            [], [], marker, color="0.3", mfc="none", markersize=look.mark(4.5), label=label
+        )
+    _legend(figure, axes[0])
+    return figure
+
+
+def _legend(figure: PaperFigure, axes: Axes) -> None:
+    """Above the panels, where it covers nothing."""
+    handles = axes.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=3, fontsize=look.points(7))
+
+
+def _axes(task: Task) -> dict[str, list[tuple[float, str]]]:
+    """By the label of an axis, levels and conditions that differ from the first one in it alone."""
+    first = next(iter(task.conditions))
+    noise, model = "noise / nominal noise", "error of the model [%]"
+    found = {noise: [(1.0, first)], model: [(0.0, first)]}
+    for name, one in task.conditions.items():
+        changed = [one.noise != 1, one.model != 0, one.period != 1, bool(one.plant)]
+        if sum(changed) != 1 or changed[2] or len(one.plant) > 1:
+            continue
+        for key, value in one.plant.items():
+            if isinstance(value, int | float):
+                found.setdefault(key, [(task.plant[key], first)]).append((value, name))
+        if not one.plant:
+            found[noise if changed[0] else model].append(
+                (one.noise, name) if changed[0] else (100 * one.model, name)
+            )
+    return found
+
+
+def _levels(
+    axes: Axes, results: Results, name: str, places: list[tuple[float, str]], style: Style
+) -> None:
+    """A line for the frozen settings; crosses where the noise is given, rings where re-tuned."""
+    task, method = results.task, results.task.methods[name]
+    others = {key: one.conditions for key, one in task.training.items() if key != task.main}
+    again = {names[0]: key for key, names in others.items() if len(names) == 1}
+    for label, training, given, look_of in (
+        (method.label, {}, False, {"marker": style.marker, "linestyle": style.linestyle}),
+        ("", {}, True, {"marker": "x", "linestyle": "none"}),
+        ("", again, method.given_noise, {"marker": "o", "linestyle": "none", "mfc": "none"}),
+    ):
+        cells = [
+            (place, results.cell(condition, name, training.get(condition, task.main), given))
+            for place, condition in places
+            if not training or condition in training
+        ]
+        found = [(place, cell["first"]) for place, cell in cells if cell is not None]
+        if found:
+            x, y = zip(*found, strict=True)
+            axes.plot(x, y, color=style.color, label=label, markersize=look.mark(4.5), **look_of)
+
+
+def evaluations(results: Results) -> PaperFigure:
+    """The held-out error over the evaluations of the search, the median of repeats."""
+    task = results.task
+    figure = blank(2.6)
+    axes = figure.subplots()
+    for name, style in zip(task.shown, STYLES, strict=False):
+        repeats = results.held_out(name)
+        counts = list(repeats[0])
+        errors = [median(one[n] for one in repeats) for n in counts]
+        axes.plot(counts, errors, label=task.methods[name].label, **style.points())
+    axes.set_xscale("log")
+    few_ticks(axes, counts)
+    axes.set_xlabel("evaluations")
+    axes.set_ylabel("held-out error")
+    _legend(figure, axes)
+    return figure
+
+
+def detection(results: Results) -> PaperFigure:
+    """Mean delay of detectors over the share of healthy records that alarm.
+
+    Points: conditions in which the threshold is for another ``rate`` of false alarms.
+    """
+    task = results.task
+    names = [name for name, one in task.conditions.items() if "rate" in one.plant]
+    figure = blank(2.6)
+    axes = figure.subplots()
+    for name, style in zip(task.shown, STYLES, strict=False):
+        cells = (results.cell(condition, name) for condition in names)
+        points = [(one["quantile"], one["lag"]) for one in cells if one is not None]
+        axes.plot(*zip(*points, strict=True), label=task.methods[name].label, **style.points())
+    axes.set_xlabel("share of healthy records that alarm")
+    axes.set_ylabel("mean delay [s]")
+    _legend(figure, axes)
+    return figure
+
+
+FIGURES = {
+    "heatmap": heat_map, "levels": levels, "evaluations": evaluations, "detection": detection,
+}  # fmt: skip

@@ -1,0 +1,1 @@
+"""The tasks of the bench, one module each: see `reobserve.tuning.task`."""

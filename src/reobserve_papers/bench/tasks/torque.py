@@ -1,0 +1,189 @@
+"""Fault torque of a rigid body whose rates are measured with noise.
+
+    J w' = -w x J w + u + u_f,     y = w + v
+
+Each axis has a fault of a random class and size from a random time on. With
+
+    s(t) = y(t) - integral of J^-1 (u - y x J y),     J s' = u_f + noise,
+
+what is known is subtracted, and the fault is the unknown input of a linear model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
+from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.tuning.search import Settings
+from reobserve.core.random_streams import random_stream
+from reobserve.core.validation import Positive, array
+from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve_papers.plants.satellite import Satellite
+from reobserve_papers.signals.inputs import Signal
+from reobserve.systems.linear import LinearModel
+from reobserve.systems.rigid_body import RigidBody
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The rigid body, its noise and its faults."""
+
+    inertia: Annotated[list[list[float]], array(3, 3)]  # [kg m^2]
+    noise: Positive  # standard deviation of each rate [rad/s]
+    horizon: Positive  # [s]
+    control: Positive  # amplitude of the control, a sine on each axis [N m]
+    faults: FaultClasses
+    onset: Ends  # of faults [s]
+    size: Ends  # of faults [N m]
+    frequency: Ends  # of faults and of the control [rad/s]
+
+
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Record:
+    """A record; a wrong model has other moments of inertia about the same axes."""
+    draw = random_stream(seed, "bench", "torque", "plant")
+    about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
+    faults = random_faults(draw, plant.faults, 3, plant.horizon, **about)
+    frequencies, phases = draw.uniform(*plant.frequency, 3), draw.uniform(0.0, 2 * np.pi, 3)
+    sines = [
+        {"kind": "sine", "axis": k + 1, "amplitude": plant.control, "frequency": f, "phase": p}
+        for k, (f, p) in enumerate(zip(frequencies, phases, strict=True))
+    ]
+    control, fault = Signal.parse("control", sines, 3), Signal.parse("fault", faults, 3)
+    # J = V diag(moments) V^T
+    moments, V = np.linalg.eigh(np.array(plant.inertia))
+    J = (V * (moments * (1.0 + condition.model * np.sign(draw.uniform(-1.0, 1.0, 3))))) @ V.T
+    steps, fine = round(plant.horizon / period), 4
+    start = draw.normal(0.0, 0.03, 3)
+    body = Satellite((J + J.T) / 2)
+    rate = body.simulate(start, control, fault, period / fine, steps * fine)[::fine]
+    noise = random_stream(seed, "bench", "torque", "noise").standard_normal(rate.shape)
+    measured = rate + condition.noise * plant.noise * noise
+    time = period * np.arange(steps + 1.0)
+    every = slice(None, None, condition.period)
+    return Record(time[every], control(time[every]), measured[every], fault(time[every]))
+
+
+def unexplained(plant: Plant, record: Record, period: float) -> Array:
+    """s = y - integral of J^-1 (u - y x J y), by the trapezoidal rule."""
+    J, y = np.array(plant.inertia), record.measurements
+    known = np.linalg.solve(J, (record.inputs - np.cross(y, y @ J.T)).T).T
+    integral = np.cumsum(0.5 * period * (known[1:] + known[:-1]), axis=0)
+    return np.asarray(y - np.vstack([np.zeros(3), integral]))
+
+
+def _observer(kind: Any) -> Callable[..., Runner]:
+    """An observer of the rigid body; its gains are multiples of the inertia."""
+
+    def make(plant: Plant, s: Settings, period: float, _: float) -> Runner:
+        J = np.array(plant.inertia)
+        observer = kind(RigidBody(J), J, s, period)
+
+        return lambda r: estimates_of(observer, "fault", r.measurements, r.inputs)
+
+    return make
+
+
+def sampled_ilo(body: RigidBody, J: Array, s: Settings, period: float) -> SampledILO:
+    """v is updated at each sample."""
+    gains = (s["K1"], s["K2"] * J, s["observer_gain"] * J)
+    return SampledILO(body, *gains, period, sampling_period=period)
+
+
+def ilo(body: RigidBody, J: Array, s: Settings, period: float) -> ILO:
+    """The updating interval is rounded to samples."""
+    interval = period * max(1, round(s["interval"] / period))
+    gains = (s["K1"], s["K2"] * J, s["observer_gain"] * J)
+    return ILO(body, *gains, interval, sampling_period=period)
+
+
+def adaptive(body: RigidBody, J: Array, s: Settings, period: float) -> AdaptiveObserver:
+    """With ``proportional`` at zero an integrator."""
+    gains = (s["observer_gain"] * J, s["integral"] * J, s["proportional"] * J)
+    return AdaptiveObserver(body, *gains, sampling_period=period)
+
+
+def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """The fault as a random walk; ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)]."""
+    J_inverse = np.linalg.inv(np.array(plant.inertia))
+    model = LinearModel(
+        np.eye(3), None, np.eye(3), None, s["process"] ** 2 * period, noise**2,
+        sampling_period=period,
+    )  # fmt: skip
+    observer = AugmentedKalmanFilter(model, period * J_inverse, s["walk"] ** 2 * period)
+
+    def run(record: Record) -> Array:
+        y = unexplained(plant, record, period)
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
+        return estimates_of(observer, "unknown_input", y, state=start)
+
+    return run
+
+
+def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """The fault with a rate that is a random walk, ``walk`` [N m/s / sqrt(s)]."""
+    T, one = period, np.eye(3)
+    A = np.kron([[1.0, T, T**2 / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]], one)
+    A[:3, 3:] = np.linalg.inv(np.array(plant.inertia)) @ A[:3, 3:]
+    Q = np.kron(np.diag([s["process"] ** 2 * T, 0.0, 0.0]), one)
+    Q[3:, 3:] = s["walk"] ** 2 * np.kron([[T**3 / 3, T**2 / 2], [T**2 / 2, T]], one)
+    model = LinearModel(A, None, np.eye(3, 9), None, Q, noise**2, sampling_period=T)
+    observer = KalmanFilter(model)
+
+    def run(record: Record) -> Array:
+        y = unexplained(plant, record, T)
+        start = observer.init(np.r_[y[0], np.zeros(6)], np.repeat([noise**2, 0.0, 0.0], 3))
+        return estimates_of(observer, "state", y, state=start)[:, 3:6]
+
+    return run
+
+
+def filtered_difference(plant: Plant, s: Settings, period: float, _: float) -> Runner:
+    """J (s(k) - s(k-1)) / T through a low-pass of first order with the time constant ``lag``."""
+    from scipy.signal import lfilter
+
+    decay = np.exp(-period / s["lag"])
+
+    def run(record: Record) -> Array:
+        y = unexplained(plant, record, period)
+        steps = np.diff(y, axis=0, prepend=y[:1]) / period
+        smooth = lfilter([1.0 - decay], [1.0, -decay], steps, axis=0)
+        return np.asarray(smooth @ np.array(plant.inertia).T)
+
+    return run
+
+
+def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
+    """J s' by differentiators of order 2 with the bound ``L`` [N m/s^2] and ``lambda0``."""
+    J = np.array(plant.inertia)
+    lambdas = (s["lambda0"], 1.5, 1.1)
+    axes = [
+        LevantDifferentiator(s["L"] / J[i, i], 2, lambdas, sampling_period=period) for i in range(3)
+    ]
+
+    def run(record: Record) -> Array:
+        y = unexplained(plant, record, period)
+        rates = [estimates_of(axes[i], "derivatives", y[:, i])[:, 1] for i in range(3)]
+        return np.asarray(np.column_stack(rates) @ J.T)
+
+    return run
+
+
+METHODS: dict[str, Callable[..., Runner]] = {
+    "sampled_ilo": _observer(sampled_ilo),
+    "ilo": _observer(ilo),
+    "adaptive": _observer(adaptive),
+    "random_walk": random_walk,
+    "with_a_rate": with_a_rate,
+    "filtered_difference": filtered_difference,
+    "levant": levant,
+}

@@ -1,0 +1,138 @@
+"""State of Van der Pol's oscillator under an unmodelled force, one state measured with noise.
+
+    x1' = x2,     x2' = -a x1 + b (1 - x1^2) x2 + d,     y = x1 + v
+
+Methods know a = b = 1 and no force: d is normal and held for 0.2 s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.tuning.search import Settings
+from reobserve.core.random_streams import held_normal, random_stream
+from reobserve.core.validation import Positive
+from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.high_gain import HighGainObserver
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
+from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.systems.nonlinear import NonlinearModel
+from reobserve.systems.polynomial import PolynomialSystem
+from reobserve.systems.triangular_text import triangular_model
+
+FIELD = ("x2", "-x1 + (1 - x1^2)*x2")
+HOLD = 0.2  # [s], of the force
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The noise of the measurement, the rms of the force, and where records start."""
+
+    noise: Positive
+    force: Positive
+    horizon: Positive  # [s]
+    start: Positive  # each state is uniform from minus to plus this
+
+
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Record:
+    """A record, by the classical Runge-Kutta method with the sampling period as its step."""
+    draw = random_stream(seed, "bench", "vdp", "plant")
+    x1, x2 = draw.uniform(-plant.start, plant.start, 2).tolist()
+    a, b = (1.0 + condition.model * float(np.sign(one)) for one in draw.uniform(-1.0, 1.0, 2))
+    steps = round(plant.horizon / period)
+    force = plant.force * held_normal(draw, steps + 1, round(HOLD / period))[0]
+    states = np.empty((steps + 1, 2))
+    for k, d in enumerate(force.tolist()):
+        states[k] = x1, x2
+
+        def rate(p: float, v: float, d: float = d) -> float:
+            return -a * p + b * (1.0 - p * p) * v + d
+
+        h, half = period, 0.5 * period
+        v1, r1 = x2, rate(x1, x2)
+        v2, r2 = x2 + half * r1, rate(x1 + half * v1, x2 + half * r1)
+        v3, r3 = x2 + half * r2, rate(x1 + half * v2, x2 + half * r2)
+        v4, r4 = x2 + h * r3, rate(x1 + h * v3, x2 + h * r3)
+        x1, x2 = x1 + h / 6 * (v1 + 2 * v2 + 2 * v3 + v4), x2 + h / 6 * (r1 + 2 * r2 + 2 * r3 + r4)
+    noise = random_stream(seed, "bench", "vdp", "noise").standard_normal((steps + 1, 1))
+    measured = states[:, :1] + condition.noise * plant.noise * noise
+    every = slice(None, None, condition.period)
+    time = period * np.arange(steps + 1.0)
+    return Record(time[every], np.zeros((steps + 1, 1))[every], measured[every], states[every])
+
+
+@cache  # the functions are compiled once for all settings, whose noise each run is given
+def _sampled(period: float) -> NonlinearModel:
+    names = ["x1", "x2"]
+    return NonlinearModel.from_ode(
+        FIELD, ["x1"], 1.0, 1.0, state_names=names, sampling_period=period
+    )
+
+
+def kalman(kind: Any, plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """Process noise of each state by its deviation a root of a second, ``x1`` and ``x2``."""
+    observer, Q = kind(_sampled(period)), np.array([s["x1"], s["x2"]]) ** 2 * period
+
+    def run(record: Record) -> Array:
+        y = record.measurements
+        start = observer.init([y[0, 0], 0.0], [noise**2, plant.start**2 / 3])
+        return estimates_of(observer, "state", y, state=start, Q=Q, R=noise**2)
+
+    return run
+
+
+@cache
+def _system() -> PolynomialSystem:
+    return PolynomialSystem.from_expressions(FIELD, ["x1"], ["x1", "x2"], 3)
+
+
+def normal(plant: Plant, s: Settings, period: float, _: float) -> Runner:
+    """Of ``order``; poles by their ``frequency`` [1/s] and ``damping`` ratio."""
+    frequency, ratio, order = s["frequency"], s["damping"], round(s["order"])
+    pole = frequency * complex(-ratio, math.sqrt(1.0 - ratio**2))
+    form = normal_form(_system(), order + 1, poles=[pole, pole.conjugate()])
+    observer = IdentityObserver(form, order, "series", sampling_period=period)
+
+    def run(record: Record) -> Array:
+        y = record.measurements
+        return estimates_of(observer, "state", y, state=observer.init([y[0, 0], 0.0]))
+
+    return run
+
+
+_model = cache(lambda: triangular_model(["x1", "x2"], ["0", FIELD[1]], "0"))
+
+
+def high_gain(plant: Plant, s: Settings, period: float, _: float) -> Runner:
+    """Both poles of the linear error at -``rho`` [1/s]."""
+    observer = HighGainObserver(_model(), s["rho"], sampling_period=period)
+
+    def run(record: Record) -> Array:
+        y, start = record.measurements, observer.init([record.measurements[0, 0], 0.0])
+        return estimates_of(observer, "state", y, record.inputs, state=start)
+
+    return run
+
+
+def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
+    """The measurement and its derivative, by order 2 with the bound ``L`` and ``lambda0``."""
+    observer = LevantDifferentiator(s["L"], 2, (s["lambda0"], 1.5, 1.1), sampling_period=period)
+    return lambda record: estimates_of(observer, "derivatives", record.measurements)[:, :2]
+
+
+METHODS: dict[str, Callable[..., Runner]] = {
+    "ekf": partial(kalman, ExtendedKalmanFilter),
+    "ukf": partial(kalman, UnscentedKalmanFilter),
+    "normal_form": normal,
+    "high_gain": high_gain,
+    "levant": levant,
+}

@@ -1,0 +1,230 @@
+"""A check: a number behind a figure, or a list of them, and what a claim asks of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from reobserve.core.errors import InputError, nearest
+from reobserve_papers.metrics.metrics import name_at, parse_name
+
+THEORY = "theory"  # stands where a reference names a figure
+
+# By figure (or `THEORY`): the values by (observer, metric).
+Numbers = Mapping[str, Mapping[tuple[str, str], float]]
+
+
+class Reference(NamedTuple):
+    """Where a number stands: a row of a figure's metrics, or of the theory's."""
+
+    figure: str
+    observer: str
+    metric: str
+
+    def __str__(self) -> str:
+        """As a registry writes it."""
+        return " ".join(self)
+
+    @classmethod
+    def parse(cls, text: str) -> Reference:
+        """From ``FIGURE OBSERVER METRIC``, and each coordinate of a study's as ``NAME=LEVEL``.
+
+        Raises
+        ------
+        InputError
+            For anything else.
+        """
+        figure, observer, metric = [*text.split(maxsplit=2), "", "", ""][:3]
+        try:
+            name, at = parse_name(metric)
+        except InputError:
+            name, at = "", {}
+        if not name or "=" in name:
+            problem = f"{text!r} must be FIGURE OBSERVER METRIC, then NAME=LEVEL for a coordinate"
+            raise InputError("reference", problem)
+        return cls(figure, observer, name_at(name, **at))
+
+    def look_up(self, numbers: Numbers) -> float:
+        """The value; `InputError` if there is no such figure or number."""
+        if self.figure not in numbers:
+            raise InputError(
+                "figure", f"there is no {self.figure!r}{nearest(self.figure, numbers)}"
+            )
+        rows = numbers[self.figure]
+        if (self.observer, self.metric) in rows:
+            return rows[self.observer, self.metric]
+        observers = list(dict.fromkeys(observer for observer, _ in rows))
+        if self.observer not in observers:
+            raise InputError(
+                "observer",
+                f"{self.figure} has no {self.observer!r}{nearest(self.observer, observers)}",
+            )
+        metrics = [metric for observer, metric in rows if observer == self.observer]
+        raise InputError(
+            "metric",
+            f"{self.figure} has no {self.metric!r} of {self.observer}"
+            f"{nearest(self.metric, metrics)}",
+        )
+
+
+@dataclass(frozen=True)
+class Check:
+    """What must be true of some numbers.
+
+    Parameters
+    ----------
+    value
+        The numbers.
+    other, how
+        What each is divided by (`over`) or what is taken from it (`minus`), if anything.
+    relation, bound
+        `below`, `above` (a number, strictly), `within` (a closed interval), `falling`, `rising`
+        (strictly, over the list) or `exists` (true: finite; false: nan, it never happens).
+    share
+        The minimum share of the list that must satisfy the relation.
+    """
+
+    value: tuple[Reference, ...]
+    relation: str
+    bound: Any
+    other: tuple[Reference, ...] = ()
+    how: str = ""
+    share: float = 1.0
+
+    @classmethod
+    def parse(cls, body: Mapping[str, Any]) -> Check:
+        """From an entry of a registry that its schema has accepted.
+
+        Raises
+        ------
+        InputError
+            If a reference is none, the lists differ in length, or it is not one relation.
+        """
+        relations = (*RELATIONS, *_OF_LISTS)
+        asked = [word for word in relations if word in body]
+        if len(asked) != 1:
+            listed = ", ".join(relations)
+            raise InputError("", f"{len(asked)} relations given, must be one of {listed}")
+        if "over" in body and "minus" in body:
+            raise InputError("", "has both over and minus, must have one of them")
+        how = next((word for word in ("over", "minus") if word in body), "")
+        value, other = _references(body["value"]), _references(body.get(how, []))
+        if other and len(other) != len(value):
+            if len(other) != 1:
+                raise InputError(how, f"has {len(other)} references, must have {len(value)} or 1")
+            other *= len(value)
+        if asked[0] in _OF_LISTS and len(value) < 2:
+            raise InputError(asked[0], "asks for a list of two references or more")
+        return cls(value, asked[0], body[asked[0]], other, how, body.get("share", 1.0))
+
+    @property
+    def references(self) -> tuple[Reference, ...]:
+        """All numbers that it looks up."""
+        return self.value + self.other
+
+    @property
+    def name(self) -> str:
+        """What it is about, by the first of its numbers."""
+        value = str(self.value[0])
+        if not self.how:
+            return value
+        return f"{value} {'/' if self.how == 'over' else '-'} {self.other[0]}"
+
+    def values(self, numbers: Numbers) -> list[float]:
+        """What the relation is about, one for each reference; see `Reference.look_up`."""
+        found = [reference.look_up(numbers) for reference in self.value]
+        others = [reference.look_up(numbers) for reference in self.other]
+        if self.how == "over":
+            return [_quotient(a, b) for a, b in zip(found, others, strict=True)]
+        if self.how == "minus":
+            return [a - b for a, b in zip(found, others, strict=True)]
+        return found
+
+    def holds(self, numbers: Numbers) -> bool:
+        """Whether the numbers satisfy it."""
+        return self.satisfied_by(self.deciding(numbers))
+
+    def deciding(self, numbers: Numbers) -> float:
+        """The deciding number: the worst of those that must satisfy the relation.
+
+        For a sequence that must rise or fall it is the smallest step in that direction.
+        """
+        values = self.values(numbers)
+        if self.relation in _OF_LISTS:
+            values = [b - a for a, b in pairwise(values)]
+        best_first = sorted(values, key=self.margin, reverse=True)
+        asked = math.ceil(
+            self.share * len(values) - 1e-9
+        )  # 0.28 of 25 are 7, not 7.000000000000001
+        return float(best_first[asked - 1])
+
+    def satisfied_by(self, number: float, bound: Any = None) -> bool:
+        """Whether the check holds where this number decides; with another ``bound`` if given."""
+        if self.relation in _OF_LISTS:
+            return self.margin(number) > 0
+        return RELATIONS[self.relation](number, self.bound if bound is None else bound)
+
+    def measured(self, numbers: Numbers) -> str:
+        """The numbers and what is asked of them, for a reader; of a list the worst."""
+        values = self.values(numbers)
+        name = self.name
+        if self.relation in _OF_LISTS:
+            listed = ", ".join(f"{value:.3g}" for value in values)
+            return f"{name} = {listed}: must be {self.relation}"
+        asked = _asked(self.relation, self.bound)
+        if len(values) == 1:
+            return f"{name} = {values[0]:.3g}, must be {asked}"
+        satisfied = [RELATIONS[self.relation](value, self.bound) for value in values]
+        worst = min(values, key=self.margin)
+        part = f", for at least {self.share:.0%}" if self.share < 1 else ""
+        return (
+            f"{name} and so on: {sum(satisfied)} of {len(values)} are {asked}{part}; "
+            f"the worst is {worst:.3g}"
+        )
+
+    def margin(self, value: float) -> float:
+        """How well a number satisfies the relation; only the order counts."""
+        if self.relation == "exists":
+            return float(_exists(value, self.bound))
+        if math.isnan(value):
+            return -math.inf
+        if self.relation in ("below", "falling"):
+            return -value
+        if self.relation == "within":
+            return -abs(value - float(sum(self.bound)) / 2)
+        return value
+
+
+def _exists(value: float, wanted: bool) -> bool:
+    return math.isfinite(value) if wanted else math.isnan(value)
+
+
+RELATIONS: dict[str, Callable[[float, Any], bool]] = {
+    "below": lambda value, bound: value < bound,
+    "above": lambda value, bound: value > bound,
+    "within": lambda value, bound: bound[0] <= value <= bound[1],
+    "exists": _exists,
+}
+_OF_LISTS = ("falling", "rising")  # which no member satisfies by itself
+
+
+def _references(listed: str | list[str]) -> tuple[Reference, ...]:
+    return tuple(
+        map(Reference.parse, [listed] if isinstance(listed, str) else listed),
+    )
+
+
+def _quotient(a: float, b: float) -> float:
+    return a / b if b else math.copysign(math.inf, a) if a else math.nan
+
+
+def _asked(relation: str, bound: Any) -> str:
+    if relation == "within":
+        low, high = bound
+        return f"{low:g}" if low == high else f"between {low:g} and {high:g}"
+    if relation == "exists":
+        return "finite" if bound else "nan"
+    return f"{relation} {bound:g}"

@@ -1,0 +1,133 @@
+"""Samples of claims that need not be made: cached from earlier builds, or made ahead in chunks.
+
+The number of a sample, the seed and a choice say what is chosen. So a sample comes out the same in
+whatever process it is made: a chunk is nothing but samples that others need not make. They take
+those that are there and make those that are not; neither how samples are cut into chunks, nor the
+order in which these are made, nor one that is missing changes what is found.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from reobserve.core.documents import read_json
+from reobserve.core.errors import InputError
+from reobserve.core.files import write_text
+from reobserve.core.validation import parse
+from reobserve_papers.claims.cached_samples import CachedSamples, alike, as_text, numbers_in
+
+# What decides the checks of a claim; None where the code refuses a sample.
+Numbers = tuple[float, ...] | None
+
+# Samples that were made ahead: by claim, by the digest of what they depend on, and by number.
+MadeSamples = Mapping[str, Mapping[str, Mapping[int, Numbers]]]
+
+# Of samples that are cached so many are made again, to see whether the code still gives what it
+# gave.
+AGAIN = 2
+
+
+@dataclass
+class KnownSamples:
+    """Of one claim: the samples that are ``cached``, and those that this build has ``made``."""
+
+    cached: CachedSamples | None = None
+    made: dict[int, Numbers] = field(default_factory=dict)
+
+    @staticmethod
+    def of(
+        name: str, basis: str, cached: Mapping[str, CachedSamples], made: MadeSamples
+    ) -> KnownSamples:
+        """Those of a claim that depend on what has this digest."""
+        past = cached.get(name)
+        known = KnownSamples(past if past and past.basis == basis else None)
+        for number, numbers in sorted(made.get(name, {}).get(basis, {}).items()):
+            known.take(number, numbers)
+        return known
+
+    @property
+    def length(self) -> int:
+        """Up to which number samples are cached."""
+        return len(self.cached.samples) if self.cached else 0
+
+    def is_cached(self, number: int) -> bool:
+        """Whether a sample is cached, and none of those that are made again to see."""
+        return AGAIN <= number < self.length
+
+    def __contains__(self, number: int) -> bool:
+        return number in self.made or self.is_cached(number)
+
+    def __getitem__(self, number: int) -> Numbers:
+        if self.cached and self.is_cached(number):
+            return self.cached.numbers(number)
+        return self.made[number]
+
+    def take(self, number: int, numbers: Numbers) -> None:
+        """Add a new result of a sample; drop the cached samples if it differs from theirs."""
+        self.made[number] = numbers
+        if self.cached and number < self.length and not alike(numbers, self.cached.numbers(number)):
+            self.cached = None
+
+
+@dataclass(frozen=True)
+class _StoredSamples:
+    """Of one claim: the samples of a chunk by number, as in `CachedSamples`."""
+
+    basis: str
+    numbers: tuple[int, ...]
+    samples: tuple[str | None, ...]
+
+    def __post_init__(self) -> None:
+        if list(self.numbers) != sorted({n for n in self.numbers if n >= 0}):
+            raise InputError("numbers", "must be numbers of samples, rising")
+        if len(self.samples) != len(self.numbers):
+            raise InputError("samples", f"{len(self.samples)} must be {len(self.numbers)}")
+        self.made()
+
+    def made(self) -> dict[int, Numbers]:
+        """By number; `InputError` for what is no sample."""
+        try:
+            return dict(zip(self.numbers, map(numbers_in, self.samples), strict=True))
+        except ValueError as error:
+            raise InputError("samples", f"must be numbers ({error})") from None
+
+
+@dataclass(frozen=True)
+class _Stored:
+    paper: str
+    claims: dict[str, _StoredSamples]
+
+
+def write_chunk(
+    path: Path, paper: str, bases: Mapping[str, str], made: Mapping[str, Mapping[int, Numbers]]
+) -> None:
+    """Write the samples of a chunk by claim, each with the digest of what it depends on."""
+    claims = {
+        name: {
+            "basis": bases[name], "numbers": sorted(samples),
+            "samples": [as_text(samples[number]) for number in sorted(samples)],
+        }
+        for name, samples in made.items()
+    }  # fmt: skip
+    write_text(path, json.dumps({"paper": paper, "claims": claims}) + "\n")
+
+
+def read_chunks(paths: Iterable[Path], paper: str) -> MadeSamples:
+    """The samples in chunks of a paper, in whatever order.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, or of another paper.
+    """
+    found: dict[str, dict[str, dict[int, Numbers]]] = {}
+    for path in paths:
+        stored = parse(_Stored, read_json(path), str(path))
+        if stored.paper != paper:
+            raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")
+        for name, one in stored.claims.items():
+            found.setdefault(name, {}).setdefault(one.basis, {}).update(one.made())
+    return found

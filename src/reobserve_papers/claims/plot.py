@@ -1,0 +1,198 @@
+"""Plots of samples: specification curves of main claims, sensitivity bars of the others.
+
+The curve has the deciding number over all samples in order, the bound across it, and below it where
+in its range each choice stood (Simonsohn, Simmons & Nelson 2020, Nat. Hum. Behav. 4:1208).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from reobserve_papers.plotting.look import WIDTH
+from reobserve_papers.claims.checks import Check
+from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.robustness import Robustness
+from reobserve_papers.claims.sensitivity import FEWEST, as_places, deciding_check, influences, ranks
+
+_HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
+_OTHER = "other"  # of a sample: this check is satisfied, and another one is not
+_MARKS: dict[object, tuple[str, str, str]] = {
+    True: ("claim holds", _HELD, "o"),
+    False: ("claim fails", _FAILED, "x"),
+    _OTHER: ("fails by another check", "0.5", "+"),
+}
+_WIDEST = 1e12  # maximum ratio of the ends of a logarithmic axis; smaller values are below it
+_SMALL = 6.3  # points
+_LEFT = 1.95  # inches, for the names of choices
+_MAX_BARS = 6  # the largest; the others seldom explain more than chance does
+
+
+def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
+    """Of the main claims that were sampled, one below the other."""
+    drawn = [claim for claim in claims if claim.is_main and claim.name in found]
+    drawn = [claim for claim in drawn if found[claim.name].samples]
+    if not drawn:
+        return _said("No main claim depends on a choice that could be sampled.")
+    rows = [len(found[claim.name].names) for claim in drawn]
+    figure, panels = _stack(
+        [place for count in rows for place in ((0.45, 1.5), (0.06, 0.05 + 0.13 * count))], 0.25
+    )
+    for claim, curve, choices in zip(drawn, panels[::2], panels[1::2], strict=True):
+        _curve(curve, choices, claim, found[claim.name])
+    return figure
+
+
+def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
+    """Of the claims that choices turn over: how much of the deciding number each explains."""
+    drawn = [(claim, found[claim.name]) for claim in claims if claim.name in found]
+    each = influences(one for _, one in drawn)
+    shown = [
+        (claim, one, bars[:_MAX_BARS])
+        for (claim, one), bars in zip(drawn, each, strict=True)
+        if bars
+    ]
+    if not shown:
+        return _said(f"No claim turns over in some of {FEWEST} samples or more.")
+    figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in shown], 0.45)
+    for axes, (claim, one, bars) in zip(panels, shown, strict=True):
+        places = range(len(bars))
+        colors = ["0.25" if bar.chance < 0.05 else "0.75" for bar in bars]
+        axes.barh(places, [max(bar.share, 0.0) for bar in bars], color=colors, height=0.7)
+        _label_rows(axes, [bar.name for bar in bars])
+        axes.set_title(
+            f"{_spoken(claim)}: held in {one.held} of {one.samples} samples", fontsize=7.5
+        )
+        axes.grid(axis="y", visible=False)
+        axes.set_xlim(0, 1)
+        axes.set_xticks([0, 0.25, 0.5, 0.75, 1], labels=[])
+    panels[-1].set_xticklabels(["0", "0.25", "0.5", "0.75", "1"])
+    panels[-1].set_xlabel(
+        "rank correlation of the outcome with the choice; grey: chance gives as much among so many",
+        fontsize=7,
+    )
+    return figure
+
+
+def _stack(places: Sequence[tuple[float, float]], below: float) -> tuple[Figure, list[Axes]]:
+    """Panels under each other, each with a gap above it and a height, in inches.
+
+    They are placed here: to find places for as many takes longer than all the rest.
+    """
+    height = sum(gap + size for gap, size in places) + below
+    figure = Figure(figsize=(WIDTH, height))
+    figure.set_layout_engine("none")
+    panels, top = [], height
+    for gap, size in places:
+        top -= gap + size
+        panels.append(
+            figure.add_axes((_LEFT / WIDTH, top / height, 0.98 - _LEFT / WIDTH, size / height))
+        )
+    return figure, panels
+
+
+def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
+    k = deciding_check(claim, one)
+    check = claim.checks[k]
+    trials = sorted(
+        (trial for trial in one.trials if trial.outcome.numbers),
+        key=lambda trial: _last_if_none(trial.outcome.numbers[k]),
+    )
+    numbers = [trial.outcome.numbers[k] for trial in trials]
+    marks = [
+        _OTHER if not trial.outcome.held and check.satisfied_by(number) else trial.outcome.held
+        for trial, number in zip(trials, numbers, strict=True)
+    ]
+    for kind, (label, color, marker) in _MARKS.items():
+        places = [x for x, mark in enumerate(marks) if mark == kind and math.isfinite(numbers[x])]
+        if places or kind != _OTHER:
+            shown = [numbers[x] for x in places]
+            curve.plot(places, shown, marker, color=color, markersize=3, label=label)
+    for bound in _bounds(check):
+        curve.axhline(bound, color="0.4", linewidth=0.8, linestyle=(0, (5, 2)))
+    stated = one.stated.numbers[k] if one.stated.numbers else math.nan
+    if math.isfinite(stated):
+        curve.axhline(stated, color=_STATED, linewidth=0.8, label="parameter file")
+    _scale(curve, [*filter(math.isfinite, [*numbers, stated]), *_bounds(check)])
+    lost = one.samples - len(trials)
+    noted = f" ({lost} diverged or were refused)" if lost else ""
+    curve.set_title(f"{_spoken(claim)}: held in {one.held} of {one.samples} samples{noted}")
+    curve.set_ylabel("\n".join(textwrap.wrap(_spelled(check), 26)), fontsize=_SMALL)
+    curve.legend(fontsize=_SMALL, ncols=3, loc="best")
+    curve.set_xticks([])
+    for row in range(len(one.names)):
+        shades = _in_range([trial.values[row] for trial in trials])
+        choices.scatter(
+            range(len(trials)), [row] * len(trials), c=shades, cmap="Greys", vmin=-0.25, vmax=1.0,
+            s=9, marker="s", linewidths=0,
+        )  # fmt: skip
+    _label_rows(choices, one.names)
+    choices.set_xlim(curve.get_xlim())
+    choices.set_xlabel(
+        "samples in order; dark: high in its range, or late among its words in alphabetic order",
+        fontsize=_SMALL,
+    )
+    choices.set_xticks([])
+    choices.grid(visible=False)
+
+
+def _bounds(check: Check) -> list[float]:
+    """The line or lines that the number must stay below, above or between."""
+    if check.relation in ("falling", "rising"):
+        return [0.0]
+    if check.relation == "within":
+        return list(map(float, check.bound))
+    return [] if check.relation == "exists" else [float(check.bound)]
+
+
+def _scale(axes: Axes, shown: Sequence[float]) -> None:
+    """Magnitudes where numbers span two decades."""
+    low, high = min(shown, default=1.0), max(shown, default=1.0)
+    if low > 0 and high > 100 * low:
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=max(low, high / _WIDEST) / 2)
+
+
+def _last_if_none(number: float) -> float:
+    return math.inf if math.isnan(number) else number
+
+
+def _in_range(values: Sequence[Any]) -> list[float]:
+    """Where values stand in order, from 0 to 1."""
+    places = ranks(as_places(values))
+    return [place / max(*places, 1) for place in places]
+
+
+def _label_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Without the names of those that move together."""
+    short = [re.sub(r"\{.*?\}", "*", name) for name in names]
+    axes.set_yticks(range(len(names)), short, fontsize=5.6)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+
+
+def _spelled(check: Check) -> str:
+    """What the axis shows: numbers of figures or of the theory, in words."""
+    value = check.value[0]
+    name = f"{value.metric.replace('_', ' ')} of {value.observer}, {value.figure}"
+    if not check.how:
+        return name
+    other = check.other[0]
+    return f"{name} {'over' if check.how == 'over' else 'less'} that of {other.observer}"
+
+
+def _spoken(claim: Claim) -> str:
+    return claim.name.replace("_", " ")
+
+
+def _said(sentence: str) -> Figure:
+    """In place of panels that there are none of."""
+    figure = Figure(figsize=(WIDTH, 0.5))
+    figure.set_layout_engine("none")
+    figure.text(0.02, 0.5, sentence, va="center")
+    return figure

@@ -1,0 +1,42 @@
+"""A chunk of samples, made ahead of those who decide claims by them."""
+
+from __future__ import annotations
+
+from reobserve_papers.claims.known_samples import AGAIN, Numbers
+from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.robustness import Inquiry
+
+
+def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]]:
+    """The samples of a chunk by claim, without those that are cached.
+
+    Nothing is sampled of a claim that the cached samples before the chunk decide. Chunks do not
+    wait for each other, so a chunk may sample what nobody will need; it cannot sample what would
+    decide otherwise.
+    """
+    known = inquiry.known
+    again = [claim for claim in inquiry.claims if known[claim.name].cached]
+    for number in range(min(AGAIN, numbers.start)):  # to see whether the code gives what is cached
+        inquiry.ask(number, again)
+    joined = {claim.name for claim in inquiry.claims if _joins(inquiry, claim, numbers.start)}
+    for number in numbers:
+        going = [claim for claim in inquiry.claims if not inquiry.found[claim.name].decided]
+        inquiry.ask(number, [claim for claim in going if number not in known[claim.name]])
+        for claim in going:
+            if claim.name in joined:
+                inquiry.add(number, claim)
+    return {
+        name: {number: one.made[number] for number in numbers if number in one.made}
+        for name, one in known.items()
+    }
+
+
+def _joins(inquiry: Inquiry, claim: Claim, start: int) -> bool:
+    """Take all samples of a claim before ``start`` that are known; whether those are all."""
+    for number in range(start):
+        if inquiry.found[claim.name].decided:
+            break
+        if number not in inquiry.known[claim.name]:
+            return False
+        inquiry.add(number, claim)
+    return True

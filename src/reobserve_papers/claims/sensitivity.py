@@ -1,0 +1,87 @@
+"""Sensitivity of claims: how much of the outcome over samples each choice explains.
+
+The measure is Chatterjee's rank correlation (2021, J. Am. Stat. Assoc. 116:2009) of the outcome,
+yes or no, with a choice. It is 0 where the outcome does not depend on the choice, and near 1 where
+the choice alone decides, whichever of its values make the claim true. From samples at hand it
+estimates the Cramer-von Mises index of first order (Gamboa et al. 2022, SIAM/ASA J. Uncertain.
+Quantif. 10:1). What remains below one is other choices, their interplay, and the random seed.
+
+One looks at all choices of all claims of a paper, so that some would stand out by chance. So each
+probability is corrected for the number of looks (Benjamini & Yekutieli 2001, Ann. Statist.
+29:1165): of all choices below 5 % no more than one in twenty is expected to be there by chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.robustness import Robustness
+
+FEWEST = 16  # samples; with less, chance makes half of the scale
+
+
+class Influence(NamedTuple):
+    """Of one choice: the rank correlation, and how probable one as great is by chance."""
+
+    name: str
+    share: float
+    chance: float
+
+
+def deciding_check(claim: Claim, robustness: Robustness) -> int:
+    """The check that fails in most samples, the first of those that fail as often."""
+    drawn = [trial.outcome.numbers for trial in robustness.trials if trial.outcome.numbers]
+    fails = [
+        sum(not check.satisfied_by(numbers[k]) for numbers in drawn)
+        for k, check in enumerate(claim.checks)
+    ]
+    return fails.index(max(fails))
+
+
+def influences(found: Iterable[Robustness]) -> list[list[Influence]]:
+    """For each claim, the influence of every choice with a range, largest first.
+
+    Empty for a claim with too few samples, or one that holds in all of them or in none. The
+    probabilities are corrected for the number of choices of all claims together.
+    """
+    from scipy.stats import false_discovery_control
+
+    each = [_influences(one) for one in found]
+    chances = [bar.chance for bars in each for bar in bars]
+    corrected = iter(false_discovery_control(chances, method="by") if chances else ())
+    each = [[bar._replace(chance=float(next(corrected))) for bar in bars] for bars in each]
+    return [sorted(bars, key=lambda bar: -bar.share) for bars in each]
+
+
+def _influences(robustness: Robustness) -> list[Influence]:
+    from scipy.stats import chatterjeexi
+
+    outcomes = [int(trial.outcome.held) for trial in robustness.trials]
+    if len(outcomes) < FEWEST or len(set(outcomes)) < 2:
+        return []
+    found = []
+    for column, name in enumerate(robustness.names):
+        places = as_places([trial.values[column] for trial in robustness.trials])
+        if len(set(places)) > 1 and name != "seed":
+            # Where values of a choice are alike their order is that of the samples, which is
+            # random.
+            result = chatterjeexi(places, outcomes)
+            found.append(Influence(name, float(result.statistic), float(result.pvalue)))
+    return found
+
+
+def as_places(values: Sequence[Any]) -> list[float]:
+    """Numbers as they are; anything else by its place among those that were sampled."""
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        return [float(value) for value in values]
+    return [float(place) for place in ranks([repr(value) for value in values])]
+
+
+def ranks(values: Sequence[Any]) -> list[int]:
+    """The place of each among the different values, in order, from 0 on."""
+    place: list[int] = np.unique(values, return_inverse=True)[1].tolist()
+    return place

@@ -1,0 +1,1 @@
+"""The command line of the papers: a module for each family of sub-commands."""

@@ -1,0 +1,51 @@
+"""`reobserve check`: everything under ``config/``, in one process; nothing is written."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from reobserve.tuning.task import Task
+from reobserve.core.documents import check_plain
+from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.parameters.check import check_parameters, check_units
+from reobserve_papers.parameters.config import known_papers, known_styles
+from reobserve_papers.parameters.names import DEFAULT_STYLE, style_sheet
+from reobserve_papers.parameters.parameters import Parameters
+
+
+def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
+    """Check all files, and construct what the parameters state.
+
+    Parameters
+    ----------
+    project
+        The folder with the folder ``config``.
+    paper
+        The papers to check; all if there are none, and then the tasks and the style sheets, too.
+    overrides
+        Overrides of each paper by its name.
+
+    Raises
+    ------
+    InputError
+        For the first thing that is wrong.
+    """
+    check_plain(overrides, "config")
+    for name in paper or known_papers(project):
+        parameters = Parameters.load(project, name, overrides.get(name))
+        check_units(parameters)
+        check_parameters(parameters)
+        check_evidence(project, parameters)
+        print(f"{name}: parameters, claims and errata are sound", file=sys.stderr)
+    if not paper:
+        for path in sorted((project / "config" / "bench").glob("*.yaml")):
+            Task.read(path)
+            print(f"bench, {path.stem}: the task is sound", file=sys.stderr)
+        from reobserve_papers.plotting.look import read_sheet
+
+        for style in known_styles(project):
+            if style != DEFAULT_STYLE:
+                read_sheet(project / style_sheet(style))

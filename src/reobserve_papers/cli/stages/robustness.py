@@ -1,0 +1,39 @@
+"""Stage robustness: how firmly the claims of a paper stand, in this one process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from reobserve.core.files import write_text
+from reobserve_papers.claims.cached_samples import read_cached
+from reobserve_papers.claims.known_samples import read_chunks
+from reobserve_papers.claims.registry import read_registry
+from reobserve_papers.claims.robustness import assess
+from reobserve_papers.claims.robustness_file import to_data
+from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.parameters.parameters import Parameters
+
+
+def run(
+    parameter_file: Path, samples: int, reversals: bool, cached: Path | None,
+    chunk_files: Sequence[Path], study_files: Sequence[Path], output: Path, project: Path,
+) -> None:  # fmt: skip
+    """Sample, change and write; a claim that is broken is left to the table of claims."""
+    parameters = Parameters.read(parameter_file)
+    past = {} if cached is None else read_cached(cached, parameters.paper)
+    made = read_chunks(chunk_files, parameters.paper)
+    evaluator = Evaluator(parameters)
+    if study_files:
+        evaluator.take_studies(study_files)
+    found = assess(
+        evaluator, read_registry(project, parameters).claims, samples, reversals, past, made
+    )
+    stored = {
+        "paper": parameters.paper,
+        "seed": parameters.seed,
+        "samples": samples,
+        "claims": {name: to_data(one) for name, one in found.items()},
+    }
+    write_text(output, json.dumps(stored, ensure_ascii=False, allow_nan=False) + "\n")

@@ -1,0 +1,46 @@
+"""Stage sample: a chunk of the samples that decide the claims of a paper, in this one process."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from reobserve.core.errors import InputError, shown
+from reobserve_papers.claims.cached_samples import read_cached
+from reobserve_papers.claims.known_samples import write_chunk
+from reobserve_papers.claims.registry import read_registry
+from reobserve_papers.claims.robustness import Inquiry
+from reobserve_papers.claims.samples_ahead import make_ahead
+from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.parameters.parameters import Parameters
+
+
+def run(
+    parameter_file: Path, chunk: str, cached: Path | None, study_files: Sequence[Path],
+    output: Path, project: Path,
+) -> None:  # fmt: skip
+    """Sample and write; `reobserve_papers.cli.stages.robustness` gathers."""
+    numbers = numbers_of(chunk)
+    parameters = Parameters.read(parameter_file)
+    evaluator = Evaluator(parameters)
+    if study_files:
+        evaluator.take_studies(study_files)
+    past = {} if cached is None else read_cached(cached, parameters.paper)
+    inquiry = Inquiry.begin(evaluator, read_registry(project, parameters).claims, past)
+    bases = {name: one.basis for name, one in inquiry.found.items()}
+    write_chunk(output, parameters.paper, bases, make_ahead(inquiry, numbers))
+
+
+def numbers_of(chunk: str) -> range:
+    """The numbers of the samples in a chunk, which is named by its ends, as ``50-99``.
+
+    Raises
+    ------
+    InputError
+        If it is not the name of a chunk.
+    """
+    ends = re.fullmatch(r"(\d{1,9})-(\d{1,9})", chunk, re.ASCII)
+    if ends is None or int(ends[1]) > int(ends[2]):
+        raise InputError("chunk", f"{shown(chunk)} must be two rising numbers, as 50-99")
+    return range(int(ends[1]), int(ends[2]) + 1)

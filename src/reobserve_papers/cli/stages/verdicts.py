@@ -1,0 +1,26 @@
+"""Stage verdicts: how the claims of each paper fared, for readers; fails if a claim is broken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.core.errors import ReobserveError
+from reobserve.core.files import read_table, write_text
+from reobserve_papers.claims.table import HEADER, KINDS
+from reobserve_papers.claims.verdict_table import table
+from reobserve_papers.claims.verdicts import BROKEN
+
+
+def run(claims_file: Path, output: Path) -> None:
+    """Count and write a table, in Markdown.
+
+    Raises
+    ------
+    ReobserveError
+        If claims are broken: a sentence for each, and no table.
+    """
+    rows = read_table(claims_file, HEADER, KINDS, ("paper", "claim"))
+    broken = [row["problem"] for row in rows if row["verdict"] == BROKEN]
+    if broken:
+        raise ReobserveError("; ".join(broken))
+    write_text(output, table(rows))

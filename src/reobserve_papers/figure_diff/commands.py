@@ -1,0 +1,104 @@
+"""The commands `figdiff`, which compares a build with what was accepted, and `accept`."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from reobserve.core.errors import InputError, ReobserveError
+from reobserve.core.files import write_text
+from reobserve_papers.claims.robustness_file import read_robustness
+from reobserve_papers.claims.sample_command import keep
+from reobserve_papers.claims.verdict_table import put_into
+from reobserve_papers.figure_diff import pixels
+from reobserve_papers.figure_diff.comparison import compare_all, figures
+from reobserve_papers.figure_diff.page import render, summary
+from reobserve_papers.golden import bench as golden_bench
+from reobserve_papers.golden import claims as golden_claims
+from reobserve_papers.golden.acceptance import renew
+from reobserve_papers.golden.guard import check_may_accept, keep_reason
+from reobserve_papers.steps.meanings import write_lists
+from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
+from reobserve_papers.parameters.parameters import Parameters
+
+
+def figdiff_command(project: Path, reference: Path, results: Path, output: Path) -> None:
+    """Compare, write page and summary to ``output``; fail if anything does not agree."""
+    folders = (("--reference", reference), ("--results", results))
+    problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
+    items, page = compare_all(project, reference, results), output / "index.html"
+    said = summary(items, problems)
+    write_text(page, render(items, problems, project / "workflow" / "report"))
+    write_text(output / "summary.md", said + "\n")
+    print(said)
+    failed = sum(item.verdict != "agrees" for item in items)
+    if failed or problems:
+        raise ReobserveError(f"{failed} do not agree with what was accepted; see {page}")
+
+
+def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
+    """Accept figures, golden numbers, verdicts, and the table of the README, of some or all papers.
+
+    If no paper is named, results of the bench are accepted, too. Refuses without a reason, in CI
+    and on a dirty tree. What is not up to date is built first; if that fails, what was accepted
+    stays.
+    """
+    check_may_accept(project, reason)
+    known, results, moved = known_papers(project), project / "results", []
+    chosen = named_papers(known, paper)
+    _build(project, paper, cores)
+    for one in chosen:
+        moved += renew(project, results / one, Parameters.load(project, one).tree, one, cores)
+        _keep_samples(project, results, one)
+    tasks = [] if paper else known_tasks(project)
+    moved += [line for task in tasks for line in golden_bench.renew(project, results, task)]
+    moved += golden_claims.renew(project, results, paper)
+    put_into(project / "README.md", results / "verdicts.md", known if paper else ())
+    write_lists(project)
+    drawn = [*chosen, *(f"bench/{task}" for task in tasks)]
+    redrawn = _renew_references(project / "tests" / "reference", results, drawn)
+    print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
+    keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
+
+
+def _build(project: Path, papers: Sequence[str], cores: int) -> None:
+    """Bring the results up to date, of these papers or of all that the config names."""
+    command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
+    command += ["--config", f"papers=[{','.join(papers)}]"] if papers else []
+    if subprocess.run(command, cwd=project, check=False).returncode:
+        raise ReobserveError("nothing is accepted: the build failed")
+
+
+def _keep_samples(project: Path, results: Path, paper: str) -> None:
+    """Keep the Monte Carlo samples of the build, if the paper has claims."""
+    path = results / paper / "robustness.json"
+    if path.exists():
+        keep(project, paper, read_robustness(path, paper))
+
+
+def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> list[str]:
+    """Put the figures in place of the accepted ones; what is different, a line for each."""
+    said = []
+    for paper in papers:
+        built = figures(results / paper)
+        for name, path in built.items():
+            accepted, title = reference / paper / path.name, f"{paper} {name}"
+            try:
+                old, new = map(pixels.read_pixels, (accepted, path))
+                rms = pixels.rms_difference(old, new, title)
+            except InputError as error:
+                said.append(f"{title}: the figure is new ({error})")
+            else:
+                if rms == 0:
+                    continue
+                said.append(f"{title}: RMS {rms:.3g} grey levels")
+            accepted.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, accepted)
+        for name, path in figures(reference / paper).items():
+            if name not in built:
+                path.unlink()
+                said.append(f"{paper} {name}: removed, the figure is no longer built")
+    return said

@@ -1,0 +1,147 @@
+"""Everything that was built or accepted, compared: images, golden numbers and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError, ReobserveError
+from reobserve_papers.figure_diff import pixels
+from reobserve_papers.golden import bench as golden_bench
+from reobserve_papers.golden import claims as golden_claims
+from reobserve_papers.golden.comparison import Moved, compare_built
+from reobserve_papers.golden.files import golden_files
+from reobserve_papers.golden.values import part_names
+from reobserve_papers.parameters.config import known_papers, known_tasks
+from reobserve_papers.parameters.names import stored_parameters
+from reobserve_papers.parameters.parameters import Parameters
+
+# Plots of Monte Carlo samples, whose verdicts are compared.
+_OF_SAMPLES = ("specification", "sensitivity")
+
+
+@dataclass
+class Item:
+    """A figure, a table, the theory or the claims of a paper, and what is different about it.
+
+    ``reference`` and ``new`` are the images of a figure, None where there is none, and ``rms``
+    is their difference in grey levels. ``problems`` are sentences on what is missing or cannot be
+    compared.
+    """
+
+    paper: str
+    name: str
+    reference: Path | None = None
+    new: Path | None = None
+    rms: float | None = None
+    moved: list[Moved] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    @property
+    def verdict(self) -> str:
+        """In a few words, the gravest first."""
+        if self.problems:
+            return "not compared"
+        return "moved" if self.moved or self.redrawn else "agrees"
+
+    @property
+    def redrawn(self) -> bool:
+        """Whether the images differ by more than the tolerance."""
+        return self.rms is not None and self.rms > pixels.TOLERANCE
+
+    @contextmanager
+    def problem_noted(self) -> Iterator[None]:
+        """Note an error as a problem, so that the rest is compared all the same."""
+        try:
+            yield
+        except ReobserveError as error:
+            self.problems.append(str(error))
+
+
+def figures(folder: Path) -> dict[str, Path]:
+    """The images in a folder, by figure."""
+    paths = sorted(folder.glob("*.png"))
+    return {path.stem: path for path in paths if path.stem not in _OF_SAMPLES}
+
+
+def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
+    """An item for each figure, table and theory of the papers to build, and for their claims.
+
+    For each task of the bench, too, if all papers are built.
+    """
+    stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
+    papers: list[str] = stated or known_papers(project)
+    items = [
+        item
+        for paper in papers
+        for item in _compare_paper(project, reference / paper, results / paper, paper)
+    ]
+    items += _compare_claims(project, results, papers)
+    tasks = [] if stated else known_tasks(project)
+    return [
+        *items,
+        *(item for task in tasks for item in _compare_task(project, reference, results, task)),
+    ]
+
+
+def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> Iterator[Item]:
+    tree: Mapping[str, Any] = {"figures": {}}
+    no_parameters = ""
+    try:
+        tree = Parameters.read(built / Path(stored_parameters(paper)).name).tree
+    except InputError as error:
+        no_parameters = str(error)
+    accepted, drawn, golden = figures(reference), figures(built), golden_files(project, paper)
+    for name in sorted({*accepted, *drawn, *golden, *part_names(tree)}):
+        item = _drawn(paper, name, accepted.get(name), drawn.get(name))
+        if no_parameters:
+            item.problems.append(no_parameters)
+        elif name not in part_names(tree):
+            item.problems.append("is not in the parameter file")
+        else:
+            with item.problem_noted():
+                item.moved = compare_built(project, built, tree, paper, name)
+        yield item
+
+
+def _drawn(paper: str, name: str, reference: Path | None, new: Path | None) -> Item:
+    """An item with its images compared, if there are any."""
+    item = Item(paper, name, reference, new)
+    if reference and new:
+        with item.problem_noted():
+            old, found = map(pixels.read_pixels, (reference, new))
+            item.rms = pixels.rms_difference(old, found, f"{paper} {name}")
+    elif reference:
+        item.problems.append("the figure was not built")
+    elif new:
+        item.problems.append("there is no accepted figure")
+    return item
+
+
+def _compare_task(project: Path, reference: Path, results: Path, task: str) -> Iterator[Item]:
+    """The table of a task of the bench, and its figures."""
+    table = Item("bench", task)
+    with table.problem_noted():
+        table.moved = golden_bench.compare_task(project, results, task)
+    yield table
+    accepted, drawn = (figures(one / "bench" / task) for one in (reference, results))
+    for name in sorted({*accepted, *drawn}):
+        yield _drawn("bench", f"{task}_{name}", accepted.get(name), drawn.get(name))
+
+
+def _compare_claims(project: Path, results: Path, papers: list[str]) -> list[Item]:
+    """The verdicts on the claims of each paper that has some, accepted or built."""
+    try:
+        golden = golden_claims.read_golden(project)
+        found = golden_claims.read_built(results)
+    except InputError as error:
+        return [Item("all papers", "claims", problems=[str(error)])]
+    return [
+        Item(paper, "claims", moved=list(golden_claims.compare(golden, found, paper)))
+        for paper in papers
+        if paper in golden or paper in found
+    ]

@@ -1,0 +1,91 @@
+"""New golden numbers from a build; a number that has not moved keeps its digits and tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from reobserve_papers.golden.comparison import compare, distance
+from reobserve_papers.golden.conditions import measure
+from reobserve_papers.golden.files import Key, Number, Numbers, columns, golden_file, golden_files, read_numbers, write_numbers
+from reobserve_papers.golden.tolerances import tolerance
+from reobserve_papers.golden.values import built_numbers, part_names
+
+
+def renew(
+    project: Path, folder: Path, tree: Mapping[str, Any], paper: str, cores: int
+) -> list[str]:
+    """Write the golden numbers of a paper that moved, from its results in ``folder``.
+
+    The paper is evaluated under other settings only if something moved. What moved is returned,
+    one line for each column.
+    """
+    golden: dict[str, Numbers] = {}
+    found = {part: built_numbers(folder, tree, part) for part in part_names(tree)}
+    moved: list[str] = []
+    for part, numbers in found.items():
+        path = golden_file(project, paper, part)
+        golden[part] = read_numbers(path) if path.exists() else {}
+        if path.exists():
+            moved += map(str, compare(golden[part], numbers, f"{paper} {part}"))
+        else:
+            moved.append(f"{paper} {part}: new")
+    if moved:
+        print(f"measuring the tolerances of {paper}, some minutes", flush=True)
+        *processors, halved = measure(project, paper, cores)
+        for part, numbers in found.items():
+            others = [processor[part] for processor in processors]
+            new = renewed(golden[part], numbers, others, halved[part])
+            write_numbers(golden_file(project, paper, part), new)
+    for part, path in golden_files(project, paper).items():
+        if part not in found:
+            path.unlink()
+            moved.append(f"{paper} {part}: removed, nothing of this name is built")
+    return moved
+
+
+def renewed(
+    golden: Numbers, found: Numbers, processors: Sequence[Numbers], halved: Numbers
+) -> dict[Key, Number]:
+    """The numbers of a part: golden columns that have not moved, the others with new tolerances.
+
+    A number that was only listed stays so: that rounding decides it does not show every time.
+    """
+    new: dict[Key, Number] = {}
+    for keys in columns(found).values():
+        old = {key: golden[key] for key in keys if key in golden}
+        column = {key: found[key] for key in keys}
+        if list(compare(old, column, "")):
+            new |= _measured(column, processors, halved)
+        else:
+            compared = {key: one for key, one in old.items() if one.tolerance or one.is_word}
+            new |= {key: compared.get(key, _listed(one)) for key, one in column.items()}
+    return new
+
+
+def _listed(number: Number) -> Number:
+    return number if number.is_word else Number(f"{float(number.value):.3g}", number.unit)
+
+
+def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -> Numbers:
+    if any(number.is_word for number in column.values()):
+        return column
+    values = {key: float(number.value) for key, number in column.items()}
+    size = max((abs(value) for value in values.values() if math.isfinite(value)), default=0.0)
+    moved = max(distance(values[key], _value(one, key)) for one in processors for key in values)
+    new = {}
+    for key, value in values.items():
+        change = abs(value - _value(halved, key))
+        # With half the step a run may end at another time: then there is nothing to compare.
+        allowed = tolerance(size, moved, change if math.isfinite(change) else 0.0)
+        one = column[key]
+        new[key] = _listed(one) if allowed is None else replace(one, tolerance=f"{allowed:g}")
+    return new
+
+
+def _value(numbers: Numbers, key: Key) -> float:
+    """A number, or nan where there is none."""
+    return math.nan if key not in numbers or numbers[key].is_word else float(numbers[key].value)

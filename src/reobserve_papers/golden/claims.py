@@ -1,0 +1,71 @@
+"""Golden verdicts: what was accepted of each claim, compared with a build.
+
+A verdict needs many Monte Carlo samples. A build with few samples can compare ``holds`` alone:
+whether a claim holds with the parameters as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from reobserve.core.files import read_table, write_table
+from reobserve_papers.claims.table import HEADER, KINDS
+from reobserve_papers.golden.comparison import Moved
+
+_KEY = ("paper", "claim")
+_COMPARED = ("verdict", "holds")
+_KINDS = {name: KINDS[name] for name in (*_KEY, "verdict")}
+
+Verdicts = dict[str, dict[str, dict[str, str]]]  # verdict and holds, by paper and claim
+
+
+def golden_file(project: Path) -> Path:
+    """The file of the golden verdicts."""
+    return project / "tests" / "golden" / "claims.csv"
+
+
+def read_golden(project: Path) -> Verdicts:
+    """The accepted verdicts; `InputError` if the file is missing or damaged."""
+    return _read(golden_file(project), (*_KEY, *_COMPARED))
+
+
+def read_built(results: Path) -> Verdicts:
+    """The verdicts of a build; `InputError` if there are none, or the file is damaged."""
+    return _read(results / "claims.csv", HEADER)
+
+
+def _read(path: Path, header: Sequence[str]) -> Verdicts:
+    verdicts: Verdicts = {}
+    for row in read_table(path, header, _KINDS, _KEY):
+        kept = {column: row[column] for column in _COMPARED}
+        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
+    return verdicts
+
+
+def compare(
+    golden: Verdicts, found: Verdicts, paper: str, columns: Sequence[str] = _COMPARED
+) -> Iterator[Moved]:
+    """The claims of a paper that differ in one of these columns, that are new, or that are gone."""
+    before, now = golden.get(paper, {}), found.get(paper, {})
+    for claim in dict.fromkeys([*before, *now]):
+        for column in columns:
+            old, new = (side.get(claim, {}).get(column, "none") for side in (before, now))
+            if old != new:
+                yield Moved(f"{paper} {claim}, {column}", old, new)
+
+
+def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
+    """Accept the verdicts of a build, of all or of some papers; what moved, a line each."""
+    found = read_built(results)
+    golden = read_golden(project) if golden_file(project).exists() else {}
+    chosen = papers or list(dict.fromkeys([*golden, *found]))
+    moved = [str(one) for paper in chosen for one in compare(golden, found, paper)]
+    kept = golden | {paper: found.get(paper, {}) for paper in chosen}
+    rows = (
+        {"paper": paper, "claim": claim, **row}
+        for paper, claims in kept.items()
+        for claim, row in claims.items()
+    )
+    write_table(golden_file(project), rows, (*_KEY, *_COMPARED))
+    return moved

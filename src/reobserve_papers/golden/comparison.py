@@ -1,0 +1,87 @@
+"""Comparison of the numbers of a build with the golden ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from reobserve_papers.golden.files import Key, Numbers, columns, golden_file, read_numbers
+from reobserve_papers.golden.values import built_numbers
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A number, a word or a whole column that is not the golden one."""
+
+    place: str
+    golden: str
+    value: str
+    tolerance: str = ""
+
+    def __str__(self) -> str:
+        """One line: what it was, what it is, and for a number what is allowed."""
+        said = f"{self.place}: golden {self.golden}, found {self.value}"
+        if not self.tolerance:
+            return said
+        off = abs(float(self.value) - float(self.golden))
+        return f"{said}, off by {off:.2g}, allowed {self.tolerance}"
+
+
+def compare_built(
+    project: Path, folder: Path, tree: Mapping[str, Any], paper: str, part: str
+) -> list[Moved]:
+    """What moved of a part that was built; `InputError` if a file is missing or damaged."""
+    golden = read_numbers(golden_file(project, paper, part))
+    return list(compare(golden, built_numbers(folder, tree, part), f"{paper} {part}"))
+
+
+def compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
+    """Of each column that moved the number that is furthest off, in tolerances."""
+    for (source, quantity, _), keys in columns(golden, found).items():
+        place = f"{name}, {source} {quantity}"
+        old, new = ([key for key in keys if key in side] for side in (golden, found))
+        units = {golden[key].unit for key in old}, {found[key].unit for key in new}
+        if old != new:
+            yield Moved(place, _extent(old), _extent(new))
+        elif units[0] != units[1]:
+            yield Moved(place, *(f"in {', '.join(sorted(side)) or 'no unit'}" for side in units))
+        else:
+            worst = max(keys, key=lambda key: excess(golden, found, key))
+            if excess(golden, found, worst) > 1:
+                before, after = golden[worst], found[worst]
+                at = f"{place} at {worst[2]} s" if worst[2] else place
+                allowed = "" if after.is_word else before.tolerance
+                yield Moved(at, before.value or "nothing", after.value or "nothing", allowed)
+
+
+def excess(golden: Numbers, found: Numbers, key: Key) -> float:
+    """How far a number is off, in tolerances; 0 for one that is not compared."""
+    before, after = golden[key], found[key]
+    if before.value == after.value:
+        return 0.0
+    if before.is_word or after.is_word:
+        return math.inf
+    if not before.tolerance:
+        return 0.0
+    off = distance(float(before.value), float(after.value))
+    allowed = float(before.tolerance)
+    return off / allowed if allowed else (math.inf if off else 0.0)
+
+
+def distance(one: float, other: float) -> float:
+    """How far apart two numbers are; infinitely far if only one of them is nan."""
+    if one == other or (math.isnan(one) and math.isnan(other)):
+        return 0.0
+    off = abs(one - other)
+    return math.inf if math.isnan(off) else off
+
+
+def _extent(keys: list[Key]) -> str:
+    if not keys:
+        return "none"
+    if not keys[0][2]:
+        return "a number"
+    return f"{len(keys)} numbers up to {max(float(time) for _, _, time in keys):g} s"

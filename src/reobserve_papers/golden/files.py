@@ -1,0 +1,94 @@
+"""The files of golden numbers, one for each figure, each table and the theory of a paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from reobserve.core.errors import InputError
+from reobserve.core.files import GAP, NAME, read_table, write_table
+from reobserve_papers.metrics.metrics import Metric
+
+_KEY = ("source", "quantity", "time")
+_HEADER = (*_KEY, "value", "tolerance", "unit")
+
+# Observer, metric and nothing; observer or ``plant``, channel and time [s]; or row, column and
+# nothing for a table.
+Key = tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number, or a word of a table, as its file holds it.
+
+    A number without a tolerance is not determined (`tolerances`): listed, but not compared.
+    """
+
+    value: str
+    unit: str = ""
+    tolerance: str = ""
+
+    @property
+    def is_word(self) -> bool:
+        """Whether the value is no number, and is compared letter by letter."""
+        try:
+            float(self.value)
+        except ValueError:
+            return True
+        return False
+
+
+Numbers = Mapping[Key, Number]
+
+
+def golden_file(project: Path, paper: str, part: str) -> Path:
+    """The file of a figure, a table or the theory."""
+    return project / "tests" / "golden" / paper / f"{part}.csv"
+
+
+def golden_files(project: Path, paper: str) -> dict[str, Path]:
+    """The files of a paper that there are, by part."""
+    folder = golden_file(project, paper, "").parent
+    return {path.stem: path for path in sorted(folder.glob("*.csv"))}
+
+
+def read_numbers(path: Path) -> dict[Key, Number]:
+    """The numbers of a file; `InputError` if it is missing or damaged."""
+    rows = read_table(path, _HEADER, {"source": NAME, "quantity": NAME, "tolerance": GAP}, _KEY)
+    for line, row in enumerate(rows, start=2):
+        if row["tolerance"] and not float(row["tolerance"]) >= 0:
+            problem = f"line {line}, tolerance: {row['tolerance']} must be zero or more"
+            raise InputError(str(path), problem)
+    return {
+        (row["source"], row["quantity"], row["time"]): Number(
+            row["value"], row["unit"], row["tolerance"]
+        )
+        for row in rows
+    }
+
+
+def write_numbers(path: Path, numbers: Numbers) -> None:
+    """Write the file of these numbers."""
+    rows = ({**dict(zip(_KEY, key, strict=True)), **vars(one)} for key, one in numbers.items())
+    write_table(path, rows, _HEADER)
+
+
+def read_metrics(project: Path, paper: str, part: str) -> list[Metric]:
+    """The metrics of a figure or of the theory as they were accepted; raises as `read_numbers`."""
+    return [
+        Metric(source, quantity, float(number.value), number.unit)
+        for (source, quantity, time), number in read_numbers(
+            golden_file(project, paper, part)
+        ).items()
+        if not time
+    ]
+
+
+def columns(*sides: Numbers) -> dict[tuple[str, str, bool], list[Key]]:
+    """The keys of numbers by column: the samples of a channel, or a metric alone."""
+    found: dict[tuple[str, str, bool], list[Key]] = {}
+    for key in dict.fromkeys(key for side in sides for key in side):
+        source, quantity, time = key
+        found.setdefault((source, quantity, bool(time)), []).append(key)
+    return found

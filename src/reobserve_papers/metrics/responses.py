@@ -1,0 +1,86 @@
+"""Numbers that tell how large a signal is, and when: the errors of estimates, above all."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve_papers.signals.series import Series
+
+Array = NDArray[np.float64]
+
+
+def error_of(plant: Series, estimate: Series, channel: str) -> Array:
+    """Estimate minus truth of a channel, at the samples of the estimate."""
+    every = round(estimate.step / plant.step)
+    error: Array = estimate[channel] - plant[channel][::every]
+    return error
+
+
+def window(
+    time: Array, start: float, end: float, *, closed: Literal["left", "right"] = "left"
+) -> NDArray[np.bool_]:
+    """The samples from ``start`` to ``end`` [s], of which one bound is a sample of it, too.
+
+    ``left`` takes the sample at the start, ``right`` the one at the end, for what follows from
+    what began at the start.
+    """
+    slack = -1e-9 if closed == "left" else 1e-9
+    chosen: NDArray[np.bool_] = (time > start + slack) & (time < end + slack)
+    return chosen
+
+
+def root_mean_square(values: Array) -> Array:
+    """Over samples, the first axis; nan for none."""
+    if not len(values):
+        return np.full(values.shape[1:], np.nan)
+    found: Array = np.sqrt(np.mean(values * values, axis=0))
+    return found
+
+
+def root_mean_square_of_steps(start: Array, end: Array) -> float:
+    """Over time, of a signal that runs straight from ``start`` to ``end`` in each step.
+
+    With the limits from inside each step a signal that jumps between steps is scored right;
+    nan for no steps.
+    """
+    if not start.size:
+        return float("nan")
+    return float(np.sqrt(np.mean((start * start + start * end + end * end) / 3.0)))
+
+
+def peak(*values: Array) -> float:
+    """The largest absolute value in all arrays; nan if they are empty."""
+    sizes = [float(np.max(np.abs(array))) for array in values if array.size]
+    return max(sizes, default=float("nan"))
+
+
+def first_crossing(time: Array, start: Array, end: Array, level: float) -> float:
+    """When |signal| first exceeds ``level``: inside a step, linearly, or by a jump between two.
+
+    ``start`` and ``end`` are the signal's limits from inside the steps that begin at ``time``
+    [s], which has one more entry, the end of the last step; nan if the level is never exceeded.
+    """
+    first, last = np.abs(start), np.abs(end)
+    above = np.flatnonzero((first > level) | (last > level))
+    if above.size == 0:
+        return float("nan")
+    k = int(above[0])
+    if first[k] > level:
+        return float(time[k])
+    share = (level - first[k]) / (last[k] - first[k])
+    return float(time[k] + share * (time[k + 1] - time[k]))
+
+
+def settling_time(time: Array, start: Array, end: Array, band: float) -> float:
+    """When |error| enters ``band`` for good: the end of the last step that leaves it.
+
+    Arguments as for `first_crossing`; nan if the last step leaves it.
+    """
+    outside = np.flatnonzero(np.maximum(np.abs(start), np.abs(end)) > band)
+    if outside.size == 0:
+        return float(time[0])
+    k = int(outside[-1]) + 1
+    return float(time[k]) if k < len(time) - 1 else float("nan")

@@ -1,0 +1,60 @@
+"""Checks of parameters that construct models and observers, done before a long build."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from reobserve.core.errors import InputError
+from reobserve_papers.papers.delay import keys, observe, plant
+from reobserve_papers.papers.delay.study import SWEEPS
+from reobserve_papers.papers.delay.theory_runs import NEEDED
+from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.signals.grid import stride
+
+_TUNED = {name: kind for name, (kind, _, _) in SWEEPS.items()}
+
+
+def _observer(job: Job) -> None:
+    observe.build(job)
+    stride(job.plant, job.observer.sampling_period)
+
+
+def _study(job: Job) -> None:
+    """Check that the steps fit the grid and that the observers have a gain to vary."""
+    if isinstance(job.study, keys.Tradeoff):
+        stride(job.plant, job.study.sampling_period)
+        for name in job.observers:
+            named(job.observers, name, (keys.Extended, keys.Standard))
+
+
+def _figure(job: Job) -> None:
+    """Check that observers are for the model of the scenario and have what the layout plots."""
+    model, layout = job.scenario.model, job.figure.layout
+    for name, observer in job.observers.items():
+        # Estimators of the delay alone have no key `model`; they are for the scalar plant.
+        known = getattr(observer, "model", "lag")
+        if known != model:
+            problem = f"{name!r} is for the model {known}, the scenario has {model}"
+            raise InputError("observers", problem)
+        if layout == "comparison" and isinstance(observer, keys.Standard):
+            raise InputError("observers", f"{name!r} does not estimate the delay")
+    if layout == "states" and model != "pendulum":
+        raise InputError("scenario", "must be of the pendulum, whose states are plotted")
+
+
+def _theory(job: Job, _: Mapping[str, object]) -> None:
+    stride(job.plant, job.theory.sampling_period)
+    named(job.observers, "order2_noise", keys.Extended).levant()
+
+
+CHECKS = Checks(
+    build={
+        "scenario": plant.build,
+        "observer": _observer,
+        "study": _study,
+        "figure": _figure,
+        "theory": _theory,
+    },
+    about={keys.Tuning: _TUNED, keys.TuningFigure: _TUNED, keys.Theory: NEEDED},
+)

@@ -1,0 +1,170 @@
+"""Stage observe: one observer on the record of one scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_vector
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.high_gain import HighGainObserver
+from reobserve_papers.papers.delay import keys, observer_inputs
+from reobserve_papers.papers.delay.estimator import DelayEstimator
+from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
+from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
+from reobserve_papers.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
+from reobserve_papers.papers.delay.record import UNITS
+from reobserve_papers.papers.delay.setup import build_model, delay_bounds
+from reobserve_papers.parameters.job import Job, Settings, read_job
+from reobserve_papers.signals.grid import stride
+from reobserve_papers.signals.series import Channel, Series
+
+
+def estimate(settings: Settings, plant: Series) -> Series:
+    """Estimates of state and delay [s] at the ends of the observer's steps, if it has them.
+
+    ``off`` is the share of each step for which the gain is switched off, up to the row's time.
+
+    Raises
+    ------
+    InputError
+        If a parameter of the observer cannot be used.
+    DivergenceError
+        If the estimate leaves the range of floating-point numbers.
+    """
+    job = read_job(keys.Parameters, settings)
+    observer = job.observer
+    every = stride(job.plant, observer.sampling_period)
+    channels = _RUNS[observer.algorithm](job, plant, every)
+    return Series(plant.time[:: 2 * every], channels, plant.events)
+
+
+def build_extended(job: Job) -> ExtendedHighGainObserver:
+    """The extended observer that an ``observers`` branch states; `InputError` if it cannot be."""
+    observer = job.observer
+    model = build_model(job.plant, observer.model)
+    _check_start(job, model.states)
+    return ExtendedHighGainObserver(
+        model,
+        observer.rho,
+        observer.order,
+        delay_bounds(job.plant),
+        observer.threshold,
+        observer.switched,
+        None if observer.initial_matrix == "algebraic" else observer.initial_matrix,
+        sampling_period=observer.sampling_period,
+    )
+
+
+def build_standard(job: Job) -> HighGainObserver:
+    """The standard observer that an ``observers`` branch states; `InputError` if it cannot be."""
+    observer = job.observer
+    model = build_model(job.plant, observer.model)
+    _check_start(job, model.states)
+    return HighGainObserver(model, observer.rho, sampling_period=observer.sampling_period)
+
+
+def build_estimator(job: Job) -> DelayEstimator:
+    """The estimator of the delay alone that an ``observers`` branch states, for the scalar plant.
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of bounds.
+    """
+    observer: keys.Estimator = job.observer
+    rate, gain = map(float, build_model(job.plant, "lag").parameters)
+    common = (rate, gain, delay_bounds(job.plant), observer.sampling_period)
+    match observer:
+        case keys.LeastSquares():
+            return LeastSquaresDelayEstimator(
+                *common, observer.initial_covariance, observer.forgetting
+            )
+        case keys.Adaptive():
+            return AdaptiveDelayEstimator(
+                *common, observer.filter_time, observer.forgetting, observer.adaptation_gain
+            )
+        case keys.Relay():
+            return VariableStructureDelayEstimator(*common, observer.relay_gain, observer.relay_on)
+
+
+def build(settings: Settings) -> Any:
+    """The observer of any branch, initial values checked; `InputError` if they are wrong."""
+    job = read_job(keys.Parameters, settings)
+    observer: keys.Observer = job.observer
+    if isinstance(observer, keys.Extended):
+        built = build_extended(job)
+        observer_inputs.check_derivatives(job, observer)
+        return built
+    if isinstance(observer, keys.Standard):
+        observer_inputs.check_mean_delay(job, observer.mean_delay)
+        return build_standard(job)
+    _check_start(job)
+    return build_estimator(job)
+
+
+def _check_start(job: Job, states: int = 0) -> None:
+    """Check the initial values of an observer with so many states."""
+    observer, (low, high) = job.observer, delay_bounds(job.plant)
+    if states:
+        as_vector("initial_estimate", observer.initial_estimate, states)
+    delay = getattr(observer, "initial_delay", low)
+    if not low <= delay <= high:
+        raise InputError("initial_delay", f"{delay:g} s must be from {low:g} to {high:g} s")
+
+
+Found = dict[str, Channel]
+
+
+def _extended(job: Job, plant: Series, every: int) -> Found:
+    observer = job.observer
+    built = build_extended(job)
+    y, y_before = observer_inputs.output(plant)
+    u, u_before = observer_inputs.inputs(job, observer, plant)
+    run = run_on_halves(
+        built, y[::every], u[::every],
+        state=built.init(observer.initial_estimate, observer.initial_delay),
+        y_before=y_before[::every], u_before=u_before[::every],
+    )  # fmt: skip
+    unit = UNITS[observer.model][0]
+    return {
+        "state": Channel(run["state"], unit),
+        "delay": Channel(run["delay"], "s"),
+        "off": Channel(run["switched_off"], "1"),
+    }
+
+
+def _standard(job: Job, plant: Series, every: int) -> Found:
+    observer = job.observer
+    built = build_standard(job)
+    y, y_before = observer_inputs.output(plant)
+    u, u_before = observer_inputs.delayed_input(job, plant, observer.mean_delay)
+    run = run_on_halves(
+        built, y[::every], u[::every], state=built.init(observer.initial_estimate),
+        y_before=y_before[::every], u_before=u_before[::every],
+    )  # fmt: skip
+    return {"state": Channel(run["state"], UNITS[observer.model][0])}
+
+
+def _estimator(job: Job, plant: Series, every: int) -> Found:
+    observer = job.observer
+    built = build_estimator(job)
+    x = plant["state"]
+    if built.measurements == 2:
+        rate, gain = build_model(job.plant, "lag").parameters
+        x = np.column_stack([x, gain * plant["delayed_input"] - rate * x[:, 0]])
+    past, control = observer_inputs.past_and_present(job, plant, every)
+    start = built.start(float(x[0, 0]), observer.initial_delay)
+    run = built.run(x[::every], past, control, start)
+    return {"delay": Channel(run[:, 0].copy(), "s")}
+
+
+_RUNS: dict[str, Callable[[Job, Series, int], Found]] = {
+    "extended": _extended,
+    "standard": _standard,
+    **dict.fromkeys(("least_squares", "adaptive", "relay"), _estimator),
+}

@@ -1,0 +1,118 @@
+"""The conditions of the paper's theorems, for its pendulum, its inputs and its delay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.random_streams import random_stream
+from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.series import Series
+from reobserve.systems.triangular import TriangularModel
+
+Array = NDArray[np.float64]
+
+SEED = 0
+ORDERS = (1, 2)
+DIFFERENCE = 1e-5  # of states and delay, for central differences
+
+
+@part
+def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
+    """Metrics of the conditions and of the expansion.
+
+    Lechappe et al. 2018, (3), (4), after (4), (6), Theorem 1, Assumptions 3 and 4.
+    """
+    yield from _pendulum(job)
+    yield Metric("delay", "minimum_delay", float(np.min(sine["delay"])), "s")
+    yield Metric("delay", "maximum_delay", float(np.max(sine["delay"])), "s")
+    for name, plant in (("ramp", ramp), ("sine", sine)):
+        signals = input_and_derivatives(name, _signal(job, name), max(ORDERS) + 1)
+        yield from _input(job, name, signals, plant)
+        if name == "sine":
+            yield from _remainder(job, signals, plant)
+
+
+def _signal(job: Job, name: str) -> Signal:
+    return Signal.parse(name, getattr(job.theory, name), 1)
+
+
+def _pendulum(job: Job) -> Iterator[Metric]:
+    model = build_model(job.plant, "pendulum")
+    stream = random_stream(SEED, "delay", "theory", "conditions")
+    cases = int(job.theory.cases)
+    points = stream.normal(scale=np.pi, size=(cases, model.states))
+    u = input_and_derivatives("sine", _signal(job, "sine"), 1)
+    longest = delay_bounds(job.plant)[1]
+    wrong = []
+    for x in points:
+        t, tau = stream.uniform(0, job.plant.horizon), stream.uniform(0, longest)
+        slope = u[1](np.array([t - tau]))[0, 0]
+        expected = -_gain(model, x[0]) * slope
+        wrong.append(abs(_determinant(model, u[0], x, t, tau) - expected))
+    size = abs(_gain(model, 0.0)) * float(np.max(np.abs(u[1](np.linspace(0, job.plant.horizon)))))
+    yield Metric("pendulum", "determinant_error", float(np.max(wrong)) / size, "1")
+
+
+def _drift(model: TriangularModel, x: Array) -> Array:
+    f = np.empty(model.states)
+    model.drift(np.ascontiguousarray(x), model.parameters, f)
+    return f
+
+
+def _gain(model: TriangularModel, y: float) -> float:
+    G = np.empty(1)
+    model.input_gain(np.array([y]), model.parameters, G)
+    return float(G[0])
+
+
+def _determinant(model: TriangularModel, u: Signal, x: Array, t: float, tau: float) -> float:
+    """Determinant of the Jacobian of y, y', y'' in x1, x2, tau by central differences (Theorem 1).
+
+    The pendulum has no drift in its first row, so y' = x2 and y'' = x2'.
+    """
+
+    def outputs(z: Array) -> Array:
+        force = _gain(model, z[0]) * u(np.array([t - z[2]]))[0, 0]
+        first, second = _drift(model, z[:2])
+        return np.array([z[0], z[1] + first, second + force])
+
+    at = np.array([*x, tau])
+    steps = DIFFERENCE * np.eye(3)
+    columns = [(outputs(at + d) - outputs(at - d)) / (2 * DIFFERENCE) for d in steps]
+    return float(np.linalg.det(np.array(columns).T))
+
+
+def _input(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
+    """Smoothness and bounds of an input (Assumption 4), and zeros of its rate (4)."""
+    longest = delay_bounds(job.plant)[1]
+    inside = {b for s in signals for b in s.breaks if -longest + 1e-9 < b <= plant.time[-1]}
+    yield Metric(name, "breaks", float(len(inside)), "1")
+    time = np.concatenate([plant.time[plant.time < longest] - longest, plant.time])
+    rate = signals[1](time)[:, 0]
+    changes = np.count_nonzero(np.sign(rate[1:]) != np.sign(rate[:-1]))
+    minimum = 0.0 if changes else float(np.min(np.abs(rate)))
+    yield Metric(name, "minimum_rate", minimum, "N m/s")
+    yield Metric(name, "singular_instants", float(changes), "1")
+    still = np.abs(rate) < 1e-9 * np.max(np.abs(rate))
+    yield Metric(name, "singular_share", float(np.mean(still)), "1")
+
+
+def _remainder(job: Job, signals: list[Signal], plant: Series) -> Iterator[Metric]:
+    """Maximum of |gamma_m| of (6)."""
+    time = np.linspace(0.0, plant.time[-1], 1201)
+    values = [signal(time)[:, 0] for signal in signals]
+    for order in ORDERS:
+        sizes = []
+        for tau in np.linspace(0.1, 1.0, 10) * delay_bounds(job.plant)[1]:
+            terms = [(-tau) ** i / factorial(i) * values[i] for i in range(order + 1)]
+            gamma = np.abs(signals[0](time - tau)[:, 0] - np.sum(terms, axis=0))
+            sizes.append(float(np.max(gamma)))
+        yield Metric.at("sine", ("remainder", max(sizes), "N m"), order=order)

@@ -1,0 +1,112 @@
+"""The linear error system of the extended observer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.responses import window
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.series import Series
+from reobserve.synthesis.high_gain import high_gain
+
+Array = NDArray[np.float64]
+
+FIGURES = ("order2", "order2_noise")  # the observers of Figs 1 and 2
+ORDERS = {1: "order1_noise", 2: "order2_noise"}  # those of Fig. 2, by m
+
+
+def measure(job: Job, ramp: Series) -> Iterator[Metric]:
+    """Metrics: poles, the lag behind a varying delay, and the radius of (16)."""
+    yield from _poles_and_lag(job, ramp)
+    yield from _radii(job, ramp)
+
+
+@part
+def _poles_and_lag(job: Job, ramp: Series) -> Iterator[Metric]:
+    g_over_l, friction, _ = build_model(job.plant, "pendulum").parameters
+    for name in FIGURES:
+        rho = job.observers[name].rho
+        for when, turn in (("", 1.0), ("_upright", -1.0)):
+            poles = np.linalg.eigvals(error_matrix(rho, turn * g_over_l, friction))
+            yield Metric(name, f"slow_pole{when}", float(np.max(poles.real)), "1/s")
+    chosen = window(ramp.time, *job.metrics.radius)
+    slope = np.gradient(ramp["delay"], ramp.time)
+    for rho in job.theory.rhos:
+        turn = g_over_l * np.cos(ramp["state"][:, 0])
+        lag = steady_ramp_error(rho, turn, friction) * slope
+        peak = float(np.max(np.abs(lag[chosen])))
+        yield Metric.at("order2", ("predicted_delay_radius", peak, "s"), rho=rho)
+
+
+@part
+def _radii(job: Job, ramp: Series) -> Iterator[Metric]:
+    """Ultimate bound of ||e|| in (16), by the linear error system with |xi| at the threshold.
+
+    The larger one of the hanging and the upright pendulum, for the worst remainder and rate of the
+    delay within their bounds, with the numbers of Fig. 2.
+    """
+    g_over_l, friction, G = build_model(job.plant, "pendulum").parameters
+    tau = delay_bounds(job.plant)[1]
+    u = input_and_derivatives("sine", Signal.parse("sine", job.theory.sine, 1), max(ORDERS) + 1)
+    U = [float(np.max(np.abs(signal(ramp.time)))) for signal in u]
+    moving = ramp.time > max(ramp.events["jumps"], default=0.0)
+    eta = float(np.max(np.abs(np.gradient(ramp["delay"][moving], ramp.time[moving]))))
+    for m, name in ORDERS.items():
+        xi = job.observers[name].threshold
+        # G |gamma_m| by (7), and c_0 of (19)
+        remainder = G * tau ** (m + 1) / factorial(m + 1) * U[m + 1]
+        remainder += G * sum(tau**i / factorial(i) * U[i] for i in range(2, m + 1))
+        scale = np.array([1.0, 1.0, 1.0 / xi if xi else np.inf])  # lambda(xi)^-1
+        for rho in job.theory.rhos:
+            radii = []
+            for turn in (1.0, -1.0):
+                gains = peak_gains(error_matrix(rho, turn * g_over_l, friction))
+                peak = gains[:, 1] * remainder + gains[:, 2] * xi * eta
+                radii.append(np.linalg.norm(scale * peak))
+            yield Metric.at(f"order_{m}", ("ultimate_bound", float(max(radii)), "1"), rho=rho)
+
+
+def peak_gains(matrix: Array) -> Array:
+    """Peak gains from each input to each state of x' = M x + w; inf if M is not stable.
+
+    The integral of |exp(M t)| over all t >= 0, shape (n, n). Lechappe et al. 2018, Remark 3.6.
+    """
+    slow = float(np.max(np.linalg.eigvals(matrix).real))
+    if slow >= 0:
+        return np.full(matrix.shape, np.inf)
+    doublings = 16
+    step = -40.0 / slow / 2**doublings
+    responses, power = np.eye(len(matrix))[np.newaxis], expm(step * matrix)
+    for _ in range(doublings):
+        responses = np.concatenate([responses, responses @ power])
+        power = power @ power
+    integral: Array = np.trapezoid(np.abs(responses), dx=step, axis=0)
+    return integral
+
+
+def error_matrix(rho: float, g_over_l: float, friction: float) -> Array:
+    """Matrix of the error system of x1, x2 and xi tau, shape (3, 3), for a constant xi.
+
+    Lechappe et al. 2018, (14).
+
+    ``g_over_l`` is g/l cos x1 [1/s^2], ``friction`` k/m [1/s].
+    """
+    matrix = np.eye(3, k=1)
+    matrix[:, 0] -= high_gain(3, rho)
+    matrix[1, :2] -= g_over_l, friction
+    return matrix
+
+
+def steady_ramp_error(rho: float, g_over_l: Any, friction: float) -> Any:
+    """Steady-state error of the delay over its rate [s], by the linear error system."""
+    return -(3 * rho * friction + 3 * rho**2 + g_over_l) / rho**3

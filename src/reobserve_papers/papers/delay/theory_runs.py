@@ -1,0 +1,157 @@
+"""Runs for statements on the observer that no figure shows, without noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.random_streams import random_stream
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve_papers.papers.delay import keys
+from reobserve_papers.papers.delay.observe import estimate
+from reobserve_papers.papers.delay.plant import simulate
+from reobserve_papers.papers.delay.scoring import errors, peaks
+from reobserve_papers.papers.delay.setup import build_model, delay_bounds
+from reobserve_papers.papers.delay.theory_gains import FIGURES, ORDERS
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.signals.grid import stride
+from reobserve_papers.signals.series import Series
+
+Array = NDArray[np.float64]
+
+SEED = 0
+
+
+def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
+    """Metrics from runs on the records of the ramp and the sine, both without noise."""
+    yield from _radius_on_the_ramp(job, ramp)
+    yield from _random_starts(job, ramp)
+    yield from _singular_peaks(job, sine)
+    yield from _faster(job, sine)
+    yield from _mean_delay(job, sine)
+
+
+# The observers of these runs, by name and type.
+NEEDED: dict[str, type] = {
+    **dict.fromkeys((*ORDERS.values(), "order2", "order2_noise"), keys.Extended),
+    "standard_noise": keys.Standard,
+}
+
+
+def record(job: Job, terms: Any) -> Series:
+    """The pendulum's record for an input, without noise."""
+    start = job.theory.initial_state
+    return simulate(Job(job.plant, SEED, keys.Scenario("pendulum", start, terms, "continued", 0.0)))
+
+
+def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Array, Array]:
+    """Times and error of the delay of an observer with some parameters changed.
+
+    It uses the algebraic gain from the start: the error is evaluated only long after the dynamic
+    gain has converged to it.
+    """
+    step = job.theory.sampling_period
+    common = {"derivatives": "exact", "initial_matrix": "algebraic", "sampling_period": step}
+    body = replace(named(job.observers, name, keys.Extended), **(common | changes))
+    found = estimate(Job(job.plant, observer=body), plant)
+    return found.time, errors(plant, found)["delay"]
+
+
+@part
+def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
+    step = job.observers["order2"].sampling_period
+    for rho in job.theory.rhos:
+        time, error = _delay_error(job, "order2", ramp, rho=rho, sampling_period=step)
+        peak = float(np.max(np.abs(error[window(time, *job.metrics.radius)])))
+        yield Metric.at("order2", ("delay_radius", peak, "s"), rho=rho)
+
+
+@part
+def _faster(job: Job, sine: Series) -> Iterator[Metric]:
+    """Remark 4.1: the ratio of the errors with and without a faster input and a shorter delay.
+
+    For m = 2 and the gains of the figures, where the delay varies; one factor for both changes.
+    """
+    factor, name = job.theory.faster, ORDERS[2]
+    short = [_scaled(term, 1 / factor, ("size", "amplitude")) for term in job.plant.delay]
+    quick = [_scaled(term, factor, ("frequency", "slope")) for term in job.theory.sine]
+    changed = replace(job, plant=replace(job.plant, delay=short))
+    fast = record(changed, quick)
+    step = job.observers[name].sampling_period
+    span = job.metrics.varying_from, job.metrics.varying_until
+    for rho in dict.fromkeys(job.observers[of].rho for of in FIGURES):
+        found = []
+        for plant in (sine, fast):
+            time, error = _delay_error(job, name, plant, rho=rho, sampling_period=step)
+            if job.theory.accuracy == "relative":
+                error = error / plant["delay"][:: round((len(plant.time) - 1) / (len(time) - 1))]
+            found.append(float(root_mean_square(error[window(time, *span)])))
+        yield Metric.at("order_2", ("rms_delay_error_faster", found[1] / found[0], "1"), rho=rho)
+
+
+def _scaled(term: dict[str, Any], factor: float, keys_: tuple[str, ...]) -> dict[str, Any]:
+    """A term of a signal with the numbers of some keys multiplied."""
+    return {key: factor * value if key in keys_ else value for key, value in term.items()}
+
+
+@part
+def _random_starts(job: Job, ramp: Series) -> Iterator[Metric]:
+    """Errors before the first jump from random initial estimates, gain of Fig. 1 (Theorem 2).
+
+    The metric `projection` takes only the runs that reach a bound of the delay (Remark 3.2). The
+    algebraic S is used because it has the largest peak.
+    """
+    stream = random_stream(SEED, "delay", "theory", "starts")
+    bounds = delay_bounds(job.plant)
+    body = named(job.observers, "order2", keys.Extended)
+    model, step = build_model(job.plant, body.model), job.theory.sampling_period
+    every = stride(job.plant, step)
+    end = min(ramp.events["jumps"], default=ramp.time[-1]) - step
+    rows = 2 * round(end / step) + 1
+    y = np.ascontiguousarray(ramp["state"][::every, 0])[:rows]
+    u = np.column_stack([ramp["input"], ramp["input_derivatives"]])[::every, : body.order + 1]
+    built = ExtendedHighGainObserver(model, body.rho, body.order, bounds, sampling_period=step)
+    truth = np.append(ramp["state"][::every][rows - 1], ramp["delay"][::every][rows - 1])
+    errors, met = [], []
+    for _ in range(job.theory.cases):
+        start = built.init(stream.normal(size=model.states), stream.uniform(*bounds))
+        run = run_on_halves(built, y, u[:rows], state=start)
+        errors.append(np.abs(np.append(run["state"][-1], run["delay"][-1]) - truth))
+        met.append(np.isin(run["delay"], bounds).any())
+    largest = np.max(errors, axis=0)
+    yield Metric("starts", "late_delay_error", float(largest[2]), "s")
+    yield Metric("starts", "late_rate_error", float(largest[1]), "rad/s")
+    limited = np.array(errors)[met, 2]
+    late = float(np.max(limited)) if len(limited) else float("nan")
+    yield Metric("projection", "late_delay_error", late, "s")
+
+
+@part
+def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
+    for order, name in ORDERS.items():
+        stated = job.observers[name].threshold
+        small = job.theory.small_threshold
+        for when, threshold in (("", stated), ("_small_threshold", small)):
+            time, error = _delay_error(job, name, sine, threshold=threshold)
+            size, distance = peaks(sine, time, error)
+            yield Metric(f"order_{order}", f"peak_delay_error{when}", size, "s")
+            yield Metric(f"order_{order}", f"peak_distance{when}", distance, "1")
+
+
+@part
+def _mean_delay(job: Job, sine: Series) -> Iterator[Metric]:
+    """Error of the average delay as an estimate."""
+    mean = named(job.observers, "standard_noise", keys.Standard).mean_delay
+    varying = job.metrics.varying_from, job.metrics.varying_until
+    for when, span in (("", (job.metrics.start, np.inf)), ("varying_", varying)):
+        deviation = (sine["delay"] - mean)[window(sine.time, *span)]
+        value = float(root_mean_square(deviation))
+        yield Metric("mean_delay", f"{when}rms_delay_error", value, "s")

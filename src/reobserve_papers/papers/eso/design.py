@@ -1,0 +1,83 @@
+"""Stage design: certified gains of an observer. The ``kind`` of a design is one of
+
+pi_feasible      the PI observer by feasibility with a decay rate
+pi_optimised     the PI observer by optimisation
+pd_pi_optimised  the PD/PI observer by optimisation
+
+and the ``criterion`` of an optimisation is one of
+
+minimum_norm     gamma fixed at a multiple of its lower bound, with matrices of minimum norm
+minimum_gamma    minimum gamma with no pole faster than a bound and matrices within a radius
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import lru_cache
+from typing import Any
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_positive
+from reobserve_papers.papers.eso import keys
+from reobserve_papers.papers.eso.setup import augmented
+from reobserve_papers.parameters.job import Settings, read_job
+from reobserve.synthesis.extended_state import pd_pi, pi
+from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+
+def compute(settings: Settings) -> dict[str, Any]:
+    """Compute gains, solver, status, gamma, certificate and filter rate, as plain JSON values.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be used, the solver fails, or the certificate does not hold.
+    """
+    job = read_job(keys.Parameters, settings)
+    body = job.design
+    return {"filter_rate": body.filter_rate, **design(job.plant, body).to_dict()}
+
+
+def design(plant: keys.Plant, stated: keys.Design) -> Design:
+    """The design that the parameters specify; raises as `compute`.
+
+    It is cached, because samples of other parameters, such as the hold period, need it again.
+    """
+    system = augmented(plant, stated.filter_rate)
+    matrices = (getattr(system, each.name) for each in fields(system))
+    return _designed(tuple(tuple(map(tuple, matrix.tolist())) for matrix in matrices), stated)
+
+
+@lru_cache(maxsize=200)
+def _designed(matrices: Any, stated: keys.Design) -> Design:
+    system, solver = AugmentedSystem(*matrices), stated.solver
+    if isinstance(stated, keys.Feasible):
+        return pi.design_feasible(system, stated.decay, solver, stated.solution)
+    derivative = stated.kind == "pd_pi_optimised"
+    if stated.criterion == "minimum_norm":
+        return pd_pi.design(system, stated.factor, solver=solver, derivative=derivative)
+    return pd_pi.design_minimum_gamma(
+        system, 0.0, stated.pole_bound, stated.radius, solver, derivative=derivative
+    )
+
+
+def stored_design(plant: keys.Plant, values: Mapping[str, Any]) -> tuple[AugmentedSystem, Design]:
+    """The system of a stored design, and the design.
+
+    Raises
+    ------
+    InputError
+        If a key is missing, unknown or of another type, or the gains have wrong shapes.
+    """
+    rest = {name: value for name, value in values.items() if name != "filter_rate"}
+    found = Design.from_dict(rest)
+    if "filter_rate" not in values:
+        raise InputError("design", "has no key 'filter_rate'")
+    system = augmented(plant, as_positive("filter_rate", values["filter_rate"]))
+    wanted = (system.size, len(system.C))
+    for name, gain in (("L", found.gains.L), ("Ld", found.gains.Ld)):
+        if gain.shape != wanted:
+            raise InputError(f"design.{name}", f"has shape {gain.shape}, must be {wanted}")
+    return system, found

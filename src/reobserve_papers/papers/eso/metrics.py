@@ -1,0 +1,80 @@
+"""Stage metrics: errors and lags of the estimated faults, and numbers of the certificates.
+
+Errors are estimates minus faults, over the windows in which a fault varies or is constant. The rows
+of the observer `plant` are the sizes of faults and noise. A number with coordinates belongs to a
+design of the study; the coordinates are the filter rate and the varied setting. There the observer
+column holds the kind of design, and errors are without disturbance and noise. In `theory` the
+observer column holds an observer or another subject: the motor (also with the printed sign), one or
+both outputs, and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from reobserve_papers.papers.eso.scoring import check_rules, corrected_speed, differences, scores, sizes
+from reobserve_papers.metrics.metrics import Metric, scores_of
+from reobserve_papers.parameters.figure_data import FigureData
+
+_CHOSEN = ("filter_rate", "choice", "level")  # columns that identify a design of a kind
+
+# The meaning of each number, including those of the theory; `<word>` is a placeholder.
+MEANINGS = {
+    "rms_<fault>_error_<when>": "root mean square error of a fault where it varies or is constant",
+    "rms_<fault>_fault_varying": "root mean square of a fault where it varies",
+    "rms_noise_constant": "root mean square of the noise where the sensor fault is constant",
+    "rms_corrected_speed_error_constant": (
+        "root mean square error of the measured speed minus the estimated sensor fault, where the "
+        "sensor fault is constant"
+    ),
+    "rms_<fault>_difference": (
+        "root mean square difference between the estimates of two observers that are compared"
+    ),
+    "<fault>_lag": "shift of the estimate that minimises the error",
+    "<quantity> <choice>=<level> rate=<rate>": "the same for a design of the study",
+    "<source>_in_<fault>_fault <choice>=<level> rate=<rate>": (
+        "standard deviation of the estimate due to disturbances or noise"
+    ),
+    "slowest_pole": "distance of the slowest pole from the imaginary axis",
+    "unobservable_states": "number of states minus the rank of the observability matrix of (A, C)",
+    "rosenbrock_rank_deficiency": (
+        "number of combinations of constant states and faults that are unobservable"
+    ),
+    "overshoot": "overshoot of the speed after a unit step of the reference",
+    "settling_time": "time from which the speed stays within two per cent",
+    "deviation": "standard deviation of the noise",
+    "norm": "proved upper bound of the H-infinity norm",
+    "gamma": "specified bound; `nan` for designs without one",
+    "missed_fast_<fault>_fault": "share of a fast sinusoidal fault that its estimate misses",
+    "left_of_<fault>_jump": "largest error from a given time after a unit jump on",
+    "<source>_in_<fault>_fault": (
+        "standard deviation of the estimate due to noise or disturbances"
+    ),
+    "<source>_disturbance_left": (
+        "standard deviation due to a random disturbance, over the error due to a constant one"
+    ),
+}
+
+
+def measure(data: FigureData) -> Iterator[Metric]:
+    """The numbers of a figure; see `MEANINGS`.
+
+    Raises
+    ------
+    InputError
+        If a setting of the metrics cannot be used.
+    """
+    job = data.job
+    check_rules(job.metrics, job.plant)
+    yield from scores_of("plant", sizes(job.metrics, data.plant))
+    for name, estimate in data.estimates.items():
+        yield from scores_of(name, scores(job.metrics, data.plant, estimate))
+        yield from scores_of(name, corrected_speed(job.metrics, data.plant, estimate))
+        other = data.estimates.get(job.observers[name].compared_with)
+        if other is not None:
+            yield from scores_of(name, differences(job.metrics, estimate, other))
+    if data.study:
+        for design, numbers in data.study.groups("kind", *_CHOSEN, "quantity", "unit"):
+            kind, rate, choice, level, quantity, unit = design
+            at = {"rate": rate, choice: level}
+            yield Metric.at(kind, (quantity, numbers.value(), unit), **at)

@@ -1,0 +1,98 @@
+"""Numbers of an observer from its error system (10), without a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve_papers.papers.eso import keys
+from reobserve_papers.papers.eso.deviation import held_deviation
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve.synthesis.extended_state.certificate import error_system
+from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+Array = NDArray[np.float64]
+Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # systems and designs by name
+
+_FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
+_DURATION, _SAMPLE = 4.0, 0.01  # of the error after a jump [s]
+
+
+@part
+def certified(observers: Observers) -> Iterator[Metric]:
+    """Norm, gamma and slowest pole of the certificates."""
+    for name, (_, design) in observers.items():
+        gamma = float("nan") if design.gamma is None else design.gamma
+        slowest = -design.certificate.poles[0][0]
+        yield Metric(name, "norm", design.certificate.norm_upper, "1")
+        yield Metric(name, "gamma", gamma, "1")
+        yield Metric(name, "slowest_pole", slowest, "1/s")
+
+
+@part
+def missed(observers: Observers, frequency: float) -> Iterator[Metric]:
+    """Share of a steady sinusoidal fault of this frequency [rad/s] that the estimate misses.
+
+    By (10) with the input f' it is |j w| times a diagonal entry of |(j w Eo - Ao)^-1 Bo|.
+    """
+    s = 1j * frequency
+    for name, (system, design) in observers.items():
+        Ao, Eo = error_system(system, design.gains)
+        errors = np.abs(s * np.linalg.solve(s * Eo - Ao, system.Bo))
+        for row, (fault, _) in enumerate(_FAULTS, start=-2):
+            yield Metric(name, f"missed_fast_{fault}_fault", float(errors[row, row]), "1")
+
+
+@part
+def left_of_jumps(observers: Observers, after: float) -> Iterator[Metric]:
+    """Largest error from ``after`` [s] on, for a fault that jumps by one at zero.
+
+    By (9) the initial error is the jump itself, and then e' = Eo^-1 Ao e.
+    """
+    from scipy.linalg import expm
+
+    for name, (system, design) in observers.items():
+        Ao, Eo = error_system(system, design.gains)
+        A = np.linalg.solve(Eo, Ao)
+        errors, step = np.eye(system.size)[:, -2:], expm(A * _SAMPLE)
+        errors = expm(A * after) @ errors
+        largest = np.abs(errors)
+        for _ in range(round(_DURATION / _SAMPLE)):
+            errors = step @ errors
+            largest = np.maximum(largest, np.abs(errors))
+        for row, (fault, _) in enumerate(_FAULTS, start=-2):
+            yield Metric(name, f"left_of_{fault}_jump", float(largest[row, row]), "1")
+
+
+@part
+def held(
+    observers: Observers, theory: keys.Theory, period: float, noise: float
+) -> Iterator[Metric]:
+    """Standard deviations of the estimates due to held noise and disturbances.
+
+    Also computed is the share of each disturbance that is left. A constant disturbance of the speed
+    gives a constant error of the sensor fault, one of the current an error of the actuator fault.
+    The share is the standard deviation due to a random disturbance over that error. ``noise`` is
+    the standard deviation of the noise [rad/s].
+    """
+    over_time = theory.deviation_at == "time_average"
+    low, high = np.array(theory.disturbance, dtype=float).T
+    for name, (system, design) in observers.items():
+        gains, (Ao, _) = design.gains, error_system(system, design.gains)
+        for source, sizes in (
+            ("noise", [0.0, 0.0, noise]),
+            ("disturbance", [*(high - low) / np.sqrt(12.0), 0.0]),
+        ):
+            found = held_deviation(system, gains, sizes, period, over_time)[-2:]
+            for (fault, unit), value in zip(_FAULTS, found, strict=True):
+                yield Metric(name, f"{source}_in_{fault}_fault", float(value), unit)
+        at_rest = np.linalg.solve(Ao, system.Bo)
+        for column, (source, row) in enumerate((("speed", -1), ("current", -2))):
+            size = np.eye(3)[column]
+            left = held_deviation(system, gains, size, period, over_time)[row]
+            share = float(left / abs(at_rest[row, column]))
+            yield Metric(name, f"{source}_disturbance_left", share, "1")

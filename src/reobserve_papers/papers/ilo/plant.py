@@ -1,0 +1,67 @@
+"""Stage plant: the satellite under a fault."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reobserve.core.errors import located
+from reobserve.core.random_streams import random_stream
+from reobserve_papers.papers.ilo import keys
+from reobserve_papers.papers.ilo.setup import grid, held_noise
+from reobserve_papers.plants.satellite import Satellite
+from reobserve_papers.parameters.job import Settings, read_job
+from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.series import Channel, Series
+
+
+def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
+    """Construct satellite, control and fault of a scenario, and check them against the grid.
+
+    Raises
+    ------
+    InputError
+        If a parameter or a signal cannot be used.
+    """
+    job = read_job(keys.Parameters, settings)
+    plant = job.plant
+    steps, step = grid(plant)
+    with located("plant"):
+        satellite = Satellite(plant.inertia, plant.input_matrix, plant.fault_matrix)
+        control = Signal.parse("control", plant.control, 3)
+        control.check_grid("control", 2 * step, steps * step)
+    with located("scenario"):
+        fault = Signal.parse("fault", job.scenario.fault, 3)
+        fault.check_grid("fault", 2 * step, steps * step)
+    return satellite, control, fault
+
+
+def simulate(settings: Settings) -> Series:
+    """Simulate rate, control and fault torque of a scenario over the horizon.
+
+    Channels ``rate`` [rad/s], ``control`` and ``fault`` [N m]; limits from the left of a
+    channel with jumps are in ``<name>_before``. ``measured`` [rad/s] is the rate with noise.
+
+    Raises
+    ------
+    InputError
+        If a parameter or a signal cannot be used.
+    DivergenceError
+        If the rate leaves the range of floating-point numbers.
+    """
+    job = read_job(keys.Parameters, settings)
+    plant = job.plant
+    satellite, control, fault = build(job)
+    steps, step = grid(plant)
+    rate = satellite.simulate(plant.initial_rate, control, fault, step, steps)
+    time = np.arange(steps + 1, dtype=np.float64) * step
+    channels = {"rate": Channel(rate, "rad/s")}
+    if plant.noise > 0:
+        stream = random_stream(job.seed, "ilo", "rate noise")
+        noise, noise_before = held_noise(stream, plant, steps + 1)
+        channels["measured"] = Channel(rate + plant.noise * noise, "rad/s")
+        channels["measured_before"] = Channel(rate + plant.noise * noise_before, "rad/s")
+    for name, signal in (("control", control), ("fault", fault)):
+        channels[name] = Channel(signal(time), "N m")
+        if signal.jumps:
+            channels[f"{name}_before"] = Channel(signal(time, before=True), "N m")
+    return Series(time, channels, {"onsets": fault.onsets})

@@ -1,0 +1,75 @@
+"""Estimation error of a fault, and the part of the run over which it is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve_papers.metrics.responses import root_mean_square_of_steps, window
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.series import Series
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Fault and estimation error e = u_f - v on one axis, step by step.
+
+    ``start`` and ``end`` [N m] are the limits of e from inside each step, ``fault_start`` and
+    ``fault_end`` those of u_f. ``time`` [s] is the start of each step. All have shape (n,).
+    """
+
+    time: Array
+    start: Array
+    end: Array
+    fault_start: Array
+    fault_end: Array
+
+    def window(self, first: float, last: float = np.inf) -> Errors:
+        """The steps that start at ``first`` or later and before ``last``."""
+        return self.of_steps(window(self.time, first, last))
+
+    def of_steps(self, chosen: NDArray[np.bool_]) -> Errors:
+        """The chosen steps."""
+        return Errors(*(getattr(self, part.name)[chosen] for part in fields(self)))
+
+    @property
+    def root_mean_square(self) -> float:
+        """Root mean square of e [N m]."""
+        return root_mean_square_of_steps(self.start, self.end)
+
+    @property
+    def relative_root_mean_square(self) -> float:
+        """Root mean square of e over that of u_f."""
+        return self.root_mean_square / root_mean_square_of_steps(self.fault_start, self.fault_end)
+
+    @classmethod
+    def of(cls, plant: Series, estimate: Series, axis: int) -> Errors:
+        """Compute them from a plant record and an estimate at every n-th of its rows."""
+        every = round(estimate.step / plant.step)
+
+        def limits(series: Series, stride: int) -> tuple[Array, Array]:
+            right = series["fault"][::stride, axis]
+            twin = "fault_before" if "fault_before" in series.channels else "fault"
+            return right[:-1], series[twin][::stride, axis][1:]
+
+        fault_start, fault_end = limits(plant, every)
+        start, end = limits(estimate, 1)
+        return cls(estimate.time[:-1], fault_start - start, fault_end - end, fault_start, fault_end)
+
+
+def scored_errors(job: Job, plant: Series, estimate: Series) -> Errors:
+    """Errors on the faulty axis from the first onset on, as used in the metrics of figures.
+
+    The ``metrics.settling_skip`` seconds after each onset are left out.
+    """
+    errors = Errors.of(plant, estimate, job.metrics.axis - 1)
+    onsets = plant.events["onsets"] or (0.0,)
+    keep = errors.time > onsets[0] - 1e-9
+    for onset in onsets:
+        skipped = onset + job.metrics.settling_skip
+        keep &= (errors.time < onset - 1e-9) | (errors.time > skipped - 1e-9)
+    return errors.of_steps(keep)

@@ -1,0 +1,96 @@
+"""Construct observers, grid and noise from the parameter file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reobserve.core.errors import InputError
+from reobserve.core.random_streams import held_normal
+from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.rigid_body_observer import RigidBodyObserver
+from reobserve_papers.papers.ilo import keys
+from reobserve_papers.papers.ilo.body import known_body
+from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.signals.grid import noise_hold, plant_grid
+
+MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
+
+
+def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:
+    """Construct the observer that an entry of ``observers`` in the parameter file specifies.
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of bounds.
+    """
+    body, period = known_body(plant, observer.inertia_factor), observer.sampling_period
+    built: RigidBodyObserver
+    if isinstance(observer, keys.Adaptive):
+        gains = (observer.observer_gain, observer.integral_gain, observer.proportional_gain)
+        built = AdaptiveObserver(body, *gains, sampling_period=period)
+    else:
+        interval = observer.update_interval
+        if interval > plant.horizon:
+            raise InputError(
+                "update_interval",
+                f"{interval:g} s must be {plant.horizon:g} s at most, the horizon",
+            )
+        kind = SampledILO if isinstance(observer, keys.Sampled) else ILO
+        learning = (observer.K1, observer.K2, observer.observer_gain, interval)
+        built = kind(body, *learning, sampling_period=period)
+    stride(plant, built)
+    built.init(observer.initial_rate, observer.initial_fault)
+    return built
+
+
+def pure_integrator(job: Job, gain: ArrayLike, damping_ratio: float) -> keys.Adaptive:
+    """Parameters of an adaptive observer with this integral gain and no proportional part.
+
+    Lambda is set so that the error on the faulty axis has the damping ratio.
+    """
+    body, axis = known_body(job.plant), job.metrics.axis - 1
+    stiffness = np.asarray(gain, dtype=np.float64)
+    size = float(stiffness[axis, axis] if stiffness.ndim == 2 else stiffness)
+    size *= float(body.fault_matrix[axis, axis])
+    # J s^2 + Lambda s + Gamma B_f = 0
+    observer_gain = 2.0 * damping_ratio * float(np.sqrt(size * body.inertia[axis, axis]))
+    adaptive: keys.Adaptive = named(job.observers, "adaptive", keys.Adaptive)
+    return replace(adaptive, integral_gain=gain, proportional_gain=0.0, observer_gain=observer_gain)
+
+
+def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:
+    """Number of plant steps in half a sampling period of the observer."""
+    half = 0.5 * observer.sampling_period
+    step = plant.step
+    samples = round(half / step)
+    if samples < 1 or abs(samples * step - half) > 1e-9 * half:
+        raise InputError(
+            "sampling_period",
+            f"{observer.sampling_period:g} s must be an even multiple of plant.step, {step:g} s",
+        )
+    return samples
+
+
+def grid(plant: keys.Plant) -> tuple[int, float]:
+    """Number of plant steps, and the step [s]; see `plant_grid`."""
+    return plant_grid(plant, MOST_STEPS)
+
+
+def held_noise(stream: np.random.Generator, plant: keys.Plant, samples: int) -> tuple[Any, Any]:
+    """Unit normal noise held for ``plant.noise_period``: values and their limits from the left.
+
+    Both have shape (samples, 3).
+
+    Raises
+    ------
+    InputError
+        If the period is not a multiple of two plant steps.
+    """
+    return held_normal(stream, samples, noise_hold(plant), 3)

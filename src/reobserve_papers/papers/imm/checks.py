@@ -1,0 +1,28 @@
+"""Checks of parameters that need the plant and observers to be constructed."""
+
+from __future__ import annotations
+
+from reobserve_papers.papers.imm import observe, plant, search, theory
+from reobserve_papers.papers.imm.scoring import check_rules
+from reobserve_papers.papers.imm.setup import start
+from reobserve_papers.papers.imm.study import check_study
+from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.job import Job
+
+PERIOD = 1e-3  # [s]: any one shows whether a bank can be built
+
+
+def _start(job: Job) -> object:
+    return start(observe.build(job, PERIOD), job.observer)
+
+
+CHECKS = Checks(
+    build={
+        "scenario": plant.build,
+        "observer": _start,
+        "metrics": lambda job: check_rules(job.metrics, job.plant.horizon),
+        "study": check_study,
+        "search": lambda job: search.check(job.search),
+        "theory": lambda job, _: theory.check(job.theory, job.observers),
+    }
+)

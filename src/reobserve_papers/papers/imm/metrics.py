@@ -1,0 +1,183 @@
+"""Stage metrics: probabilities of the modes before and after the fault, and errors of estimates.
+
+Means over the last two seconds before the fault (`_before`) and over the last three of the run
+(`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
+Metrics with coordinates belong to a study. Those of the changes have the change and its level.
+For the neighbourhood the observer column holds the tuned number, `search`, or `all` banks. In
+`theory.metrics.csv` it holds a bank, or `model` for the normal one. `nan` means that it never
+happens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.papers.imm.record import UNITS
+from reobserve_papers.papers.imm.scoring import check_rules, probabilities
+from reobserve_papers.papers.imm.study_rows import STATED, TUNED
+from reobserve_papers.metrics.metrics import Metric, Score, scores_of
+from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.metrics.study_table import StudyTable
+from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.parameters.job import Job
+
+Array = NDArray[np.float64]
+
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "normal_before": "mean probability of the normal mode before the fault",
+    "<mode>_after": "mean probability of a mode after it",
+    "<mode>_spread": "its standard deviation over time, after the fault",
+    "overshoot": "maximum deviation of the normal mode from its later mean, in the window of "
+    "the overshoot",
+    "alarm_samples": (
+        "samples from the fault until the normal mode falls below the level of an alarm; nan if "
+        "it was there in the seconds before"
+    ),
+    "diagnosed_share": "share of the last three seconds in which the true mode is the most "
+    "probable",
+    "rms_velocity_error": "root mean square error of the combined estimate after the fault",
+    "velocity_error_share": "the same as a share of the velocity's own root mean square",
+    "saturation_fraction": "share of the innovations after the fault that are outside the "
+    "boundary layer",
+    "chattering_fraction": "share of the innovations after the fault that are outside and "
+    "have changed their sign",
+    "chattering_size": "RMS of the velocity's corrections by these, as a share of its own",
+    "trials": "number of trials of the search, each with three banks",
+    "earlier_trials": "number of trials of earlier searches, whose results are not used",
+    "tuned": "number of tuned parameters",
+    "targets": "number of quoted values that are targets",
+    "distance": "remaining root mean square deviation over time and targets",
+    "minimum_factor": "minimum factor to a tuned parameter with which all quoted values are "
+    "within the band",
+    "maximum_factor": "the maximum such factor",
+    "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
+    "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`",
+    "fault_after variant=<variant>": "the same of the faulty mode",
+    "saturation_fraction variant=whole": "of the innovations after the fault, outside the layers",
+    "chattering_fraction variant=whole": "of those that lie there and have changed their sign",
+    "corrected_radius": (
+        "largest radius of (I - W C) A: what full correction of all outputs leaves"
+    ),
+    "single_prediction_error": (
+        "RMS a priori error of the velocity after a leak, of the normal model's filter alone"
+    ),
+    "bank_prediction_error": "the same of the bank",
+    "layer_ratio": "largest a priori output error over a layer that the model alone leaves",
+    "open_velocity_error": "velocity error of the normal model without correction",
+    "informed_velocity_error": "the same with a filter whose layers are as wide as the error "
+    "of the model",
+}
+
+
+def measure(data: FigureData) -> Iterator[Metric]:
+    """The numbers of a figure; see `MEANINGS`.
+
+    Raises
+    ------
+    InputError
+        If a setting of the metrics cannot be used.
+    """
+    job = data.job
+    check_rules(job.metrics, job.plant.horizon)
+    for name in data.estimates:
+        yield from scores_of(name, _scores(data, name))
+    if job.study is not None:
+        yield from _SUMMARIES[job.study.method](data)
+
+
+def _scores(data: FigureData, name: str) -> Iterator[Score]:
+    job, estimate = data.job, data.estimates[name]
+    rules = job.metrics
+    time, probability = estimate.time, estimate["probability"]
+    onset = estimate.events["fault"][0]
+    fault = MODES.index(job.scenario.fault)
+    yield from probabilities(rules, time, probability, onset, fault)
+    later = window(time, onset, np.inf, closed="right")
+    moved = data.plant["motion"][:, list(UNITS).index("velocity")]
+    size = float(root_mean_square((estimate["velocity"] - moved)[later]))
+    yield "rms_velocity_error", size, UNITS["velocity"]
+    yield "velocity_error_share", size / float(root_mean_square(moved[later])), "1"
+    if "saturated" in estimate.channels:
+        yield "saturation_fraction", float(np.mean(estimate["saturated"][later])), "1"
+        yield "chattering_fraction", float(np.mean(estimate["chattering"][later])), "1"
+        jumps = float(root_mean_square(estimate["chattering_correction"][later]))
+        yield "chattering_size", jumps / float(root_mean_square(moved[later])), "1"
+
+
+def _neighbourhood(data: FigureData) -> Iterator[Metric]:
+    """Numbers of the search, and how far each tuned number may move."""
+    study = data.study
+    yield Metric("search", "earlier_trials", float(sum(data.job.study.earlier_trials)), "1")
+    for (name, quantity), rows in study.where(sweep="kept").groups("observer", "quantity"):
+        yield Metric(name, quantity, rows.value(), "1")
+    for parameter in TUNED:
+        low, high = reach(data.job, study, parameter)
+        yield Metric(parameter, "minimum_factor", low, "1")
+        yield Metric(parameter, "maximum_factor", high, "1")
+
+
+def reach(job: Job, study: StudyTable, parameter: str) -> tuple[float, float]:
+    """Minimum and maximum factor that keep all quoted values within the band.
+
+    Outwards from 1, this is where the largest distance first leaves the band. Between two factors
+    of the study the distance is interpolated linearly over the logarithm.
+    """
+    worst: dict[float, float] = {}
+    for sweep in (parameter, "stated"):
+        coordinates = "observer", "quantity", "level", "value"
+        for (name, quantity, level, value), _ in study.where(sweep=sweep).groups(*coordinates):
+            worst[level] = max(worst.get(level, 0.0), _off(job, name, quantity, value))
+    band = job.study.band
+    below = sorted((level for level in worst if level <= 1.0), reverse=True)
+    above = sorted(level for level in worst if level >= 1.0)
+    return _leaves(worst, below, band), _leaves(worst, above, band)
+
+
+def _leaves(worst: dict[float, float], levels: list[float], band: float) -> float:
+    """The level at which the distance first exceeds the band; the last one if it never does."""
+    if not worst[levels[0]] <= band:
+        return levels[0]
+    for level, further in pairwise(levels):
+        if not worst[further] <= band:
+            near, far = worst[level], worst[further]
+            share = (band - near) / (far - near) if np.isfinite(far) else 0.0
+            return float(level * (further / level) ** share)
+    return levels[-1]
+
+
+def _off(job: Job, name: str, quantity: str, value: float) -> float:
+    """Distance of a mean probability from the quoted one; zero if the paper quotes none."""
+    if name not in job.observers:
+        return 0.0 if np.isfinite(value) else np.inf
+    observer = job.observers[name]
+    if quantity == "normal_before":
+        return 1.0 - value if observer.quoted_high else 0.0
+    return float(abs(value - observer.quoted[("normal_after", "leakage_after").index(quantity)]))
+
+
+def _changes(data: FigureData) -> Iterator[Metric]:
+    """Each mean probability with one setting changed, at its level."""
+    coordinates = "observer", "quantity", "sweep", "level"
+    for (name, quantity, sweep, level), rows in data.study.groups(*coordinates):
+        yield Metric.at(name, (quantity, rows.value(), "1"), **{sweep: level})
+
+
+def _causes(data: FigureData) -> Iterator[Metric]:
+    """Metrics of an SVSF-IMM as stated with one cause changed."""
+    for (name, variant, quantity), row in data.study.where(run=STATED).groups(
+        "observer", "sweep", "quantity"
+    ):
+        yield Metric.at(name, (quantity, row.value(), "1"), variant=variant)
+
+
+_SUMMARIES = {
+    "neighbourhood": _neighbourhood,
+    "changes": _changes,
+    "causes": _causes,
+}

@@ -1,0 +1,39 @@
+"""The time axis of records, and the units of the channels of plant and estimates."""
+
+from __future__ import annotations
+
+from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.series import Shape
+
+EVENTS = ("fault",)
+
+# The components of the motion; y is the unit of the velocity, which the paper does not state.
+UNITS = {"position": "y s", "velocity": "y", "acceleration": "y/s", "jerk": "y/s^2"}
+
+
+def axis(job: Job) -> tuple[float, float]:
+    """Horizon and sampling period of a record [s]."""
+    return job.plant.horizon, job.scenario.period
+
+
+def plant(job: Job) -> dict[str, Shape]:
+    """The channels of a record."""
+    motion = Shape(", ".join(UNITS.values()), len(UNITS))
+    return {
+        "motion": motion,
+        "measured": motion,
+        "input": Shape(job.scenario.input_unit),
+        "mode": Shape("1"),
+    }
+
+
+def estimates(_: Job) -> dict[str, Shape]:
+    """The channels of a bank's estimates."""
+    return {
+        "probability": Shape("1", len(MODES)),
+        "velocity": Shape(UNITS["velocity"]),
+        "saturated": Shape("1", optional=True),
+        "chattering": Shape("1", optional=True),
+        "chattering_correction": Shape(UNITS["velocity"], optional=True),
+    }

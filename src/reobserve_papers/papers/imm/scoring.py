@@ -1,0 +1,73 @@
+"""Metrics of mode probabilities before and after the fault, and of the alarm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, located
+from reobserve_papers.papers.imm import keys
+from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.metrics.metrics import Score
+from reobserve_papers.metrics.responses import window
+
+Array = NDArray[np.float64]
+
+
+def check_rules(rules: keys.Metrics, horizon: float) -> None:
+    """Refuse windows that start at the horizon [s] or later."""
+    with located("metrics"):
+        for name in ("before", "after", "overshoot"):
+            first = getattr(rules, name)[0]
+            if first >= horizon:
+                raise InputError(
+                    name, f"starts at {first:g} s, must start before the end at {horizon:g} s"
+                )
+
+
+def probabilities(
+    rules: keys.Metrics, time: Array, probability: Array, onset: float, fault: int
+) -> Iterator[Score]:
+    """Means over the windows, their spread, the alarm, the diagnosis and the overshoot.
+
+    The overshoot is the maximum deviation of the normal mode from its later mean, above or below.
+    The alarm is nan if there was a false one before the fault, from the start of the window
+    ``before`` on. ``fault`` is the index of the mode that begins at ``onset`` [s].
+    """
+    first = probability[window(time, *rules.before, closed="right")]
+    early = probability[window(time, *rules.overshoot, closed="right")]
+    late = probability[window(time, *rules.after, closed="right")]
+    yield "normal_before", float(np.mean(first, axis=0)[0]), "1"
+    for mode, mean in zip(MODES, np.mean(late, axis=0), strict=True):
+        yield f"{mode}_after", float(mean), "1"
+    for index in (0, 2):
+        yield f"{MODES[index]}_spread", float(np.std(late, axis=0)[index]), "1"
+    away = np.abs(early[:, 0] - np.mean(late[:, 0]))
+    yield "overshoot", float(np.max(away)), "1"
+    alarms, later = probability[:, 0] < rules.alarm, time > onset + 1e-9
+    quiet = not np.any(alarms & ~later & (time > rules.before[0] + 1e-9))
+    alarms &= later
+    delay = time[np.argmax(alarms)] - onset if quiet and alarms.any() else np.nan
+    yield "alarm_samples", round(float(delay) / (time[1] - time[0]), 6), "1"
+    right = np.argmax(late, axis=1) == fault
+    yield "diagnosed_share", float(np.mean(right)), "1"
+
+
+def quoted_distance(
+    rules: keys.Metrics, time: Array, probability: Array, quoted: Any, high: bool
+) -> float:
+    """Root mean square distance from the values that the paper quotes, over time.
+
+    ``quoted`` are the probabilities of the normal and of the leakage mode after the fault. With
+    ``high`` that of the normal mode before it is also compared with one. The mean is over time, so
+    that a probability that jumps between 0 and 1 does not pass for one in between.
+    """
+    late = probability[window(time, *rules.after, closed="right")]
+    squares = [np.mean((late[:, mode] - quoted[place]) ** 2) for place, mode in enumerate((0, 2))]
+    if high:
+        early = probability[window(time, *rules.before, closed="right")]
+        squares.append(np.mean((early[:, 0] - 1.0) ** 2))
+    return float(np.sqrt(np.mean(squares)))

@@ -1,0 +1,243 @@
+"""Models, signals and banks of filters from the values of the parameter file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import as_vector
+from reobserve.observers.imm import IMM, State
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.run import Run
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve_papers.papers.imm import keys
+from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, ActuatorModel, Sampled
+from reobserve_papers.signals.grid import multiple
+from reobserve_papers.signals.inputs import Signal
+from reobserve.systems.linear import LinearModel
+
+Array = NDArray[np.float64]
+
+MOST_STEPS = 5_000_000  # of a plant's record
+
+# [rad/s] States are divided by its powers. Q and P0 are given in these units. The value does not
+# matter: with both converted to other units a bank gives the same probabilities.
+STATE_FREQUENCY = 200.0
+
+# Keys of the parameter file for parameters with other names in the library.
+_KEYS = {
+    "Q": "process_noise",
+    "R": "measurement_noise",
+    "covariance": "initial_covariance",
+}
+
+
+def modes(plant: keys.Plant) -> list[ActuatorModel]:
+    """The identified models, in the order of `MODES`; `InputError` names the one that is wrong."""
+    found = []
+    for name in MODES:
+        try:
+            numerator, denominator = (
+                getattr(plant, f"{name}_{part}") for part in ("numerator", "denominator")
+            )
+            found.append(ActuatorModel(numerator, denominator))
+        except InputError as error:
+            raise InputError(f"plant.{name}_{error.parameter}", error.problem) from None
+    return found
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A checked scenario: input and mode of each step, and standard deviations of the noise.
+
+    ``models`` are two, before and after the fault; ``mode`` is the index of one, shape (k,), and
+    ``control``, (k,), the input; ``noise``, (4,), of `MOTION`; ``onset`` [s];
+    ``switching_condition`` as `reobserve_papers.plants.hydraulic_actuator.simulate` has it.
+    """
+
+    models: tuple[ActuatorModel, ActuatorModel]
+    mode: NDArray[np.int64]
+    control: Array
+    noise: Array
+    period: float
+    onset: float
+    switching_condition: str
+
+
+def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
+    """The input, modes and noise of a scenario.
+
+    Raises
+    ------
+    InputError
+        If one of its values cannot be used, with its key.
+    """
+    known = modes(plant)
+    horizon, period, onset = plant.horizon, scenario.period, scenario.onset
+    with located("scenario"):
+        if horizon > MOST_STEPS * period:
+            raise InputError("period", f"{period:g} s makes more than {MOST_STEPS:g} steps")
+        steps = multiple("period", horizon, period, "the period")
+        control = Signal.parse("input", scenario.input, 1)
+        control.check_grid("input", period, horizon)
+        if onset >= horizon:
+            raise InputError("onset", f"{onset:g} s must be before the end at {horizon:g} s")
+        begin = multiple("onset", onset, period, "the period")
+        noise = np.array(scenario.noise, dtype=np.float64)
+        faulty = known[0].blended(known[MODES.index(scenario.fault)], scenario.share)
+    rows = np.arange(steps, dtype=np.float64)
+    return Experiment(
+        (known[0], faulty),
+        (rows >= begin).astype(np.int64),
+        control(rows * period)[:, 0],
+        noise,
+        period,
+        onset,
+        scenario.switching_condition,
+    )
+
+
+def bank(
+    plant: keys.Plant,
+    observer: keys.Observer,
+    period: float,
+    models: list[ActuatorModel] | None = None,
+) -> IMM:
+    """The bank of filters on all modes, or on ``models``, with its Markov chain.
+
+    Raises
+    ------
+    InputError
+        If a value of the observer cannot be used.
+    """
+    known = modes(plant) if models is None else models
+    with _parameter_keys():
+        filters = [_filter(observer, mode, period) for mode in known]
+    transition = _transition(observer.self_transition, len(known))
+    return IMM(filters, transition, observer.mixing)
+
+
+def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> LinearFilter:
+    one = mode.sampled(observer.realisation, period, STATE_FREQUENCY)
+    # A number stands for all states, or all outputs.
+    noise = observer.process_noise, observer.measurement_noise
+    Q = _picked(noise[0], range(ORDER + 1), range(ORDER + 1 - len(one.A), ORDER + 1))
+    R = _picked(noise[1], MOTION, measured_columns(observer))
+    model = _model(one, Q, R, period)
+    if isinstance(observer, keys.Kalman):
+        return KalmanFilter(model)
+    layer = boundary_layer(observer, model.outputs)
+    return SmoothVariableStructureFilter(model, layer, observer.convergence_rate, observer.inverse)
+
+
+def _model(one: Sampled, Q: Any, R: Any, period: float) -> LinearModel:
+    """The model of a filter, whose inputs are those of `stacked_inputs`.
+
+    x(k+1) = A x(k) + [B 0] [u(k), u(k-1)]'
+    y(k)   = C x(k) + [0 D] [u(k), u(k-1)]'
+    """
+    B, D = np.hstack([one.B, np.zeros_like(one.B)]), np.hstack([np.zeros_like(one.D), one.D])
+    return LinearModel(one.A, B, one.C, D, Q, R, sampling_period=period)
+
+
+def stacked_inputs(held: Array) -> Array:
+    """The input from each row on, and that held up to it, shape (k, 2).
+
+    Measured acceleration and jerk are limits from the left, so they depend on the second. ``held``,
+    shape (k,), are the inputs held up to the rows; the input after the last row is not used.
+    """
+    return np.stack([np.append(held[1:], held[-1:]), held], axis=1)
+
+
+def _picked(variances: Any, all_of: Sequence[Any], places: Sequence[int]) -> Any:
+    """From a list of variances of all states or all of the motion, those of a realisation."""
+    if isinstance(variances, list) and len(variances) == len(all_of):
+        return [variances[place] for place in places]
+    return variances
+
+
+def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Array:
+    """psi of each output, from the first printed widths; `InputError` if it cannot be used."""
+    printed = as_vector("boundary_layer", observer.boundary_layer[:outputs], outputs)
+    return observer.layer_factor * observer.layer_scale * printed
+
+
+def saturation(
+    observer: keys.SmoothVariableStructure, innovation: Array
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which innovations, (k, r, m), lie outside the boundary layer, and which of these chatter.
+
+    A gain is saturated outside the layer. It chatters where the innovation has changed its sign
+    since the sample before.
+    """
+    saturated = np.abs(innovation) > boundary_layer(observer, innovation.shape[-1])
+    before = np.concatenate([np.zeros_like(innovation[:1]), innovation[:-1]])
+    return saturated, saturated & (innovation * before < 0)
+
+
+def chattering_correction(
+    observer: keys.Observer, innovation: Array, chattering: NDArray[np.bool_], probability: Array
+) -> Array:
+    """The chattering part of the correction of the combined velocity estimate, shape (k,).
+
+    Outside the layer an innovation is corrected in full, apart from gamma.
+    """
+    velocity = REALISATIONS[observer.realisation].index("velocity")
+    # sum_j mu_j e_j, over the filters that chatter
+    moved = probability * innovation[..., velocity] * chattering[..., velocity]
+    total: Array = np.sum(moved, axis=1)
+    return total
+
+
+def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
+    """Filter a record from rest, up to its end or to divergence.
+
+    ``measured``, shape (k, m), are the ends of steps, ``held``, (k,), the inputs held over them.
+    """
+    state = start(chosen, observer, held[0])
+    return chosen.run(measured, stacked_inputs(held), state=state, on_divergence="return")
+
+
+def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
+    """The bank at rest, one step before the first row; ``held`` is the input over this step.
+
+    By the observer's initial mode, all modes are equally probable or the normal mode is certain.
+
+    Raises
+    ------
+    InputError
+        If the covariance is invalid.
+    """
+    with _parameter_keys():
+        rest = np.zeros(chosen.filters[0].model.states)
+        certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
+        return chosen.init(rest, observer.initial_covariance, certain, u=[held, 0.0])
+
+
+@contextmanager
+def _parameter_keys() -> Iterator[None]:
+    """Report parameters of the library by their keys in the parameter file."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(_KEYS.get(error.parameter, error.parameter), error.problem) from None
+
+
+def measured_columns(observer: keys.Observer) -> list[int]:
+    """The columns of `MOTION` that the observer's realisation measures."""
+    return [MOTION.index(name) for name in REALISATIONS[observer.realisation]]
+
+
+def _transition(self_transition: float, size: int) -> Array:
+    """All modes have one self-transition probability; the other modes share the rest equally."""
+    rows = np.full((size, size), (1.0 - self_transition) / max(size - 1, 1))
+    np.fill_diagonal(rows, self_transition)
+    return rows

@@ -1,0 +1,217 @@
+"""Stage theory: claims on filters and equations that no figure shows.
+
+They test whether the full correction of the SVSF is stable, how a wrong model affects a single
+filter and a bank, whether the SVSF's output errors come to lie within its layers, and how accurate
+it is with layers as wide as the error of its model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import DivergenceError, InputError, located, nearest
+from reobserve.core.matrices import spectral_radius
+from reobserve.observers.imm import IMM, State
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.run import Run
+from reobserve_papers.papers.imm import keys
+from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.papers.imm.record import UNITS
+from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run
+from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.responses import root_mean_square
+from reobserve_papers.parameters.job import Job, Settings, read_job
+from reobserve_papers.signals.grid import multiple
+from reobserve_papers.signals.inputs import Signal
+from reobserve.systems.linear import LinearModel
+
+Array = NDArray[np.float64]
+
+LEAST_LAYER = 1e-12  # where the models agree
+MOST_UPDATES = 10_000  # of a covariance, until it comes to rest
+Observers = dict[str, keys.Observer]
+
+
+def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
+    """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
+
+    Raises
+    ------
+    InputError
+        If a value of the parameter file cannot be used.
+    DivergenceError
+        If a filter leaves the range of floating-point numbers.
+    """
+    job = read_job(keys.Parameters, settings)
+    chosen = check(job.theory, job.observers)
+    return [
+        *_corrections(job, chosen),
+        *_mismatches(job, chosen),
+        *_layers(job, chosen),
+    ]
+
+
+def check(theory: keys.Theory, observers: Mapping[str, keys.Observer]) -> Observers:
+    """The banks that the theory names; `InputError` for unknown names or invalid times."""
+    for name in theory.observers:
+        if name not in observers:
+            raise InputError("observers", f"there is no {name!r}{nearest(name, observers)}")
+    _grid(theory)
+    return {name: observers[name] for name in theory.observers}
+
+
+def _grid(theory: keys.Theory) -> tuple[int, int, Signal]:
+    """The steps of the run, those before the leak, and the input."""
+    period = theory.period
+    steps = multiple("horizon", theory.horizon, period, "theory.period")
+    begin = multiple("onset", theory.onset, period, "theory.period")
+    if begin >= steps:
+        raise InputError("onset", f"{theory.onset:g} s must be before the end of the horizon")
+    signal = Signal.parse("input", theory.input, 1)
+    signal.check_grid("input", period, theory.horizon)
+    return steps, begin, signal
+
+
+def corrected_radius(model: LinearModel, inverse: str) -> float:
+    """Spectral radius of (I - W C) A, which moves errors outside the layers, apart from gamma.
+
+    Full correction of every output, by the right inverse W of C, leaves the part of the error that
+    no output shows. Above one this part grows, however the layers are chosen. W is the
+    pseudo-inverse, or the inverse weighted by the steady-state covariance of full correction.
+    """
+    A, _, C, _, Q, R = model.arrays
+    W = np.linalg.pinv(C)
+    if inverse == "weighted":
+        P = Q
+        for _ in range(MOST_UPDATES):
+            # P = A P A' + Q, W = P C' (C P C')^-1, P = (I - W C) P (I - W C)' + W R W'
+            P, before = A @ P @ A.T + Q, W
+            W = np.linalg.solve(C @ P @ C.T, C @ P).T
+            left = np.eye(len(A)) - W @ C
+            P = left @ P @ left.T + W @ R @ W.T
+            if np.abs(W - before).max() <= 1e-12 * np.abs(W).max():
+                break
+    return spectral_radius((np.eye(len(A)) - W @ C) @ A)
+
+
+@part
+def _corrections(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """The largest radius of all modes, for the first SVSF: layers do not matter."""
+    name, body = next(_smooth(chosen))
+    filters = cast("list[LinearFilter]", bank(job.plant, body, job.theory.period).filters)
+    radius = max(corrected_radius(one.model, body.inverse) for one in filters)
+    yield Metric(name, "corrected_radius", radius, "1")
+
+
+def _smooth(chosen: Observers) -> Iterator[tuple[str, keys.SmoothVariableStructure]]:
+    for name, body in chosen.items():
+        if isinstance(body, keys.SmoothVariableStructure):
+            yield name, body
+
+
+@dataclass(frozen=True)
+class _Leak:
+    """The motion after each step, (k, 4), of an actuator that begins to leak, without noise.
+
+    ``begin`` is the first step of the leak, ``healthy`` the motion without it.
+    """
+
+    models: list[ActuatorModel]
+    motion: Array
+    healthy: Array
+    control: Array
+    begin: int
+
+
+def _leak(job: Job) -> _Leak:
+    rules, known = job.theory, modes(job.plant)
+    steps, begin, signal = _grid(rules)
+    control = signal(np.arange(steps) * rules.period)[:, 0]
+    leaks = (np.arange(steps) >= begin).astype(np.int64)
+    two = [known[0], known[MODES.index("leakage")]]
+    motion, healthy = (
+        simulate(two, mode, control, rules.period, rules.switching_condition)[1:]
+        for mode in (leaks, np.zeros_like(leaks))
+    )
+    return _Leak(known, motion, healthy, control, begin)
+
+
+def _filtered(
+    job: Job, name: str, body: keys.Observer, leak: _Leak, models: list[ActuatorModel]
+) -> tuple[Run[State], IMM]:
+    """Estimates of a bank on the leaking actuator, and the bank."""
+    with located(f"observers.{name}"):
+        filters = bank(job.plant, body, job.theory.period, models)
+        found = run(filters, body, leak.motion[:, measured_columns(body)], leak.control)
+    if found.diverged_at is not None:
+        raise DivergenceError(name, found.diverged_at)
+    return found, filters
+
+
+@part
+def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """A priori errors of the velocity after a leak: of the normal model's filter, and of the bank.
+
+    A posteriori the error of a measured velocity without noise may be nothing but rounding.
+    """
+    leak = _leak(job)
+    for name, body in chosen.items():
+        alone = replace(body, self_transition=1.0)  # a bank of one
+        for what, observer, models in (
+            ("single", alone, leak.models[:1]), ("bank", body, leak.models),
+        ):  # fmt: skip
+            found, filters = _filtered(job, name, observer, leak, models)
+            size = _prediction_error(observer, leak, found, filters)
+            yield Metric(name, f"{what}_prediction_error", size, UNITS["velocity"])
+
+
+def _prediction_error(body: keys.Observer, leak: _Leak, found: Run[State], filters: IMM) -> float:
+    """Root mean square from the leak on of the velocity's prediction, combined as in (22)."""
+    # e(k|k-1) = sum_j c_j e_j(k|k-1), c_j = sum_i p_ij mu_i(k-1)
+    weights = found["probability"][leak.begin - 1 : -1] @ filters.transition
+    errors = found["innovation"][leak.begin :, :, REALISATIONS[body.realisation].index("velocity")]
+    return float(root_mean_square(np.sum(weights * errors, axis=1)))
+
+
+@part
+def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """The first SVSF with layers narrower than the error of its model, and as wide.
+
+    The filter of the normal model runs alone on the leaking actuator, whose outputs differ from
+    those of the model by up to b. Without correction the model leaves layers of a share of b.
+    ``layer_ratio`` is the maximum a priori output error in the second half of the leak, divided by
+    such a layer; the existence subspace is where it is one or less. A posteriori it is about a
+    quarter by construction. Layers of b are an upper bound on the unmodelled dynamics. With them
+    the errors of the velocity are compared with those of the model.
+    """
+    leak, velocity = _leak(job), MOTION.index("velocity")
+    apart = np.abs(leak.motion - leak.healthy)[leak.begin :]
+    open_error = float(root_mean_square(apart[:, velocity]))
+    yield Metric("model", "open_velocity_error", open_error, UNITS["velocity"])
+    late = (leak.begin + len(leak.motion)) // 2
+    bound = np.maximum(apart.max(axis=0), LEAST_LAYER)
+    name, body = next(_smooth(chosen))
+    columns = measured_columns(body)
+    for share in (job.theory.layer_share, 1.0):
+        layer = share * bound[columns]
+        alone = replace(
+            body, self_transition=1.0, boundary_layer=layer.tolist(), layer_scale=1.0,
+            layer_factor=1.0,
+        )  # fmt: skip
+        found, filters = _filtered(job, name, alone, leak, leak.models[:1])
+        if share == 1.0:
+            row = filters.filters[0].model.C[REALISATIONS[body.realisation].index("velocity")]
+            error = (found["state"] @ row - leak.motion[:, velocity])[leak.begin :]
+            size = float(root_mean_square(error))
+            yield Metric(name, "informed_velocity_error", size, UNITS["velocity"])
+        else:
+            ratio = np.abs(found["innovation"][late:, 0]) / layer
+            differ = bound[columns] > LEAST_LAYER  # the model alone leaves no other layers
+            yield Metric(name, "layer_ratio", float(ratio[:, differ].max(initial=0.0)), "1")

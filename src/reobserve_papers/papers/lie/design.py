@@ -1,0 +1,30 @@
+"""Stage design: the series of a normal form, shared by all observers of any order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from reobserve_papers.papers.lie import keys
+from reobserve_papers.papers.lie.setup import build_problem
+from reobserve_papers.parameters.job import Settings, read_job
+from reobserve.synthesis.normal_form.design import normal_form
+
+
+def compute(settings: Settings) -> dict[str, Any]:
+    """Coefficients of S, T and the gain, one row per component.
+
+    The order of the monomials is that of `reobserve.polynomials.monomials`.
+
+    Raises
+    ------
+    InputError
+        If the injection cannot be used: unstable, resonant, or of the wrong size.
+    """
+    job = read_job(keys.Parameters, settings)
+    problem = build_problem(job.plant, job.design)
+    form = normal_form(problem.system, problem.degree, injection=problem.injection)
+    series = {"S": form.S, "T": form.T, "gain": form.gain}
+    return {
+        "monomials": form.S.basis.exponents.tolist(),
+        **{name: one.coefficients.tolist() for name, one in series.items()},
+    }

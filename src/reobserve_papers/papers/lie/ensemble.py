@@ -1,0 +1,224 @@
+"""Observers compared with the constant gain over initial states, all from the same estimate.
+
+`run` is the study of every order in both forms, `run_injections` that of cubic injections.
+All runs are compiled: a plant and an observer over twenty seconds take some milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.errors import DivergenceError, located
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve_papers.papers.lie import keys
+from reobserve_papers.papers.lie.scoring import integral_of_squares, ratios, settling_time, share_better
+from reobserve_papers.papers.lie.setup import build_observer, build_problem, build_system, forms
+from reobserve_papers.papers.lie.study_rows import Row
+from reobserve_papers.plants.polynomial import PolynomialPlant
+from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.signals.grid import multiple
+from reobserve_papers.signals.series import Series
+from reobserve.synthesis.normal_form.design import normal_form
+
+Array = NDArray[np.float64]
+
+# Without the gain composed of truncated T and S. At order 10 it is a polynomial of degree 110, and
+# with any step used here it depends on the step whether it diverges.
+GAINS = ("series", "jacobian")
+
+
+class Outcome(NamedTuple):
+    """Outcome of a run: integrals of squared errors [s], and settling time [s]; nan if never."""
+
+    squares: tuple[float, ...]
+    settling_time: float
+    diverged: bool
+
+    @property
+    def ise(self) -> float:
+        """The integral of |x^ - x|^2 [s]."""
+        return float(sum(self.squares))
+
+    def ise_of(self, error: str) -> float:
+        """The integral for the whole error, ``x``, or for one component, ``x1`` or ``x2``."""
+        return self.ise if error == "x" else self.squares[int(error[1:]) - 1]
+
+    @property
+    def settled(self) -> bool:
+        """Whether e settles within the run."""
+        return bool(np.isfinite(self.settling_time))
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """The plant from one initial state: its states and outputs in half steps of ``step`` [s]."""
+
+    start: Array
+    states: Array
+    output: Array
+    step: float
+
+    def outcome(self, observer: NormalFormObserver, estimate: ArrayLike, band: float) -> Outcome:
+        """The outcome of an observer that starts from ``estimate``, with the settling ``band``."""
+        state = observer.init(estimate)
+        run = run_on_halves(observer, self.output, state=state, on_divergence="return")
+        if run.diverged_at is not None:
+            return Outcome((float("nan"),) * len(self.start), float("nan"), diverged=True)
+        error = run["state"] - self.states[::2]
+        squares = integral_of_squares(error, self.step).tolist()
+        return Outcome(tuple(squares), settling_time(error, self.step, band), diverged=False)
+
+
+def records(
+    plant: PolynomialPlant, axis: Array, estimate: ArrayLike, steps: int, step: float
+) -> Iterator[Record]:
+    """Records from all states with coordinates on ``axis``, except the estimate itself.
+
+    Raises
+    ------
+    DivergenceError
+        If the plant leaves the range of floating-point numbers from one of them.
+    """
+    for point in product(axis, repeat=plant.system.states):
+        start = np.array(point)
+        if np.array_equal(start, estimate):
+            continue  # no initial error
+        try:
+            states = plant.simulate(start, 0.5 * step, 2 * steps)
+        except DivergenceError as problem:
+            raise DivergenceError(f"plant from {point}", problem.time) from None
+        yield Record(start, states, plant.output(states), step)
+
+
+def axis(half_width: float, points: int) -> Array:
+    """Evenly spaced numbers from -``half_width`` to ``half_width``."""
+    found = np.linspace(-1.0, 1.0, points)
+    found *= half_width
+    return found
+
+
+def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
+    """For each initial state and observer: ``ise`` [s], and ``settled`` and ``diverged`` (0, 1).
+
+    The name of a row is the kind of gain of the identity form, ``transformed``, or the name of an
+    observer of the study. The plant's own record is not used.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    """
+    built = _observers(job, design)
+    estimate = _estimate(job)
+    rows = []
+    for record in _records(job, job.study.sampling_period):
+        for name, order, observer in built:
+            found = record.outcome(observer, estimate, job.metrics.settling_band)
+            place = (name, order, float(record.start[0]), float(record.start[1]))
+            rows += [
+                Row(*place, "ise", found.ise, "s"),
+                Row(*place, "settled", float(found.settled), "1"),
+                Row(*place, "diverged", float(found.diverged), "1"),
+            ]
+    return rows
+
+
+def run_injections(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
+    """Share of better initial states and median ratio, by pair of coefficients of y^3.
+
+    Thomas, Kwatny & Chang, Remark 3.13.
+
+    ``share_better`` is the share of initial states with an integral of the squared error below that
+    of the constant gain. ``median_ise_ratio`` is over all of them, nan if most runs diverge. There
+    are also rows of the observers of the study. Order and gain are those of ``cubic4``.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    """
+    study, step = job.study, job.study.sampling_period
+    cubic = named(job.observers, "cubic4", keys.Identity)
+    runs, estimate = list(_records(job, step)), _estimate(job)
+
+    def squares(observer: NormalFormObserver) -> list[float]:
+        return [one.outcome(observer, estimate, job.metrics.settling_band).ise for one in runs]
+
+    stated = _stated(job, design, step)
+    errors = {name: squares(observer) for name, observer in stated.items()}
+    reference = errors["constant"]
+    rows: list[Row] = []
+    for name, ise in errors.items():
+        rows += _summary((name, stated[name].order, "", ""), ise, reference)
+    for pair in product(axis(study.largest, study.coefficients), repeat=2):
+        first, second = map(float, pair)
+        ise = squares(_with_cubic(job, cubic, (first, second), step))
+        rows += _summary(("cubic", cubic.order, first, second), ise, reference)
+    return rows
+
+
+def _summary(
+    place: tuple[str, int, float | str, float | str], ise: list[float], reference: list[float]
+) -> Iterator[Row]:
+    median = float(np.median(ratios(ise, reference)))
+    yield Row(*place, "share_better", share_better(ise, reference), "1")
+    yield Row(*place, "median_ise_ratio", median if np.isfinite(median) else float("nan"), "1")
+
+
+def _with_cubic(
+    job: Job, body: keys.Identity, cubic: tuple[float, float], step: float
+) -> IdentityObserver:
+    """The identity form with these coefficients of y^3, and linear terms as in the design."""
+    design = job.designs[job.study.design]
+    terms = [
+        {"component": k + 1, "powers": [3], "coefficient": value} for k, value in enumerate(cubic)
+    ]
+    injected = replace(design, injection=[*design.injection, *terms])
+    problem = build_problem(job.plant, injected, degree=body.order + 1)
+    form = normal_form(problem.system, problem.degree, injection=problem.injection)
+    return IdentityObserver(form, body.order, body.gain, sampling_period=step)
+
+
+def _records(job: Job, step: float) -> Iterator[Record]:
+    study = job.study
+    with located(f"studies.{study.method}"):
+        steps = multiple("sampling_period", job.plant.horizon, step, "the step")
+    plant = PolynomialPlant(build_system(job.plant))
+    return records(plant, axis(study.half_width, study.points), _estimate(job), steps, step)
+
+
+def _estimate(job: Job) -> Array:
+    """The initial estimate of the first observer, which is used for all."""
+    return np.array(next(iter(job.observers.values())).initial_estimate)
+
+
+def _stated(job: Job, design: Mapping[str, Any], step: float) -> dict[str, NormalFormObserver]:
+    """The observers of the study, with the sampling period ``step``."""
+    known, found = forms(job, design), {}
+    for name, body in job.observers.items():
+        with located(f"observers.{name}"):
+            found[name] = build_observer(replace(body, sampling_period=step), known[body.design])
+    return found
+
+
+def _observers(job: Job, design: Mapping[str, Any]) -> list[tuple[str, int, NormalFormObserver]]:
+    study, step = job.study, job.study.sampling_period
+    found = [(name, one.order, one) for name, one in _stated(job, design, step).items()]
+    form = forms(job, design)[study.design]
+    for order in study.orders:
+        with located("studies.ensemble.orders"):
+            for gain in GAINS:
+                observer = IdentityObserver(form, order, gain, sampling_period=step)
+                found.append((gain, order, observer))
+            other = TransformedObserver(form, order, sampling_period=step)
+            found.append(("transformed", order, other))
+    return found

@@ -1,0 +1,42 @@
+"""Stage plant: the autonomous system from a stated initial state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reobserve.core.errors import located
+from reobserve.core.matrices import as_vector
+from reobserve_papers.papers.lie import keys
+from reobserve_papers.papers.lie.setup import build_system, grid
+from reobserve_papers.plants.polynomial import PolynomialPlant
+from reobserve_papers.parameters.job import Settings, read_job
+from reobserve_papers.signals.series import Channel, Series
+
+
+def build(settings: Settings) -> PolynomialPlant:
+    """The plant, its grid and its initial state checked; `InputError` if they cannot be used."""
+    job = read_job(keys.Parameters, settings)
+    grid(job.plant)
+    plant = PolynomialPlant(build_system(job.plant))
+    with located("scenario"):
+        as_vector("initial_state", job.scenario.initial_state, plant.system.states)
+    return plant
+
+
+def simulate(settings: Settings) -> Series:
+    """Channels ``state``, x, and ``output``, y = h(x), over the horizon.
+
+    Raises
+    ------
+    InputError
+        If a parameter cannot be used.
+    DivergenceError
+        If the state leaves the range of floating-point numbers.
+    """
+    job = read_job(keys.Parameters, settings)
+    plant = build(job)
+    steps, step = grid(job.plant)
+    states = plant.simulate(job.scenario.initial_state, step, steps)
+    time = np.arange(steps + 1, dtype=np.float64) * step
+    channels = {"state": Channel(states, "1"), "output": Channel(plant.output(states), "1")}
+    return Series(time, channels)

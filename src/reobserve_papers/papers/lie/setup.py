@@ -1,0 +1,128 @@
+"""System, normal form and observers from their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.validation import parse
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve_papers.papers.lie import keys
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.grid import plant_grid
+from reobserve.synthesis.normal_form.design import NormalForm, normal_form
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.systems.polynomial import PolynomialSystem
+
+Array = FloatArray
+
+MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
+
+
+def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
+    """The plant's system; its size is that of the first list of powers.
+
+    Raises
+    ------
+    InputError
+        If a term cannot be read or the origin is no equilibrium.
+    """
+    with located("plant"):
+        states, outputs = plant.states, plant.outputs
+        return PolynomialSystem(
+            PolynomialMap.from_terms("dynamics", plant.dynamics, states, states, exact=exact),
+            PolynomialMap.from_terms("output", plant.output, outputs, states, exact=exact),
+        )
+
+
+def build_problem(
+    plant: keys.Plant, design: keys.Design, *, degree: int | None = None, exact: bool = False
+) -> NormalFormProblem:
+    """The normal-form problem of a design, of its own degree or another.
+
+    Raises
+    ------
+    InputError
+        If a term cannot be read, the degree is no whole number, or the problem has no solution.
+    """
+    system = build_system(plant, exact=exact)
+    terms = design.injection
+    injection = PolynomialMap.from_terms(
+        "injection", terms, system.states, system.outputs, exact=exact
+    )
+    return NormalFormProblem(system, injection, degree or design.degree)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredSeries:
+    """A stored design: monomials, and their coefficients, one row per component."""
+
+    monomials: Array
+    S: Array
+    T: Array
+    gain: Array
+
+
+def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any]) -> NormalForm:
+    """The normal form whose series the stage design has computed.
+
+    Raises
+    ------
+    InputError
+        If they are not series, or not those of this plant and this design.
+    """
+    stored, problem = parse(StoredSeries, series, "design"), build_problem(plant, design)
+    basis = problem.basis
+    if not np.array_equal(stored.monomials, basis.exponents):
+        raise InputError("design.monomials", f"are not those up to degree {basis.degree}")
+    S, T = (PolynomialMap(basis, rows) for rows in (stored.S, stored.T))
+    gain = PolynomialMap(S.jacobian().basis, stored.gain)
+    states = problem.system.states
+    for name, rows in (("S", states), ("T", states), ("gain", states * states)):
+        found = len(getattr(stored, name))
+        if found != rows:
+            raise InputError(f"design.{name}", f"has {found} rows, must have {rows}")
+    return NormalForm(problem, None, S, T, gain)
+
+
+def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
+    """The normal forms of a study by design: its own is read, those of observers are solved."""
+    own = job.study.design
+    found = {own: stored_form(job.plant, job.designs[own], design)}
+    for name, body in job.designs.items():
+        if name != own:
+            with located(f"designs.{name}"):
+                problem = build_problem(job.plant, body)
+                found[name] = normal_form(
+                    problem.system, problem.degree, injection=problem.injection
+                )
+    return found
+
+
+def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObserver:
+    """The observer of an entry of ``observers``.
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of bounds.
+    """
+    as_vector("initial_estimate", observer.initial_estimate, form.problem.system.states)
+    if isinstance(observer, keys.Identity):
+        return IdentityObserver(
+            form, observer.order, observer.gain, sampling_period=observer.sampling_period
+        )
+    return TransformedObserver(form, observer.order, sampling_period=observer.sampling_period)
+
+
+def grid(plant: keys.Plant) -> tuple[int, float]:
+    """The number of plant steps and the step [s]; see `plant_grid`."""
+    return plant_grid(plant, MOST_STEPS)

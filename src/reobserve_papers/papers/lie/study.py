@@ -1,0 +1,50 @@
+"""Stage study: many runs and series over one plant, as one long table.
+
+The ``method`` of a study is one of
+
+    orders      errors of the identity form over order and gain, and its Floquet exponents
+    ensemble    every order compared with the constant gain over a grid of initial states
+    injections  cubic injections compared with the constant gain over such a grid
+    domain      where the series converge, and their errors on the limit cycle
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from reobserve.core.errors import located
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve_papers.papers.lie import ensemble, keys, study_domain, study_orders
+from reobserve_papers.papers.lie.study_rows import Row
+from reobserve_papers.parameters.job import Settings, read_job
+from reobserve_papers.signals.series import Series
+from reobserve.synthesis.normal_form.design import NormalForm
+
+METHODS = {
+    "orders": study_orders.run,
+    "ensemble": ensemble.run,
+    "injections": ensemble.run_injections,
+    "domain": study_domain.run,
+}
+
+
+def run(settings: Settings, plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The rows of the study's method, with the columns of `Row`.
+
+    Raises
+    ------
+    InputError
+        If there is no such method or a setting cannot be used.
+    """
+    job = read_job(keys.Parameters, settings)
+    rows: list[Row] = METHODS[job.study.method](job, plant, design)
+    return [row._asdict() for row in rows]
+
+
+def check_study(study: keys.Study, form: NormalForm) -> None:
+    """Raise the `InputError` that the study would raise for its orders."""
+    if isinstance(study, keys.OrdersStudy | keys.EnsembleStudy):
+        for order in study.orders:
+            with located("orders"):
+                IdentityObserver(form, order, sampling_period=1.0)

@@ -1,0 +1,80 @@
+"""The identity form over the order and the kind of its gain, and why its errors decay.
+
+Along the limit cycle a small error obeys e' = (f'(x) + L(x) (l(h))'(x)) e. Its Floquet exponents
+are the rates at which it decays there. All trajectories of the example end on the limit cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from reobserve.core.errors import located
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve_papers.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
+from reobserve_papers.papers.lie.observe import observe
+from reobserve_papers.papers.lie.scoring import integral_of_squares, settling_time
+from reobserve_papers.papers.lie.setup import build_observer, forms
+from reobserve_papers.papers.lie.study_rows import Row, summary
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.series import Series
+from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.gain import GAINS, gain_at
+
+NAN = float("nan")
+
+
+def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
+    """Rows by gain and order, those of the study's observers, and those of the limit cycle."""
+    study, observers = job.study, job.observers
+    known = forms(job, design)
+    form = known[study.design]
+    with located("studies.orders"):
+        cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)
+    where = cycle.points(2 * (study.cycle_points // 2))
+    rows = [summary("cycle", 0, "period", cycle.period, "s")]
+    model = next(iter(observers.values()))
+    for gain in GAINS:
+        for order in study.orders:
+            with located("studies.orders"):
+                observer = IdentityObserver(
+                    form, order, gain, sampling_period=model.sampling_period
+                )
+            rows += _errors(job, plant, gain, order, observer, model.initial_estimate)
+            rows.append(_exponent(cycle, where, form, gain, order, gain))
+    for name, body in observers.items():
+        with located(f"observers.{name}"):
+            other = known[body.design]
+            built = build_observer(body, other)
+        rows += _errors(job, plant, name, built.order, built, body.initial_estimate)
+        rows.append(_exponent(cycle, where, other, "jacobian", built.order, name))
+    return rows
+
+
+def _errors(
+    job: Job, plant: Series, name: str, order: int, observer: Any, initial: Any
+) -> Iterator[Row]:
+    run, every = observe(observer, initial, job.plant, plant, "return")
+    step = observer.sampling_period
+    ise, settled, lost = NAN, NAN, NAN
+    if run.diverged_at is not None:
+        lost = run.diverged_at
+    else:
+        error = run["state"] - plant["state"][:: 2 * every]
+        ise = float(integral_of_squares(error, step).sum())
+        settled = settling_time(error, step, job.metrics.settling_band)
+    yield summary(name, order, "ise", ise, "s")
+    yield summary(name, order, "settling_time", settled, "s")
+    yield summary(name, order, "diverged_at", lost, "s")
+
+
+def _exponent(cycle: LimitCycle, x: Any, form: NormalForm, gain: str, order: int, name: str) -> Row:
+    """The largest Floquet exponent; the normal form is designed for -0.5."""
+    problem, n = form.problem, form.problem.system.states
+    injected = problem.injection.after(
+        problem.system.output, problem.injection.degree * problem.system.output.degree
+    )
+    slopes = problem.system.dynamics.jacobian()(x).reshape(-1, n, n)
+    corrected = gain_at(gain, order, form.S, form.T, form.gain, x)
+    jacobians = slopes + corrected @ injected.jacobian()(x).reshape(-1, n, n)
+    return summary(name, order, "floquet_exponent", floquet_exponents(cycle, jacobians)[0], "1/s")

@@ -1,0 +1,280 @@
+"""Stage theory: metrics that test the paper's statements on series, eigenvalues and orders.
+
+Statements about all systems are tested on random ones, in rational arithmetic where possible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import as_vector
+from reobserve.core.random_streams import random_stream
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve_papers.papers.lie import keys, table
+from reobserve_papers.papers.lie.ensemble import Outcome, axis, records
+from reobserve_papers.papers.lie.lie_transform import lie_transform
+from reobserve_papers.papers.lie.scoring import ratios, share_better
+from reobserve_papers.papers.lie.setup import build_problem, build_system, stored_form
+from reobserve_papers.papers.lie.theory_runs import Case, decay_rate, deviation_from_linear, difference_of_forms, error_decay
+from reobserve_papers.papers.lie.theory_series import Solutions, ad_matrix, largest, random_problem, spectrum_difference
+from reobserve_papers.plants.polynomial import PolynomialPlant
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.parameters.job import Job, Settings, named, read_job
+from reobserve_papers.signals.grid import multiple
+from reobserve.synthesis.normal_form.convergence import convergence
+from reobserve.synthesis.normal_form.design import NormalForm, normal_form
+from reobserve.synthesis.normal_form.direct_s import solve_s
+from reobserve.synthesis.normal_form.homological import SchurSolver
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.resonance import resonance
+from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.systems.polynomial import PolynomialSystem
+
+Array = NDArray[np.float64]
+
+
+def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
+    """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
+
+    Raises
+    ------
+    InputError
+        If a parameter cannot be used.
+    """
+    job = read_job(keys.Parameters, settings)
+    theory = job.theory
+    return [
+        *_example(job, designs["linear"]),
+        *_runs(job, designs),
+        *_series(job),
+        *_random_systems(
+            theory.seed, theory.cases, theory.case_degree, theory.case_terms,
+            theory.decay_start, theory.decay_duration,
+        ),
+        *_siegel_domain(theory),
+        *_nonresonant(theory),
+        *_settled(job, designs["linear"]),
+        *_constant(job, designs["linear"]),
+        *_better(job, designs["linear"]),
+    ]  # fmt: skip
+
+
+@part
+def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 5 and Remark 4.23: eigenvalues, printed coefficients, and imaginary parts."""
+    theory, body = job.theory, job.designs["linear"]
+    problem = build_problem(job.plant, body)
+    A = problem.A
+    fastest = max(np.linalg.eigvals(A), key=lambda value: value.imag)
+    away = np.array([fastest.real, fastest.imag]) - theory.printed_eigenvalue
+    yield Metric("linear", "eigenvalue_error", float(np.max(np.abs(away))), "1/s")
+    printed = keys.Table("linear", theory.printed, theory.printed_degree)
+    rows = table.rows(Job(job.plant, design=body, table=printed), design)
+    agrees = [row["agrees"] == "yes" for row in rows if row["printed"]]
+    yield Metric("linear", "coefficients_printed", float(len(theory.printed)), "1")
+    yield Metric("linear", "coefficients_agreeing", float(sum(agrees)), "1")
+    solver = SchurSolver(problem.F, A)
+    solve_s(problem, solver)
+    lie_transform(problem, solver)
+    yield Metric("linear", "imaginary_part", solver.imaginary, "1")
+
+
+@part
+def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 2.2 and Remarks 3.12 and 3.13: errors in z, both forms, and the domain of S."""
+    theory, plant, observer = job.theory, job.plant, job.observers
+    injection, order4 = (named(observer, name, keys.Observer) for name in ("injection", "order4"))
+    forms = {
+        "linear": _form(build_problem(plant, job.designs["linear"], degree=theory.series_degree)),
+        "nonlinear": stored_form(plant, job.designs["nonlinear"], designs["nonlinear"]),
+    }
+    start = as_vector("initial_state", theory.initial_state, forms["linear"].S.variables)
+    figure = Case(start, injection.initial_estimate, plant.horizon, injection.sampling_period)
+    near = Case(
+        theory.near_share * start, order4.initial_estimate, theory.near_duration,
+        order4.sampling_period,
+    )  # fmt: skip
+    for name, order, case in (
+        ("linear", theory.series_degree - 1, near),
+        ("nonlinear", injection.order, figure),
+    ):
+        form = forms[name]
+        yield Metric(name, "deviation", deviation_from_linear(form, order, case), "1")
+        yield Metric(name, "form_difference", difference_of_forms(form, order, case), "1")
+        body = job.designs[name]
+        yield Metric(name, "inverse_radius", _inverse_radius(job, body, theory.series_degree), "1")
+    linear = forms["linear"]
+    decay = error_decay(linear.problem, linear.T, theory.decay_start, theory.decay_duration)
+    yield Metric("linear", "error_decay", decay, "1/s")
+
+
+@part
+def _series(job: Job) -> Iterator[Metric]:
+    """Section 4 on the example: Lie transform and direct methods, Lemma 4.17."""
+    theory, body = job.theory, job.designs["linear"]
+    exact = build_problem(job.plant, body, degree=theory.degree, exact=True)
+    found = Solutions(exact)
+    yield Metric("linear", "largest_difference", found.difference(), "1")
+    yield Metric("linear", "largest_residual", found.residual(), "1")
+    A = exact.A.astype(np.float64)
+    highest = theory.spectrum_degree
+    differences = [spectrum_difference(A, d) for d in range(2, highest + 1)]
+    yield Metric("ad", "spectrum_difference", max(differences), "1/s")
+    diagonal = ad_matrix(np.diag(as_vector("poles", theory.poles, 2)), highest)
+    yield Metric("ad", "off_diagonal", largest(diagonal - np.diag(diagonal.diagonal())), "1/s")
+
+
+@part
+@cache
+def _random_systems(
+    seed: int, cases: int, degree: int, terms: int, start: float, duration: float
+) -> tuple[Metric, ...]:
+    """Section 2.1, Proposition 3.10 and Remark 3.11 on systems with terms of all degrees."""
+
+    def drawn(name: str, k: int, states: int, highest: int) -> NormalFormProblem:
+        unobservable = name == "unobservable"
+        label = "hidden" if unobservable else name  # of the stream: another one draws other systems
+        stream = random_stream(seed, "lie", label, str(k))
+        return random_problem(stream, states, highest, terms, unobservable=unobservable)
+
+    systems = {
+        "random": [drawn("random", k, 2 + k % 2, degree - k % 2) for k in range(cases)],
+        "unobservable": [drawn("unobservable", k, 3, degree - 1) for k in range(cases)],
+    }
+    metrics = []
+    for name, problems in systems.items():
+        found = [Solutions(problem) for problem in problems]
+        decays = [
+            error_decay(one.problem, PolynomialMap(one.problem.basis, one.T), start, duration)
+            for one in found
+        ]
+        residual = max(one.residual() for one in found)
+        metrics += [
+            Metric(name, "largest_residual", residual, "1"),
+            Metric(name, "error_decay", max(decays), "1/s"),
+        ]
+        if name == "random":
+            difference = max(one.difference() for one in found)
+            metrics.append(Metric(name, "largest_difference", difference, "1"))
+    slowest = max(decay_rate(problem, start, duration) for problem in systems["unobservable"])
+    return (*metrics, Metric("unobservable", "decay_rate", slowest, "1/s"))
+
+
+@part
+def _siegel_domain(theory: keys.Theory) -> Iterator[Metric]:
+    """Proposition 3.9: whether the radius of convergence settles as the degree doubles."""
+    problem = siegel(theory)
+    S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
+    radii = [convergence(S.upto(d)).radius for d in (problem.degree, problem.degree // 2 + 1)]
+    yield Metric("siegel", "radius_ratio", radii[0] / radii[1], "1")
+
+
+def siegel(theory: keys.Theory) -> NormalFormProblem:
+    """The test system in the Siegel domain, with y = x1; `InputError` for invalid terms.
+
+    Thomas, Kwatny & Chang, Proposition 3.9.
+    """
+    dynamics = PolynomialMap.from_terms("siegel_dynamics", theory.siegel_dynamics, 2, 2)
+    injection = PolynomialMap.from_terms("siegel_injection", theory.siegel_injection, 2, 1)
+    system = PolynomialSystem(dynamics, PolynomialMap.linear([[1.0, 0.0]]))
+    return NormalFormProblem(system, injection, theory.series_degree)
+
+
+@part
+def _nonresonant(theory: keys.Theory) -> Iterator[Metric]:
+    """Share of random linear parts of two states with real poles that keep divisors large.
+
+    Up to ``tries`` pairs of poles are drawn for each.
+    """
+    stream = random_stream(theory.seed, "lie", "poles")
+    basis = monomials(2, theory.printed_degree)
+    slowest, fastest = sorted(as_vector("poles", theory.poles, 2))
+
+    def far(F: Array) -> bool:
+        found = resonance(F, np.diag(stream.uniform(slowest, fastest, 2)), basis)
+        return found.distance >= theory.margin * found.size
+
+    parts = (stream.standard_normal((2, 2)) for _ in range(theory.choices))
+    good = sum(any(far(F) for _ in range(theory.tries)) for F in parts)
+    yield Metric("nonresonant", "share", good / theory.choices, "1")
+
+
+@part
+def _settled(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: share of initial states from which an order settles, in both forms."""
+    for name, outcomes in _outcomes(job, design, "identity", "transformed").items():
+        settled = float(np.mean([one.settled for one in outcomes]))
+        yield Metric(name, "share_settled", settled, "1")
+
+
+@part
+def _constant(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: how long the constant gain takes from the worst initial state."""
+    outcomes = _outcomes(job, design, "constant")["constant"]
+    latest = float(np.max([one.settling_time for one in outcomes]))
+    yield Metric("constant", "latest_settling_time", latest, "s")
+
+
+@part
+def _better(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: how often and by how much an order is better than the constant gain."""
+    found = _outcomes(job, design, "identity", "constant")
+    ise, reference = (
+        [one.ise_of(job.theory.compared_error) for one in found[name]]
+        for name in ("identity", "constant")
+    )
+    yield Metric("identity", "share_better", share_better(ise, reference), "1")
+    improvement = 1.0 - float(np.min(ratios(ise, reference)))
+    yield Metric("identity", "largest_improvement", max(0.0, improvement), "1")
+
+
+def _outcomes(job: Job, design: Mapping[str, Any], *names: str) -> dict[str, list[Outcome]]:
+    """Outcomes over a grid, of the constant gain and of an order in both forms."""
+    theory, body = job.theory, named(job.observers, "constant", keys.Identity)
+    form = stored_form(job.plant, job.designs["linear"], design)
+    step, order = theory.compared_period, theory.compared_order
+    steps = multiple("compared_duration", theory.compared_duration, step, "compared_period")
+    with located("compared_order"):
+        observers = {
+            "constant": IdentityObserver(form, 0, sampling_period=step),
+            "identity": IdentityObserver(form, order, theory.compared_gain, sampling_period=step),
+            "transformed": TransformedObserver(form, order, sampling_period=step),
+        }
+    plant = PolynomialPlant(build_system(job.plant))
+    estimate = np.array(body.initial_estimate)
+    coordinates = axis(theory.compared_half_width, theory.compared_points)
+    runs = list(records(plant, coordinates, estimate, steps, step))
+    return {
+        name: [run.outcome(observers[name], estimate, theory.compared_band) for run in runs]
+        for name in names
+    }
+
+
+def _form(problem: NormalFormProblem) -> NormalForm:
+    return normal_form(problem.system, problem.degree, injection=problem.injection)
+
+
+def _inverse_radius(job: Job, design: keys.Design, degree: int) -> float:
+    """Inverse of the radius of convergence of S; 0 if it ends, nan if its degree is too low."""
+    found = float("nan")
+    # The high degrees of a series that ends are rounding, so the low degree is tried first.
+    for each in (design.degree, degree):
+        problem = build_problem(job.plant, design, degree=each)
+        S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
+        try:
+            found = 1.0 / convergence(S).radius
+        except InputError:
+            found = float("nan")
+        if found == 0.0:
+            break
+    return found

@@ -1,0 +1,145 @@
+"""Sections 2 and 6 on simulations: errors in z, both forms, and decay near the origin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.run import Run
+from reobserve_papers.plants.polynomial import PolynomialPlant
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+
+Array = NDArray[np.float64]
+
+_GROWTH = 10.0  # of the state, at which it is no longer near the origin
+
+
+class Case(NamedTuple):
+    """An initial state, an initial estimate, a duration [s] and a sampling period [s]."""
+
+    initial_state: ArrayLike
+    initial_estimate: ArrayLike
+    duration: float
+    sampling_period: float
+
+    def record(self, form: NormalForm) -> tuple[Array, Array]:
+        """The plant's states and outputs in half steps."""
+        plant = PolynomialPlant(form.problem.system)
+        steps = round(self.duration / self.sampling_period)
+        states = plant.simulate(self.initial_state, 0.5 * self.sampling_period, 2 * steps)
+        return states, plant.output(states)
+
+
+def deviation_from_linear(form: NormalForm, order: int, case: Case) -> float:
+    """Maximum distance of e = z - S(x) from e^(A t) e(0), relative to |e(0)|.
+
+    Thomas, Kwatny & Chang, Remark 2.3.
+
+    z is that of the transformed form, S of the full degree; nan if the run diverges.
+    """
+    from scipy.linalg import expm
+
+    states, output = case.record(form)
+    observer = TransformedObserver(form, order, sampling_period=case.sampling_period)
+    run = _run(observer, output, case)
+    if run.diverged_at is not None:
+        return float("nan")
+    error = run["coordinates"] - form.S(states[::2])
+    transition = expm(form.problem.A * case.sampling_period)
+    expected = np.empty_like(error)
+    expected[0] = error[0]
+    for k in range(1, len(error)):
+        expected[k] = transition @ expected[k - 1]
+    away = np.linalg.norm(error - expected, axis=1)
+    return float(np.max(away) / np.linalg.norm(error[0]))
+
+
+def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
+    """Maximum distance between the estimates of the transformed and of the identity form.
+
+    The gain of the identity form is the inverse of dS/dx; nan if one of them diverges.
+    """
+    _, output = case.record(form)
+    runs = [
+        _run(observer, output, case)
+        for observer in (
+            TransformedObserver(form, order, sampling_period=case.sampling_period),
+            IdentityObserver(form, order, "jacobian", sampling_period=case.sampling_period),
+        )
+    ]
+    if any(run.diverged_at is not None for run in runs):
+        return float("nan")
+    return float(np.max(np.linalg.norm(runs[0]["state"] - runs[1]["state"], axis=1)))
+
+
+def decay_rate(problem: NormalFormProblem, start: float, duration: float) -> float:
+    """The mean slope [1/s] of log |xi| for xi' = gamma(xi, 0), each state from ``start``.
+
+    Thomas, Kwatny & Chang, Definition 2.1.
+
+    gamma(xi, y) = f(xi) + l(h(xi)) - l(y), which satisfies its conditions if A is stable.
+    """
+    system = problem.system
+
+    def slope(_: float, xi: Array) -> Array:
+        return np.asarray(system.dynamics(xi) + problem.injection(system.output(xi)))
+
+    return _mean_slope(slope, np.full(system.states, start), duration, lambda xi: xi)
+
+
+def error_decay(
+    problem: NormalFormProblem, T: PolynomialMap, start: float, duration: float
+) -> float:
+    """The mean slope [1/s] of log |T(z) - x| for z' = A z - l(h(x)) from z = 0.
+
+    Thomas, Kwatny & Chang, Proposition 3.10.
+
+    Each state of the plant begins at ``start``. The run ends before ``duration`` if the state
+    leaves the neighbourhood of the origin, because the observer is local.
+    """
+    system, n = problem.system, problem.system.states
+    A = problem.A.astype(np.float64)
+
+    def slope(_: float, both: Array) -> Array:
+        x, z = both[:n], both[n:]
+        return np.concatenate([system.dynamics(x), A @ z - problem.injection(system.output(x))])
+
+    first = np.concatenate([np.full(n, start), np.zeros(n)])
+    return _mean_slope(slope, first, duration, lambda both: T(both[n:]) - both[:n], n)
+
+
+def _mean_slope(
+    slope: Callable[[float, Array], Array],
+    first: Array,
+    duration: float,
+    error: Callable[[Array], Array],
+    states: int = 0,
+) -> float:
+    """The mean slope of log |error|, until the first ``states`` have grown by `_GROWTH`."""
+    from scipy.integrate import solve_ivp
+
+    def right(time: float, values: Array) -> Array:
+        return np.asarray(slope(time, values), dtype=np.float64)
+
+    def near(_: float, values: Array) -> float:
+        size = float(np.linalg.norm(values[:states]))
+        return size - _GROWTH * float(np.linalg.norm(first[:states])) - (states == 0)
+
+    near.terminal = True  # type: ignore[attr-defined]
+    flow = solve_ivp(right, (0, duration), first, events=near, rtol=1e-10, atol=1e-14)
+    before, after = (np.linalg.norm(error(flow.y[:, k]).astype(np.float64)) for k in (0, -1))
+    return float(np.log(after / before) / flow.t[-1])
+
+
+def _run(observer: NormalFormObserver, output: Array, case: Case) -> Run[State]:
+    start = observer.init(case.initial_estimate)
+    return run_on_halves(observer, output, state=start, on_divergence="return")

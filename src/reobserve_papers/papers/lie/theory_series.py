@@ -1,0 +1,162 @@
+"""Series by three methods, the operator ad_Ax, and random rational systems to test them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError
+from reobserve_papers.papers.lie.lie_transform import LieTransform, lie_transform
+from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import Monomials, monomials
+from reobserve.synthesis.normal_form.direct_s import solve_s
+from reobserve.synthesis.normal_form.direct_t import solve_t
+from reobserve.synthesis.normal_form.gain import gain_series
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.resonance import check_nonresonant
+from reobserve.synthesis.normal_form.solver import identity, solver_for
+from reobserve.systems.polynomial import PolynomialSystem
+
+Array = NDArray[np.float64]
+
+
+def largest(values: Coefficients) -> float:
+    """The largest absolute value."""
+    return float(np.max(np.abs(values)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """Solutions of one problem by the three methods, computed on first use."""
+
+    problem: NormalFormProblem
+
+    @cached_property
+    def S(self) -> Coefficients:
+        """S from its own equation."""
+        return solve_s(self.problem, solver_for(self.problem))
+
+    @cached_property
+    def T(self) -> Coefficients:
+        """T from its own equation."""
+        return solve_t(self.problem, solver_for(self.problem))
+
+    @cached_property
+    def lie(self) -> LieTransform:
+        """U, T, S and the gain from the Lie transform."""
+        return lie_transform(self.problem, solver_for(self.problem))
+
+    def difference(self) -> float:
+        """Maximum difference of S, T and the gain between the Lie transform and direct methods."""
+        gain = gain_series(PolynomialMap(self.problem.basis, self.S)).coefficients
+        return max(
+            largest(self.lie.S - self.S),
+            largest(self.lie.T - self.T),
+            largest(self.lie.L[:, : gain.shape[1]] - gain),
+        )
+
+    def residual(self) -> float:
+        """Maximum residual of S' f = A S - l(h) and of T(S(x)) = x, up to the degree."""
+        problem, basis = self.problem, self.problem.basis
+        left = problem.injected - problem.A @ self.S
+        for d in range(1, problem.degree + 1):
+            add_derivatives_along(basis, self.S, problem.dynamics, 1, d, d, 1, left)
+        back = PolynomialMap(basis, self.T).after(PolynomialMap(basis, self.S), problem.degree)
+        return max(largest(left), largest(back.coefficients - identity(problem)))
+
+
+def ad_matrix(A: Array, degree: int) -> Array:
+    """ad_Ax U = U' A x - A U on the homogeneous maps of a degree, component by component.
+
+    Thomas, Kwatny & Chang, Lemma 4.17.
+    """
+    n = len(A)
+    basis = monomials(n, degree)
+    part, size = basis.part(degree), len(basis.exponents)
+    Ax = np.zeros((n, size))
+    Ax[:, basis.part(1)] = A
+    columns = []
+    for component, place in product(range(n), range(part.start, part.stop)):
+        unit = np.zeros((n, size))
+        unit[component, place] = 1.0
+        image = -A @ unit
+        add_derivatives_along(basis, unit, Ax, degree, degree, degree, 1.0, image)
+        columns.append(image[:, part].ravel())
+    return np.array(columns).T
+
+
+def sums_of_eigenvalues(A: Array, degree: int) -> NDArray[np.complex128]:
+    """m.lambda - lambda_j with |m| = ``degree``, the eigenvalues of ad_Ax.
+
+    Thomas, Kwatny & Chang, Definition 3.5 and Lemma 4.17.
+    """
+    values = np.linalg.eigvals(A)
+    basis = monomials(len(A), degree)
+    found: NDArray[np.complex128] = np.subtract.outer(
+        basis.exponents[basis.part(degree)] @ values, values
+    )
+    return found.ravel()
+
+
+def spectrum_difference(A: Array, degree: int) -> float:
+    """Maximum distance from an eigenvalue of ad_Ax to the nearest one of the lemma.
+
+    Thomas, Kwatny & Chang, Lemma 4.17.
+    """
+    found, known = np.linalg.eigvals(ad_matrix(A, degree)), sums_of_eigenvalues(A, degree)
+    distances = np.abs(found[:, None] - known)
+    return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
+
+
+def random_problem(
+    stream: np.random.Generator, states: int, degree: int, terms: int, *, unobservable: bool = False
+) -> NormalFormProblem:
+    """A nonresonant problem with one output and the linear injection of the paper.
+
+    f and h have terms of even and odd degrees up to ``terms``. A has negative diagonals that
+    dominate their rows, and F = A - L0 H. With ``unobservable`` the output does not show the last
+    mode, which then belongs to F and to A alike.
+    """
+    while True:
+        A = _fractions(stream, (states, states), 4)
+        for i in range(states):
+            A[i, i] = -2 - i + A[i, i] / 2
+        H, L0 = _fractions(stream, (1, states), 2), _fractions(stream, (states, 1), 2)
+        if unobservable:
+            A[:-1, -1] = Fraction(0)
+            H[0, -1] = Fraction(0)
+        basis = monomials(states, terms)
+        f, h = (_higher(stream, size, basis) for size in (states, 1))
+        f[:, basis.part(1)] = A - L0 @ H
+        h[:, basis.part(1)] = H
+        system = PolynomialSystem(PolynomialMap(basis, f), PolynomialMap(basis, h))
+        problem = NormalFormProblem(system, PolynomialMap.linear(L0), degree)
+        try:
+            check_nonresonant(problem)
+        except InputError:
+            continue
+        return problem
+
+
+def _fractions(stream: np.random.Generator, shape: tuple[int, ...], below: int) -> Coefficients:
+    """One, two or three times 1 / ``below``, of either sign."""
+    drawn = stream.integers(1, 4, shape) * stream.choice([-1, 1], shape)
+    found: Coefficients = drawn.astype(object) * Fraction(1, below)
+    return found
+
+
+def _higher(stream: np.random.Generator, rows: int, basis: Monomials) -> Coefficients:
+    """Coefficients of degree 2 and above: each with probability 0.4, that of x1^2 always."""
+    shape = rows, len(basis.exponents)
+    kept = stream.random(shape) < 0.4
+    kept[:, : basis.first[2]] = False
+    kept[:, basis.first[2]] = True
+    found = _fractions(stream, shape, 4)
+    found[~kept] = Fraction(0)
+    return found

@@ -1,0 +1,172 @@
+"""A parameter file checked whole, before anything runs: its types, and what takes building to see.
+
+What a paper's parameter file states is built once, section by section, by what the paper declares
+in ``CHECKS`` of its module ``checks``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from reobserve.core.arguments import as_word
+from reobserve.core.errors import InputError, ReobserveError, located
+from reobserve.estimation.quantities import check_unit
+from reobserve_papers.parameters.job import Job, StudyFigure, named, read_parameters
+from reobserve_papers.parameters.names import SECTIONS, paper_part
+from reobserve_papers.parameters.parameters import Parameters
+
+Observers = Mapping[str, Any]  # forms that observers must have, by name
+
+# Designs before what is built with them.
+_SECTIONS = ("scenario", "design", "observer", "study", "search", "table", "figure")
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What of a paper's parameter file takes building to see.
+
+    Attributes
+    ----------
+    build
+        By what a `Job` calls a branch: what builds it, and raises the `InputError` that a stage
+        would raise. It gets the job, and the design that the branch names, as it was built.
+    about
+        By the type of a study, of a figure or of the theory: the observers that it is about.
+    """
+
+    build: Mapping[str, Callable[..., object]] = field(default_factory=dict)
+    about: Mapping[type, Observers] = field(default_factory=dict)
+
+    def made(self, one: str, *arguments: Any) -> object:
+        """What a branch builds to; nothing if the paper has no need to see."""
+        return self.build[one](*arguments) if one in self.build else None
+
+
+def check_parameters(parameters: Parameters) -> None:
+    """Read the parameter file as what its paper declares, build what it states, and run nothing.
+
+    Raises
+    ------
+    InputError
+        With the dotted key of what no stage could use.
+    """
+    stated = read_parameters(parameters)
+    module = importlib.import_module(paper_part(parameters.package, "checks"))
+    with building(parameters.paper):
+        check_stated(stated, module.CHECKS)
+        if hasattr(module, "LAYOUTS"):  # a paper in one module has its drawings at hand
+            for name, figure in stated.figures.items():
+                as_word(f"figures.{name}.layout", figure.layout, tuple(module.LAYOUTS))
+
+
+# In place of a unit: text, and powers of a second of several derivatives.
+_NO_UNITS = ("word", "file", "name")
+
+
+def check_units(parameters: Parameters) -> None:
+    """Check the units of all entries, several with commas or ``to`` between, as pint reads them.
+
+    The letters y and u stand for units of an output and an input that a paper does not state.
+
+    Raises
+    ------
+    InputError
+        With the key of the first entry whose unit is none.
+    """
+    for key, entry in parameters.entries():
+        for unit in re.split(r", | to ", entry["unit"]):
+            if unit not in _NO_UNITS:
+                stated = re.sub(r"\b[yu]\b", "rad", unit)  # which has no dimension, either
+                try:
+                    check_unit("", stated)
+                except InputError:
+                    check_unit(f"{parameters.paper}.{key}.unit", unit)
+
+
+def check_stated(stated: Any, checks: Checks) -> None:
+    """Build what a paper's typed parameters state; raises as `check_parameters`."""
+    parts = ("plant", "observers", "designs", "metrics", "theory")
+    whole = Job(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
+    built: dict[str, object] = {}  # the designs
+    checks.made("plant", whole)
+    for one in _SECTIONS:
+        for name, branch in getattr(stated, SECTIONS[one], {}).items():
+            job = _job(stated, whole, one, branch)
+            with _place(one, f"{SECTIONS[one]}.{name}"):
+                if isinstance(branch, StudyFigure):
+                    _check_method(job.study, branch)
+                _check_observers(checks, job.observers, branch)
+                design = getattr(branch, "design", "")
+                found = checks.made(one, job, *([built[design]] if design else []))
+            if one == "design":
+                built[name] = found
+    checks.made("metrics", whole)
+    with building("theory"):
+        _check_observers(checks, whole.observers, whole.theory)
+        checks.made("theory", whole, built)
+
+
+def _job(stated: Any, whole: Job, one: str, branch: Any) -> Job:
+    """What a job of the branch receives."""
+    seen = {one: branch}
+    if hasattr(branch, "scenario"):
+        seen["scenario"] = stated.scenarios[branch.scenario]
+        seen["observers"] = {name: stated.observers[name] for name in branch.observers}
+    if hasattr(branch, "study"):
+        seen["study"] = stated.studies[branch.study]
+    return replace(whole, **seen)
+
+
+def _check_method(study: Any, figure: StudyFigure) -> None:
+    """A figure of a study samples one of the method that its layout samples."""
+    method = getattr(study, "method", figure.layout)
+    if method != figure.layout:
+        problem = f"{figure.study!r} has the method {method}, must have {figure.layout}"
+        raise InputError("study", problem)
+
+
+def _check_observers(checks: Checks, observers: Observers, branch: Any) -> None:
+    for name, kind in checks.about.get(type(branch), {}).items():
+        named(observers, name, kind)
+
+
+@contextmanager
+def _place(one: str, place: str) -> Iterator[None]:
+    """`building`; of a scenario, what builds its plant names the plant and itself as they are."""
+    if one != "scenario":
+        with building(place):
+            yield
+        return
+    try:
+        with computable(place):
+            yield
+    except InputError as error:
+        key = re.sub(r"^scenario\b", place, error.parameter)
+        raise InputError(key, error.problem) from None
+
+
+@contextmanager
+def building(place: str) -> Iterator[None]:
+    """`located`, and `computable`, for what is built to see whether it can be."""
+    with computable(place), located(place):
+        yield
+
+
+@contextmanager
+def computable(place: str) -> Iterator[None]:
+    """Refuse at ``place`` what numpy cannot compute with, whatever it makes of it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            yield
+        except ReobserveError:
+            raise
+        except (ArithmeticError, ValueError, MemoryError) as error:  # LinAlgError is the second
+            problem = f"its numbers are too large or too small to compute with ({error})"
+            raise InputError(place, problem) from None

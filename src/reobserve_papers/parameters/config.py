@@ -1,0 +1,97 @@
+"""Configuration files: which there are, and the checks of what is to be built."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.files import reason
+from reobserve.core.validation import parse
+from reobserve_papers.parameters.names import DEFAULT_STYLE, style_sheet
+from reobserve_papers.parameters.parameter_file import Configuration, Name
+
+
+def known_papers(project: Path) -> list[str]:
+    """The papers that have a parameter file.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be read, or a parameter file's file has a name that is none of a paper.
+    """
+    folder = project / "config" / "papers"
+    try:
+        papers = sorted(path.stem for path in folder.glob("*.yaml"))
+    except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
+        raise InputError(str(folder), f"cannot be read ({reason(error)})") from None
+    for paper in papers:
+        parse(Name, paper, "config.papers")
+    return papers
+
+
+def known_tasks(project: Path) -> list[str]:
+    """The tasks of the bench: names of their files."""
+    return sorted(path.stem for path in (project / "config" / "bench").glob("*.yaml"))
+
+
+def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
+    """The papers that are named, or all that are known; `InputError` if there is no such one."""
+    for paper in papers:
+        if paper not in known:
+            raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")
+    return list(dict.fromkeys(papers or known))
+
+
+def known_styles(project: Path) -> list[str]:
+    """The styles of figures with a sheet, and the default style."""
+    sheets = (project / style_sheet("x")).parent.glob("*.mplstyle")
+    return sorted({DEFAULT_STYLE, *(path.stem for path in sheets)})
+
+
+def check_config_files(*paths: str | Path) -> None:
+    """Check what Snakemake's own reader would not: every key once, and plain values only.
+
+    Raises
+    ------
+    InputError
+        As `read_yaml`; files that end in ``.json`` are read as JSON.
+    """
+    for path in map(Path, paths):
+        if path.suffix == ".json":
+            read_json(path)
+        else:
+            read_yaml(path)
+
+
+def take_truths(config: Tree) -> None:
+    """Take the words true and false as YAML does: Snakemake's ``--config`` knows Python's only."""
+    for key, value in config.items():
+        if isinstance(value, str) and value in ("true", "false"):
+            config[key] = value == "true"
+
+
+def check_config(project: Path, config: Tree, papers: list[str]) -> None:
+    """Check what `config/config.yaml` and the command line say is to be built.
+
+    Raises
+    ------
+    InputError
+        If a key is neither of `Configuration` nor a paper, or a value is not allowed.
+    """
+    check_plain(config, "config")
+    known = [*Configuration.model_fields, *papers]
+    for key in config:
+        if key not in known:
+            raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
+    parse(Configuration, config, "config")
+    for key, there in (("papers", papers), ("bench", known_tasks(project))):
+        for name in config.get(key, ()):
+            if name not in there:
+                raise InputError(
+                    f"config.{key}", f"there is no {shown(name)}{nearest(name, there)}"
+                )
+    styles = known_styles(project)
+    if (style := config.get("style", DEFAULT_STYLE)) not in styles:
+        raise InputError("config.style", f"there is no {shown(style)}, only {', '.join(styles)}")

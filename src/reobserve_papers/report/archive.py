@@ -1,0 +1,159 @@
+"""A build as a file to deposit and cite: a Workflow Run RO-Crate, zipped.
+
+Each job is an action with its command, its inputs and its outputs, as the logs have them.
+https://www.researchobject.org/workflow-run-crate/ says what the terms are.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import mimetypes
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.core.files import read_bytes, read_text, write_whole
+from reobserve_papers.report.logs import LoggedJob, jobs_behind
+from reobserve_papers.report.environment import environment, package_versions
+
+WORKFLOW = "workflow/Snakefile"
+_RUN = "https://w3id.org/ro/wfrun"
+_PROFILES = {
+    "Process Run Crate": f"{_RUN}/process/0.5",
+    "Workflow Run Crate": f"{_RUN}/workflow/0.5",
+}
+
+_SOFTWARE = "SoftwareApplication"
+
+# Beside the results: what they were made from, and how to run and to cite it.
+_BESIDE = (
+    "CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "Snakefile", "codemeta.json",
+    "requirements.lock", "results/README.md", "config", "workflow",
+)  # fmt: skip
+
+
+def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
+    """Write a build to a zip file, the same bytes for the same build; return its number of files.
+
+    ``products`` are the files below ``results`` that somebody looks at; the logs say what they
+    were made from. `manifest-sha256.txt` in the file is what `sha256sum --check` takes.
+
+    Raises
+    ------
+    InputError
+        If a file of the build or the log of a job is missing, `CITATION.cff` cannot be read,
+        rocrate is not installed or the file cannot be written.
+    """
+    jobs = jobs_behind(project, products)
+    for path in (*products, *(path for job in jobs for path in job.outputs)):
+        if not (project / path).is_file():
+            raise InputError(
+                path, "is missing, so the build is not whole; build again with `make archive`"
+            )
+    crate = package("rocrate.rocrate", "archive a build").ROCrate(version="1.1")
+    paths = sorted({*products, *_packed(project, jobs)})
+    files = {path: _file(crate, project, path) for path in paths}
+    digests = [hashlib.sha256(read_bytes(project / path)).hexdigest() for path in paths]
+    manifest = "".join(f"{sha}  {path}\n" for sha, path in zip(digests, paths, strict=True))
+    crate.add_file(io.StringIO(manifest), "manifest-sha256.txt")
+    ended = max(_ended(project, job) for job in jobs)
+    _describe(crate, project, ended)
+    software = [
+        _entity(crate, _local(name), _SOFTWARE, name, softwareVersion=version)
+        for name, version in package_versions().items()
+    ]
+    needs = {"softwareRequirements": [{"@id": one.id} for one in software]}
+    for job in jobs:
+        name = job.log.removeprefix("logs/").removesuffix(".log")
+        command = f"reobserve stage {job.step}"
+        crate.add_action(
+            _entity(crate, _local(command), _SOFTWARE, command, **needs),
+            identifier=f"#{name.replace('/', '-')}",
+            object=[files[path] for path in job.inputs if path in files],
+            result=[files[path] for path in job.outputs],
+            properties={"name": name, "description": job.command, **_times(project, job)},
+        )
+    made = {path for job in jobs for path in job.outputs}
+    read = {path for job in jobs for path in job.inputs if path in files} - made
+    crate.add_action(
+        files[WORKFLOW],
+        identifier="#build",
+        object=[files[path] for path in paths if path in read or path.startswith("config/")],
+        result=[files[path] for path in products],
+        properties={
+            "name": "snakemake",
+            "description": "; ".join(map(": ".join, environment(project).items())),
+            "endTime": ended.isoformat(),
+        },
+    )
+    write_whole(output, crate.write_zip)
+    return len(paths)
+
+
+def _packed(project: Path, jobs: Iterable[LoggedJob]) -> Iterator[str]:
+    """The files of the jobs and what stands beside the results, as far as they are there."""
+    named = [path for job in jobs for path in (*job.inputs, *job.outputs, job.log, job.benchmark)]
+    beside = [file for path in map(project.joinpath, _BESIDE) for file in (path, *path.rglob("*"))]
+    for file in (*map(project.joinpath, named), *beside):
+        if file.is_file() and "__pycache__" not in file.parts:
+            yield file.relative_to(project).as_posix()
+
+
+def _file(crate: Any, project: Path, path: str) -> Any:
+    about = {"name": path, "encodingFormat": mimetypes.guess_type(path)[0] or "text/plain"}
+    if path != WORKFLOW:
+        return crate.add_file(project / path, path, properties=about, record_size=True)
+    about["name"] = "Every figure, table and claim"
+    return crate.add_workflow(
+        project / path, path, main=True, lang="snakemake",
+        lang_version=metadata.version("snakemake"), properties=about, record_size=True,
+    )  # fmt: skip
+
+
+def _describe(crate: Any, project: Path, ended: datetime) -> None:
+    """What must be said of the whole: title, licence, authors, and the profiles it conforms to."""
+    citation = read_yaml(project / "CITATION.cff")
+    root = crate.root_dataset
+    root["name"], root["version"] = citation["title"], citation["version"]
+    root["description"] = "A build: figures, tables, claims and the report, and how they were made."
+    root["datePublished"] = ended.isoformat()
+    root["keywords"] = ", ".join(citation["keywords"])
+    licence = f"https://spdx.org/licenses/{citation['license']}"
+    root["license"] = _entity(crate, licence, "CreativeWork", citation["license"])
+    authors = [one["name"] for one in citation["authors"]]
+    root["author"] = [_entity(crate, _local(name), "Organization", name) for name in authors]
+    for name, address in _PROFILES.items():
+        profile = _entity(crate, address, "CreativeWork", name, version="0.5")
+        root.append_to("conformsTo", profile)
+
+
+def _entity(crate: Any, identifier: str, kind: str, name: str, **about: Any) -> Any:
+    """What the crate says of something that is no file: the same entity each time."""
+    about = {"@id": identifier, "@type": kind, "name": name, **about}
+    return crate.get(identifier) or crate.add_jsonld(about)
+
+
+def _local(name: str) -> str:
+    return f"#{name.replace(' ', '-')}"
+
+
+def _ended(project: Path, job: LoggedJob) -> datetime:
+    """When the last file of a job was written."""
+    written = max((project / path).stat().st_mtime for path in job.outputs)
+    return datetime.fromtimestamp(int(written), UTC)
+
+
+def _times(project: Path, job: LoggedJob) -> dict[str, str]:
+    """When a job ended, and when it began if Snakemake measured its duration."""
+    ended, measured = _ended(project, job), project / job.benchmark
+    if not measured.is_file():
+        return {"endTime": ended.isoformat()}
+    seconds = float(read_text(measured).splitlines()[1].partition("\t")[0])
+    began = ended - timedelta(seconds=seconds)
+    return {"startTime": began.isoformat(), "endTime": ended.isoformat()}

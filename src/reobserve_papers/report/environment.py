@@ -1,0 +1,68 @@
+"""Environment of a report: commit, machine, Python and packages that can move a result."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from importlib import metadata
+from pathlib import Path
+
+from reobserve_papers.steps.provenance import versions
+
+
+def environment(project: Path) -> dict[str, str]:
+    """Return what the page says of its origin, by name."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    rows = {
+        "commit": _commit(project),
+        "operating system": _system(),
+        "processor": _processor(),
+        "cores": str(cores or ""),
+        "Python": f"{platform.python_version()} ({platform.python_implementation()})",
+    }
+    return {name: value for name, value in rows.items() if value}
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the packages that decide numbers, figures and this page."""
+    others = {name: metadata.version(name) for name in ("jinja2", "docutils", "snakemake")}
+    return {"reobserve": metadata.version("reobserve"), **versions(), **others}
+
+
+def _commit(project: Path) -> str:
+    """The commit checked out in exactly this folder, and whether files differ from it."""
+    top = _git(project, "rev-parse", "--show-toplevel")
+    if not top or Path(top).resolve() != project.resolve():
+        return ""
+    commit = _git(project, "rev-parse", "HEAD")
+    changed = _git(project, "status", "--porcelain")
+    return commit and commit + (", with changes that are not committed" if changed else "")
+
+
+def _git(project: Path, *arguments: str) -> str:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(project), *arguments],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    except OSError:
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def _system() -> str:
+    try:
+        name = platform.freedesktop_os_release()["PRETTY_NAME"]
+    except (OSError, KeyError):
+        name = ""
+    return ", ".join(filter(None, [name, f"{platform.system()} {platform.release()}"]))
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    models = [text.partition(":")[2].strip() for text in lines if text.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()

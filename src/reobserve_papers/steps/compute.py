@@ -1,0 +1,229 @@
+"""The steps of the chain: each calls its paper's own function with the settings that it reads."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.documents import digest, read_json
+from reobserve.core.errors import InputError, ReobserveError, located, shown
+from reobserve.core.files import read_table
+from reobserve.core.validation import parse
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.study_table import StudyTable
+from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.parameters.job import Settings, declared_keys, read_job
+from reobserve_papers.parameters.names import paper_part
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.provenance import code_digest, versions
+from reobserve_papers.signals.series import Series
+
+Rows = Iterable[Mapping[str, Any]]  # of a study
+
+# The function of a paper that a step calls, and the section that its errors are about.
+_CALLS = {
+    "design": ("compute", "designs"),
+    "plant": ("simulate", ""),
+    "observe": ("estimate", "observers"),
+    "study": ("run", ""),
+    "search": ("run", ""),
+    "table": ("rows", "tables"),
+    "theory": ("measure", "theory"),
+}
+
+
+def paper_module(package: str, part: str) -> Any:
+    """The module in which the package of a paper has a part: its own, or that of the whole paper.
+
+    Raises
+    ------
+    InputError
+        If there is no such package, or it has no such part.
+    """
+    module = paper_part(package, part)
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if not f"{module}.".startswith(f"{error.name}."):
+            raise
+        problem = f"has no {part}" if error.name == module else "there is no such package"
+        raise InputError(package, problem) from None
+
+
+def compute(parameters: Parameters, stage: str, name: str, settings: Settings, *inputs: Any) -> Any:
+    """What a job of a stage gives: the paper's own function, of typed settings and of inputs.
+
+    ``name`` is that of the branch that the job is about, ``inputs`` are records and designs.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    DivergenceError
+        If a simulation leaves the range of floating-point numbers.
+    """
+    function, section = _CALLS[stage]
+    place = (parameters.paper, section, section and name)
+    with located(".".join(part for part in place if part)):
+        job = read_job(declared_keys(parameters), settings)
+        return getattr(paper_module(parameters.package, stage), function)(job, *inputs)
+
+
+def signed(series: Series, parameters: Parameters, stage: str, job: str, settings: Any) -> Series:
+    """``series`` with its provenance: what made it, from which settings, by which code."""
+    return replace(series, provenance=provenance(parameters, stage, job, settings))
+
+
+def provenance(parameters: Parameters, stage: str, job: str, settings: Any) -> dict[str, Any]:
+    """What made a result, from which settings, by which code and packages."""
+    return {
+        "paper": parameters.paper,
+        "stage": stage,
+        "job": job,
+        "settings": settings,
+        "settings_digest": digest(settings),
+        "code_digest": code_digest(stage, parameters.package),
+        "packages": versions(),
+    }
+
+
+def compute_design(parameters: Parameters, design: str) -> dict[str, Any]:
+    """A design as the steps that read it get it: what the paper computes, by way of JSON.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used or a number of the design is not finite.
+    """
+    computed = compute(parameters, "design", design, parameters.settings("design", design))
+    try:
+        read_back: dict[str, Any] = json.loads(json.dumps(computed, allow_nan=False))
+    except ValueError:
+        place = f"{parameters.paper}.designs.{design}"
+        raise InputError(place, "gives a number that is not finite") from None
+    return read_back
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a stage says of what it made: which paper and job, from which settings, by what."""
+
+    paper: str
+    stage: str
+    job: str
+    settings: dict[str, Any]
+    settings_digest: str
+    code_digest: str
+    packages: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _StoredDesign:
+    design: dict[str, Any]
+    provenance: Provenance
+
+
+def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, Any]:
+    """A design from the file that its stage wrote; ``wanted`` are the paper and the name it has.
+
+    Its own keys are those of its paper, which checks them where it takes the design.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, no design, or another than ``wanted``.
+    """
+    stored = parse(_StoredDesign, read_json(path), str(path))
+    made = stored.provenance
+    found = (made.paper, made.job)
+    if made.stage != "design" or (wanted is not None and wanted != found):
+        paper, name = wanted or (made.paper, "a design")
+        raise InputError(
+            str(path), f"is {shown(made.job)} of {made.paper}, must be {name!r} of {paper}"
+        )
+    return stored.design
+
+
+def named_design(
+    parameters: Parameters, body: dict[str, Any], path: Path | None
+) -> list[dict[str, Any]]:
+    """The design that an observer, a study or a table names, from its file; empty without one.
+
+    Raises
+    ------
+    InputError
+        If there is a file and no name, a name and no file, or the file holds another design.
+    """
+    wanted = body.get("design")
+    if wanted is None and path is None:
+        return []
+    if path is None:
+        raise InputError(
+            "--design-file", f"must be given: the parameter file names the design {wanted!r}"
+        )
+    if wanted is None:
+        raise InputError("--design-file", "is given, but the parameter file names no design here")
+    return [read_design(path, (parameters.paper, wanted))]
+
+
+@contextmanager
+def rows_from(study: Path | None) -> Iterator[None]:
+    """What a figure misses among the rows of its study is a fault of that file.
+
+    Each row has been checked by itself; which rows there must be, only who asks for them knows.
+
+    Raises
+    ------
+    InputError
+        With the name of the file, in place of what says that something is not there.
+    """
+    try:
+        yield
+    except (LookupError, ValueError) as error:
+        if study is None or isinstance(error, ReobserveError):
+            raise
+        problem = f"has not the rows that the figure needs ({error}); run the study again"
+        raise InputError(str(study), problem) from error
+
+
+def read_study(package: str, path: Path | None) -> list[dict[str, str]] | None:
+    """The rows of a figure's study; None for a figure without one."""
+    if path is None:
+        return None
+    module = paper_module(package, "study_rows")
+    return read_table(path, module.HEADER, module.KINDS)
+
+
+def figure_data(
+    parameters: Parameters,
+    settings: Settings,
+    plant: Series,
+    estimates: Mapping[str, Series],
+    rows: Rows | None = None,
+) -> FigureData:
+    """The data of a figure of a paper; ``rows`` are those of its study, if it has one.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    """
+    with located(parameters.paper):
+        job = read_job(declared_keys(parameters), settings)
+    data = FigureData(job, plant, estimates)
+    if rows is None:
+        return data
+    return replace(
+        data, study=StudyTable.of(rows, paper_module(parameters.package, "study_rows").KINDS)
+    )
+
+
+def measure(parameters: Parameters, data: FigureData) -> list[Metric]:
+    """The metrics of a figure; `InputError` if a setting of the metrics cannot be used."""
+    with located(parameters.paper):
+        return list(paper_module(parameters.package, "metrics").measure(data))

@@ -1,0 +1,77 @@
+"""Meanings of metrics, as papers state them beside the code, and lists of them.
+
+A paper's module ``metrics`` has ``MEANINGS``: what each metric is by its name, in which ``<word>``
+stands for what differs. What its docstring says after the first sentence introduces them.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+
+from reobserve.core.errors import InputError
+from reobserve.core.files import read_text, write_text
+from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.compute import paper_module
+
+LISTS = "results/README.md"
+
+# Between these the file holds the lists.
+_BEGIN, _END = "<!-- metrics -->\n", "<!-- end -->\n"
+
+Meanings = list[tuple[re.Pattern[str], str]]
+
+
+def meanings(package: str) -> Meanings:
+    """Meanings of the metrics of a paper, by patterns of their names; empty if it states none."""
+    try:
+        stated: Mapping[str, str] = getattr(paper_module(package, "metrics"), "MEANINGS", {})
+    except InputError:
+        return []
+    found = [(pattern(name), text.replace("`", "")) for name, text in stated.items()]
+    # The exact name explains better than a pattern that happens to fit.
+    return sorted(found, key=lambda pair: pair[0].pattern.count(".+"))
+
+
+def pattern(name: str) -> re.Pattern[str]:
+    """The names that a name with ``<word>`` in it stands for."""
+    parts = re.split(r"(<\w+>)", name)
+    return re.compile("".join(".+" if part[:1] == "<" else re.escape(part) for part in parts))
+
+
+def list_metrics(packages: Mapping[str, str]) -> str:
+    """The metrics of papers in Markdown, a list for each; ``packages`` are those of the papers."""
+    modules = {paper: paper_module(package, "metrics") for paper, package in packages.items()}
+    return "\n".join(
+        _list(paper, module.__doc__ or "", module.MEANINGS)
+        for paper, module in modules.items()
+        if hasattr(module, "MEANINGS")
+    )
+
+
+def write_lists(project: Path) -> None:
+    """Put the lists of all papers in their place in ``results/README.md``.
+
+    Raises
+    ------
+    InputError
+        If the file has no such place, or cannot be read.
+    """
+    path = project / LISTS
+    before, begin, rest = read_text(path).partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end:
+        raise InputError(str(path), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
+    packages = {paper: Parameters.load(project, paper).package for paper in known_papers(project)}
+    write_text(path, f"{before}{begin}\n{list_metrics(packages)}\n{end}{after}")
+
+
+def _list(paper: str, docstring: str, stated: Mapping[str, str]) -> str:
+    _, *paragraphs = docstring.strip().split("\n\n")
+    lines = [textwrap.fill(" ".join(one.split()), 100) + "\n\n" for one in paragraphs]
+    rows = [f"| `{name}` | {text.replace('|', chr(92) + '|')} |" for name, text in stated.items()]
+    table = "\n".join(["| metric | what it is |", "|---|---|", *rows])
+    return f"## Metrics of `{paper}`\n\n{''.join(lines)}{table}\n"

@@ -1,1 +1,0 @@
-"""Invalid input of the papers' commands, files and functions, as in `tests.bad_input`."""

@@ -1,0 +1,72 @@
+"""Observers that cannot be exported, each with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve.estimation.families.export_command import exported, run
+from reobserve.estimation.families.program import program_of
+from reobserve.observers.kalman import KalmanFilter
+from tests.reobserve.codegen import cases
+
+DESIGN, _ = cases.designed("kalman")
+KALMAN = KalmanFilter(cases.model())
+
+
+class Own(KalmanFilter):
+    """A user-defined observer."""
+
+
+def bank(*filters: Any) -> Callable[[], Any]:
+    return lambda: program_of(*cases.bank(*filters))
+
+
+def columns(name: str, y: int, u: int) -> Callable[[], Any]:
+    return lambda: program_of(*cases.observer_of(name), (y, u))
+
+
+ONE_KIND = "observer: cannot be exported: its filters must all be Kalman filters, or all SVSFs of"
+REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
+    "another language": (
+        lambda: run(Path("d.json"), "java", Path()),
+        "to: 'java' must be c",
+    ),
+    "a name from a digit on": (
+        lambda: exported(DESIGN, "2nd"),
+        "name: '2nd' must be an identifier of C",
+    ),
+    "a name of another alphabet": (
+        lambda: exported(DESIGN, "größe"),
+        "name: 'größe' must be an identifier of C",
+    ),
+    "no observer": (lambda: program_of(3), "observer: 3 must be an observer"),  # type: ignore[arg-type]
+    "a user-defined observer": (
+        lambda: program_of(Own(cases.model())),
+        "observer: a Own cannot be exported; ",
+    ),
+    "columns of another number": (columns("kalman", 1, 1), "columns: (1, 1) must be (2, 1), or 1"),
+    "inputs of another number": (columns("extended", 1, 2), "columns: (1, 2) must be (1, 3), or 1"),
+    "a bank of two kinds": (bank(KALMAN, KALMAN, cases.switching("pseudo")), ONE_KIND),
+    "a bank of two laws": (
+        bank(*map(cases.switching, ("pseudo", "weighted", "pseudo"))),
+        ONE_KIND,
+    ),
+    "a gain that settles": (
+        lambda: program_of(*cases.extended(initial_matrix=np.eye(3))),
+        "observer: with an initial_matrix cannot be exported: its gain is another at each sample",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_observer_that_cannot_be_exported_is_reported(case: str) -> None:
+    call, said = REFUSED[case]
+    with pytest.raises(InputError) as error:
+        call()
+    assert str(error.value).startswith(said)

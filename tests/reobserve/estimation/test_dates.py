@@ -1,0 +1,182 @@
+"""Timestamps given as dates: bitwise identical to seconds, for any offset from UTC."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve.estimation.commands import estimate_file, estimate_stream
+from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.dates import nanoseconds, spelled
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.row_by_row import RowByRow
+from reobserve.estimation.specification import Specification
+from reobserve.estimation.state_file import load_state, save_state
+from reobserve.estimation.writing import header
+from tests.reobserve.estimation.records import specification
+
+PERIOD = 0.01  # [s]
+START = datetime(2026, 3, 29, 0, 59, 58, 580_000, tzinfo=UTC)
+ROWS = 200
+VALUES = np.sin(np.arange(ROWS) / 10)
+CHANGE = (
+    timezone(timedelta(hours=2)),
+    timezone(timedelta(hours=1)),
+)  # of clock changes, after 1.42 s
+
+
+def chosen(unit: str) -> Specification:
+    columns = {"time": {"column": "t", "unit": unit}, "measurements": [{"column": "v"}]}
+    sampling = {"period": PERIOD, "missing": "interpolate", "gap": 0.1, "at_gap": "restart"}
+    return specification("levant", columns=columns, sampling=sampling)
+
+
+def moments() -> list[datetime]:
+    return [START + timedelta(milliseconds=10 * k) for k in range(ROWS) if not 100 <= k < 120]
+
+
+def rows(timestamps: list[str]) -> list[str]:
+    places = [k for k in range(ROWS) if not 100 <= k < 120]
+    return [f"{text},{float(VALUES[k])!r}\n" for text, k in zip(timestamps, places, strict=True)]
+
+
+def local(moment: datetime) -> str:
+    summer, winter = CHANGE
+    return moment.astimezone(summer if moment.hour >= 1 else winter).isoformat()
+
+
+SPELLINGS = {
+    "UTC": [moment.isoformat().replace("+00:00", "Z") for moment in moments()],
+    "naive": [f'"{moment.replace(tzinfo=None)}"' for moment in moments()],
+    "summer time comes": [local(moment) for moment in moments()],
+}
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    folder = tmp_path_factory.mktemp("seconds")
+    second = START.replace(microsecond=0)
+    timestamps = [repr((moment - second).total_seconds()) for moment in moments()]
+    (folder / "r.csv").write_text("t,v\n" + "".join(rows(timestamps)))
+    estimate_file(chosen("s"), folder / "r.csv", folder / "e.csv")
+    return (folder / "e.csv").read_bytes()
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_dates_and_seconds_give_bitwise_identical_results(
+    spelling: str, expected: bytes, tmp_path: Path
+) -> None:
+    (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(SPELLINGS[spelling])))
+    made = estimate_file(
+        chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv", report=tmp_path / "r.json",
+        block=1000,
+    )  # fmt: skip
+    assert (tmp_path / "e.csv").read_bytes() == expected
+    assert made.report.first == 0.58
+    assert made.report.jitter < 1e-12
+    assert json.loads((tmp_path / "r.json").read_text())["origin"] == "2026-03-29T00:59:58Z"
+
+
+@pytest.mark.parametrize("kind", ["timestamps", "texts"])
+def test_parquet_dates_are_read(kind: str, expected: bytes, tmp_path: Path) -> None:
+    places = [k for k in range(ROWS) if not 100 <= k < 120]
+    timestamps = pa.array(moments()) if kind == "timestamps" else pa.array(SPELLINGS["UTC"])
+    table = pa.table({"t": timestamps, "v": VALUES[places]})
+    parquet.write_table(table, tmp_path / "r.parquet")
+    estimate_file(chosen("iso8601"), tmp_path / "r.parquet", tmp_path / "e.csv")
+    assert (tmp_path / "e.csv").read_bytes() == expected
+
+
+def test_stream_of_dates_can_be_resumed(expected: bytes, tmp_path: Path) -> None:
+    estimation = Estimation(chosen("iso8601"), ["t", "v"], "r")
+    reader, out = RowByRow(estimation, ["t", "v"]), header(estimation.titles)
+    for k, line in enumerate(rows(SPELLINGS["summer time comes"])):
+        if k == 60:
+            reader.settle()
+            save_state(tmp_path / "s.json", estimation, "it", None)
+            estimation = Estimation(chosen("iso8601"), ["t", "v"], "r")
+            load_state(tmp_path / "s.json", estimation, "it")
+            reader = RowByRow(estimation, ["t", "v"])
+        out += reader.read(line)
+    assert (out + reader.finish()).encode() == expected
+
+
+def test_stream_reports_its_time_origin_immediately(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = rows(SPELLINGS["summer time comes"])
+    (tmp_path / "r.csv").write_text("t,v\n" + "".join(lines[:5]))
+    put = "reobserve.estimation.commands._put"
+    reported: list[tuple[str, str]] = []
+    monkeypatch.setattr(put, lambda text: reported.append((text, capsys.readouterr().err)))
+    estimate_stream(chosen("iso8601"), tmp_path / "r.csv")
+    said = [err for _, err in reported]
+    assert said[:3] == ["", "", "reobserve: time counts from 2026-03-29T00:59:58Z\n"]
+    assert not any(said[3:])
+
+
+def test_header_may_declare_dates(expected: bytes, tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t [iso8601],v\n" + "".join(rows(SPELLINGS["UTC"])))
+    estimate_file(chosen(""), tmp_path / "r.csv", tmp_path / "e.csv")
+    assert (tmp_path / "e.csv").read_bytes() == expected
+
+
+@pytest.mark.parametrize(
+    "cell", ["12.5", "yesterday", "2026-02-30T00:00:00Z", "99999-01-01", "20260329"]
+)
+def test_invalid_date_is_refused(cell: str, tmp_path: Path) -> None:
+    timestamps = SPELLINGS["UTC"][:30]
+    text = "t,v\n" + "".join(f"{timestamp},1.0\n" for timestamp in [*timestamps, cell])
+    (tmp_path / "r.csv").write_text(text)
+    problem = f"row 31 is '{cell}', must be a date with a time, as 2026-03-29T01:59:58Z"
+    with pytest.raises(InputError, match=problem):
+        estimate_file(chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv")
+    assert not (tmp_path / "e.csv").exists()
+    reader = RowByRow(Estimation(chosen("iso8601"), ["t", "v"], "r"), ["t", "v"])
+    *good, bad = text.splitlines()[1:]
+    for line in good:
+        reader.read(line)
+    with pytest.raises(InputError, match=problem):
+        reader.read(bad)
+
+
+def test_dates_at_50_khz_are_evenly_spaced() -> None:
+    report = DataReport()
+    moments = [START + timedelta(microseconds=20 * k) for k in range(1000)]
+    times = [report.clock(nanoseconds(moment.isoformat())) for moment in moments]
+    assert times == [(580_000 + 20 * k) / 1e6 for k in range(1000)]
+    assert report.clock(None) != report.clock(None)  # nan
+
+
+def test_epoch_nanoseconds_are_read() -> None:
+    assert nanoseconds("1970-01-02T00:00:00.5+00:00") == 86_400_500_000_000
+    assert nanoseconds("20000101T010000+0100") == 946_684_800 * 10**9  # by `date -d ... +%s`
+    assert spelled(946_684_800) == "2000-01-01T00:00:00Z"
+
+
+def test_missing_time_unit_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t,v\n0.5,1.0\n" + "".join(rows(SPELLINGS["UTC"])))
+    with pytest.raises(InputError, match=r"row 2 is '2026-.*Z', must be a number; of dates the un"):
+        estimate_file(chosen("s"), tmp_path / "r.csv", tmp_path / "e.csv")
+    reader = RowByRow(Estimation(chosen("s"), ["t", "v"], "r"), ["t", "v"])
+    with pytest.raises(InputError, match=r"row 1 is '2026-.*Z', must be a number; of dates the un"):
+        reader.read(rows(SPELLINGS["UTC"])[0])
+    table = pa.table({"t": pa.array(moments()), "v": np.zeros(len(moments()))})
+    parquet.write_table(table, tmp_path / "r.parquet")
+    with pytest.raises(InputError, match=r"'t' holds dates; as timestamps their unit is iso8601"):
+        estimate_file(chosen("ms"), tmp_path / "r.parquet", tmp_path / "e.csv")
+
+
+def test_clock_running_backwards_is_reported(tmp_path: Path) -> None:
+    timestamps = [moment.astimezone(CHANGE[moment.hour >= 1]) for moment in moments()]
+    texts = [timestamp.replace(tzinfo=None).isoformat() for timestamp in timestamps]
+    (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(texts)))
+    with pytest.raises(InputError, match=r"row 123: the timestamp goes back, .* without an offset"):
+        estimate_file(chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv")

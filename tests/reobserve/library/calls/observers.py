@@ -1,0 +1,278 @@
+"""Valid calls of observers: construction, initialisation, steps and runs."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from reobserve.observers.gaussian_filter import Gaussian
+from reobserve.observers.imm import IMM
+from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.smoother import rts_smoother
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.systems.nonlinear import NonlinearModel
+from reobserve.systems.polynomial import PolynomialSystem
+from reobserve.systems.rigid_body import RigidBody
+from tests.reobserve.observers.small_plants import first_order_lag, pendulum
+
+from .call import COMPLEX, MISSING, Call, called, method
+from .models import HALF, INERTIA, VAN_DER_POL, augmented, gains, linear_model, swing, van_der_pol
+
+
+def calls() -> Iterator[Call]:
+    """All of them."""
+    for part in (_observers, _filters, _nonlinear_filters, _normal_forms):
+        yield from part()
+
+
+def _recorded(
+    observer: Any, start: tuple[Any, ...], y: Any, u: Any = None, form: str = ""
+) -> Iterator[Call]:
+    """Start an observer, run it over a record and step it, with all optional arguments.
+
+    ``form`` states how the record differs for observers that accept several kinds.
+    """
+
+    def run(
+        y: Any, u: Any, state: Any, time: Any, before: Any, middle: Any, on_divergence: Any
+    ) -> object:
+        options = {"time": time, "before": before, "middle": middle}
+        return observer.run(y, u, state=state, on_divergence=on_divergence, **options)
+
+    def step(state: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
+        return observer.step(state, y, u, before=before, middle=middle)
+
+    between = "levant" not in type(observer).__module__  # which reads nothing between rows
+    state, time = observer.init(*start), observer.sampling_period * np.arange(len(y))
+    first = method(observer, "init", *start)
+    name = first.name.removesuffix("init")
+    yield Call(f"{first.name}{form}", first.function, start)
+    pair = (y, u) if between else None
+    yield Call(f"{name}run{form}", run, (y, u, state, time, pair, pair, "raise"))
+    row = y[0], None if u is None else u[0]
+    pair = row if between else None
+    yield Call(f"{name}step{form}", step, (state, *row, pair, pair))
+
+
+def _from_state(
+    observer: Any, state: Any, y: Any, u: Any, takes: tuple[str, ...] = ()
+) -> Iterator[Call]:
+    """Run an observer over a record and step it with the first row."""
+
+    def run(y: Any, u: Any, state: Any) -> object:
+        return observer.run(y, u, state=state)
+
+    yield Call(method(observer, "run").name, run, (y, u, state), takes)
+    yield method(observer, "step", state, y[0], u[0], takes=takes)
+
+
+def sampled(kind: Callable[..., object], count: int) -> Callable[..., object]:
+    """A constructor with the sampling period as the last of this many positional arguments."""
+
+    def construct(*arguments: Any) -> object:
+        return kind(*arguments[:-1], sampling_period=arguments[-1])
+
+    own = inspect.signature(kind).parameters
+    period = own["sampling_period"].replace(kind=inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    others = [one for one in own.values() if one.kind is one.POSITIONAL_OR_KEYWORD]
+    bare = [one.replace(default=inspect.Parameter.empty) for one in (*others[: count - 1], period)]
+    construct.__signature__ = inspect.Signature(bare)  # type: ignore[attr-defined]
+    return construct
+
+
+def _observers() -> Iterator[Call]:
+    body, swing = RigidBody(INERTIA), pendulum()
+    rates = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
+    inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])  # with their derivatives
+    cosine = 0.1 * np.cos(HALF)
+    lag = (first_order_lag(), 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2), 0.01)
+    made: dict[str, tuple[Any, ...]] = {
+        "ilo_sampled.SampledILO": (body, 1.0, 500.0, 500.0, 0.01, False, 0.01),
+        "ilo.ILO": (body, 0.9, 50.0, 500.0, 0.01, False, 0.01),
+        "adaptive.AdaptiveObserver": (body, 500.0, 1000.0, 10.0, 0.01),
+        "high_gain.HighGainObserver": (swing, 10.0, 0.01),
+        "extended_high_gain.ExtendedHighGainObserver": lag,
+        "levant.LevantDifferentiator": (1.0, 2, [3.0, 1.5, 1.0], False, 0.01),
+        "extended_state.ExtendedStateObserver": (augmented(), gains(), 0.01),
+    }
+    for name, arguments in made.items():
+        (plain,) = called({f"observers.{name}": arguments})
+        call = replace(plain, function=sampled(plain.function, len(arguments)))
+        yield call
+        observer: Any = call.function(*arguments)
+        if "model" in vars(observer) and arguments[0] is body:
+            yield from _recorded(observer, ([0.0] * 3, [0.0] * 3), rates, 0 * rates)
+        elif name.startswith("high"):
+            yield from _recorded(observer, ([0.1, 0.0],), cosine, 0 * cosine)
+        elif name.startswith("extended_high"):
+            yield from _recorded(observer, ([0.0], 0.5), cosine, inputs)
+            yield from _recorded(observer, ([0.0], 0.5), cosine, inputs[:, 0], ", u alone")
+        elif name.startswith("levant"):
+            yield from _recorded(observer, ([0.0] * 3,), cosine)
+        else:
+            yield method(observer, "init", np.zeros(6), np.zeros(2))
+            state = observer.init(np.zeros(6), np.zeros(2))
+            yield from _from_state(observer, state, np.zeros((20, 2)), np.ones((20, 1)))
+
+
+def _filters() -> Iterator[Call]:
+    model = linear_model()
+    y, u = np.sin(HALF)[:, None], np.ones((len(HALF), 1))
+    made: dict[str, tuple[Any, ...]] = {
+        "observers.kalman.KalmanFilter": (model,),
+        "observers.smooth_variable_structure.SmoothVariableStructureFilter": (model, [0.5], 0.1),
+        "observers.fixed_gain.FixedGainObserver": (model, [[0.5], [0.1]]),
+        "observers.augmented_kalman.AugmentedKalmanFilter": (model, [[0.0], [0.01]], 1e-4, [[0.0]]),
+    }
+    observers = []
+    for call in called(made):
+        yield call
+        observer: Any = call.function(*call.arguments)
+        observers.append(observer)
+        yield method(observer, "init", [0.0, 0.0], np.eye(2))
+        yield from _from_state(observer, observer.init([0.0, 0.0], 1e-2), y, u, MISSING)
+    kalman = observers[0]
+    for one in observers[:2]:
+        posterior = one.init([0.0, 0.0], 1e-2).posterior
+        yield method(one, "predict", posterior, [1.0])
+        yield method(one, "correct", posterior, [0.1], [1.0], takes=MISSING)
+
+    def predicted(mean: Any, covariance: Any, error: Any) -> object:
+        return kalman.predict(Gaussian(mean, covariance, error), [1.0])
+
+    name = "observers.gaussian_filter.Gaussian"  # checked on use
+    yield Call(name, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
+    stay = [[0.9, 0.1], [0.1, 0.9]]
+    bank = IMM(observers[:2], stay)
+    yield method(bank, "init", [0.0, 0.0], 1e-2, [0.5, 0.5])
+    yield from _from_state(bank, bank.init([0.0, 0.0], 1e-2), y, u, MISSING)
+    yield from called({
+        "observers.imm.IMM": ([kalman, kalman], stay, True),
+        "observers.fixed_gain.steady_kalman": (model,),
+        "synthesis.linear.steady_kalman_gain": (model,),
+        "synthesis.linear.unobservable_modes": (model.A, model.C),
+        "synthesis.linear.undetectable_modes": (model.A, model.C),
+    })  # fmt: skip
+    yield from called({
+        "bench.innovation_tests.cusum": (y[:, 0], 0.5),
+        "bench.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
+    }, MISSING)  # fmt: skip
+    yield from called({
+        "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),
+        "synthesis.linear.place": (model.A, model.C, [0.5, 0.6]),
+    }, COMPLEX)  # fmt: skip
+
+
+def _nonlinear_filters() -> Iterator[Call]:
+    def made_of(
+        f: Any, h: Any, Q: Any, R: Any, F: Any, H: Any, state_names: Any, input_names: Any,
+        output_names: Any, parameters: Any, scale: Any, sampling_period: Any, substeps: Any,
+    ) -> object:  # fmt: skip
+        return NonlinearModel(
+            f, h, Q, R, F, H, state_names=state_names, input_names=input_names,
+            output_names=output_names, parameters=parameters, scale=scale,
+            sampling_period=sampling_period, substeps=substeps,
+        )  # fmt: skip
+
+    texts = ["w", "u - g*a"], ["a"], [1e-4, 1e-4], 1e-2, [["0", "1"], ["-g", "0"]], [["1", "0"]]
+    names = ["a", "w"], ["u"], ["angle"], {"g": 9.81}
+    yield Call("systems.nonlinear.NonlinearModel", made_of, (*texts, *names, [1.0, 2.0], 0.01, 2))
+
+    def sized(f: Any, h: Any, states: Any, inputs: Any, outputs: Any) -> object:
+        return NonlinearModel(f, h, 1e-4, 1e-2, states=states, inputs=inputs, outputs=outputs)
+
+    name = "systems.nonlinear.NonlinearModel, functions"
+    yield Call(name, sized, (lambda x, u: x, lambda x: x[:1], 2, 1, 1))
+
+    def integrated(f: Any, h: Any, Q: Any, R: Any, sampling_period: Any, substeps: Any) -> object:
+        return NonlinearModel.from_ode(
+            f, h, Q, R, sampling_period=sampling_period, substeps=substeps, state_names=["a", "w"]
+        )
+
+    name = "systems.nonlinear.NonlinearModel.from_ode"
+    yield Call(name, integrated, (["w", "-a"], "a", 1e-4, 1e-2, 0.01, 2))
+    model = swing()
+    y, u = np.sin(HALF)[:20, None], np.ones((20, 1))
+    made: dict[str, tuple[Any, ...]] = {
+        "observers.extended_kalman.ExtendedKalmanFilter": (model,),
+        "observers.unscented_kalman.UnscentedKalmanFilter": (model, 0.5, 2.0, 1.0),
+    }
+    for call in called(made):
+        yield call
+        observer: Any = call.function(*call.arguments)
+        start = observer.init([0.0, 0.0], 1e-2)
+        yield method(observer, "init", [0.0, 0.0], np.eye(2))
+
+        def run(y: Any, u: Any, state: Any, Q: Any, R: Any, observer: Any = observer) -> object:
+            return observer.run(y, u, state=state, Q=Q, R=R)
+
+        def step(state: Any, y: Any, u: Any, Q: Any, R: Any, observer: Any = observer) -> object:
+            return observer.step(state, y, u, Q=Q, R=R)
+
+        noise = np.tile(1e-3 * np.eye(2), (20, 1, 1)), np.full((20, 1, 1), 0.1)
+        yield Call(method(observer, "run").name, run, (y, u, start, *noise), MISSING)
+        row = start, y[0], u[0], noise[0][0], noise[1][0]
+        yield Call(method(observer, "step").name, step, row, MISSING)
+        yield method(observer, "predict", start.posterior, [1.0])
+        yield method(observer, "correct", start.posterior, [0.1], [1.0], takes=MISSING)
+
+        def smooth(u: Any, Q: Any, observer: Any = observer, start: Any = start) -> object:
+            return rts_smoother(observer, observer.run(y, np.ones((20, 1)), state=start), u, Q=Q)
+
+        kind = type(observer).__name__
+        yield Call(f"observers.smoother.rts_smoother, {kind}", smooth, (u, noise[0]))
+
+
+def _normal_forms() -> Iterator[Call]:
+    system = van_der_pol()
+    series = normal_form(system, 3, poles=[-1.7, -2.3])
+    y = 0.1 * np.sin(HALF)[:, None]
+
+    def placed(system: Any, degree: Any, poles: Any) -> object:
+        return normal_form(system, degree, poles=poles)
+
+    def observer(order: Any, step: Any, poles: Any, form: Any, gain: Any, degree: Any) -> object:
+        return normal_form_observer(
+            VAN_DER_POL, ["a"], ["a", "w"], order=order, sampling_period=step,
+            poles=poles, form=form, gain=gain, degree=degree, expanded=3,
+        )  # fmt: skip
+
+    def injected(injection: Any, variables: Any) -> object:
+        return normal_form_observer(
+            VAN_DER_POL, ["a"], variables, order=1, sampling_period=0.01, injection=injection
+        )
+
+    def driven(inputs: Any, higher: Any, degree: Any) -> object:
+        return normal_form_observer(
+            ["w", "-sin(a) - w/10 + u"], ["a"], ["a", "w"], order=1, sampling_period=0.01,
+            poles=[-1.5, -2.2], inputs=inputs, higher=higher, degree=degree,
+        )  # fmt: skip
+
+    name = "observers.normal_form.normal_form_observer"
+    yield Call(name, observer, (2, 0.01, [-1.7, -2.3], "identity", "series", 4), COMPLEX)
+    yield Call(f"{name}, driven", driven, (["u"], ["0", "sin(y1) - y1"], 3))
+    yield Call(f"{name}, injected", injected, ([[-3.0], [-1.7]], ["a", "w"]))
+    yield Call("synthesis.normal_form.design.normal_form", placed, (system, 3, [-1.7, -2.3]))
+    poles = (system, [-1.7, -2.3])
+    yield from called({"synthesis.normal_form.placement.injection_for": poles}, COMPLEX)
+    for call in called({
+        "observers.normal_form_identity.IdentityObserver": (series, 2, "series", 0.01),
+        "observers.normal_form_transformed.TransformedObserver": (series, 2, 0.01),
+    }):  # fmt: skip
+        construct = sampled(call.function, len(call.arguments))
+        yield replace(call, function=construct)
+        yield from _recorded(construct(*call.arguments), ([0.1, 0.0],), y)
+    # Its series converge up to 1.
+    known = PolynomialSystem.from_expressions(["x + x**2"], ["x"], ["x"], 2)
+    S = normal_form(known, 13, poles=[-0.5]).S
+    linear = PolynomialMap.linear(np.array([[-2.0], [-1.0]]))
+    yield from called({
+        "synthesis.normal_form.problem.NormalFormProblem": (system, linear, 3),
+        "synthesis.normal_form.convergence.convergence": (S,),
+        "synthesis.normal_form.convergence.part_norms": (S,),
+    })  # fmt: skip

@@ -1,0 +1,215 @@
+"""Comparisons on held-out records, on a task with errors in closed form."""
+
+from __future__ import annotations
+
+import csv
+import math
+from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.tuning.scoring import Row, Scorer, interval, moved, score_task
+from reobserve.tuning.table import Results, write_cells, write_scores
+from reobserve.tuning.task import Task
+from reobserve.tuning.task_tuning import objective, tune_method
+from reobserve.tuning.tuned_file import TunedMethod, read_tuned
+from reobserve.core.errors import InputError
+
+from .toy import method, stated, toy, write
+
+
+def kept(task: Task, folder: Path) -> dict[str, TunedMethod]:
+    for name in task.methods:
+        tune_method(task, name, lambda _: None).write(folder / f"{name}.json")
+    return read_tuned(task, folder)
+
+
+def off(seed: int) -> float:
+    return float(np.random.default_rng(seed).normal())
+
+
+def error(share: float, deviation: float, seed: int) -> float:
+    return abs(share * (1.0 + deviation * off(seed)) - 1.0)
+
+
+def test_scores_agree_with_hand_calculation(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    row = Row("share", "nominal", (("share", 0.9),))
+    for condition, deviation in (("nominal", 0.1), ("noise", 0.5)):
+        found = [one.error for one in Scorer(task).scores(row, condition, 20)]
+        assert found == pytest.approx([error(0.9, deviation, 1001 + k) for k in range(20)])
+
+
+def test_tuning_uses_separate_records_and_stores_its_objective(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    tuned = kept(task, tmp_path / "tuned")
+    for name, deviation in (("nominal", 0.1), ("noise", 0.5)):
+        repeats = tuned["share"].training[name].repeats
+        for k, one in enumerate(repeats):
+            seeds = [1 + 100 * k + j for j in range(8)]
+            logs = [math.log(error(one.settings["share"], deviation, seed)) for seed in seeds]
+            assert one.objective == pytest.approx(np.mean(logs), abs=1e-9)
+            assert objective(task, "share", name, k, one.settings) == one.objective
+            held_out = [error(one.settings["share"], deviation, 1001 + j) for j in range(16)]
+            assert list(one.held_out) == ["10", "25", "40"]
+            assert one.error == one.held_out["40"]
+            assert one.error == pytest.approx(np.exp(np.mean(np.log(held_out))), rel=1e-5)
+    assert len(tuned["share"].training["nominal"].repeats) == 3
+
+
+def test_cells_hold_geometric_means_of_the_median_repeat(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    tuned = kept(task, tmp_path / "tuned")
+    cells = score_task(task, tuned)
+    found = {(c.condition, c.row.method, c.row.training, c.row.given): c for c in cells}
+    assert {key for key in found if key[0] == "noise"} == {
+        ("noise", "share", "nominal", False), ("noise", "share", "noise", False),
+        ("noise", "reported", "nominal", False), ("noise", "reported", "nominal", True),
+        ("noise", "reported", "noise", True),
+    }  # fmt: skip
+
+    def mean(share: float, deviation: float, count: int) -> float:
+        each = [error(share, deviation, 1001 + k) for k in range(count)]
+        return float(np.exp(np.mean(np.log(each))))
+
+    shares = [one.settings["share"] for one in tuned["share"].training["nominal"].repeats]
+    by_repeat = sorted((mean(share, 0.1, 16), share) for share in shares)
+    cell = found["nominal", "share", "nominal", False]
+    assert cell.row.settings == (("share", by_repeat[1][1]),)
+    assert cell.first == pytest.approx(by_repeat[1][0])
+    assert cell.repeats == pytest.approx((by_repeat[0][0], by_repeat[2][0]), rel=1e-5)
+    assert cell.error[0] == pytest.approx(mean(by_repeat[1][1], 0.1, len(cell.scores)))
+    trust = dict(found["noise", "reported", "nominal", True].row.settings)["trust"]
+    for given, reported in ((False, 0.1), (True, 0.5)):
+        cell = found["noise", "reported", "nominal", given]
+        assert cell.error[0] == pytest.approx(
+            mean(trust / (1 + reported**2), 0.5, len(cell.scores))
+        )
+    for condition in ("nominal", "noise"):
+        here = [c for c in cells if c.condition == condition and c.row.training == "nominal"]
+        best = min(here, key=lambda c: c.error[0])
+        assert best.ratio == (1.0, 1.0, 1.0)
+        for c in here:
+            assert c.ratio[0] == pytest.approx(c.error[0] / best.error[0])
+            decided = not c.ratio[1] <= 1 <= c.ratio[2]
+            decided |= math.log(c.ratio[2] / c.ratio[1]) <= 0.1
+            assert decided or len(c.scores) == 64
+    # Rows that are in no table are not extended.
+    assert {len(c.scores) for c in cells if c.condition == "high"} == {16}
+
+
+def test_comparison_stops_when_decided(tmp_path: Path) -> None:
+    scorer = Scorer(toy(tmp_path))
+    same = [Row("share", "nominal", (("share", value),)) for value in (0.5, 0.500001)]
+    far = [Row("share", "nominal", (("share", value),)) for value in (0.5, 0.1)]
+    for rows, within in ((same, "yes"), (far, "no")):
+        first, second = scorer.compared(rows, "nominal")
+        assert len(first.scores) == len(second.scores) == 16
+        assert (first.within, second.within) == ("yes", within)
+    close = [Row("share", "nominal", (("share", value),)) for value in (0.97, 1.03)]
+    assert {len(cell.scores) for cell in scorer.compared(close, "nominal")} == {64}
+
+
+def test_unexpected_failures_raise_an_error(tmp_path: Path) -> None:
+    tree = {**stated(), "shown": ["fragile"]}
+    tree["methods"] = {"fragile": method()}
+    task = Task.read(write(tmp_path, tree))
+    row = Row("fragile", "nominal", (("share", 1.0),))
+    with pytest.raises(
+        InputError, match=r"methods\.fragile: fails in the condition noise, seed 10"
+    ):
+        Scorer(task).scores(row, "noise", 64)
+    tree["methods"] = {"fragile": method(fails={"noise": "large measurements are refused"})}
+    task = Task.read(write(tmp_path, tree))
+    scores = Scorer(task).scores(row, "noise", 64)
+    failed = [1.0 + 0.5 * off(1001 + k) > 1.5 for k in range(64)]
+    assert 0 < sum(failed) < 64
+    assert [one.failed for one in scores] == failed
+    assert [one.error == 3.0 for one in scores] == failed
+    task = replace(task, methods={"fragile": replace(task.methods["fragile"], fails={})})
+    paper = Scorer(task).scores(replace(row, training="paper"), "noise", 64)
+    assert [one.failed for one in paper] == failed
+
+
+@pytest.mark.parametrize(("count", "quantile"), [(4, 3.182446), (9, 2.306004)])
+def test_intervals_of_few_records_have_students_width(count: int, quantile: float) -> None:
+    logs = np.random.default_rng(1).normal(-1.0, 0.3, count)
+    half = quantile * np.sqrt(((logs - logs.mean()) ** 2).sum() / (count - 1) / count)
+    expected = [logs.mean(), logs.mean() - half, logs.mean() + half]
+    assert np.log(interval(logs)) == pytest.approx(expected, rel=1e-6)
+
+
+def test_changed_settings_are_detected(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    tuned = kept(task, tmp_path / "tuned")
+    assert all(one.ratio == one.low == one.high == 1.0 for one in moved(task, tuned, tuned))
+    again = deepcopy(tuned)
+    for one in again["share"].training["nominal"].repeats:
+        one.settings["share"] *= 0.5
+    found = {(one.method, one.condition): one for one in moved(task, tuned, again)}
+    assert {key for key, one in found.items() if one.moved} == {
+        ("share", "nominal"), ("share", "noise"),
+    }  # fmt: skip
+    shares = [one.settings["share"] for one in tuned["share"].training["nominal"].repeats]
+    logs = [
+        math.log(error(0.5 * share, 0.1, 1001 + k)) - math.log(error(share, 0.1, 1001 + k))
+        for share in shares for k in range(16)
+    ]  # fmt: skip
+    assert found["share", "nominal"].ratio == pytest.approx(math.exp(np.mean(logs)))
+
+
+def test_stored_settings_are_kept_for_other_training_sets_of_the_same_task(tmp_path: Path) -> None:
+    tuned = tune_method(toy(tmp_path), "share", lambda _: None)
+    stored = deepcopy(tuned)
+    for one in stored.training.values():
+        for repeat in one.repeats:
+            repeat.settings["share"] = 0.5
+    again = tune_method(toy(tmp_path), "share", lambda _: None, stored)
+    assert again.training["nominal"] == tuned.training["nominal"]
+    assert again.training["noise"] == stored.training["noise"]
+    less = tune_method(toy(tmp_path, budget=20), "share", lambda _: None, stored)
+    assert less.training["noise"].repeats[0].settings["share"] != 0.5
+
+
+def test_result_files_round_trip(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    cells = score_task(task, kept(task, tmp_path / "tuned"))
+    paths = [tmp_path / f"{name}.csv" for name in ("scores", "table")]
+    write_scores(task, cells, paths[0])
+    write_cells(cells, paths[1])
+    results = Results.read(task, paths[1], tmp_path / "tuned")
+    for cell in cells:
+        row = results.cell(cell.condition, cell.row.method, cell.row.training, cell.row.given)
+        assert row is not None
+        assert (row["error"], row["low"], row["high"]) == cell.error
+        assert row["seeds"] == len(cell.scores)
+    with paths[0].open(newline="") as stream:
+        assert len(list(csv.DictReader(stream))) == sum(len(cell.scores) for cell in cells)
+    assert [row[0] for row in results.rows()] == ["L", "L", "L, given R"]
+    assert len(results.evaluations_needed("share")) == 3
+    for one in results.tuned["share"].training["nominal"].repeats:
+        one.held_out.clear()
+        one.held_out.update({"10": 0.104, "25": 0.106, "50": 0.104, "100": 0.1})
+    assert results.evaluations_needed("share") == [50, 50, 50]
+
+
+def test_settings_tuned_for_another_task_are_refused(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    kept(task, tmp_path / "tuned")
+    changes: list[dict[str, Any]] = [
+        {"budget": 41}, {"plant": {"noise": 0.2}}, {"scored_from": 0.5},
+        {"methods": {**stated()["methods"], "share": method(fixed={"other": 1.0})}},
+    ]  # fmt: skip
+    for changed in changes:
+        with pytest.raises(InputError, match=r"share\.json: training\.nominal is not of what"):
+            read_tuned(toy(tmp_path, **changed), tmp_path / "tuned")
+    # Labels and other methods do not matter.
+    words = {**stated()["methods"], "share": method(label="other", needs="more")}
+    assert read_tuned(toy(tmp_path, title="new", methods=words), tmp_path / "tuned")
+    more = {**stated()["methods"], "second": method(make="share")}
+    with pytest.raises(InputError, match=r"second\.json: cannot be read"):
+        read_tuned(toy(tmp_path, methods=more), tmp_path / "tuned")

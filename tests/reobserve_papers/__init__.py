@@ -1,0 +1,1 @@
+"""Tests of the papers; the folders mirror their packages."""

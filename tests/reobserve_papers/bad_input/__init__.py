@@ -1,0 +1,1 @@
+"""Invalid input of the papers' commands, files and functions, as in `tests.reobserve.bad_input`."""

@@ -1,0 +1,16 @@
+"""The required outcome of invalid input, in folders with the configuration of the project."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+from functools import partial
+from pathlib import Path
+
+from reobserve.cli.main import command_parser, main
+from tests.reobserve.bad_input import outcome
+
+PACKAGE = "reobserve"
+
+command = partial(outcome.command, main=main, parser=command_parser)
+is_accepted = partial(outcome.is_accepted, project=ROOT)

@@ -1,0 +1,15 @@
+"""Arguments of plants, signals and functions of the papers: other types, shapes and numbers."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.reobserve.bad_input.test_arguments import check_odd_arguments
+from tests.reobserve_papers.library.calls import calls
+
+
+@settings(max_examples=4 * settings().max_examples)
+@given(st.data())
+def test_arguments_of_odd_type_shape_or_value_are_accepted_or_refused(data: st.DataObject) -> None:
+    check_odd_arguments(data, calls())

@@ -1,0 +1,133 @@
+"""Files of the papers, and of the steps of a build, with a few changes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.core.documents import read_yaml
+from reobserve_papers.parameters.prepare import load_parameters
+from reobserve_papers.signals.inputs import Signal
+from tests.reobserve.bad_input import readers
+from tests.reobserve.bad_input.readers import ONCE_OTHER_ERRORS, check_changed_files, check_token, made
+
+from . import valid
+from .outcome import command, is_accepted
+
+Reader = partial(readers.Reader, is_accepted=is_accepted)
+
+
+def words(*line: object) -> Callable[[], object]:
+    return lambda: command(*line)
+
+
+def parameter_file(paper: str) -> readers.Reader:
+    line = words("stage", "parameters", paper, "--project", ".", "--output", "out.json")
+    return Reader(f"config/papers/{paper}.yaml", line, valid.paper(paper))
+
+
+def checked_file(paper: str) -> readers.Reader:
+    line = words("check", paper, "--project", ".")
+    return Reader(f"config/papers/{paper}.yaml", line, valid.paper(paper))
+
+
+def settings() -> readers.Reader:
+    def load() -> None:
+        load_parameters(Path(), read_yaml(Path("config/config.yaml")))
+
+    return Reader("config/config.yaml", load, valid.tree("config/config.yaml"))
+
+
+def claims() -> readers.Reader:
+    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    path = "config/claims/eso.yaml"
+    return Reader(path, line, valid.tree(path), others=valid.results())
+
+
+def errata() -> readers.Reader:
+    line = words("report", "--papers", "lie", "--project", ".", "--output", "report.html")
+    return Reader("config/errata/lie.yaml", line, valid.tree("config/errata/lie.yaml"))
+
+
+def stored_parameters(paper: str) -> readers.Reader:
+    line = words("stage", "plant", "in.json", valid.OBSERVERS[paper][0], "--output", "out.parquet")
+    return Reader("in.json", line, json.loads(valid.parameters(paper).read_bytes()))
+
+
+def paper_design(paper: str) -> readers.Reader:
+    observer, design = valid.OBSERVERS[paper][1:]
+    line = ["stage", "observe", valid.parameters(paper), valid.record(paper), observer]
+    read = words(*line, "--design-file", "in.json", "--output", "out.parquet")
+    return Reader("in.json", read, json.loads(valid.design(paper, design).read_bytes()))
+
+
+def observed_record(paper: str) -> readers.Reader:
+    line = words(*valid.observing(paper))
+    return Reader("in.parquet", line, content=valid.record(paper).read_bytes())
+
+
+def samples() -> readers.Reader:
+    def read() -> None:
+        term = {"kind": "samples", "axis": 1, "file": "in.csv", "column": "torque"}
+        values = Signal.parse("fault", [term], 1)(np.linspace(0.0, 3.0, 50))
+        assert np.isfinite(values).all()
+
+    return Reader("in.csv", read, content=b"time,torque\n0,0\n0.5,0.1\n1.0,-0.2\n2.5,1e-3\n")
+
+
+def metrics() -> readers.Reader:
+    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    path = "results/eso/fig2.metrics.csv"
+    return Reader(path, line, content=valid.results()[path], others=valid.results())
+
+
+def robustness() -> readers.Reader:
+    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    path = "results/eso/robustness.json"
+    return Reader(path, line, json.loads(valid.results()[path]), others=valid.results())
+
+
+def study_table() -> readers.Reader:
+    study, estimates = valid.study()
+    line = ["stage", "metrics", valid.parameters("lie"), "fig1_orders"]
+    line += ["--plant-file", valid.record("lie"), "--study-file", "in.csv"]
+    read = words(*line, "--estimate-files", *estimates, "--output", "m.csv")
+    return Reader("in.csv", read, content=study.read_bytes())
+
+
+def claims_table() -> readers.Reader:
+    line = words("stage", "verdicts", "in.csv", "--output", "v.md")
+    return Reader("in.csv", line, content=valid.claims_table())
+
+
+READERS: dict[Callable[..., readers.Reader], list[Any]] = {
+    parameter_file: [*valid.PAPERS],
+    checked_file: ["eso"],
+    settings: [],
+    claims: [],
+    errata: [],
+    stored_parameters: [*valid.PAPERS],
+    paper_design: ["lie", "eso"],
+    observed_record: [*valid.PAPERS],
+    samples: [],
+    metrics: [],
+    robustness: [],
+    study_table: [],
+    claims_table: [],
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_changed_files_are_accepted_or_refused(reader: Callable[..., readers.Reader]) -> None:
+    check_changed_files(made(reader, READERS[reader]))
+
+
+@pytest.mark.parametrize("token", ONCE_OTHER_ERRORS)
+def test_yaml_that_once_raised_other_errors_is_refused(token: bytes) -> None:
+    check_token(token, [parameter_file("ilo")])

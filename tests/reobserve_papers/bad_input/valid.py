@@ -1,0 +1,107 @@
+"""Valid files of the papers, from the project and from its commands."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.documents import read_yaml
+from reobserve_papers.golden.files import read_metrics
+from reobserve_papers.metrics.metrics import write_metrics
+
+from .outcome import ROOT, command
+
+_FOLDER = tempfile.TemporaryDirectory(prefix="bad-input-")
+
+# A scenario, an observer and, if needed, a design of each paper.
+OBSERVERS = {
+    "ilo": ("constant", "sampled", ""),
+    "lie": ("figure", "order4", "linear"),
+    "delay": ("ramp", "order2", ""),
+    "imm": ("plain", "kalman", ""),
+    "eso": ("disturbed", "pd_pi", "pd_pi"),
+}
+PAPERS = tuple(OBSERVERS)
+
+
+@cache
+def tree(path: str) -> Any:
+    """A YAML file of the project."""
+    return read_yaml(ROOT / path)
+
+
+def paper(name: str) -> Any:
+    """The parameter file of a paper."""
+    return tree(f"config/papers/{name}.yaml")
+
+
+@cache
+def parameters(paper: str) -> Path:
+    """The parameters of a paper as stored by a build."""
+    return _made("stage", "parameters", paper, "--project", ROOT, name=f"{paper}.json")
+
+
+@cache
+def record(paper: str) -> Path:
+    """The record of the plant for the scenario in `OBSERVERS`."""
+    scenario = OBSERVERS[paper][0]
+    return _made("stage", "plant", parameters(paper), scenario, name=f"{paper}.parquet")
+
+
+@cache
+def design(paper: str, name: str) -> Path:
+    """A design of a paper."""
+    return _made("stage", "design", parameters(paper), name, name=f"{paper}.{name}.json")
+
+
+def observing(paper: str) -> list[object]:
+    """The arguments with which the observer in `OBSERVERS` reads ``in.parquet``."""
+    name = OBSERVERS[paper][2]
+    chosen = ["--design-file", design(paper, name)] if name else []
+    line = ["stage", "observe", parameters(paper), "in.parquet", OBSERVERS[paper][1]]
+    return [*line, *chosen, "--output", "out.parquet"]
+
+
+@cache
+def results() -> dict[str, bytes]:
+    """The results from which the verdicts on the claims of `eso` are computed."""
+    nothing = {"paper": "eso", "seed": 0, "samples": 1, "claims": {}}
+    found = {"parameters.json": parameters("eso").read_bytes()}
+    found["robustness.json"] = json.dumps(nothing).encode()
+    for figure in (*paper("eso")["figures"], "theory"):
+        file = Path(_FOLDER.name) / f"{figure}.metrics.csv"
+        write_metrics(file, read_metrics(ROOT, "eso", figure))  # the accepted numbers
+        found[file.name] = file.read_bytes()
+    return {f"results/eso/{name}": content for name, content in found.items()}
+
+
+@cache
+def claims_table() -> bytes:
+    """The verdicts on the claims of `eso`."""
+    folder = Path(_FOLDER.name)
+    for name, content in results().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    line = ("stage", "claims", "eso", "--results", folder / "results", "--project", ROOT)
+    return _made(*line, name="claims.csv").read_bytes()
+
+
+@cache
+def study() -> tuple[Path, list[Path]]:
+    """The study of orders of `lie`, and the estimates shown in its figure."""
+    read, estimates = (parameters("lie"), record("lie")), []
+    for name in paper("lie")["figures"]["fig1_orders"]["observers"]:
+        chosen = design("lie", paper("lie")["observers"][name]["design"])
+        line = ("stage", "observe", *read, name, "--design-file", chosen)
+        estimates.append(_made(*line, name=f"lie.{name}.parquet"))
+    line = ("stage", "study", *read, "orders", "--design-file", design("lie", "linear"))
+    return _made(*line, name="study.csv"), estimates
+
+
+def _made(*words: object, name: str) -> Path:
+    path = Path(_FOLDER.name, name)
+    command(*words, "--output", path)
+    return path

@@ -1,0 +1,123 @@
+"""The delay task: records against an adaptive integrator, methods on a known delay."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
+
+from reobserve.tuning.task import Array, Condition, Record, Task
+from reobserve_papers.bench.tasks.delay import Plant, simulate
+from reobserve.core.errors import InputError
+
+PATH = ROOT / "config/bench/delay.yaml"
+TASK = Task.read(PATH)
+PLANT: Plant = TASK.plant_in("nominal")
+NOMINAL = Condition("as tuned")
+QUIET = 1e-9  # negligible noise
+T = 0.02
+
+
+def quiet(classes: list[str], levels: list[float], seed: int, **changed: float) -> Record:
+    stated: Plant = replace(PLANT, noise=QUIET, classes=classes, levels=levels, **changed)  # type: ignore[arg-type]
+    return simulate(stated, NOMINAL, seed, T)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_record_agrees_with_an_adaptive_integrator(seed: int) -> None:
+    """With ramps, which are linear between samples, and u from its derivatives."""
+    record = quiet(["ramp"], PLANT.levels, seed)
+    u = CubicHermiteSpline(record.time, record.inputs[:, 0], record.inputs[:, 1])
+    tau = record.truth[:, 0] + PLANT.middle
+
+    def rate(t: float, x: Array) -> Array:
+        return np.asarray(-x + u(t - np.interp(t, record.time, tau)))
+
+    first = round(PLANT.bounds[1] / T)
+    found = solve_ivp(
+        rate, (record.time[first], record.time[-1]), record.measurements[first], "DOP853",
+        record.time[first:], rtol=1e-10, atol=1e-10, max_step=0.1,
+    )  # fmt: skip
+    assert found.y[0] == pytest.approx(record.measurements[first:, 0], abs=1e-6)
+
+
+def test_inputs_come_with_their_derivatives() -> None:
+    record = quiet(["step"], PLANT.levels, 3)
+    u, rate, bend = record.inputs.T
+    assert np.gradient(u, T, edge_order=2)[1:-1] == pytest.approx(rate[1:-1], abs=2e-3)
+    assert np.gradient(rate, T, edge_order=2)[1:-1] == pytest.approx(bend[1:-1], abs=4e-3)
+    # Three spectral lines of amplitude 1: u'' <= 2.6^2 + ...; the speed 0.3 only rescales time.
+    slow = quiet(["step"], PLANT.levels, 3, speed=0.5)
+    assert slow.inputs[::2, 0] == pytest.approx(u[: len(u) // 2 + 1], abs=1e-12)
+
+
+def test_delay_has_steps_ramps_and_oscillations() -> None:
+    for seed in range(1, 9):
+        steps = np.diff(quiet(["step"], PLANT.levels, seed).truth[:, 0])
+        assert np.count_nonzero(np.abs(steps) > 1e-9) == 3
+        ramps = quiet(["ramp"], PLANT.levels, seed).truth[:, 0]
+        assert (
+            np.count_nonzero(np.abs(np.diff(ramps, 2)) > 1e-9) == 2
+        )  # from one third of the record to the next
+        swings = quiet(["swing"], PLANT.levels, seed).truth[:, 0]
+        width = np.ptp(PLANT.levels)
+        assert np.abs(np.diff(swings)).max() <= 0.5 * width * PLANT.swing[1] * T + 1e-9
+        whole = simulate(PLANT, NOMINAL, seed, T).truth[:, 0]
+        assert np.count_nonzero(np.abs(np.diff(whole)) > 0.5 * width * PLANT.swing[1] * T) <= 1
+        for one in (ramps, swings, whole):
+            inside = one + PLANT.middle
+            assert PLANT.levels[0] <= inside.min()
+            assert inside.max() <= PLANT.levels[1]
+
+
+# Settings that find a constant delay, the speed of the input, and the median and largest error:
+# by the errors of Hermite's cubic; of linear interpolation, T^2 u'' / (8 u'); of a parabola through
+# costs on a grid of 0.1 s; by the chatter of a relay, M T, while u' does not vanish; and of a
+# Taylor series, tau u'' / (2 u') and tau^2 u''' / (6 u') of tau, which are unbounded where u'
+# vanishes.
+FOUND = {
+    "extended_1": ({"rho": 5.0, "threshold": 0.01}, 0.1, 0.1, np.inf),
+    "extended_2": ({"rho": 5.0, "threshold": 0.01}, 0.1, 0.005, 0.02),
+    "least_squares": ({"covariance": 1000.0, "forgetting": 1.0}, 1.0, 1e-4, 5e-4),
+    "adaptive": ({"filter_time": 0.05, "forgetting": 2.0, "rate": 5.0}, 1.0, 5e-5, 2e-4),
+    "relay": ({"gain": 0.2, "lag": 0.02}, 1.0, 0.005, 0.025),
+    "relay_inverse": ({"gain": 0.3, "lag": 0.02}, 1.0, 0.003, 0.025),
+    "ekf": ({"process": 1e-3, "walk": 0.01}, 1.0, 1e-4, 3e-4),
+    "imm": ({"process": 0.01, "drift": 0.01, "jump": 0.01}, 1.0, 1e-4, 1e-3),
+    "parallel": ({"memory": 1.0}, 1.0, 0.003, 0.01),
+}
+
+
+def test_every_method_has_a_constant_delay_test() -> None:
+    assert set(FOUND) == set(TASK.methods)
+
+
+@pytest.mark.parametrize("every", [1, 2])
+@pytest.mark.parametrize("method", FOUND)
+def test_methods_find_a_constant_delay(method: str, every: int) -> None:
+    settings, speed, median, most = FOUND[method]
+    delay = 0.8 if method == "imm" else 0.63  # on its grid
+    for seed in (1, 2, 3):
+        levels = [delay, delay + 1e-12]
+        stated = replace(PLANT, noise=QUIET, classes=["step"], levels=levels, speed=speed)
+        record = simulate(stated, Condition("", period=every), seed, T)
+        values = {**TASK.methods[method].fixed, **settings}
+        make = TASK.function(method)
+        estimate = make(stated, values, every * T, 1e-3)(record)
+        assert estimate.shape == record.truth.shape
+        wrong = np.abs(estimate - record.truth)[record.time > 20.0]
+        assert np.median(wrong) < median * every**2
+        assert wrong.max() < most * every**2
+
+
+def test_unknown_class_is_reported(tmp_path: Path) -> None:
+    path = tmp_path / "delay.yaml"
+    path.write_text(PATH.read_text().replace("classes: [step]}", "classes: [stop]}"))
+    with pytest.raises(InputError, match=r"conditions\.steps\.plant\.classes.*'stop'"):
+        Task.read(path)

@@ -1,0 +1,140 @@
+"""The `motor` task: its records, and methods on records with known answers."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from reobserve.tuning.task import Condition, Record, Task
+from reobserve.tuning.task_tuning import _cost
+from reobserve_papers.bench.tasks import motor
+from reobserve.core.errors import InputError
+
+FILE = ROOT / "config/bench/motor.yaml"
+PERIOD = 0.02
+FAST = {
+    "pd_pi": {"excess": 0.001, "filter_rate": 400.0},
+    "pi": {"excess": 0.001, "filter_rate": 400.0},
+    "pi_feasible": {"decay": 10.0, "filter_rate": 400.0},
+    "pi_riccati": {"actuator": 1.0, "sensor": 1.0, "process": 0.1, "filter_rate": 100.0},
+    "random_walk": {"actuator": 1.0, "sensor": 1.0, "process": 0.01},
+    "luenberger": {"rate_1": 10.0, "rate_2": 12.0, "rate_3": 30.0, "rate_4": 40.0},
+    "inverted": {"lag_actuator": 0.005, "lag_sensor": 0.005},
+}
+
+
+@cache
+def task() -> Task:
+    return Task.read(FILE)
+
+
+def quiet(**keys: Any) -> Any:
+    """The plant with negligible noise and disturbances."""
+    return replace(task().plant_in("nominal"), noise=1e-12, disturbance=(1e-12, 1e-12), **keys)
+
+
+def recorded(seed: int, plant: Any, **condition: Any) -> Record:
+    return motor.simulate(plant, Condition("c", **condition), seed, PERIOD)
+
+
+def test_record_solves_the_differential_equation() -> None:
+    """By an adaptive method and without random parts; with the slowest sines."""
+    record = recorded(5, quiet(faults=["sine"]))
+    J, b, K, R, L = 0.01, 0.1, 0.01, 1.0, 0.5
+
+    def rate(t: float, x: Any) -> list[float]:
+        u = 0.5 if t % 4.0 < 2.0 else -0.5
+        fault = 0.75 * np.interp(t, record.time, record.truth[:, 0])
+        return [(-b * x[0] + K * x[1]) / J, (-K * x[0] - R * x[1] + u + fault) / L]
+
+    found = solve_ivp(rate, (0, 10), [0, 0], "LSODA", record.time, rtol=1e-9, atol=1e-10,
+                      max_step=0.01)  # fmt: skip
+    expected = found.y.T + np.outer(0.2 * record.truth[:, 1], [1.0, 0.0])
+    assert record.measurements == pytest.approx(expected, abs=1e-4)  # lines in place of sines
+
+
+def test_wrong_model_changes_the_measurements_only() -> None:
+    right, wrong = recorded(5, quiet()), recorded(5, quiet(), model=0.1)
+    assert (right.truth == wrong.truth).all()
+    assert (right.inputs == wrong.inputs).all()
+    assert np.abs(right.measurements - wrong.measurements).max() > 0.01
+
+
+def test_disturbances_and_noise_have_the_stated_sizes() -> None:
+    plant = task().plant_in("nominal")
+    record, less = recorded(3, plant), recorded(3, replace(plant, noise=1e-12))
+    assert (record.measurements - less.measurements).std() == pytest.approx(0.01, rel=0.05)
+    alone = less.measurements - recorded(3, quiet()).measurements
+    # x' = A x + Dd d: uniform d held for 0.1 s has the deviation a / sqrt(3).
+    decay = np.exp(-1.0)
+    speed = 0.2 / np.sqrt(3) * 0.1 * (1 - decay) / np.sqrt(1 - decay**2)
+    assert alone[::5, 0].std() == pytest.approx(speed, rel=0.25)  # one hundred values
+
+
+@pytest.mark.parametrize("method", FAST)
+def test_methods_find_constant_faults_exactly(method: str) -> None:
+    """All methods are exact in the end without noise, disturbance or voltage jumps."""
+    plant = quiet(faults=["step"], onset=(0.5, 1.0), turn=40.0)
+    record = recorded(2, plant)
+    run = motor.METHODS[method](plant, FAST[method], PERIOD, 0.01)
+    assert run(record)[-1] == pytest.approx(record.truth[-1], abs=1e-6)
+    assert np.abs(record.truth[-1]).min() > 0.2
+
+
+@pytest.mark.parametrize("method", FAST)
+def test_estimates_do_not_react_to_voltage_jumps(method: str) -> None:
+    """Exact in discrete time; small in continuous time, where measurements are interpolated."""
+    plant = quiet(faults=["ramp"], onset=(9.0, 9.5))
+    record = recorded(2, plant)
+    estimate = motor.METHODS[method](plant, FAST[method], PERIOD, 0.01)(record)
+    bound = 1e-8 if method in {"random_walk", "luenberger"} else 2e-3
+    assert np.abs(estimate[record.time < 9.0]).max() < bound
+
+
+def test_riccati_gains_agree_with_another_solver() -> None:
+    plant = task().plant_in("nominal")
+    settings = {"actuator": 0.3, "sensor": 0.2, "process": 0.5, "filter_rate": 20.0}
+    found = motor.by_riccati(plant, settings, PERIOD, 0.01)
+    system = motor._augmented(plant.motor, 20.0)
+    W = np.diag([0.5 * 0.2, 0.5 * 0.2, 0.0, 0.0, 0.3, 0.2]) ** 2
+    V = 0.01**2 * PERIOD * np.eye(2)
+    L, _, _ = control.lqe(system.A_tilde, np.eye(6), system.C_tilde, W, V)
+    expected = motor._extended_state(
+        plant, system, motor.Gains(np.asarray(L), np.zeros((6, 2))), PERIOD
+    )
+    record = task().record("nominal", 1)
+    assert found(record) == pytest.approx(expected(record), abs=1e-6)
+
+
+def test_nearby_settings_share_a_design() -> None:
+    found = [motor.preferred(one, 10) for one in (1.0, 0.05, 0.0012, 9.45, 400.0)]
+    assert found == [1.0, 0.05, 0.0013, 10.0, 400.0]
+    assert [motor.preferred(1.1 * 10 ** (k / 5), 5) for k in range(6)] == [1, 1.6, 2.5, 4, 6.3, 10]
+    plant = task().plant_in("nominal")
+    one, other = (motor.METHODS["pi"](plant, {"excess": excess, "filter_rate": 100.0}, PERIOD, 1.0)
+                  for excess in (0.0101, 0.0099))  # fmt: skip
+    record = task().record("nominal", 1)
+    assert (one(record) == other(record)).all()
+
+
+def test_construction_time_includes_the_design(monkeypatch: pytest.MonkeyPatch) -> None:
+    forgotten = []
+    monkeypatch.setattr(motor, "forget", lambda: forgotten.append(motor.designed.cache_clear()))
+    _cost(task(), "inverted", FAST["inverted"])
+    assert len(forgotten) == 7
+    assert motor.designed.cache_info().currsize == 0
+
+
+def test_invalid_motor_constants_are_reported() -> None:
+    tree = {**task().plant, "motor": {**task().plant["motor"], "inertia": -1.0}}
+    with pytest.raises(InputError, match=r"inertia"):
+        replace(task(), plant=tree).plant_in("nominal")

@@ -1,0 +1,59 @@
+"""Figures show the numbers of the results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from reobserve_papers.bench.plot import evaluations, heat_map, levels
+from reobserve.tuning.table import Results
+
+from .toy import stated_results
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Results:
+    return stated_results(tmp_path)
+
+
+def test_heat_map_has_one_cell_per_number(results: Results) -> None:
+    axes = heat_map(results).axes[0]
+    rows = [label.get_text() for label in axes.get_yticklabels()]
+    assert rows == ["Share", "Share, the paper's settings", "Given", "Given, given R"]
+    found = {text.get_position(): text.get_text() for text in axes.texts}
+    assert found == {
+        (0, 0): "0.250", (1, 0): "0.750", (0, 1): "2.50", (0, 2): "0.200", (1, 2): "0.550",
+        (1, 3): "0.450",
+    }  # fmt: skip
+    bold = {t.get_position() for t in axes.texts if t.get_fontweight() == "bold"}
+    assert bold == {(1, 0), (0, 2), (1, 2), (1, 3)}
+    shades = {
+        (round(p.get_x() + 0.5), round(p.get_y() + 0.5)): (p.get_facecolor()[0], p.get_hatch())
+        for p in axes.patches
+    }
+    assert [place for place, (_, hatch) in shades.items() if hatch] == [(0, 1)]
+    assert shades[0, 2][0] > shades[0, 0][0] > shades[0, 1][0]
+
+
+def test_level_figure_marks_tuned_given_and_retuned_settings(results: Results) -> None:
+    noise, model, level = levels(results).axes
+    drawn = [
+        (line.get_marker(), *map(list, zip(*line.get_xydata().tolist(), strict=True)))
+        for line in noise.lines[:-2]
+    ]
+    assert drawn == [
+        ("o", [1.0, 5.0], [0.25, 0.75]), ("o", [5.0], [0.65]),
+        ("s", [1.0, 5.0], [0.2, 0.55]), ("x", [5.0], [0.45]), ("o", [5.0], [0.35]),
+    ]  # fmt: skip
+    assert [text.get_text() for text in noise.figure.legends[0].get_texts()] == [
+        "Share", "Given", "the same, given the noise", "tuned again",
+    ]  # fmt: skip
+    assert model.lines[0].get_xydata().tolist() == [[0.0, 0.25], [10.0, 0.85]]
+    assert level.get_xlabel() == "level"
+    assert level.lines[0].get_xydata().tolist() == [[1.0, 0.25], [2.0, 0.15]]
+
+
+def test_error_curve_shows_the_median_of_repeats(results: Results) -> None:
+    (line, *_) = evaluations(results).axes[0].lines
+    assert line.get_xydata().tolist() == [[10.0, 0.5], [25.0, 0.21], [40.0, 0.2]]

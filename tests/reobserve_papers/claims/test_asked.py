@@ -1,0 +1,37 @@
+"""A claim has the same outcome if all of a theory is computed or only the required part."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+from pathlib import Path
+
+import pytest
+
+from reobserve.core.documents import read_yaml
+from reobserve_papers.claims.checks import THEORY
+from reobserve_papers.claims.choices import sample
+from reobserve_papers.claims.outcomes import Outcomes, outcome
+from reobserve_papers.claims.registry import read_registry
+from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.metrics.metrics import lookup
+from reobserve_papers.parameters.parameters import Parameters
+
+SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
+
+
+@pytest.mark.parametrize("paper", ["delay", "ilo", "imm", "lie"])
+def test_theory_computed_in_parts_agrees_with_the_whole(paper: str) -> None:
+    """For a few claims, each at a sample of all its choices."""
+    parameters = Parameters.load(ROOT, paper, seed=SEED)
+    claims = [
+        claim
+        for claim in read_registry(ROOT, parameters).claims
+        if claim.figures == [THEORY] and claim.choices
+    ]
+    outcomes = Outcomes(Evaluator(parameters), claims)
+    for claim in claims[::4]:
+        drawn, _ = sample(parameters, claim.choices, 1)
+        whole = outcome(claim, {THEORY: lookup(Evaluator(drawn).theory())})
+        found = outcomes.at(drawn, [claim])[claim.name]
+        assert (found.held, repr(found.numbers)) == (whole.held, repr(whole.numbers))

@@ -1,0 +1,171 @@
+"""Choices: what may be sampled and changed, in which range and steps."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+import copy
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve_papers.claims.choices import Knob, change, find_choice, sample
+from reobserve_papers.parameters.parameters import Parameters
+
+ILO = Parameters.load(ROOT, "ilo", seed=1)
+GAIN = "observers.sampled.K2"
+
+
+def parameters(**entries: dict[str, Any]) -> Parameters:
+    """The parameter file of `ilo` with entries of its plant replaced."""
+    tree = copy.deepcopy(ILO.tree)
+    for name, parts in entries.items():
+        tree["plant"][name] = {"unit": "1", "source": "assumed", "why": "so", **parts}
+    return Parameters("ilo", tree, 1)
+
+
+def values(start: Parameters, pattern: str, count: int = 4000) -> np.ndarray:
+    """The samples of a choice."""
+    choice = find_choice(start, pattern)
+    key = choice.keys[0].split(".")
+    return np.array(
+        [sample(start, [choice], k)[0].section(*key[:-1])[key[-1]] for k in range(count)]
+    )
+
+
+def test_magnitude_is_sampled_log_uniformly() -> None:
+    drawn = values(ILO, GAIN)  # 500 to 5000: a decade
+    assert drawn.min() >= 500
+    assert drawn.max() <= 5000
+    share = np.mean(drawn < 1000)
+    assert abs(share - math.log10(2)) < 4 * math.sqrt(0.21 / len(drawn))
+
+
+def test_sampled_number_is_integer_only_if_value_and_range_are() -> None:
+    assert Knob(("a",), (), 2, (1, 4)).at(0.6) == 3
+    assert Knob(("a",), (), 2, (1, 3.5)).at(0.6) == pytest.approx(2.5)
+    assert Knob(("a",), (), 2.0, (1, 3)).at(0.7) == pytest.approx(2.4)
+
+
+def test_narrow_range_is_sampled_uniformly() -> None:
+    drawn = values(parameters(mass={"value": 2.0, "range": [1.0, 5.0]}), "plant.mass")
+    assert abs(np.mean(drawn) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(drawn))
+    assert abs(np.mean(drawn < 2.0) - 0.25) < 4 * math.sqrt(0.19 / len(drawn))
+
+
+def test_vector_entries_are_sampled_by_their_patterns() -> None:
+    start = parameters(noise={"value": [1.0, 2.0, 3.0], "range": {"0": [0, 1], "2": [3.0, 3.5]}})
+    drawn = values(start, "plant.noise", 200)
+    assert np.all((drawn[:, 0] >= 0) & (drawn[:, 0] <= 1))
+    assert np.all(drawn[:, 1] == 2.0)
+    assert np.all((drawn[:, 2] >= 3) & (drawn[:, 2] <= 3.5))
+    assert np.ptp(drawn[:, 2]) > 0.4
+
+
+def test_overlapping_patterns_allow_only_common_values() -> None:
+    spans = {"*.size": [0.0, 1.0], "0.size": [0.25, 2.0]}
+    start = parameters(fault={"value": [{"kind": "constant", "size": 0.5}], "range": spans})
+    (knob,) = find_choice(start, "plant.fault").knobs
+    assert (knob.name, knob.span) == ("plant.fault.0.size", (0.25, 1.0))
+
+
+def test_sampled_integers_stay_integers_and_words_stay_words() -> None:
+    drawn = values(parameters(order={"value": 2, "range": [1, 4]}), "plant.order")
+    assert set(drawn.tolist()) == {1, 2, 3, 4}
+    drawn = values(
+        parameters(solver={"value": "A", "range": {"choices": ["A", "B"]}}), "plant.solver", 400
+    )
+    assert abs(np.mean(drawn == "A") - 0.5) < 0.1
+
+
+def test_samples_lie_on_the_required_grid() -> None:
+    start = parameters(hold={"value": 0.3, "range": [0.05, 1.0], "multiple_of": 0.1})
+    drawn = values(start, "plant.hold", 400)
+    grid = {0.05} | {round(0.1 * k, 1) for k in range(1, 11)}  # the ends are always allowed
+    assert set(drawn.tolist()) <= grid
+    assert 0.3 in drawn  # not 0.30000000000000004
+    start = parameters(
+        noise={"value": [1.0, 2.0], "range": {"*": [0.0, 9.0]}, "multiple_of": {"1": 0.5}}
+    )
+    drawn = values(start, "plant.noise", 100)
+    assert np.all(drawn[:, 1] * 2 == np.round(drawn[:, 1] * 2))
+    assert not np.all(drawn[:, 0] * 2 == np.round(drawn[:, 0] * 2))
+
+
+def test_pattern_moves_its_keys_together() -> None:
+    choice = find_choice(ILO, "observers.*.K2")
+    assert len(choice.keys) == 3
+    assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
+    drawn, values = sample(ILO, [choice], 2)
+    assert len(values) == len(choice.names) == 1
+    gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
+    assert len(gains) == 1
+    assert gains != {2000.0}
+    assert ILO.section("observers", "sampled")["K2"] == 5000.0  # unchanged
+
+
+def test_seed_can_be_sampled() -> None:
+    choice = find_choice(ILO, "seed")
+    assert choice.names == ("seed",)
+    samples = [sample(ILO, [choice], k) for k in range(5)]
+    seeds = {parameters.seed for parameters, _ in samples}
+    assert seeds == {values[0] for _, values in samples}
+    assert len(seeds) == 5
+
+
+def test_range_position_maps_to_its_value() -> None:
+    (knob,) = find_choice(ILO, GAIN).knobs
+    assert knob.place(500) == 0
+    assert knob.place(5000) == pytest.approx(1)
+    assert knob.place(500 * math.sqrt(10)) == pytest.approx(0.5)
+    for place in (0.0, 0.3, 1.0):
+        assert knob.place(knob.at(place)) == pytest.approx(place)
+    assert knob.place(1e9) == pytest.approx(1)  # an override from outside the range
+    moved = change(ILO, knob, 700.0)
+    assert moved.section("observers", "sampled")["K2"] == 700.0
+    assert moved.section("observers", "continuous")["K2"] == 2000.0
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        (
+            "observers.sampled.K3",
+            "depends_on: there is no 'observers.sampled.K3'; did you mean 'observers.sampled.K2'?",
+        ),
+        (
+            "plant.inertia",
+            "depends_on: plant.inertia is stated (Section 4, (19)), no choice",
+        ),
+        ("plant.step", "depends_on: plant.step is a numerical resolution, no choice"),
+    ],
+)
+def test_invalid_choice_is_reported_in_one_sentence(pattern: str, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        find_choice(ILO, pattern)
+    assert str(caught.value) == said
+
+
+def test_rounding_to_the_grid_stays_within_the_range() -> None:
+    """The ends 0.16 and 0.98 round to 0.2 and, were it inside, to 1.0."""
+    start = parameters(spacing={"value": 0.5, "range": [0.16, 0.98], "multiple_of": 0.1})
+    (knob,) = find_choice(start, "plant.spacing").knobs
+    assert [knob.at(place) for place in (0.0, 0.5, 1.0)] == [0.2, 0.6, 0.98]
+
+
+def test_half_of_the_samples_take_a_value_named_in_the_paper() -> None:
+    drawn = values(
+        parameters(mass={"value": 2.0, "range": [1.0, 5.0], "named": [1.0]}), "plant.mass"
+    )
+    assert abs(np.mean(drawn == 1.0) - 0.5) < 4 * 0.5 / math.sqrt(len(drawn))
+    others = drawn[drawn != 1.0]
+    assert abs(np.mean(others) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(others))
+    words = {"value": "A", "range": {"choices": ["A", "B", "C"]}, "named": ["B"]}
+    chosen = values(parameters(solver=words), "plant.solver", 400)
+    assert abs(np.mean(chosen == "B") - (0.5 + 0.5 / 3)) < 0.1
+    (knob,) = find_choice(ILO, GAIN).knobs
+    assert "named" not in repr(knob)  # digests of cached samples depend on this

@@ -1,0 +1,230 @@
+"""The commands `figdiff` and `accept` on a small made-up paper."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reobserve.cli.main import main
+from reobserve.core.errors import ReobserveError
+from reobserve.core.files import write_table, write_text
+from reobserve_papers.plotting.figures import new_figure
+from reobserve_papers.plotting.formats import save
+from reobserve_papers.claims.table import HEADER
+from reobserve_papers.figure_diff import commands
+from reobserve_papers.golden import acceptance
+from reobserve_papers.golden.values import built_numbers, part_names
+from reobserve_papers.metrics.metrics import Metric, write_metrics
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.signals.series import Channel, Series
+from tests.reobserve_papers.pipeline.conftest import ROOT
+
+TREE = {
+    "about": {"title": "Made", "authors": []},
+    **{name: {} for name in ("plant", "metrics", "theory")},
+    "scenarios": {"slow": {"title": ""}},
+    "observers": {"watch": {"algorithm": "watch", "label": ""}},
+    "figures": {
+        "fig1": {
+            "title": "", "source": "", "layout": "", "scenario": "slow", "observers": ["watch"],
+        }
+    },
+    "designs": {"gains": {"title": ""}},
+    "tables": {"table1": {"title": "", "source": "", "design": "gains"}},
+}  # fmt: skip
+PARAMETERS = Parameters("made", TREE, 0)
+BUILD = commands._build
+TIME = np.arange(41) * 0.05
+BUILT, GOLDEN, ACCEPTED = "results/made", "tests/golden/made", "tests/reference/made"
+
+
+def draw(path: str, label: str = "state x") -> None:
+    figure, (axes,) = new_figure((1.2,))
+    axes.plot(TIME, np.sin(TIME))
+    axes.set_ylabel(label)
+    save(figure, Path(path))
+
+
+def record(name: str, offset: float = 0.0) -> None:
+    Series(TIME, {"x": Channel(np.cos(TIME) + offset, "1")}).write(f"{BUILT}/slow/{name}.parquet")
+
+
+def git(*arguments: str) -> str:
+    command = ["git", "-c", "user.name=t", "-c", "user.email=t@example.org", *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def commit() -> None:
+    git("add", "--all")
+    git("commit", "--quiet", "--message", "all")
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A committed project in which everything built is accepted; commands run in it."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("workflow/report/figure_diff.html.jinja", "workflow/report/figure_diff.css"):
+        write_text(name, (ROOT / name).read_text(encoding="utf-8"))
+    draw(f"{BUILT}/fig1.png")
+    write_metrics(f"{BUILT}/fig1.metrics.csv", [Metric("watch", "rms", 0.5, "1")])
+    write_metrics(f"{BUILT}/theory.metrics.csv", [Metric("gain", "pole", -2.0, "1/s")])
+    write_table(f"{BUILT}/table1.csv", [{"term": "x1", "value": 2.5}], ("term", "value"))
+    record("plant")
+    record("watch")
+    write_text(f"{BUILT}/parameters.json", PARAMETERS.text())
+    claim = {"paper": "made", "claim": "is_stable", "verdict": "reproduced", "holds": "yes"}
+    write_table("results/claims.csv", [dict.fromkeys(HEADER, "") | claim], HEADER)
+    write_text("results/verdicts.md", "| `made` | [Re] |\n")
+    write_text("README.md", "# Made\n<!-- verdicts -->\nold\n<!-- end -->\nmore\n")
+    write_text("config/papers/made.yaml", "")
+    write_text("config/config.yaml", "seed: 0\n")
+    write_text(".gitignore", "results\nfigdiff\n")
+    git("init", "--quiet")
+    commit()
+
+    def measure(*arguments: object) -> object:
+        same = {part: built_numbers(Path(BUILT), TREE, part) for part in part_names(TREE)}
+        return [same, same]
+
+    monkeypatch.setenv("CI", "")
+    monkeypatch.setattr(commands, "_build", lambda *arguments: None)
+    monkeypatch.setattr(commands, "write_lists", lambda project: None)
+    monkeypatch.setattr(commands.Parameters, "load", lambda *arguments, **options: PARAMETERS)
+    monkeypatch.setattr(acceptance, "measure", measure)
+    assert main(["accept", "--reason", "a paper is new"]) == 0
+    commit()
+
+
+def text(name: str) -> str:
+    return Path(name).read_text(encoding="utf-8")
+
+
+def rewrite(name: str, old: str, new: str) -> Callable[[], None]:
+    return lambda: write_text(name, text(name).replace(old, new))
+
+
+def test_agreement_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    rewrite(f"{BUILT}/fig1.metrics.csv", "0.5", "0.5000000000001")()
+    assert main(["figdiff"]) == 0
+    said = capsys.readouterr()
+    assert said == ("4 figures, tables, theories and papers' claims: 4 agree\n", "")
+    assert text("figdiff/summary.md") == said.out
+    page = text("figdiff/index.html")
+    assert page.count("the same, pixel by pixel") == page.count("data:image/png") == 1
+    assert not re.search(r"(?:src|href)=\"(?!data:|#)|https?:|url\(", page)
+
+
+@pytest.mark.parametrize(
+    ("change", "verdict", "said"),
+    [
+        (rewrite(f"{BUILT}/fig1.metrics.csv", "0.5", "0.6"), "fig1: moved",
+         "made fig1, watch rms: golden 0.5, found 0.6, off by 0.1, allowed 5e-13"),
+        (lambda: record("watch", 1e-6), "fig1: moved", "fig1, watch x at 0.05 s: golden 0.9987"),
+        (lambda: draw(f"{BUILT}/fig1.png", "state y"), "fig1: moved", "    - RMS "),
+        (lambda: write_text(f"{ACCEPTED}/fig1.png", "no"), "fig1: not compared", "no image"),
+        (rewrite(f"{BUILT}/table1.csv", "2.5", "2.6"), "table1: moved", "row 1 value: golden 2.5"),
+        (rewrite("results/claims.csv", "reproduced", "contradicted"), "claims: moved",
+         "made is_stable, verdict: golden reproduced, found contradicted"),
+        (lambda: Path(BUILT, "fig1.png").unlink(), "fig1: not compared", "figure was not built"),
+        (lambda: Path(GOLDEN, "theory.csv").unlink(), "theory: not compared", "cannot be read"),
+        (lambda: Path(BUILT, "parameters.json").unlink(), "theory: not compared", "parameters"),
+        (lambda: shutil.copy(f"{GOLDEN}/fig1.csv", f"{GOLDEN}/old.csv"), "old: not compared",
+         "is not in the parameter file"),
+    ],
+)  # fmt: skip
+def test_differences_are_reported_and_plotted(
+    capsys: pytest.CaptureFixture[str], change: Callable[[], object], verdict: str, said: str
+) -> None:
+    change()
+    assert main(["figdiff"]) == 1
+    printed = capsys.readouterr()
+    assert said in printed.out
+    assert text("figdiff/summary.md") == printed.out
+    assert "not agree with what was accepted; see figdiff/index.html" in printed.err
+    shown = verdict.replace(": ", ': <span class="verdict">')
+    assert shown in text("figdiff/index.html")
+
+
+def test_accept_refuses_unsafe_calls(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(reason: str = "a good reason", *papers: str) -> str:
+        assert main(["accept", *papers, "--reason", reason]) == 1
+        return capsys.readouterr().err
+
+    assert "must say in three words" in refused("because")
+    with pytest.raises(ReobserveError, match="nothing is accepted: the build failed"):
+        BUILD(Path(), [], 1)  # there is no Snakefile
+    assert "there is no 'nobody'" in refused("a good reason", "nobody")
+    Path("new.txt").touch()
+    assert "1 uncommitted changes, the first is 'new.txt'" in refused()
+    Path(".git").rename("git")
+    assert "accepted in a git checkout" in refused()
+    monkeypatch.setenv("CI", "true")
+    assert "nothing is accepted in CI" in refused()
+
+
+def test_accept_updates_changed_numbers_and_stores_the_reason(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    draw(f"{BUILT}/fig1.png", "state y")
+    assert main(["figdiff"]) == 1
+    assert text("figdiff/index.html").count("data:image/png") == 3  # accepted, new, difference
+    rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
+    rewrite("results/claims.csv", "reproduced", "contradicted")()
+    shutil.copy(f"{ACCEPTED}/fig1.png", f"{ACCEPTED}/old.png")
+    commit()
+    assert main(["accept", "made", "--reason", "the axis has another name"]) == 0
+    said = capsys.readouterr().out
+    for line in ("theory, gain pole: golden -2, found -3", "is_stable,", "fig1: RMS", "old: rem"):
+        assert f"\nmade {line}" in said
+    assert git("diff", "--name-only", "HEAD").split() == [
+        "tests/golden/REASONS.md", "tests/golden/claims.csv", f"{GOLDEN}/theory.csv",
+        f"{ACCEPTED}/fig1.png", f"{ACCEPTED}/old.png",
+    ]  # fmt: skip
+    reasons = text("tests/golden/REASONS.md")
+    assert reasons.endswith("the axis has another name (2 numbers and 2 figures moved)\n")
+    assert "[Re]" in text("README.md")
+    assert main(["figdiff"]) == 0
+
+
+def bench(error: str = "0.25", within: str = "yes") -> None:
+    """A task of the bench with one method, built."""
+    write_text("config/bench/level.yaml", "")
+    header = "condition,method,training,given_noise,error,within,repeat_low"
+    write_text(
+        "results/bench/level/table.csv", f"{header}\nnominal,ekf,tuned,no,{error},{within},\n"
+    )
+
+
+def test_results_of_the_bench_are_compared_and_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+    bench()
+    draw("results/bench/level/heatmap.png")
+    assert main(["figdiff"]) == 1
+    assert "bench level_heatmap: not compared\n    - there is no accepted figure" in (
+        capsys.readouterr().out
+    )
+    commit()
+    assert main(["accept", "--reason", "a task is new"]) == 0
+    assert "bench level: new\nbench/level heatmap: the figure is new" in capsys.readouterr().out
+    commit()
+    bench("0.25001")  # by rounding
+    assert main(["figdiff"]) == 0
+    bench("0.2501", "no")
+    assert main(["figdiff"]) == 1
+    said = capsys.readouterr().out
+    place = "bench level, ekf {} in nominal, training tuned, given noise no: golden"
+    assert f"{place.format('error')} 0.25, found 0.2501, off by 0.0001, allowed 2.5e-05" in said
+    assert f"{place.format('within')} yes, found no" in said
+    write_text("config/config.yaml", "seed: 0\npapers: [made]\n")  # then the bench is not built
+    assert main(["figdiff"]) == 0
+    commit()
+    assert main(["accept", "made", "--reason", "nothing is new here"]) == 0
+    assert text("tests/golden/bench/level.csv").endswith("0.25,yes,\n")

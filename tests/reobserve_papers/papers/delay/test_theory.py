@@ -1,0 +1,255 @@
+"""The numbers of the theory against closed forms and independent computations."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad
+
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve_papers.papers.delay import keys, theory_gains, theory_state_gain
+from reobserve_papers.papers.delay.theory_gains import error_matrix
+from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.metrics.metrics import Numbers, lookup
+from reobserve_papers.parameters.job import read_job
+from tests.reobserve.observers.small_plants import G_OVER_L, GAIN, A
+from tests.reobserve.observers.test_extended_high_gain import Case, observed, observer, record
+from tests.reobserve_papers.papers import fixed_parameters
+
+Array = NDArray[np.float64]
+
+
+
+def evaluated(overrides: dict[str, object] | None = None) -> Numbers:
+    return lookup(Evaluator(fixed_parameters("delay", overrides)).theory())
+
+
+@cache
+def numbers() -> Numbers:
+    return evaluated()
+
+
+# --- Conditions ---------------------------------------------------------------------------------
+
+
+def test_delay_has_the_bounds_of_the_paper() -> None:
+    found = numbers()
+    assert found["delay", "minimum_delay"] == pytest.approx(0.3)
+    assert found["delay", "maximum_delay"] == pytest.approx(1.25, abs=1e-6)
+
+
+def test_rank_is_lost_where_the_input_rate_vanishes() -> None:
+    assert numbers()["pendulum", "determinant_error"] < 1e-8
+
+
+def test_smoothness_and_singular_instants_of_the_inputs_agree_with_theory() -> None:
+    found = numbers()
+    # 0.2 t = pi/2 [pi] up to 120 s: 7.85 s and seven more.
+    assert found["sine", "singular_instants"] == 1 + (120 - np.pi / 0.4) // (np.pi / 0.2)
+    assert found["sine", "minimum_rate"] == found["ramp", "singular_instants"] == 0
+    assert found["ramp", "minimum_rate"] == 0.009
+    assert found["ramp", "breaks"] == found["sine", "breaks"] == 0
+
+
+def test_input_starting_at_zero_is_not_smooth() -> None:
+    kinked = [{"kind": "ramp", "axis": 1, "from": 0, "slope": 0.009}]
+    assert evaluated({"theory": {"ramp": kinked}})["ramp", "breaks"] == 1
+
+
+def test_remainders_of_the_sine_agree_with_closed_form() -> None:
+    """The maximum of |sin(a - b) - sin a + b cos a| over a is the amplitude of a sine."""
+    found, b = numbers(), 0.2 * 1.5
+    first = np.hypot(np.cos(b) - 1, b - np.sin(b))
+    second = np.hypot(np.cos(b) - 1 + b**2 / 2, b - np.sin(b))
+    assert found.at("sine", "remainder", order=1) == pytest.approx(first, rel=1e-3)
+    assert found.at("sine", "remainder", order=2) == pytest.approx(second, rel=1e-3)
+
+
+# --- Gains --------------------------------------------------------------------------------------
+
+
+def test_poles_are_the_roots_of_the_polynomial() -> None:
+    for name, rho in (("order2", 5.0), ("order2_noise", 2.5)):
+        for when, b in (("", G_OVER_L), ("_upright", -G_OVER_L)):
+            polynomial = [1, 3 * rho + A, 3 * rho**2 + 3 * rho * A + b, rho**3]
+            slow = np.max(np.roots(polynomial).real)
+            assert numbers()[name, f"slow_pole{when}"] == pytest.approx(slow)
+
+
+def test_lag_is_the_steady_error_under_a_constant_rate() -> None:
+    """0 = M e + (0, 0, -xi tau'): the last error over xi is the lag."""
+    matrix = error_matrix(5.0, G_OVER_L, A)
+    error = np.linalg.solve(matrix, [0, 0, 1.0])
+    assert theory_gains.steady_ramp_error(5.0, G_OVER_L, A) == pytest.approx(error[2])
+
+
+def test_predicted_lag_agrees_with_the_run() -> None:
+    found = numbers()
+    for rho, share in ((5, 0.03), (10, 0.01), (20, 0.003), (40, 0.003)):
+        expected = found.at("order2", "predicted_delay_radius", rho=rho)
+        run = found.at("order2", "delay_radius", rho=rho)
+        assert run == pytest.approx(expected, rel=share)
+
+
+def test_peak_gains_of_a_chain_agree_with_closed_form() -> None:
+    """For three poles at -rho the gains are integrals of impulse responses.
+
+    The responses of the last state to the last two inputs have one sign, so that their integrals
+    are transfer functions at zero; that of the first state to the second input, (t - rho t^2 / 2)
+    exp(-rho t), changes its sign where t^2 exp(-rho t) / 2 peaks.
+    """
+    for rho in (1.0, 5.0):
+        found = theory_gains.peak_gains(error_matrix(rho, 0.0, 0.0))
+        assert found[2, 1:] == pytest.approx([1, 3 / rho], rel=1e-5)
+        assert found[0, 1] == pytest.approx(4 * np.exp(-2) / rho**2, rel=1e-5)
+    assert np.all(np.isinf(theory_gains.peak_gains(error_matrix(1.25, -G_OVER_L, A))))
+
+
+def test_minimum_radius_tends_to_the_expansion_remainder() -> None:
+    """G gamma / xi and c_0 / xi, errors of the delay alone; the rest falls as 1 / rho."""
+    found = numbers()
+    floors = {
+        1: GAIN * 1.5**2 / 2 * 0.04 / 0.7,
+        2: GAIN * (1.5**3 / 6 * 0.008 + 1.5**2 / 2 * 0.04) / 0.7,
+    }
+    for order, floor in floors.items():
+        above = [found.at(f"order_{order}", "ultimate_bound", rho=r) - floor for r in (20, 40)]
+        assert 0 < above[1] < 0.55 * above[0] < 0.02 * floor
+
+
+# --- Derivatives --------------------------------------------------------------------------------
+
+
+def test_differentiator_errors_agree_with_its_unit_tests() -> None:
+    """There the errors are 0.1166 T^2 and 0.0842 T."""
+    found, size, period = numbers(), 0.2 / np.sqrt(2), 2.5e-3
+    expected = (0.1166 * period**2 / size, 0.0842 * period / (0.2 * size))
+    for i, share in enumerate(expected, start=1):
+        assert found["levant", f"relative_rms_error_{i}"] == pytest.approx(share, rel=0.05)
+    assert found["levant", "bound_share"] == pytest.approx(0.008 / 0.11)
+
+
+# --- Runs ---------------------------------------------------------------------------------------
+
+
+def test_wrong_derivatives_scale_the_delay_on_a_ramp() -> None:
+    """tau^ u'(1 + e) = tau u' in steady state; the first delay is 0.6 s."""
+    built = observer(Case("ramp", 5.0, 2), 5e-3)
+    y, u = record("ramp", 5e-3, 19.0)
+    for share in (0.01, 0.03, 0.1):
+        wrong = np.ascontiguousarray(u * [1, 1 + share, 1 + share])
+        run = run_on_halves(built, y, wrong, state=built.init([0.0, 0.0], 0.3))
+        assert run["delay"][-1] == pytest.approx(0.6 / (1 + share), rel=1e-7)
+
+
+def test_runs_at_the_rho_of_the_figures_reproduce_the_figures() -> None:
+    fig1 = lookup(Evaluator(fixed_parameters("delay")).figure("fig1").numbers)
+    found = numbers().at("order2", "delay_radius", rho=5)
+    assert found == pytest.approx(fig1["order2", "delay_radius"], rel=1e-6)
+
+
+def test_singular_peaks_grow_without_switching_off() -> None:
+    """For m = 1, where the expansion is wrong at xi = 0; hardly for m = 2."""
+    found = numbers()
+    ratio = [
+        found[f"order_{order}", "peak_delay_error_small_threshold"]
+        / found[f"order_{order}", "peak_delay_error"]
+        for order in (1, 2)
+    ]
+    assert ratio[0] > 1.5
+    assert ratio[1] == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize("step", [2.5e-3, 5e-3])
+def test_law_for_m_2_without_threshold_has_no_solution_past_zero_xi(step: float) -> None:
+    """tau^' = -rho^3 e / xi moves xi itself: (xi^2)' = -G u'' rho^3 e and terms that go with xi.
+
+    Where u'' e > 0 both signs of xi lead to zero in finite time, and (9) has no solution after it.
+    """
+    case = Case("sine", 2.5, 2, dynamic=True)
+    run = observed(case, step, 10.0)
+    assert run.diverged_at == pytest.approx(8.53, abs=0.05)
+    time = step * np.arange(len(run))
+    second = -0.04 * np.sin(0.2 * time)
+    xi = GAIN * (-0.2 * np.cos(0.2 * time) + 0.5 * second * run["delay"])
+    error = run["state"][:, 0] - record("sine", step, 10.0)[0][::2][: len(time)]
+    third = -0.008 * np.cos(0.2 * time)
+    slope = -GAIN * second * 2.5**3 * error + 2 * xi * GAIN * (0.5 * third * run["delay"] - second)
+    before = slice(round(8.3 / step), round(8.48 / step))
+    assert np.gradient(xi**2, step)[before] == pytest.approx(slope[before], rel=0.01)
+    assert np.all(xi[before] < 0)
+    assert np.all(slope[before] < 0)
+    assert np.all(second[before] * error[before] > 0)
+    kept = observed(Case("sine", 2.5, 2, 0.05, dynamic=True), step, 10.0)
+    assert kept.diverged_at is None
+
+
+def test_constant_mean_delay_errs_by_its_distance() -> None:
+    """Squares over 5 to 120 s: 0.2, 0.4 and 0.5 s off, then half of 0.45 s squared and the rest."""
+    swing = quad(lambda t: (0.45 * np.sin(0.2 * t)) ** 2, 60, 120)[0]
+    expected = np.sqrt((15 * 0.04 + 20 * 0.16 + 20 * 0.25 + swing) / 115)
+    assert numbers()["mean_delay", "rms_delay_error"] == pytest.approx(expected, rel=1e-4)
+    found = numbers()["mean_delay", "varying_rms_delay_error"]
+    assert found == pytest.approx(np.sqrt(swing / 60), rel=1e-3)
+
+
+def test_runs_reaching_a_bound_converge() -> None:
+    """Over the 20 s before the first jump with the slow pole of Fig. 1, -1.28: by e^-25."""
+    found = numbers()
+    assert 0 < found["projection", "late_delay_error"] <= found["starts", "late_delay_error"] < 1e-9
+    assert found["starts", "late_rate_error"] < 1e-9
+
+
+def test_faster_input_with_a_factor_of_one_changes_nothing() -> None:
+    same = evaluated({"theory": {"faster": 1.0}})
+    for rho in (2.5, 5):
+        assert same.at("order_2", "rms_delay_error_faster", rho=rho) == 1
+
+
+def test_shorter_delay_has_smaller_absolute_and_larger_relative_error() -> None:
+    """The lag is proportional to the rate, so half the delay has half the lag, the same relative
+    lag.
+
+    There are twice as many singular instants, which add to both.
+    """
+    absolute, relative = numbers(), evaluated({"theory": {"accuracy": "relative"}})
+    for rho in (2.5, 5):
+        name = "rms_delay_error_faster"
+        assert 0.5 < absolute.at("order_2", name, rho=rho) < 0.75
+        assert 1.1 < relative.at("order_2", name, rho=rho) < 1.4
+
+
+def test_each_higher_derivative_has_more_noise_error() -> None:
+    shares = [numbers()["levant", f"relative_rms_error_{i}_in_noise"] for i in (1, 2, 3)]
+    assert np.all(np.diff(shares) > 0)
+    quiet = evaluated({"theory": {"noise_share": 0.0}})
+    third = quiet["levant", "relative_rms_error_3_in_noise"]
+    assert third < 0.1 * shares[2]
+
+
+def test_constant_gain_function_reproduces_the_library_observer() -> None:
+    """From the true state, so that the delay stays off its bounds, which only the library
+    enforces."""
+    parameters = fixed_parameters("delay")
+    job = read_job(keys.Parameters, parameters.settings("theory"))
+    start = [*job.theory.initial_state, 0.3]
+    found = theory_state_gain.simulate(job, 0.0, start, 0.6, 10.0)
+    built = observer(Case("ramp", 5.0, 1), 5e-3)
+    y, u = record("ramp", 5e-3, 10.0)
+    begin = built.init(start[:2], 0.3)
+    run = run_on_halves(built, y, np.ascontiguousarray(u[:, :2]), state=begin)
+    assert found[:, 4] == pytest.approx(run["delay"][::2], abs=1e-5)
+    assert found[:, 2:4] == pytest.approx(run["state"][::2], abs=1e-5)
+
+
+def test_gain_oscillating_with_the_rate_still_converges() -> None:
+    for share in (0.2, 0.9):
+        found = evaluated({"theory": {"gain_of_rate": share}})
+        assert 0 < found["state_gain", "late_delay_error"] < 1e-5
+        assert found["state_gain", "late_rate_error"] < 1e-5

@@ -1,0 +1,101 @@
+"""The study of gains and noise: its results over time, and requirements on its parameters."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve_papers.papers.ilo import study, study_rows
+from reobserve_papers.papers.ilo.observe import estimate
+from reobserve_papers.papers.ilo.plant import simulate
+from reobserve_papers.papers.ilo.scoring import Errors
+from reobserve_papers.metrics.study_table import StudyTable
+from reobserve_papers.parameters.check import check_parameters
+from tests.reobserve_papers.papers import fixed_parameters
+
+
+
+@pytest.fixture(scope="module")
+def settings() -> dict[str, Any]:
+    """One gain, one level and one run; the noise is held for an interval of the sampled variant."""
+    found = copy.deepcopy(fixed_parameters("ilo", seed=1).settings("study", "matching"))
+    found["study"] |= {"integral_gains": [1e5], "noise_levels": [1e-5, 1e-4], "noise_runs": 1}
+    found["study"]["shown_noise"] = 1e-4
+    return found
+
+
+@pytest.fixture(scope="module")
+def table(settings: dict[str, Any]) -> StudyTable:
+    fault = fixed_parameters("ilo").section("scenarios", "aperiodic")
+    record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
+    return StudyTable.of(study.run(settings, record), study_rows.KINDS)
+
+
+def over_time(table: StudyTable, observer: str) -> np.ndarray:
+    rows = table.where(sweep="time", observer=observer)
+    assert rows["level"].tolist() == list(range(1, 11))
+    return rows["relative_rms_error"].astype(float)
+
+
+def test_noise_grows_only_under_the_printed_law(table: StudyTable) -> None:
+    grown = over_time(table, "continuous")
+    assert grown[4] > 1.5 * grown[0]
+    for name in ("sampled", "forgetting", "matched"):
+        assert over_time(table, name)[:5] == pytest.approx(over_time(table, name)[0], rel=0.2)
+
+
+def test_noise_jumps_accumulate_with_identity_learning(
+    settings: dict[str, Any],
+) -> None:
+    """w^ is continuous and reverses none of them: each phase of tau performs a random walk."""
+    plant = settings["plant"] | {"noise": 1e-5}
+    record = simulate({"plant": plant, "scenario": {"fault": []}, "seed": 3})
+    observer = settings["observers"]["continuous"]
+    run = estimate({"plant": plant, "observer": observer}, record)
+    delay = round(observer["update_interval"] / run.step)
+    every = round(run.step / record.step)
+    steps = (record["measured"] - record["measured_before"])[::every]
+    steps[0] = 0.0  # no history before the record
+    jumps = run["fault"] - run["fault_before"]
+    rounds = len(steps) // delay * delay
+    walks = np.cumsum(steps[:rounds].reshape(-1, delay, 3), axis=0).reshape(-1, 3)
+    first = run["fault"][0]  # the effect of the first measurement at the initial phase
+    walks[delay::delay] += first / observer["K2"]
+    assert jumps[1:rounds] == pytest.approx(observer["K2"] * walks[1:], abs=1e-6)
+
+
+def test_score_is_computed_from_the_seconds_of_the_scored_window(table: StudyTable) -> None:
+    """It begins a second after the onset at 5 s."""
+    for name in ("sampled", "continuous", "forgetting", "adaptive", "matched"):
+        score = table.where(sweep="noise", observer=name, level=1e-4)["relative_rms_error"][0]
+        seconds = over_time(table, name)[6:]
+        assert np.sqrt(np.mean(seconds**2)) == pytest.approx(score, rel=1e-9), name
+
+
+def test_each_second_is_relative_to_the_fault_in_the_scored_window(
+    settings: dict[str, Any], table: StudyTable
+) -> None:
+    """The adaptive observer is too slow to respond to noise: its seconds are those without
+    noise."""
+    fault = fixed_parameters("ilo").section("scenarios", "aperiodic")
+    record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
+    observer = settings["observers"]["adaptive"]
+    errors = Errors.of(
+        record, estimate({"plant": settings["plant"], "observer": observer}, record), 0
+    )
+    size = np.sqrt(np.mean(record["fault"][record.time > 6.0, 0] ** 2))
+    seconds = [errors.window(end - 1, end).root_mean_square / size for end in range(6, 11)]
+    assert over_time(table, "adaptive")[5:] == pytest.approx(seconds, rel=1e-3)
+
+
+def test_shown_level_is_one_of_the_levels() -> None:
+    over = {"studies": {"matching": {"shown_noise": 2e-5}}}
+    with pytest.raises(InputError, match=r"matching\.shown_noise: 2e-05 must be one of the noise"):
+        check_parameters(fixed_parameters("ilo", over))

@@ -1,0 +1,83 @@
+"""`reobserve check` reports any error under ``config/`` before the first job."""
+
+from __future__ import annotations
+
+from tests import ROOT
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from reobserve_papers.cli.stages.check import run
+from reobserve.core.errors import InputError
+
+
+# By name: a file, a replacement in it, and the beginning of the message.
+FAULTS = {
+    "a key of a claim": (
+        "claims/ilo.yaml", "threshold: after", "treshold: after",
+        "claims.ilo.learning_is_no_integrator.treshold: unknown key; did you mean 'threshold'?",
+    ),
+    "a metric": (
+        "claims/ilo.yaml", "distance_from_integrator", "distance_from_integrators",
+        "claims.ilo.learning_is_no_integrator.checks.0.metric: there is no 'distance_from_integr",
+    ),
+    "a parameter": (
+        "claims/ilo.yaml", "- observers.sampled.K1\n", "- observers.sampled.K3\n",
+        "claims.ilo.learning_is_no_integrator.depends_on: there is no 'observers.sampled.K3'; did",
+    ),
+    "a relation": (
+        "claims/ilo.yaml", "above: 0.05", "over: 0.05",
+        "claims.ilo.learning_is_no_integrator.checks.0.over: 0.05 must be a",
+    ),
+    "the certainty of an erratum": (
+        "errata/ilo.yaml", "certainty: certain", "certainty: sure",
+        "errata.ilo.",
+    ),
+    "samples": ("samples/ilo.json", '"looked": true', '"looked": 1', ""),
+    "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
+    "a link": (
+        "papers/ilo.yaml", "same_as: plant.initial_rate", "same_as: plant.rate",
+        "ilo.observers.sampled.initial_rate.same_as: there is no entry 'plant.rate'",
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    return tmp_path
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_error_in_config_is_reported_before_the_first_job(project: Path, case: str) -> None:
+    file, old, new, said = FAULTS[case]
+    path = project / "config" / file
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        run(project, ["ilo", "imm"], {})
+    assert str(caught.value).startswith(said or str(path))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", ["m3/s!", "cumecs"])
+def test_invalid_unit_is_refused(project: Path, unit: str) -> None:
+    path = project / "config/papers/ilo.yaml"
+    path.write_text(path.read_text(encoding="utf-8").replace("kg m^2", unit, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=rf"^ilo\.plant\.inertia\.unit: '{unit}' is no unit"):
+        run(project, ["ilo"], {})
+
+
+def test_damaged_style_sheet_is_named(project: Path) -> None:
+    path = project / "config/styles/slides.mplstyle"
+    path.write_text("font.siez: 3\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"slides\.mplstyle"):
+        run(project, [], {})
+
+
+def test_config_of_the_project_is_valid(capsys: pytest.CaptureFixture[str]) -> None:
+    run(ROOT, [], {})
+    assert capsys.readouterr().err.count("are sound\n") == 5

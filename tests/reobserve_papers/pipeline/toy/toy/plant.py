@@ -1,0 +1,16 @@
+"""Stage plant: the lag from rest under a constant disturbance, in closed form."""
+
+import numpy as np
+
+from reobserve_papers.papers.toy import keys
+from reobserve_papers.parameters.job import read_job
+from reobserve_papers.signals.series import Channel, Series
+
+
+def simulate(settings):
+    job = read_job(keys.Parameters, settings)
+    plant, push = job.plant, job.scenario.disturbance
+    time = np.arange(round(plant.horizon / plant.step) + 1) * plant.step
+    state = push / plant.rate * -np.expm1(-plant.rate * time)
+    disturbance = np.full_like(time, push)
+    return Series(time, {"x": Channel(state, "1"), "d": Channel(disturbance, "1/s")})

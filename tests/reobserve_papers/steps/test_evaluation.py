@@ -1,0 +1,80 @@
+"""Evaluations: parts of papers, and results of a build that need not be computed again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve.core.files import write_table
+from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.steps.compute import paper_module
+from tests.reobserve_papers.pipeline.conftest import EVALUATORS, PARAMETER_FILES
+
+
+@pytest.fixture(scope="module")
+def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    evaluator = EVALUATORS["ilo"]
+    rows = evaluator.result("study", "matching")
+    path = tmp_path_factory.mktemp("built") / "matching.study.csv"
+    write_table(path, rows, paper_module("reobserve_papers.papers.ilo", "study_rows").HEADER)
+    return path
+
+
+def test_stored_studies_give_the_same_numbers(
+    study_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("the study is run again")
+
+    after = Evaluator(PARAMETER_FILES["ilo"])
+    after.take_studies([study_file])
+    monkeypatch.setattr(paper_module("reobserve_papers.papers.ilo", "study"), "run", refuse)
+    found, wanted = (one.figure("fig4_matched").numbers for one in (after, EVALUATORS["ilo"]))
+    assert repr(found) == repr(wanted)  # compares nan with nan as equal
+    # With other values the stored study does not apply.
+    tree = {**PARAMETER_FILES["ilo"].tree, "plant": {**PARAMETER_FILES["ilo"].tree["plant"]}}
+    tree["plant"]["horizon"] = {**tree["plant"]["horizon"], "value": 11.0}
+    with pytest.raises(AssertionError, match="run again"):
+        after.sibling(
+            type(PARAMETER_FILES["ilo"])("ilo", tree, PARAMETER_FILES["ilo"].seed)
+        ).figure("fig4_matched")
+
+
+def test_every_study_needs_a_file(study_file: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"--study-files: 2 must be one for each of \['matching'\]"
+    ):
+        Evaluator(PARAMETER_FILES["ilo"]).take_studies([study_file] * 2)
+
+
+def test_study_files_must_follow_the_parameter_order(tmp_path: Path) -> None:
+    """Two studies with the same columns could otherwise be exchanged unnoticed."""
+    first, second, *others = PARAMETER_FILES["imm"].tree["studies"]
+    wrong = [tmp_path / f"{name}.study.csv" for name in (second, first, *others)]
+    with pytest.raises(InputError) as caught:
+        Evaluator(PARAMETER_FILES["imm"]).take_studies(wrong)
+    said = f"--study-files: '{second}.study.csv' stands where {first}.study.csv must"
+    assert str(caught.value) == said
+
+
+def test_missing_rows_are_reported_with_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_table(
+        Path("orders.study.csv"), [], paper_module("reobserve_papers.papers.lie", "study_rows").HEADER
+    )
+    evaluator = Evaluator(PARAMETER_FILES["lie"])
+    evaluator.take_study("orders", Path("orders.study.csv"))
+    for each in (evaluator, evaluator.apart(), evaluator.sibling(PARAMETER_FILES["lie"])):
+        with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the fig"):
+            each.figure("fig1_orders")
+
+
+def test_unknown_paper_and_part_are_reported() -> None:
+    with pytest.raises(InputError, match=r"^reobserve\.papers\.nobody: there is no such package$"):
+        paper_module("reobserve_papers.papers.nobody", "plant")
+    with pytest.raises(InputError, match=r"^reobserve\.papers\.ilo: has no table$"):
+        paper_module("reobserve_papers.papers.ilo", "table")

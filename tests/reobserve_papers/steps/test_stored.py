@@ -1,0 +1,512 @@
+"""Files between stages: records, designs, robustness and parameters, checked completely on
+reading."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+
+from reobserve.cli.main import main
+from reobserve_papers.cli.stages.records import read_estimates, read_record
+from reobserve.core.errors import InputError
+from reobserve.core.validation import parse
+from reobserve_papers.papers.eso import keys as eso_keys
+from reobserve_papers.papers.eso.design import stored_design
+from reobserve_papers.papers.lie import keys as lie_keys
+from reobserve_papers.papers.lie.setup import stored_form
+from reobserve_papers.papers.lie.table import rows as table_rows
+from reobserve_papers.steps import compute as common
+from reobserve_papers.claims.robustness_file import read_robustness
+from reobserve_papers.parameters.job import read_job
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.compute import compute_design, read_design, rows_from
+from reobserve_papers.signals.series import Channel, Series
+from tests.reobserve_papers.pipeline.conftest import ROOT
+
+Change = Callable[[Series], Series]
+
+# A short record of ilo: the plant of the parameter file over half a second.
+SHORT = {
+    "plant": {"horizon": 0.5},
+    "scenarios": {
+        "constant": {"fault": [{"kind": "constant", "axis": 1, "from": 0.25, "size": 1}]}
+    },
+}
+
+
+MADE = {"settings": {}, "settings_digest": "a", "code_digest": "b", "packages": {"numpy": "2"}}
+
+
+@pytest.fixture(scope="module")
+def parameters(tmp_path_factory: pytest.TempPathFactory) -> Parameters:
+    parameters = Parameters.load(ROOT, "ilo", SHORT)
+    path = tmp_path_factory.getbasetemp() / "stored-parameters.json"
+    path.write_text(parameters.text())
+    return Parameters.read(path)
+
+
+@pytest.fixture(scope="module")
+def made(parameters: Parameters, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a parameter file, a record and an estimate, made by the command line."""
+    folder = tmp_path_factory.mktemp("made")
+    path = folder / "parameters.json"
+    path.write_text(parameters.text())
+    plant, estimate = folder / "plant.parquet", folder / "sampled.parquet"
+    assert main(["stage", "plant", str(path), "constant", "--output", str(plant)]) == 0
+    arguments = ["stage", "observe", str(path), str(plant), "sampled", "--output", str(estimate)]
+    assert main(arguments) == 0
+    return folder
+
+
+def channel(name: str, change: Callable[[Any], Any], unit: str | None = None) -> Change:
+    """A series with one channel changed; the file itself is intact, so its digest is valid."""
+
+    def changed(series: Series) -> Series:
+        one = series.channels[name]
+        other = Channel(change(one.values.copy()), unit or one.unit)
+        return replace(series, channels={**series.channels, name: other})
+
+    return changed
+
+
+def spoilt(row: int, value: float) -> Callable[[Any], Any]:
+    def change(values: Any) -> Any:
+        values[row] = value
+        return values
+
+    return change
+
+
+def without(series: Series, name: str) -> Series:
+    rest = {key: one for key, one in series.channels.items() if key != name}
+    return replace(series, channels=rest)
+
+
+def uneven(series: Series) -> Series:
+    time = series.time.copy()
+    time[7] += 0.4 * (time[1] - time[0])
+    return replace(series, time=time)
+
+
+def cut(series: Series) -> Series:
+    channels = {name: Channel(c.values[:-3], c.unit) for name, c in series.channels.items()}
+    return replace(series, time=series.time[:-3], channels=channels)
+
+
+def of(series: Series, **reported: Any) -> Series:
+    return replace(series, provenance={**series.provenance, **reported})
+
+
+RECORDS: dict[str, tuple[Change, str]] = {
+    "a time axis twice as long": (
+        lambda s: replace(s, time=2 * s.time), r"has a sample at 1 s, must have it at 0.5 s$"),
+    "an uneven time axis": (uneven, r"has a sample at .* s, must have it at .* s$"),
+    "a time axis that starts later": (
+        lambda s: replace(s, time=s.time + 1), r"has a sample at 1.* s, must have it at"),
+    "too few samples": (cut, r"samples up to .* s, must have 4001 up to 0.5 s, the horizon"),
+    "another unit": (
+        channel("rate", np.array, "deg"), r"rate has the unit 'deg' and 3 components, must have"),
+    "too few components": (
+        channel("rate", lambda v: v[:, :2]), r"rate has the unit 'rad/s' and 2 components, must"),
+    "no rate": (lambda s: without(s, "rate"), r"has no channel 'rate'$"),
+    "a channel that nobody knows": (
+        lambda s: replace(s, channels={**s.channels, "x": s.channels["rate"]}),
+        r"has the unknown channel 'x'$"),
+    "a rate that is no number": (
+        channel("rate", spoilt(5, np.nan)), r"rate is not finite at .* s, must be a number$"),
+    "an infinite fault": (
+        channel("fault", spoilt(-1, np.inf)), r"fault is not finite at 0.5 s, must be a number$"),
+    "no onsets": (lambda s: replace(s, events={}), r"has no event 'onsets'$"),
+    "of another paper": (
+        lambda s: of(s, paper="eso"), r"is 'constant' of stage plant of eso, must be a record of"),
+    "an estimate": (lambda s: of(s, stage="observe"), r"of stage observe of ilo, must be a record"),
+    "of an unknown scenario": (lambda s: of(s, job="mine"), r"is 'mine' of stage plant of ilo"),
+    "of an unknown maker": (
+        lambda s: replace(s, provenance={}), r"provenance.paper: is missing; the prov"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", RECORDS)
+def test_record_is_checked_against_the_parameters(
+    case: str,
+    made: Path,
+    parameters: Parameters,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    change, said = RECORDS[case]
+    path, output = tmp_path / "plant.parquet", tmp_path / "out.parquet"
+    change(Series.read(made / "plant.parquet")).write(path)
+    with pytest.raises(InputError, match=said) as caught:
+        read_record(path, parameters)
+    assert str(caught.value).startswith(str(path))
+    arguments = ["stage", "observe", str(made / "parameters.json"), str(path), "sampled"]
+    assert main([*arguments, "--output", str(output)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not output.exists()
+
+
+def test_unchanged_records_and_estimates_are_accepted(made: Path, parameters: Parameters) -> None:
+    plant = read_record(made / "plant.parquet", parameters, "constant")
+    observers = {"sampled": parameters.section("observers", "sampled")}
+    found = read_estimates(observers, [made / "sampled.parquet"], parameters, plant)
+    assert found["sampled"].time[-1] == plant.time[-1] == 0.5
+    with pytest.raises(InputError, match=r"is 'constant' of stage plant of ilo, must be a record"):
+        read_record(made / "plant.parquet", parameters, "periodic")
+    others = {"forgetting": parameters.section("observers", "forgetting")}
+    with pytest.raises(InputError, match=r"is 'sampled' of .*, must be an estimate of"):
+        read_estimates(others, [made / "sampled.parquet"], parameters, plant)
+
+
+def test_estimates_must_match_the_time_of_their_record(
+    made: Path, parameters: Parameters, tmp_path: Path
+) -> None:
+    plant = read_record(made / "plant.parquet", parameters)
+    observers, path = (
+        {"sampled": parameters.section("observers", "sampled")},
+        tmp_path / "e.parquet",
+    )
+    series = Series.read(made / "sampled.parquet")
+    for change, said in (
+        (lambda s: replace(s, time=2 * s.time), "has a sample at 1 s, must have it at 0.5 s"),
+        (cut, "samples up to|has a sample at"),
+        (channel("fault", spoilt(3, np.nan)), "fault is not finite"),
+        (lambda s: without(s, "fault"), "has no channel 'fault'"),
+    ):
+        change(series).write(path)
+        with pytest.raises(InputError, match=said):
+            read_estimates(observers, [path], parameters, plant)
+
+
+def test_lie_coordinates_are_optional_in_a_file(tmp_path: Path) -> None:
+    parameters, path = Parameters.load(ROOT, "lie"), tmp_path / "e.parquet"
+    time, reported = np.arange(21) * 0.1, {"paper": "lie", "stage": "observe", **MADE}
+    plant = Series(time, {})
+    observers = {name: parameters.section("observers", name) for name in ("order4", "transformed4")}
+    rows = Channel(np.outer(time, [1.0, 2.0]), "1")
+    for name in observers:
+        for channels in ({"state": rows}, {"state": rows, "coordinates": rows}):
+            Series(time, channels, provenance={**reported, "job": name}).write(path)
+            found = read_estimates([name], [path], parameters, plant)
+            assert set(found[name].channels) == set(channels)
+        Series(time, {"coordinates": rows}, provenance={**reported, "job": name}).write(path)
+        with pytest.raises(InputError, match=r"has no channel 'state'$"):
+            read_estimates([name], [path], parameters, plant)
+
+
+# --- The file of a series -------------------------------------------------------------------------
+
+
+def small() -> Series:
+    time = np.arange(40) * 0.1
+    channels = {"x": Channel(np.sin(time), "V"), "r": Channel(np.outer(time, [1.0, 2.0]), "rad/s")}
+    return Series(time, channels, {"onsets": (0.5,)}, {"seed": 1})
+
+
+def test_flipped_bit_is_refused_or_has_no_effect(tmp_path: Path) -> None:
+    """For every 23rd bit of a small file: reading gives the original or refuses."""
+    path, series = tmp_path / "run.parquet", small()
+    series.write(path)
+    whole, refused = path.read_bytes(), 0
+    for bit in range(0, 8 * len(whole), 23):
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        try:
+            found = Series.read(path)
+        except InputError:
+            refused += 1
+            continue
+        assert found.time.tobytes() == series.time.tobytes()
+        assert all(found[name].tobytes() == series[name].tobytes() for name in series.channels)
+        assert (found.events, found.provenance) == (series.events, series.provenance)
+        assert [c.unit for c in found.channels.values()] == ["V", "rad/s"]
+    assert refused > 8 * len(whole) / 23 / 3
+
+
+ABOUT = {
+    "channels": {"x": {"unit": "V", "components": None}},
+    "events": {"onsets": [0.5]},
+    "provenance": {},
+}
+COLUMNS = {"time": [0.0, 1.0], "x": [1.0, 2.0]}
+
+
+@pytest.mark.parametrize(
+    ("about", "columns", "said"),
+    [
+        ("{", COLUMNS, "is not JSON"),
+        ("[]", COLUMNS, "must be a mapping of keys to values"),
+        ("null", COLUMNS, "must be a mapping of keys to values"),
+        ({**ABOUT, "more": 1}, COLUMNS, r"run.parquet.more: unknown key"),
+        ({**ABOUT, "events": None}, COLUMNS, "events: None must be a mapping"),
+        ({**ABOUT, "events": {"a": ["x"]}}, COLUMNS, r"events.a.0: 'x' is not a number"),
+        ({**ABOUT, "channels": []}, COLUMNS, r"channels: \[\] must be a mapping"),
+        ({**ABOUT, "channels": {"x": 1}}, COLUMNS, "channels.x: 1 must be a mapping"),
+        (
+            {**ABOUT, "channels": {"x": {"unit": "V"}}},
+            COLUMNS, "channels.x.components: is missing; the stored channel needs it",
+        ),
+        (
+            {**ABOUT, "channels": {"x": {"unit": "V", "components": 10**9}}},
+            COLUMNS, "components: must be a number of columns",
+        ),
+        (
+            {**ABOUT, "channels": {"x": {"unit": "parsec", "components": None}}},
+            COLUMNS, "unit: 'parsec' is no unit",
+        ),
+        (ABOUT, {"time": [0.0, 1.0]}, r"has the columns \['time'\], not those of its metadata"),
+        (ABOUT, {"x": [0.0, 1.0]}, r"has the columns \['x'\], not those of its metadata"),
+        (ABOUT, {**COLUMNS, "y": [1.0, 2.0]}, "has the columns .*, not those of its metadata"),
+        (ABOUT, {**COLUMNS, "x": ["a", "b"]}, "the column 'x' must hold floats, and no gaps"),
+        (ABOUT, {**COLUMNS, "x": [1.0, None]}, "the column 'x' must hold floats, and no gaps"),
+        (ABOUT, {**COLUMNS, "x": [1, 2]}, "the column 'x' must hold floats, and no gaps"),
+        (ABOUT, COLUMNS, "is damaged: its values are not those that were written"),
+    ],
+)  # fmt: skip
+def test_file_from_another_program_is_refused(
+    about: Any, columns: dict[str, list[Any]], said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.parquet"
+    text = about if isinstance(about, str) else json.dumps(about)
+    reported = {b"reobserve": text.encode(), b"reobserve.sha256": b"0" * 64}
+    parquet.write_table(pa.table(columns).replace_schema_metadata(reported), path)
+    with pytest.raises(InputError, match=said) as caught:
+        Series.read(path)
+    assert str(caught.value).startswith(str(path))
+    reported.pop(b"reobserve.sha256")
+    parquet.write_table(pa.table(columns).replace_schema_metadata(reported), path)
+    with pytest.raises(InputError, match="has no digest of its values"):
+        Series.read(path)
+
+
+def test_series_with_non_finite_time_is_refused() -> None:
+    for end in (np.inf, np.nan):
+        with pytest.raises(InputError, match=r"^time: must be one column of increasing numbers$"):
+            Series(np.array([0.0, 1.0, end]), {})
+
+
+# --- Designs --------------------------------------------------------------------------------------
+
+BALL = {"poles": [[-1.0, 0.0]], "norm_lower": 0.1, "norm_upper": 0.2, "floor": 0.1,
+        "inequality_margin": 0.1, "p1_margin": 0.1, "reason": ""}  # fmt: skip
+ESO = {
+    "filter_rate": 1.0, "method": "pi", "L": [[1.0, 0.0]] * 6, "Ld": [[0.0, 0.0]] * 6,
+    "gamma": None, "solver": "SCS", "status": "optimal", "objective": 1.0, "lower": None,
+    "radius": None, "certificate": BALL,
+}  # fmt: skip
+
+
+def eso_plant() -> eso_keys.Plant:
+    return parse(eso_keys.Plant, Parameters.load(ROOT, "eso").section("plant"))
+
+
+def test_eso_design_is_read_into_its_type() -> None:
+    system, found = stored_design(eso_plant(), ESO)
+    assert found.gains.L.shape == (system.size, 2)
+    assert found.certificate.poles == ((-1.0, 0.0),)
+    assert found.to_dict() == {name: value for name, value in ESO.items() if name != "filter_rate"}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"L": [[1.0, 0.0]] * 5}, r"^design.L: has shape \(5, 2\), must be \(6, 2\)$"),
+        (
+            {"Ld": [[1.0, 0.0]] * 5 + [[1.0]]},
+            r"^design.gains.Ld: .* is not a number or an array of numbers$",
+        ),
+        (
+            {"L": [["x", 0.0]] * 6},
+            r"^design.gains.L: \[\['x', 0.0\].* is not a number or an array of",
+        ),
+        ({"L": None}, "^design.gains.L: None is not a number or an array of numbers$"),
+        ({"L": [[float("inf"), 0.0]] * 6}, "design.gains.L.5.0: inf must be a finite number$"),
+        ({"gamma": "1"}, "^design.gamma: '1' is not a number"),
+        ({"status": 1}, "^design.status: 1 must be a word$"),
+        ({"filter_rate": None}, "^filter_rate: "),
+        ({"filter_rate": -1.0}, "^filter_rate: "),
+        ({"certificate": {}}, "^design.certificate.poles: is missing"),
+        ({"certificate": {**BALL, "poles": [[1.0]]}}, r"poles.0.1: is missing$"),
+        (
+            {"certificate": {**BALL, "floor": True}},
+            "^design.certificate.floor: True is not a number",
+        ),
+        ({"more": 1}, "^design.more: unknown key"),
+    ],
+)
+def test_invalid_eso_design_is_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        stored_design(eso_plant(), {**ESO, **change})
+    for name in ESO.keys() - {"lower", "radius"}:
+        rest = {key: value for key, value in ESO.items() if key != name}
+        with pytest.raises(InputError, match=r"is missing|has no key"):
+            stored_design(eso_plant(), rest)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_non_finite_design_is_refused(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(common, "compute", lambda *_: {"gain": [[1.0, value]]})
+    with pytest.raises(InputError, match=r"^lie.designs.linear: gives a number that is not finite"):
+        compute_design(Parameters.load(ROOT, "lie"), "linear")
+
+
+def test_invalid_lie_design_is_refused() -> None:
+    parameters = Parameters.load(ROOT, "lie")
+    settings, design = parameters.settings("design", "linear"), compute_design(parameters, "linear")
+    job = read_job(lie_keys.Parameters, settings)
+    form = stored_form(job.plant, job.design, design)
+    np.testing.assert_array_equal(form.S.coefficients, design["S"])
+    for change, said in (
+        ({"S": design["S"][:1]}, "^design.S: has 1 rows, must have 2$"),
+        ({"T": [row[:-1] for row in design["T"]]}, "^coefficients: has shape"),
+        ({"gain": design["gain"][:-1]}, "^design.gain: has 3 rows, must have 4$"),
+        ({"monomials": design["monomials"][::-1]}, "^design.monomials: are not those up to degree"),
+        ({"S": "x"}, "^design.S: 'x' is not a number"),
+        ({"more": 1}, "^design.more: unknown key"),
+    ):
+        with pytest.raises(InputError, match=said):
+            stored_form(job.plant, job.design, {**design, **change})
+    table = parameters.settings("table", "table_coefficients")
+    table["table"]["degree"] = 30
+    with pytest.raises(InputError, match=r"^degree: 30 is beyond that of the design"):
+        table_rows(table, design)
+
+
+def test_design_for_another_observer_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "gains.design.json"
+    reported = {"paper": "eso", "stage": "design", "job": "pi", **MADE}
+    path.write_text(json.dumps({"design": ESO, "provenance": reported}))
+    assert read_design(path, ("eso", "pi")) == ESO
+    with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'pd' of eso$"):
+        read_design(path, ("eso", "pd"))
+    path.write_text(json.dumps({"design": ESO, "provenance": {**reported, "stage": "search"}}))
+    with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'a design' of eso$"):
+        read_design(path)
+    path.write_text('{"design": {"a": NaN}, "provenance": {}}')
+    with pytest.raises(InputError, match=r"design.a: nan must be a finite number$"):
+        read_design(path)
+
+
+# --- Robustness, parameter files, studies
+# -----------------------------------------------------------------
+
+FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": 2.0, "size": 0.5}
+HELD = {"values": ["x"], "held": True, "numbers": ["0.5"]}
+LOST = {"values": [1.0], "held": False, "numbers": []}
+DRAWN = {
+    "stated": {"held": True, "numbers": ["inf"]}, "names": ["a.b"], "trials": [HELD] * 4 + [LOST],
+    "refused": [], "looked": True, "reversal": FLIP, "basis": "0a", "cached": 0, "quantifier": "is",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"refused": 8}, "claims.one.refused: 8 must be a list of whole numbers$"),
+        ({"refused": [-1]}, r"claims.one.refused: \(-1,\) must be numbers of samples, rising$"),
+        ({"refused": [2, 2]}, r"claims.one.refused: \(2, 2\) must be numbers of samples, rising$"),
+        ({"cached": 6}, "claims.one.cached: 6 must be a number of samples$"),
+        ({"trials": [{**HELD, "held": 1}]}, "trials.0.held: 1 must be one of true and false"),
+        ({"trials": [{**HELD, "numbers": ["x"]}]}, "trials.0.numbers: must be numbers"),
+        ({"trials": [{**HELD, "numbers": []}]}, "trials.0: has 0 numbers, must have 1$"),
+        ({"trials": [LOST, {**HELD, "values": []}]}, "trials.1: has 0 values, must have 1$"),
+        ({"reversal": {}}, "claims.one.reversal.key: is missing; the reversal needs it$"),
+        ({"reversal": {**FLIP, "size": None}}, "claims.one.reversal.size: None is not a number"),
+        (
+            {"reversal": {**FLIP, "end": "x"}},
+            "reversal.end: 'x' must be another value of the kind of 1.0$",
+        ),
+        (
+            {"reversal": {**FLIP, "end": 1.0}},
+            "reversal.end: 1.0 must be another value of the kind of 1.0$",
+        ),
+        ({"names": [1]}, r"claims.one.names.0: 1 must be a word$"),
+    ],
+)
+def test_invalid_robustness_file_is_refused(
+    change: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "robustness.json"
+    stored = {"paper": "toy", "seed": 1, "samples": 8, "claims": {"one": DRAWN}}
+    path.write_text(json.dumps(stored))
+    assert read_robustness(path, "toy")["one"].held == 4
+    with pytest.raises(InputError, match=r"is of toy, must be of ilo$"):
+        read_robustness(path, "ilo")
+    path.write_text(json.dumps({**stored, "claims": {"one": {**DRAWN, **change}}}))
+    with pytest.raises(InputError, match=said):
+        read_robustness(path, "toy")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            lambda t: t.pop("parameters"),
+            "parameters.json.parameters: is missing; the stored file needs it$",
+        ),
+        (lambda t: t.update(seed="1"), "seed: '1' must be a whole number$"),
+        (lambda t: t.update(paper="../x"), "'../x' is no name: a letter, then"),
+        (lambda t: t["parameters"].pop("plant"), "plant: is missing; the parameter file needs it$"),
+        (
+            lambda t: t["parameters"].update(figures=[]),
+            r"figures: \[\] must be a mapping of keys to values$",
+        ),
+        (
+            lambda t: t["parameters"]["figures"].update(fig1=3),
+            "figures.fig1: 3 must be a mapping of keys",
+        ),
+        (
+            lambda t: t["parameters"]["figures"]["fig1"].update(observers=[[]]),
+            r"fig1.observers.0: \[\] must be a word$",
+        ),
+        (
+            lambda t: t["parameters"]["figures"]["fig1"].update(observers="a"),
+            "fig1.observers: 'a' must be a list of words$",
+        ),
+        (
+            lambda t: t["parameters"]["figures"]["fig1"].pop("scenario"),
+            "figures.fig1.scenario: is missing; the figure needs it$",
+        ),
+        (
+            lambda t: t["parameters"]["figures"]["fig1"].update(scenario=3),
+            "figures.fig1.scenario: 3 must be a word$",
+        ),
+        (
+            lambda t: t["parameters"]["figures"]["fig1"].update(scenario="x"),
+            "there is no 'x' in scen",
+        ),
+        (
+            lambda t: t["parameters"]["plant"]["step"].pop("source"),
+            "plant.step.source: is missing; the entry",
+        ),
+    ],
+)
+def test_invalid_parameter_file_is_refused(
+    change: Callable[[Any], Any], said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "parameters.json"
+    stored = json.loads(Parameters.load(ROOT, "ilo").text())
+    change(stored)
+    path.write_text(json.dumps(stored))
+    with pytest.raises(InputError, match=said):
+        Parameters.read(path)
+
+
+def test_missing_study_rows_are_reported_with_the_file() -> None:
+    found: dict[str, int] = {}
+    with pytest.raises(InputError, match=r"^a.csv: has not the rows"), rows_from(Path("a.csv")):
+        _ = found["x"]
+    with pytest.raises(KeyError), rows_from(None):
+        _ = found["x"]
+    with pytest.raises(InputError, match=r"^b: c$"), rows_from(Path("a.csv")):
+        raise InputError("b", "c")
