@@ -43,7 +43,7 @@ quick: $(STAMP)  ## style, types and the tests of the changed modules; SINCE=mai
 	mypy
 	pytest --exitfirst -m "not nightly" tests/test_project.py $$({ git diff --name-only \
 		--diff-filter=d $(or $(SINCE),HEAD) --; git ls-files --others --exclude-standard; } | \
-		sh tests/affected.sh)
+		sh tests/affected.sh $(if $(SINCE),golden))
 
 # One process more than cores: one waits for the build.
 TESTS := pytest --numprocesses $$(($(CORES) + 1))
@@ -77,13 +77,13 @@ bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks
 
 figdiff: $(STAMP)  ## build, compare with the accepted figures and numbers, write figdiff/
-	snakemake --cores $(CORES) --keep-going; reobserve figdiff
+	snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
 
 accept: $(STAMP)  ## build, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
-	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
+	reobserve-papers accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
 samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MAX=400] [PAPER=ilo]
-	reobserve samples $(PAPER) --max-samples $(or $(MAX),40)
+	reobserve-papers samples $(PAPER) --max-samples $(or $(MAX),40)
 
 mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
 	python -m pip install --quiet --require-hashes -r requirements-mutation.lock

@@ -16,9 +16,9 @@ from reobserve.core.code_paths import pin_code_paths
 pin_code_paths()  # as the command line does it
 
 from reobserve.core.documents import read_yaml  # noqa: E402
-from reobserve_papers.steps.evaluation import Evaluator, draw  # noqa: E402
 from reobserve_papers.parameters.config import known_papers  # noqa: E402
 from reobserve_papers.parameters.parameters import Parameters  # noqa: E402
+from reobserve_papers.steps.evaluation import Evaluator, draw  # noqa: E402
 
 PROJECT = Path(__file__).parents[1]
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import time
 
 from benchmarks.normal_form_problems import van_der_pol
-from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve.synthesis.normal_form import homological  # noqa: F401 (its import is not counted)
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.papers.lie.lie_transform import lie_transform
 
 
 def main() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import place_poles
 
-from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s
@@ -17,6 +16,7 @@ from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve.systems.polynomial import PolynomialSystem
+from reobserve_papers.papers.lie.lie_transform import lie_transform
 
 Array = NDArray[np.float64]
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from reobserve_papers.claims.cached_samples import read_cached
@@ -15,7 +12,7 @@ from reobserve_papers.golden.files import golden_file, read_metrics, read_number
 from reobserve_papers.metrics.metrics import Numbers
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
-
+from tests import ROOT
 
 
 def golden_metrics(paper: str, figure: str) -> dict[tuple[str, str], float]:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import re
 import shlex
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 
 from reobserve.cli.main import main
 from reobserve.core.documents import read_yaml
+from tests import ROOT
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 INLINE = [code.replace("\n", " ") for code in re.findall(r"`([^`]+)`", TEXT)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import argparse
 import ast
 import importlib
@@ -21,10 +19,11 @@ import yaml
 from reobserve.cli.main import command_parser
 from reobserve.core.errors import InputError
 from reobserve_papers.golden.values import part_names
-from reobserve_papers.steps.meanings import LISTS, meanings, write_lists
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.meanings import LISTS, meanings, write_lists
 from reobserve_papers.steps.provenance import import_closure
+from tests import ROOT
 
 from . import FIVE
 from .published_numbers import golden_metrics
@@ -74,7 +73,11 @@ def test_packages_import_only_those_before_them() -> None:
         assert not inside(imports(path), *above), path
     for path in files("observers"):
         closure = set(import_closure([".".join(("reobserve.observers", path.stem))]))
-        never = ("reobserve_papers.plants", "reobserve.core.files", "reobserve_papers.signals.series")
+        never = (
+            "reobserve_papers.plants",
+            "reobserve.core.files",
+            "reobserve_papers.signals.series",
+        )
         assert not inside(closure, *never), path
 
 
@@ -222,7 +225,7 @@ def test_all_metrics_are_explained(paper: str) -> None:
 
 
 def test_lists_of_metrics_agree_with_the_papers(tmp_path: Path) -> None:
-    """As `reobserve readme` writes them."""
+    """As `reobserve-papers readme` writes them."""
     shutil.copytree(ROOT / "config/papers", tmp_path / "config/papers")
     (tmp_path / "results").mkdir()
     text = (ROOT / LISTS).read_text()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import csv
 import os
 import re
@@ -25,6 +23,7 @@ from reobserve_papers.claims.verdicts import VERDICTS
 from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters
+from tests import ROOT
 
 from . import FIVE
 from .published_numbers import numbers_left, squeezed

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from reobserve.tuning.scoring import PAPER
 from reobserve.tuning.table import Results
-from reobserve.tuning.task import Task
+from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.plotting.apart import own_style
 
 ROOT = Path(__file__).parents[2]
@@ -20,7 +20,7 @@ class Bench:
     def __init__(self, task: str) -> None:
         table = ROOT / f"tests/golden/bench/{task}.csv"
         self.results = Results.read(
-            Task.read(ROOT / f"config/bench/{task}.yaml"),
+            PackagedTask.read(ROOT / f"config/bench/{task}.yaml"),
             table,
             ROOT / f"config/bench/tuned/{task}",
         )

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from docs.generate.markdown import block, code, heading, plain, table
-from reobserve_papers.cli.schemas import KINDS as KINDS_OF_FILES
 from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
 from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.examples import examples, specification_text
+from reobserve_papers.cli.schemas import KINDS as KINDS_OF_FILES
 from reobserve_papers.parameters.parameter_file import Configuration
 
 
@@ -75,7 +75,7 @@ def schemas() -> str:
     parts = []
     for name, (path, kind) in KINDS_OF_FILES.items():
         found = schema(kind)
-        about = f"{code(path)}, as `reobserve schema {name}` prints it for an editor."
+        about = f"{code(path)}, as `reobserve-papers schema {name}` prints it for an editor."
         parts.append(f"{heading(2, code(name), name)}\n\n{about}\n\n{_keys(found)}")
         parts += [
             f"{heading(3, code(title), f'{name}-{title.lower()}')}\n\n{_keys(part)}"

@@ -15,20 +15,20 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
-from reobserve_papers.plotting.captions import render
 from reobserve_papers.claims.cached_samples import CachedSamples, read_cached
 from reobserve_papers.claims.checks import THEORY
+from reobserve_papers.claims.errata import Erratum, read_errata
 from reobserve_papers.claims.outcomes import outcome
 from reobserve_papers.claims.registry import Claim as Registered
 from reobserve_papers.claims.registry import Registry, read_registry
 from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.table import HEADER, row
-from reobserve_papers.claims.errata import Erratum, read_errata
 from reobserve_papers.golden.files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import caption_template, samples_path
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.plotting.captions import render
 from reobserve_papers.report.assumptions import Entry, entries
 from reobserve_papers.report.claims import Claim, claim_of_row
 from reobserve_papers.report.markup import to_html, without_title

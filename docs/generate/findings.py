@@ -11,10 +11,10 @@ from docs.generate.evidence import Paper
 from docs.generate.gallery import grid
 from docs.generate.markdown import code, heading, plain, table, ticks
 from reobserve.core.documents import read_yaml
+from reobserve_papers.claims.errata import Erratum
 from reobserve_papers.claims.verdict_table import table as verdict_table
 from reobserve_papers.claims.verdict_table import titles as title_table
 from reobserve_papers.claims.verdicts import VERDICTS, replicated, title_margin
-from reobserve_papers.claims.errata import Erratum
 from reobserve_papers.report.claims import Claim
 from reobserve_papers.report.gather import cited
 

@@ -29,8 +29,8 @@ def parameters(paper: Paper) -> str:
         f"*{plain(paper.about['title'])}*. [What was found](../../findings/{paper.name}.md)\n",
         "Values that the paper states are listed with their place in it. The others are assumed, "
         "with the reason and the range from which another reader could have chosen. Keys with the "
-        f"same entry share one row. {code(f'reobserve params {paper.name} --why')} prints this "
-        "in a terminal.\n",
+        f"same entry share one row. {code(f'reobserve-papers params {paper.name} --why')} prints "
+        "this in a terminal.\n",
     ]
     for section, found in groupby(paper.entries, lambda entry: entry.section):
         rows = [_row(paper, entry) for entry in found]

@@ -1,4 +1,4 @@
-"""State and fault observers from five papers.
+"""State and fault observers, and their designs.
 
 Each name below is imported when it is first asked for: what one observer needs, another may lack.
 """
@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from reobserve.tuning.search import tune
     from reobserve.core.errors import DivergenceError, InputError
     from reobserve.detection.false_alarms import false_alarm_threshold
     from reobserve.estimation.families.loading import load_design
@@ -32,12 +31,12 @@ if TYPE_CHECKING:
     from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
     from reobserve.observers.smoother import rts_smoother
     from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
-    from reobserve_papers.steps.one_figure import replicate
     from reobserve.systems.linear import LinearModel
     from reobserve.systems.nonlinear import NonlinearModel
     from reobserve.systems.polynomial import PolynomialSystem
     from reobserve.systems.rigid_body import RigidBody
     from reobserve.systems.triangular import TriangularModel
+    from reobserve.tuning.search import tune
 
 __all__ = [
     "ILO",
@@ -69,15 +68,13 @@ __all__ = [
     "load_design",
     "luenberger",
     "normal_form_observer",
-    "replicate",
     "rts_smoother",
     "steady_kalman",
     "tune",
 ]
 
 _HOMES = {
-    "bench.tuning": ("tune",),
-    "estimation.false_alarms": ("false_alarm_threshold",),
+    "detection.false_alarms": ("false_alarm_threshold",),
     "estimation.families.loading": ("load_design",),
     "core.errors": ("DivergenceError", "InputError"),
     "systems.linear": ("LinearModel",),
@@ -104,7 +101,7 @@ _HOMES = {
     "observers.smooth_variable_structure": ("SmoothVariableStructureFilter",),
     "observers.smoother": ("rts_smoother",),
     "observers.unscented_kalman": ("UnscentedKalmanFilter",),
-    "replication.replicate": ("replicate",),
+    "tuning.search": ("tune",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 
 def run() -> NoReturn:
-    """Run one sub-command and leave at once, with all files written.
+    """Run one sub-command of `reobserve` and leave."""
+    from reobserve.cli.main import main
+
+    leave(main)
+
+
+def leave(main: Callable[[], int]) -> NoReturn:
+    """Run a command line and leave at once, with all files written.
 
     To take apart an interpreter that holds compiled loops takes longer than most jobs compute.
     """
-    from reobserve.cli.main import main
-
     code = main()
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:

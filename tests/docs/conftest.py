@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import importlib.util
 import os
 import subprocess
@@ -14,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from docs.generate.sources import write
+from tests import ROOT
 from tests.browser import browser
 
 __all__ = ["browser"]

@@ -100,7 +100,7 @@ def test_every_command_shows_its_help(site: Site) -> None:
     squeezed = " ".join(text.split())
     reported = [" ".join(line.split()) for line in command_parser().format_help().split("\n\n")]
     assert reported[1] in squeezed
-    for command in ("reobserve estimate", "reobserve design", "reobserve stage observe"):
+    for command in ("reobserve estimate", "reobserve design", "reobserve-papers stage observe"):
         assert f"usage: {command}" in squeezed
         assert command.replace(" ", "-") in anchors(site.folder / "reference/commands/index.html")
 

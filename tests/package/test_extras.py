@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import subprocess
 import sys
 import tomllib
@@ -12,6 +10,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 from reobserve.core.extras import EXTRAS
+from tests import ROOT
 
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
@@ -59,7 +58,7 @@ lacks("symbolic", lambda: reobserve.normal_form_observer(
 lacks("data", lambda: main(["estimate", "s.yaml", "r.csv", "--out", "estimates.csv"]))
 lacks("design", lambda: main(["design", "eso", "motor.yaml", "--out", "motor.json"]))
 lacks("design", lambda: reobserve.load_design("motor.json"))
-lacks("pipeline", lambda: reobserve.replicate("ilo", "fig1"))
+lacks("pipeline", lambda: reobserve_papers.replicate("ilo", "fig1"))
 lacks("pipeline", lambda: main(["check", "--project", sys.argv[2]]))
 """
 

@@ -1,17 +1,16 @@
-"""The content of the wheel: the package, and the files that `reobserve.replicate` reads."""
+"""The content of the wheel: the package, and the files that `reobserve_papers.replicate` reads."""
 
 from __future__ import annotations
-
-from tests import ROOT
 
 import email.parser
 import re
 import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
 import pytest
+
+from tests import ROOT
 
 DATA = ("config/config.yaml", "config/papers", "config/searches")
 

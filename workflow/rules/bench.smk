@@ -25,7 +25,7 @@ rule bench_methods:
     message:
         "bench, {wildcards.task}: tune all methods"
     shell:
-        "(set -x; reobserve bench tune {input} {params.stored} --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve-papers bench tune {input} {params.stored} --output {output}) 2>&1 | tee {log} >&2"
 
 
 # After all are tuned: this fails if the error of a method has moved by more than its interval.
@@ -45,7 +45,7 @@ rule bench_moved:
     message:
         "bench, {wildcards.task}: compare the kept settings with those tuned again"
     shell:
-        "(set -x; reobserve bench moved {input.task} --cached config/bench/tuned/{wildcards.task}"
+        "(set -x; reobserve-papers bench moved {input.task} --cached config/bench/tuned/{wildcards.task}"
         " --again {input.again} --output {output}) &> {log}"
 
 
@@ -74,7 +74,7 @@ rule bench_scores:
     message:
         "bench, {wildcards.task}: score all methods on held-out records"
     shell:
-        "(set -x; reobserve bench score {input.task} --tuned config/bench/tuned/{wildcards.task}"
+        "(set -x; reobserve-papers bench score {input.task} --tuned config/bench/tuned/{wildcards.task}"
         " --outputs {output}) &> {log}"
 
 
@@ -113,7 +113,7 @@ rule bench_figures:
     message:
         "bench, {wildcards.task}: plot"
     shell:
-        "(set -x; reobserve bench plot {input.task} --table {input.table} --tuned config/bench/tuned/{wildcards.task}"
+        "(set -x; reobserve-papers bench plot {input.task} --table {input.table} --tuned config/bench/tuned/{wildcards.task}"
         " {params.options} --outputs {output}) &> {log}"
 
 
@@ -153,4 +153,4 @@ rule bench_table:
     message:
         "bench: write the table of all methods"
     shell:
-        "(set -x; reobserve bench table {params.folders} --output {output}) &> {log}"
+        "(set -x; reobserve-papers bench table {params.folders} --output {output}) &> {log}"

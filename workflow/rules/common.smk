@@ -29,7 +29,7 @@ def refused_in_one_sentence():
     try:
         yield
     except ReobserveError as error:
-        sys.exit(f"reobserve: {error}")
+        sys.exit(f"reobserve-papers: {error}")
 
 
 with refused_in_one_sentence():

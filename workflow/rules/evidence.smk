@@ -25,7 +25,7 @@ rule theory:
     message:
         "{wildcards.paper}: compute the numbers of the theory"
     shell:
-        "(set -x; reobserve stage theory results/{wildcards.paper}/parameters.json"
+        "(set -x; reobserve-papers stage theory results/{wildcards.paper}/parameters.json"
         " --design-files {input} --output {output}) &> {log}"
 
 
@@ -50,7 +50,7 @@ rule sample:
     message:
         "{wildcards.paper}: compute the Monte Carlo samples {wildcards.chunk}"
     shell:
-        "(set -x; reobserve stage sample results/{wildcards.paper}/parameters.json {wildcards.chunk}"
+        "(set -x; reobserve-papers stage sample results/{wildcards.paper}/parameters.json {wildcards.chunk}"
         " --cached {input.cached} --study-files {input.studies} --output {output}) &> {log}"
 
 
@@ -77,7 +77,7 @@ rule robustness:
     message:
         "{wildcards.paper}: decide the claims over Monte Carlo samples of what is left open"
     shell:
-        "(set -x; reobserve stage robustness results/{wildcards.paper}/parameters.json {params.options}"
+        "(set -x; reobserve-papers stage robustness results/{wildcards.paper}/parameters.json {params.options}"
         " --cached {input.cached} --chunk-files {input.chunks} --study-files {input.studies}"
         " --output {output}) &> {log}"
 
@@ -110,7 +110,7 @@ rule sensitivity:
     message:
         "{wildcards.paper}: plot which choices decide the claims"
     shell:
-        "(set -x; reobserve stage sensitivity results/{wildcards.paper}/parameters.json {input}"
+        "(set -x; reobserve-papers stage sensitivity results/{wildcards.paper}/parameters.json {input}"
         " --outputs {output}) &> {log}"
 
 
@@ -140,7 +140,7 @@ rule claims:
     message:
         "decide all claims"
     shell:
-        "(set -x; reobserve stage claims {params.papers} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage claims {params.papers} --output {output}) &> {log}"
 
 
 rule report:
@@ -172,7 +172,7 @@ rule report:
     message:
         "write the replication report"
     shell:
-        "(set -x; reobserve report {params.built} --output {output}) &> {log}"
+        "(set -x; reobserve-papers report {params.built} --output {output}) &> {log}"
 
 
 # After the report, which shows broken claims: this fails then.
@@ -191,7 +191,7 @@ rule verdicts:
     message:
         "count the verdicts"
     shell:
-        "(set -x; reobserve stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve-papers stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
 
 
 # On demand: the build as an RO-Crate, to be deposited and cited.
@@ -213,4 +213,4 @@ rule archive:
     message:
         "pack the build"
     shell:
-        "(set -x; reobserve stage archive {input} --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve-papers stage archive {input} --output {output}) 2>&1 | tee {log} >&2"

@@ -27,7 +27,7 @@ rule metrics:
     message:
         "{wildcards.paper}: compute the metrics of {wildcards.figure}"
     shell:
-        "(set -x; reobserve stage metrics results/{wildcards.paper}/parameters.json {wildcards.figure}"
+        "(set -x; reobserve-papers stage metrics results/{wildcards.paper}/parameters.json {wildcards.figure}"
         " --plant-file {input.plant} --estimate-files {input.estimates} --study-file {input.study}"
         " --output {output}) &> {log}"
 
@@ -63,7 +63,7 @@ rule plot:
     message:
         "{wildcards.paper}: plot {wildcards.figure}"
     shell:
-        "(set -x; reobserve stage plot results/{wildcards.paper}/parameters.json {wildcards.figure}"
+        "(set -x; reobserve-papers stage plot results/{wildcards.paper}/parameters.json {wildcards.figure}"
         " --plant-file {input.plant} --estimate-files {input.estimates} --study-file {input.study}"
         " --metrics-file {input.metrics} --template {input.template[0]} {params.options}"
         " --outputs {params.drawings} --caption {output.caption}) &> {log}"
@@ -94,7 +94,7 @@ rule table:
     message:
         "{wildcards.paper}: compute the table {wildcards.table}"
     shell:
-        "(set -x; reobserve stage table results/{wildcards.paper}/parameters.json {wildcards.table}"
+        "(set -x; reobserve-papers stage table results/{wildcards.paper}/parameters.json {wildcards.table}"
         " --design-file {input.design} --output {output}) &> {log}"
 
 
@@ -113,4 +113,4 @@ rule latex:
     message:
         "write {output}"
     shell:
-        "(set -x; reobserve latex {input} --output {output}) &> {log}"
+        "(set -x; reobserve-papers latex {input} --output {output}) &> {log}"

@@ -19,7 +19,7 @@ rule plant:
     message:
         "{wildcards.paper}: simulate the plant, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve stage plant results/{wildcards.paper}/parameters.json {wildcards.scenario}"
+        "(set -x; reobserve-papers stage plant results/{wildcards.paper}/parameters.json {wildcards.scenario}"
         " --output {output}) &> {log}"
 
 
@@ -39,7 +39,7 @@ rule design:
     message:
         "{wildcards.paper}: compute the design {wildcards.design}"
     shell:
-        "(set -x; reobserve stage design results/{wildcards.paper}/parameters.json {wildcards.design}"
+        "(set -x; reobserve-papers stage design results/{wildcards.paper}/parameters.json {wildcards.design}"
         " --output {output}) &> {log}"
 
 
@@ -62,7 +62,7 @@ rule observe:
     message:
         "{wildcards.paper}: run the observer {wildcards.observer}, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve stage observe results/{wildcards.paper}/parameters.json {input.plant}"
+        "(set -x; reobserve-papers stage observe results/{wildcards.paper}/parameters.json {input.plant}"
         " {wildcards.observer} --design-file {input.design} --output {output}) &> {log}"
 
 
@@ -87,7 +87,7 @@ rule study:
     message:
         "{wildcards.paper}: run the study {wildcards.study}"
     shell:
-        "(set -x; reobserve stage study results/{wildcards.paper}/parameters.json {input.plant}"
+        "(set -x; reobserve-papers stage study results/{wildcards.paper}/parameters.json {input.plant}"
         " {wildcards.study} --design-file {input.design} --output {output}) &> {log}"
 
 
@@ -110,5 +110,5 @@ rule search:
     message:
         "{wildcards.paper}: search {wildcards.search}, some minutes"
     shell:
-        "(set -x; reobserve stage search results/{wildcards.paper}/parameters.json {input.plant}"
+        "(set -x; reobserve-papers stage search results/{wildcards.paper}/parameters.json {input.plant}"
         " {wildcards.search} --output {output}) 2>&1 | tee {log} >&2"

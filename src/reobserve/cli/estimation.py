@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import Any
 
-from reobserve.cli.parts import add_command
 from reobserve.core.errors import shown
 
 _MORE = """\
@@ -24,59 +22,54 @@ is printed and written into the report.
 """
 
 
-def add_estimate(commands: Any) -> None:
-    """`estimate`."""
-    estimate = add_command(
-        commands, "estimate", "estimation.commands:run",
-        "run an observer on a record, or on rows as they arrive",
-    )  # fmt: skip
-    estimate.formatter_class = argparse.RawDescriptionHelpFormatter
-    estimate.epilog = _MORE
-    estimate.add_argument(
+def estimate(command: argparse.ArgumentParser) -> None:
+    """Add the options of `estimate`."""
+    command.epilog = _MORE
+    command.add_argument(
         "specification", nargs="?", type=Path, metavar="SPEC",
         help="YAML: observer, columns with units, sampling, policies, alarms",
     )  # fmt: skip
-    estimate.add_argument(
+    command.add_argument(
         "data", nargs="?", type=Path, metavar="DATA", help=".csv, .csv.gz or .parquet"
     )
-    estimate.add_argument(
+    command.add_argument(
         "--out", type=Path, metavar="FILE",
         help="estimates: .csv, .csv.gz or .parquet; with --example the specification: .yaml. "
         "Missing folders are created",
     )  # fmt: skip
-    estimate.add_argument("--plot", type=Path, metavar="FILE", help="a plot: .png, .pdf or .svg")
-    estimate.add_argument(
+    command.add_argument("--plot", type=Path, metavar="FILE", help="a plot: .png, .pdf or .svg")
+    command.add_argument(
         "--report",
         type=Path,
         metavar="FILE",
         help="what was done to the record, and what the alarms found, as JSON",
     )
-    estimate.add_argument(
+    command.add_argument(
         "--stream", action="store_true",
         help="read standard input, write one line per sample to standard output",
     )  # fmt: skip
-    estimate.add_argument(
+    command.add_argument(
         "--follow",
         action="store_true",
         help="the same with the file DATA while it grows, until interrupted",
     )
-    estimate.add_argument(
+    command.add_argument(
         "--idle", type=_seconds, default=math.inf, metavar="S",
         help="end --follow after this many seconds without a new line",
     )  # fmt: skip
-    estimate.add_argument(
+    command.add_argument(
         "--state", type=Path, metavar="FILE",
         help="for a stream: resume from this file if it exists, and write it at the end",
     )  # fmt: skip
-    estimate.add_argument(
+    command.add_argument(
         "--warm", action="store_true", help="compile first, and report when a stream can begin"
     )
-    estimate.add_argument(
+    command.add_argument(
         "--example",
         metavar="NAME",
         help="write an example of a specification, see below; no file is replaced",
     )
-    estimate.add_argument(
+    command.add_argument(
         "--data",
         dest="record",
         type=Path,

@@ -1,29 +1,93 @@
-"""Helpers for sub-commands: adding one, and arguments that many take."""
+"""Sub-commands in tables, of which only the one that is typed is built; what many of them take."""
 
 from __future__ import annotations
 
 import argparse
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
+
+from reobserve.core.errors import one_line
 
 FORMATS = ("pdf", "svg", "png", "eps", "pgf")  # of figures
 
 
-def add_command(commands: Any, name: str, run: str, text: str) -> argparse.ArgumentParser:
-    """A sub-command that calls ``run``, as ``"module:function"`` below `reobserve`."""
-    command: argparse.ArgumentParser = commands.add_parser(
-        name, help=text, description=text[0].upper() + text[1:] + "."
-    )
-    command.set_defaults(run=run)
-    return command
+@dataclass(frozen=True)
+class Entry:
+    """A sub-command of a table.
+
+    Attributes
+    ----------
+    text
+        What it does, in one line.
+    options
+        ``"module:name"`` of a function that adds its options to a parser, or of a `Table`.
+    run
+        ``"module:function"`` that it calls with its options by name; empty for a table.
+    extra
+        The extra of the distribution that it needs.
+    """
+
+    text: str
+    options: str
+    run: str = ""
+    extra: str = ""
 
 
-def add_project(command: argparse.ArgumentParser) -> None:
-    """Let it be called from another folder than the project's."""
-    command.add_argument(
-        "--project", type=Path, default=Path(), metavar="DIR",
-        help="the project folder, with config and workflow (default: the current one)",
-    )  # fmt: skip
+@dataclass(frozen=True)
+class Table:
+    """Sub-commands by name, and an epilog for the help that lists them."""
+
+    text: str
+    commands: Mapping[str, Entry]
+    title: str = "commands"
+    epilog: str = ""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, however long the argument is."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the usage and what is wrong, and exit with 2."""
+        super().error(one_line(message))
+
+
+def load(place: str) -> Any:
+    """The object that ``"module:name"`` names."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def add_commands(
+    parser: argparse.ArgumentParser, table: Table, words: Sequence[str] | None
+) -> None:
+    """Add the sub-commands of a table to a parser.
+
+    Of the sub-commands, only the one that ``words`` begin with gets its options; if they begin with
+    none, all are listed for the help. None builds all of them.
+    """
+    parser.description, parser.epilog = table.text, table.epilog
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    metavar = table.title.removesuffix("s").upper()
+    group = parser.add_subparsers(title=table.title, metavar=metavar, required=True)
+    typed = words[0] if words and words[0] in table.commands else None
+    for name, entry in table.commands.items():
+        if typed is not None and name != typed:
+            continue
+        text = entry.text[0].upper() + entry.text[1:] + "."
+        command = group.add_parser(name, help=entry.text, description=text)
+        if typed is None and words is not None:
+            continue
+        found = load(entry.options)
+        if isinstance(found, Table):
+            add_commands(command, found, None if words is None else words[1:])
+        else:
+            found(command)
+            if command.epilog:
+                command.formatter_class = argparse.RawDescriptionHelpFormatter
+            command.set_defaults(run=entry.run, extra=entry.extra)
 
 
 def add_output(command: argparse.ArgumentParser, text: str) -> None:

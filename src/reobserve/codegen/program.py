@@ -15,7 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.codegen.expressions import Expression, Name, Number, Operand, Outer, Product, Shape, Transposed, joined, of, signed
+from reobserve.codegen.expressions import (
+    Expression,
+    Name,
+    Number,
+    Operand,
+    Outer,
+    Product,
+    Shape,
+    Transposed,
+    joined,
+    of,
+    signed,
+)
 
 Array = NDArray[np.float64]
 

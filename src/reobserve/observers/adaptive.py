@@ -23,7 +23,14 @@ from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
 from reobserve.core.value import converter, for_loop
 from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows
 from reobserve.systems.rigid_body import RigidBody
-from reobserve.systems.rigid_body_arithmetic import Triple, acceleration, ahead, product, rk4_sum, row
+from reobserve.systems.rigid_body_arithmetic import (
+    Triple,
+    acceleration,
+    ahead,
+    product,
+    rk4_sum,
+    row,
+)
 
 
 class Constants(NamedTuple):

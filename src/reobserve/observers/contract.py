@@ -26,7 +26,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_word
 from reobserve.core.errors import DivergenceError, InputError, shown
-from reobserve.core.matrices import all_finite, as_numbers, as_positive, as_row, as_sample_rows, as_samples
+from reobserve.core.matrices import (
+    all_finite,
+    as_numbers,
+    as_positive,
+    as_row,
+    as_sample_rows,
+    as_samples,
+)
 from reobserve.core.value import Value, converter
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model

@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_filter_loop import Size, correct_covariance, kalman_gain, log_likelihood_of
+from reobserve.observers.linear_filter_loop import (
+    Size,
+    correct_covariance,
+    kalman_gain,
+    log_likelihood_of,
+)
 from reobserve.observers.nonlinear_filter_work import FilterWork, correct_mean, innovate
 from reobserve.systems.linear import ModelArrays
 from reobserve.systems.nonlinear_flow import Functions, jacobian, move_and_derive

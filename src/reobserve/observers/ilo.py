@@ -21,11 +21,25 @@ from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
 from reobserve.core.value import converter, for_loop
-from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State, whole_steps
+from reobserve.observers.rigid_body_observer import (
+    Array,
+    Record,
+    RigidBodyObserver,
+    Rows,
+    State,
+    whole_steps,
+)
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.systems.rigid_body import RigidBody
-from reobserve.systems.rigid_body_arithmetic import Triple, acceleration, ahead, product, rk4_sum, row
+from reobserve.systems.rigid_body_arithmetic import (
+    Triple,
+    acceleration,
+    ahead,
+    product,
+    rk4_sum,
+    row,
+)
 
 if TYPE_CHECKING:
     from reobserve.observers.ilo_sampled import SampledILO

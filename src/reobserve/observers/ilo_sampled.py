@@ -23,7 +23,13 @@ from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
 from reobserve.core.value import converter
 from reobserve.observers.ilo import Constants, constants, known_torque, learn, learning_law, slope
-from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, whole_steps
+from reobserve.observers.rigid_body_observer import (
+    Array,
+    Record,
+    RigidBodyObserver,
+    Rows,
+    whole_steps,
+)
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 from reobserve.systems.rigid_body import RigidBody

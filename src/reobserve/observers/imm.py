@@ -28,8 +28,25 @@ from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_probabilities, as_row_stochastic
 from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer, Record, Rows, check_state
-from reobserve.observers.gaussian_filter import Gaussian, ModeFilter, as_covariances, check_sample, inputs_of_rows, sample_before
-from reobserve.observers.imm_loop import Bank, BankRows, Posteriors, combine, interact, new_bank_rows, new_bank_work, run_bank, update_probabilities
+from reobserve.observers.gaussian_filter import (
+    Gaussian,
+    ModeFilter,
+    as_covariances,
+    check_sample,
+    inputs_of_rows,
+    sample_before,
+)
+from reobserve.observers.imm_loop import (
+    Bank,
+    BankRows,
+    Posteriors,
+    combine,
+    interact,
+    new_bank_rows,
+    new_bank_work,
+    run_bank,
+    update_probabilities,
+)
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.systems.linear import ModelArrays

@@ -24,8 +24,25 @@ from reobserve.core.kernel import FunctionPointer
 from reobserve.core.matrices import as_row, as_samples, as_vector
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Record, Rows
-from reobserve.observers.gaussian_filter import Correction, Gaussian, GaussianFilter, State, check_posterior, copies, inputs_of_rows, named, new_rows
-from reobserve.observers.linear_filter_loop import correct, is_missing, new_work, predict, run_filter, write_innovation_covariance
+from reobserve.observers.gaussian_filter import (
+    Correction,
+    Gaussian,
+    GaussianFilter,
+    State,
+    check_posterior,
+    copies,
+    inputs_of_rows,
+    named,
+    new_rows,
+)
+from reobserve.observers.linear_filter_loop import (
+    correct,
+    is_missing,
+    new_work,
+    predict,
+    run_filter,
+    write_innovation_covariance,
+)
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]

@@ -20,10 +20,27 @@ from reobserve.core.errors import DivergenceError
 from reobserve.core.matrices import as_row, as_samples, as_vector
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Record, Rows
-from reobserve.observers.gaussian_filter import Correction, Gaussian, GaussianFilter, State, check_posterior, copies, inputs_of_rows, named, new_rows
+from reobserve.observers.gaussian_filter import (
+    Correction,
+    Gaussian,
+    GaussianFilter,
+    State,
+    check_posterior,
+    copies,
+    inputs_of_rows,
+    named,
+    new_rows,
+)
 from reobserve.observers.linear_filter_loop import write_innovation_covariance
 from reobserve.observers.nonlinear_filter_loop import correct, predict, run_filter
-from reobserve.observers.nonlinear_filter_work import NO_INNOVATION, NO_OUTPUT, NO_POSTERIOR, NO_ROOT, NO_STATE, new_filter_work
+from reobserve.observers.nonlinear_filter_work import (
+    NO_INNOVATION,
+    NO_OUTPUT,
+    NO_POSTERIOR,
+    NO_ROOT,
+    NO_STATE,
+    new_filter_work,
+)
 from reobserve.observers.unscented_kalman_loop import Weights
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.nonlinear_flow import Functions

@@ -15,8 +15,19 @@ from numpy.typing import NDArray
 
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
-from reobserve.observers.linear_filter_loop import Size, assign, fill, is_missing, write_innovation_covariance
-from reobserve.observers.nonlinear_filter_work import NO_INNOVATION, NO_POSTERIOR, NO_STATE, FilterWork
+from reobserve.observers.linear_filter_loop import (
+    Size,
+    assign,
+    fill,
+    is_missing,
+    write_innovation_covariance,
+)
+from reobserve.observers.nonlinear_filter_work import (
+    NO_INNOVATION,
+    NO_POSTERIOR,
+    NO_STATE,
+    FilterWork,
+)
 from reobserve.observers.unscented_kalman_loop import Weights, correct_unscented, predict_unscented
 from reobserve.systems.nonlinear_flow import Functions
 

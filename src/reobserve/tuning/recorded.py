@@ -27,6 +27,15 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import DivergenceError, InputError, located, nearest
+from reobserve.core.validation import Count, Seed, Text, items, parse
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.families.file import naming
+from reobserve.estimation.layout import Layout, find_column
+from reobserve.estimation.quantities import Conversion, conversion
+from reobserve.estimation.specification import Column, Name
+from reobserve.tuning.search import FAILURES, Settings
 from reobserve.tuning.task import (
     Array,
     Condition,
@@ -40,15 +49,6 @@ from reobserve.tuning.task import (
     Training,
 )  # fmt: skip
 from reobserve.tuning.tuned_specification import TunedSpecification
-from reobserve.tuning.search import FAILURES, Settings
-from reobserve.core.documents import read_yaml
-from reobserve.core.errors import DivergenceError, InputError, located, nearest
-from reobserve.core.validation import Count, Seed, Text, items, parse
-from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.families.file import naming
-from reobserve.estimation.layout import Layout, find_column
-from reobserve.estimation.quantities import Conversion, conversion
-from reobserve.estimation.specification import Column, Name
 
 _HELD_OUT = 4  # segments: of fewer, an interval means nothing
 _RECORDED = "held_out"  # the one condition

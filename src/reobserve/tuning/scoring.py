@@ -13,12 +13,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.tuning.record_score import WORST, Score, score_of
-from reobserve.tuning.task import Array, Runner, Task
-from reobserve.tuning.tuned_file import TunedMethod
-from reobserve.tuning.search import FAILURES, Settings
 from reobserve.core.errors import InputError, one_line
 from reobserve.core.random_streams import random_stream
+from reobserve.tuning.record_score import WORST, Score, score_of
+from reobserve.tuning.search import FAILURES, Settings
+from reobserve.tuning.task import Array, Runner, Task
+from reobserve.tuning.tuned_file import TunedMethod
 
 DECIDED = 0.05  # half the width of an interval of log ratio
 # In place of a training set: a paper's own settings, and those of a search that goes on.

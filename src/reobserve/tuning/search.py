@@ -23,11 +23,11 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from reobserve.tuning.optimisers import SEARCHES, Array, SpentError
 from reobserve.core.arguments import as_kind, as_whole, as_word
 from reobserve.core.errors import InputError, ReobserveError, one_line, shown
 from reobserve.core.files import read_text, write_text
 from reobserve.core.matrices import as_scalar
+from reobserve.tuning.optimisers import SEARCHES, Array, SpentError
 
 Settings = dict[str, float]
 Found = tuple[float, int, str]  # the objective, failed records, and why the last one failed

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.core.files import read_table, write_table
 from reobserve.tuning.scoring import DECIDED, PAPER, Cell
 from reobserve.tuning.task import Task
 from reobserve.tuning.tuned_file import TunedMethod, read_tuned
-from reobserve.core.files import read_table, write_table
 
 _ROW = ("condition", "method", "training", "given_noise")
 SCORES = (*_ROW, "seed", "error", "lag", "quantile", "failed")

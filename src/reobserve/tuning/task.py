@@ -1,7 +1,7 @@
-"""Tasks of the bench: the file that states one, and the module that simulates it.
+"""Tasks that observers are tuned and compared on: a file that states one, and its module.
 
-`config/bench/NAME.yaml` states plant, conditions and methods with their ranges. The module of the
-same name, beside the file or in `reobserve_papers.bench.tasks`, has
+The file, NAME.yaml, states plant, conditions and methods with their ranges. The module of the same
+name, beside the file, simulates it and has
 
     Plant                                      a dataclass, the keys of ``plant`` in the file
     simulate(plant, condition, seed, period)   a `Record`; equal seeds have equal faults and noise
@@ -27,16 +27,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.tuning.search import Range, Settings
 from reobserve.core.documents import digest, read_yaml
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.validation import Count, Names, NotNegative, Positive, Seed, Text, items, parse
 from reobserve.observers.contract import Observer
+from reobserve.tuning.search import Range, Settings
 
 Array = NDArray[np.float64]
 Runner = Callable[["Record"], Array]
@@ -195,7 +195,7 @@ class Task(TaskFile):
     place: ClassVar[str] = "methods"  # the key of the file under which they stand
 
     @classmethod
-    def read(cls, path: str | Path) -> Task:
+    def read(cls, path: str | Path) -> Self:
         """The task in a file.
 
         Raises
@@ -234,16 +234,16 @@ class Task(TaskFile):
 
     @cached_property
     def module(self) -> ModuleType:
-        """The module that simulates the task: beside the file, or one of the package."""
+        """The module that simulates the task, beside the file.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
         beside = Path(self.file).with_suffix(".py")
         if not beside.is_file():
-            try:
-                return importlib.import_module(f"reobserve_papers.bench.tasks.{self.name}")
-            except ModuleNotFoundError as error:
-                if error.name != f"reobserve_papers.bench.tasks.{self.name}":
-                    raise
-                problem = f"needs a module {beside.name} beside it, or in reobserve_papers.bench.tasks"
-                raise InputError(self.file, problem) from None
+            raise InputError(self.file, f"needs a module {beside.name} beside it")
         spec = importlib.util.spec_from_file_location(f"bench_task_{self.name}", beside)
         assert spec is not None
         assert spec.loader is not None

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from reobserve.core.errors import located
 from reobserve.tuning.record_score import WORST, score_of
 from reobserve.tuning.scoring import EARLY, Row, Scorer
+from reobserve.tuning.search import Objective, Settings, Tuned, tune
 from reobserve.tuning.task import Task
 from reobserve.tuning.tuned_file import Cost, Repeat, TunedMethod, TunedOn
-from reobserve.tuning.search import Objective, Settings, Tuned, tune
-from reobserve.core.errors import located
 
 CHECKPOINTS = (10, 25, 50, 100, 200, 400)  # evaluations
 

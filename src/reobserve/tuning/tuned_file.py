@@ -11,12 +11,12 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from reobserve.tuning.task import Task
-from reobserve.tuning.search import Settings
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
 from reobserve.core.validation import parse
+from reobserve.tuning.search import Settings
+from reobserve.tuning.task import Task
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
             if kept is None or kept.digest != task.digest(method, name):
                 problem = (
                     f"training.{name} is not of what {task.file} states now: tune again "
-                    f"(reobserve bench tune {task.file} {method} --output {folder})"
+                    f"(reobserve-papers bench tune {task.file} {method} --output {folder})"
                 )
                 raise InputError(str(path), problem)
     return found

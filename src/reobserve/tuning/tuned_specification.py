@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.tuning.task import Array
-from reobserve.tuning.search import Settings
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import read_text
@@ -20,6 +18,8 @@ from reobserve.estimation.families.file import naming
 from reobserve.estimation.layout import Layout
 from reobserve.estimation.reading import File
 from reobserve.estimation.specification import Specification, read_specification
+from reobserve.tuning.search import Settings
+from reobserve.tuning.task import Array
 
 
 class TunedSpecification:

@@ -7,8 +7,8 @@ from pathlib import Path
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, located
 from reobserve_papers.claims.cached_samples import read_cached
-from reobserve_papers.claims.registry import amiss, claims_file, read_registry
 from reobserve_papers.claims.errata import errata_file, read_errata
+from reobserve_papers.claims.registry import amiss, claims_file, read_registry
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
 

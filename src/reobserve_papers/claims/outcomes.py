@@ -10,9 +10,9 @@ from reobserve.core.documents import digest
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve_papers.claims.checks import THEORY, Check, Numbers
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
 
 
 @dataclass(frozen=True)

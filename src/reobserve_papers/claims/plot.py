@@ -15,11 +15,11 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve_papers.plotting.look import WIDTH
 from reobserve_papers.claims.checks import Check
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.sensitivity import FEWEST, as_places, deciding_check, influences, ranks
+from reobserve_papers.plotting.look import WIDTH
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
 _OTHER = "other"  # of a sample: this check is satisfied, and another one is not

@@ -15,10 +15,10 @@ from reobserve.core.errors import InputError, located, nearest, shown
 from reobserve.core.validation import Text, distinct, items
 from reobserve_papers.claims.checks import THEORY, Check, Reference
 from reobserve_papers.claims.choices import Choice, find_choice
-from reobserve_papers.steps.meanings import Meanings, meanings
 from reobserve_papers.parameters.names import claims_path
 from reobserve_papers.parameters.parameter_file import Interval, Model, parse_file
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.meanings import Meanings, meanings
 
 Promise = Literal["abstract", "conclusions"]
 Quantifier = Literal["can", "is", "always"]

@@ -15,8 +15,8 @@ from reobserve_papers.claims.known_samples import KnownSamples, MadeSamples
 from reobserve_papers.claims.outcomes import Outcome, Outcomes, decided
 from reobserve_papers.claims.registry import Claim, Quantifier
 from reobserve_papers.claims.reversals import Reversal, smallest_reversals
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
 
 # Of the samples: from here on a claim stands whatever else a reader chooses, and as rarely as this
 # leaves it is said to fail. One in ten may choose badly. Set before anything was sampled.

@@ -9,10 +9,10 @@ from reobserve.core.errors import ReobserveError
 from reobserve_papers.claims.cached_samples import CachedSamples, alike, read_cached, write_cached
 from reobserve_papers.claims.registry import Claim, claims_file, read_registry
 from reobserve_papers.claims.robustness import Robustness, assess
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.parameters.config import known_papers, named_papers
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
+from reobserve_papers.steps.evaluation import Evaluator
 
 _FIRST = 40  # samples of the first step; each later step doubles them and caches the results
 

@@ -8,7 +8,15 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
-from reobserve_papers.claims.verdicts import CONTRADICTED, MAIN_CLAIMS, REPRODUCED, VERDICTS, count, main_claims, replicated
+from reobserve_papers.claims.verdicts import (
+    CONTRADICTED,
+    MAIN_CLAIMS,
+    REPRODUCED,
+    VERDICTS,
+    count,
+    main_claims,
+    replicated,
+)
 
 # Who set the thresholds of a claim: the paper, or we, before or after their numbers were known.
 THRESHOLDS = ("stated", "before", "after")
@@ -55,12 +63,12 @@ def _title(good: bool) -> str:
     return "[Re]" if good else "[¬Re]"
 
 
-# Between these the README holds what `reobserve stage verdicts` writes.
+# Between these the README holds what `reobserve-papers stage verdicts` writes.
 _BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
 
 
 def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
-    """Put what `reobserve stage verdicts` wrote in its place in the README.
+    """Put what `reobserve-papers stage verdicts` wrote in its place in the README.
 
     With ``papers``, all that there are, what the README tells of those that the verdicts are not
     about stays.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from reobserve.tuning.task import TaskFile
 from reobserve.core.validation import schema
-from reobserve_papers.claims.registry import ClaimsFile
+from reobserve.tuning.task import TaskFile
 from reobserve_papers.claims.errata import ErrataFile
+from reobserve_papers.claims.registry import ClaimsFile
 from reobserve_papers.parameters.parameter_file import Configuration, ParameterFile
 
 # By the name of a kind of file: its path, and the model that reads it.

@@ -20,9 +20,9 @@ from reobserve_papers.golden import bench as golden_bench
 from reobserve_papers.golden import claims as golden_claims
 from reobserve_papers.golden.acceptance import renew
 from reobserve_papers.golden.guard import check_may_accept, keep_reason
-from reobserve_papers.steps.meanings import write_lists
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.meanings import write_lists
 
 
 def figdiff_command(project: Path, reference: Path, results: Path, output: Path) -> None:

@@ -10,7 +10,16 @@ from typing import Any
 
 from reobserve_papers.golden.comparison import compare, distance
 from reobserve_papers.golden.conditions import measure
-from reobserve_papers.golden.files import Key, Number, Numbers, columns, golden_file, golden_files, read_numbers, write_numbers
+from reobserve_papers.golden.files import (
+    Key,
+    Number,
+    Numbers,
+    columns,
+    golden_file,
+    golden_files,
+    read_numbers,
+    write_numbers,
+)
 from reobserve_papers.golden.tolerances import tolerance
 from reobserve_papers.golden.values import built_numbers, part_names
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.files import cell, read_rows
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.golden.files import Key, Number
 from reobserve_papers.metrics.metrics import Metric, read_metrics
-from reobserve_papers.steps.compute import paper_module
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.compute import paper_module
+from reobserve_papers.steps.evaluation import Evaluator
 
 THEORY = "theory"
 _PLANT = "plant"

@@ -102,7 +102,7 @@ def write_parameters(
         for paper in changed:
             write_text(project / stored_parameters(paper), parameters[paper].text())
     except ReobserveError as error:
-        sys.exit(f"reobserve: {error}")
+        sys.exit(f"reobserve-papers: {error}")
 
 
 def refuse_beside_another_build(project: Path, parameters: Mapping[str, Parameters]) -> None:
@@ -133,12 +133,21 @@ def _stored(project: Path, paper: str) -> str:
 
 
 def _check(overrides: Mapping[str, Any]) -> None:
-    """Run `reobserve check` in a process of its own, which loads kernels.
+    """Run `reobserve-papers check` in a process of its own, which loads kernels.
 
     Its loops take a few steps, so that interpreting them is faster than compiling. Compiled code
     decides where that fails: it divides by zero without an error.
     """
-    command = [sys.executable, "-m", "reobserve", "check", "--overrides", "-", "--", *overrides]
+    command = [
+        sys.executable,
+        "-m",
+        "reobserve_papers",
+        "check",
+        "--overrides",
+        "-",
+        "--",
+        *overrides,
+    ]
     for variables, seconds in (({"NUMBA_DISABLE_JIT": "1"}, _PATIENCE), ({}, None)):
         with suppress(subprocess.TimeoutExpired):
             done = subprocess.run(
@@ -148,7 +157,9 @@ def _check(overrides: Mapping[str, Any]) -> None:
             if done.returncode == 0:
                 return
     sys.exit(
-        (done.stderr.strip().splitlines() or ["reobserve: the check of parameters failed"])[-1]
+        (done.stderr.strip().splitlines() or ["reobserve-papers: the check of parameters failed"])[
+            -1
+        ]
     )
 
 

@@ -26,8 +26,8 @@ from reobserve.synthesis.linear import ackermann
 
 Array = NDArray[np.float64]
 
-# Called like a `reobserve_papers.signals.inputs.Signal`: with increasing times [s], and ``before`` for
-# limits.
+# Called like a `reobserve_papers.signals.inputs.Signal`: with increasing times [s], and ``before``
+# for limits.
 VectorSignal = Callable[..., Array]
 
 

@@ -18,8 +18,8 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_scalar, as_vector
 from reobserve.core.value import for_loop
-from reobserve_papers.signals.inputs import SAME_INSTANT, Array, Signal
 from reobserve.systems.triangular import TriangularModel
+from reobserve_papers.signals.inputs import SAME_INSTANT, Array, Signal
 
 _MOST_STEPS = 100_000_000
 

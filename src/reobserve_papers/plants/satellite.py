@@ -12,9 +12,9 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_positive, as_vector
 from reobserve.core.value import for_loop
-from reobserve_papers.signals.inputs import Array, Signal
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import acceleration, ahead, rk4_sum, row
+from reobserve_papers.signals.inputs import Array, Signal
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -19,8 +19,8 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.core.files import read_bytes, read_text, write_whole
-from reobserve_papers.report.logs import LoggedJob, jobs_behind
 from reobserve_papers.report.environment import environment, package_versions
+from reobserve_papers.report.logs import LoggedJob, jobs_behind
 
 WORKFLOW = "workflow/Snakefile"
 _RUN = "https://w3id.org/ro/wfrun"
@@ -71,7 +71,7 @@ def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
     needs = {"softwareRequirements": [{"@id": one.id} for one in software]}
     for job in jobs:
         name = job.log.removeprefix("logs/").removesuffix(".log")
-        command = f"reobserve stage {job.step}"
+        command = f"reobserve-papers stage {job.step}"
         crate.add_action(
             _entity(crate, _local(command), _SOFTWARE, command, **needs),
             identifier=f"#{name.replace('/', '-')}",

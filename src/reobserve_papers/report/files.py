@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import SCORE, read_bytes, read_rows
-from reobserve_papers.steps.meanings import Meanings
 from reobserve_papers.metrics.metrics import Metric, read_metrics
+from reobserve_papers.steps.meanings import Meanings
 
 # More observers, or fewer of the metrics of each, and a column for each makes no good table.
 _MAX_COLUMNS = 6

@@ -15,14 +15,12 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table, read_text
 from reobserve.core.validation import parse
-from reobserve_papers.steps.chain import log
+from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import read_claims
 from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.claims.table import HEADER, KINDS
 from reobserve_papers.claims.verdicts import BROKEN, count, replicated, title_margin
-from reobserve_papers.claims.errata import read_errata
-from reobserve_papers.steps.meanings import meanings
 from reobserve_papers.parameters.config import known_papers, known_tasks
 from reobserve_papers.parameters.names import caption_template, stored_parameters
 from reobserve_papers.parameters.parameter_file import Configuration
@@ -33,6 +31,8 @@ from reobserve_papers.report.environment import environment, package_versions
 from reobserve_papers.report.files import csv_table, image, metrics_table
 from reobserve_papers.report.markup import first_sentence, to_html, without_title
 from reobserve_papers.report.reading import Gap, Gaps
+from reobserve_papers.steps.chain import log
+from reobserve_papers.steps.meanings import meanings
 
 CLAIMS_FILE = "results/claims.csv"
 
@@ -52,7 +52,7 @@ _BEYOND = "beyond the paper"
 MAX_ROWS = 40
 
 # How the command line begins the sentence that says why it failed.
-_SAID = "reobserve: "
+_SAID = "reobserve-papers: "
 
 Data = dict[str, Any]
 

@@ -44,7 +44,19 @@ import numpy as np
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.matrices import as_floats, as_positive, as_scalar
-from reobserve_papers.signals.signal_shapes import SAME_INSTANT, Array, Constant, GrowingSine, Held, Linear, PiecewiseConstant, Ramp, Shape, Sine, Sweep
+from reobserve_papers.signals.signal_shapes import (
+    SAME_INSTANT,
+    Array,
+    Constant,
+    GrowingSine,
+    Held,
+    Linear,
+    PiecewiseConstant,
+    Ramp,
+    Shape,
+    Sine,
+    Sweep,
+)
 
 __all__ = ["SAME_INSTANT", "Array", "Signal", "Term", "sample_files"]
 

@@ -20,8 +20,8 @@ from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import Settings, declared_keys, read_job
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.provenance import code_digest, versions
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.provenance import code_digest, versions
 
 Rows = Iterable[Mapping[str, Any]]  # of a study
 

@@ -1,7 +1,7 @@
 """The chain in one process: each step asks for the results it reads, and runs once.
 
-Golden tests, Monte Carlo samples and `reobserve.replicate` call it. It calls the same functions of
-a paper, with the same settings, as the rules of the workflow.
+Golden tests, Monte Carlo samples and `reobserve_papers.replicate` call it. It calls the same
+functions of a paper, with the same settings, as the rules of the workflow.
 """
 
 from __future__ import annotations
@@ -14,12 +14,20 @@ from typing import TYPE_CHECKING, Any
 
 from reobserve.core.documents import digest
 from reobserve.core.errors import InputError, located, shown
-from reobserve_papers.steps.chain import Step, reads
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.metrics.parts import only
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.compute import compute, compute_design, figure_data, measure, paper_module, read_study, rows_from
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.chain import Step, reads
+from reobserve_papers.steps.compute import (
+    compute,
+    compute_design,
+    figure_data,
+    measure,
+    paper_module,
+    read_study,
+    rows_from,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,4 +1,4 @@
-"""`reobserve.replicate`: one figure of a paper in one call."""
+"""`reobserve_papers.replicate`: one figure of a paper in one call."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from reobserve.core.extras import package
 from reobserve_papers.signals.inputs import sample_files
 
 if TYPE_CHECKING:
-    from reobserve_papers.steps.evaluation import Replication
     from reobserve_papers.parameters.parameters import Parameters
+    from reobserve_papers.steps.evaluation import Replication
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -32,7 +32,7 @@ def replicate(
     Parameters
     ----------
     paper
-        A paper, such as ``"ilo"``; `reobserve list` shows all.
+        A paper, such as ``"ilo"``; `reobserve-papers list` shows all.
     figure
         A figure of it, such as ``"fig1"``.
     overrides
@@ -69,8 +69,8 @@ def replicate(
     if overrides is not None and not isinstance(overrides, Mapping):
         raise InputError("overrides", f"{shown(overrides)} must be a mapping")
     package("pydantic", "read parameters", extra="pipeline")
-    from reobserve_papers.steps.evaluation import evaluate
     from reobserve_papers.parameters.parameters import Parameters, default_seed
+    from reobserve_papers.steps.evaluation import evaluate
 
     parameters = Parameters.load(folder, paper, dict(overrides or {}), default_seed(folder))
     if figure not in (figures := parameters.tree["figures"]):

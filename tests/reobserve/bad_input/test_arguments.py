@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 import reobserve
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import luenberger
-from reobserve.synthesis.ilo_certificate import certify
 from reobserve.synthesis.high_gain import high_gain_over_time
+from reobserve.synthesis.ilo_certificate import certify
 from reobserve.synthesis.linear import place, steady_kalman_gain, unobservable_modes
 from reobserve.systems.linear import LinearModel
 from tests.reobserve.library.calls import Call, calls

@@ -17,7 +17,21 @@ import pytest
 
 from reobserve.cli.main import main
 from reobserve.core.errors import InputError
-from reobserve.core.files import COUNT, GAP, NAME, NUMBER, SCORE, WHOLE, YES_NO, Kind, read_columns, read_table, write_table, write_text, write_whole
+from reobserve.core.files import (
+    COUNT,
+    GAP,
+    NAME,
+    NUMBER,
+    SCORE,
+    WHOLE,
+    YES_NO,
+    Kind,
+    read_columns,
+    read_table,
+    write_table,
+    write_text,
+    write_whole,
+)
 from reobserve.estimation.families import family
 
 Capture = pytest.CaptureFixture[str]

@@ -12,7 +12,24 @@ from pydantic import Field, Tag
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_positive
-from reobserve.core.validation import Count, Names, NotNegative, Positive, Share, Window, array, checked, having, items, matrix, parse, positive_definite, schema, vector, within
+from reobserve.core.validation import (
+    Count,
+    Names,
+    NotNegative,
+    Positive,
+    Share,
+    Window,
+    array,
+    checked,
+    having,
+    items,
+    matrix,
+    parse,
+    positive_definite,
+    schema,
+    vector,
+    within,
+)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from reobserve.detection.innovation_tests import cusum, inflation_glr
 from reobserve.core.errors import InputError
+from reobserve.detection.innovation_tests import cusum, inflation_glr
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from reobserve.detection.restarted_cusum import restarted_cusum
-from reobserve.tuning.task import Array
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.tuning.task import Array
 from tests.reobserve.observers.actuator_models import ripple, square_wave, velocity_model
 
 

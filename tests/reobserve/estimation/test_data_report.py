@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from reobserve.estimation.data_report import MOST_LISTED, AlarmReport, DataReport, Interval, as_table
+from reobserve.estimation.data_report import (
+    MOST_LISTED,
+    AlarmReport,
+    DataReport,
+    Interval,
+    as_table,
+)
 
 
 def test_report_of_a_complete_record_has_four_lines() -> None:

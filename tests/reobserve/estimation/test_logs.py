@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 import subprocess
 import sys
@@ -13,6 +11,7 @@ from typing import Any
 import pytest
 
 from reobserve.cli.main import main
+from tests import ROOT
 from tests.reobserve.estimation.records import read_results
 
 LOGS = ROOT / "examples/logs"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 from collections import Counter
 from pathlib import Path
@@ -14,6 +12,7 @@ import pandas as pd
 import pytest
 
 from reobserve.cli.main import main
+from tests import ROOT
 from tests.reobserve.estimation.records import read_results
 
 MEASURED = ROOT / "examples/measured"

@@ -13,8 +13,8 @@ from reobserve import ILO, IMM, KalmanFilter, LinearModel
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.poles import as_pole_list
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.synthesis.ilo_certificate import certify
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.synthesis.ilo_certificate import certify
 from reobserve.systems.rigid_body import RigidBody
 
 KALMAN = KalmanFilter(LinearModel([[1.0]], [[1.0]], [[1.0]], Q=1.0, R=1.0, sampling_period=0.1))

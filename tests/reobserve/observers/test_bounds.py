@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import os
 import subprocess
 import sys
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import ROOT
 from tests.reobserve.observers.cases_delay import DELAY_CASES
 from tests.reobserve.observers.cases_filters import FILTER_CASES
 from tests.reobserve.observers.cases_rigid_body import RIGID_BODY_CASES

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State, SwitchedOffWarning
+from reobserve.observers.extended_high_gain import (
+    ExtendedHighGainObserver,
+    State,
+    SwitchedOffWarning,
+)
 from reobserve.observers.fixed_step import run_on_halves
 from tests.reobserve.observers.halves import rows_of, stepped
 from tests.reobserve.observers.small_plants import pendulum

@@ -17,7 +17,12 @@ from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State, whole_steps
 from reobserve.observers.run import Run
-from reobserve.synthesis.ilo_accuracy import error_transfer, matched_integrator, pi_error_transfer, predicted_rms_error
+from reobserve.synthesis.ilo_accuracy import (
+    error_transfer,
+    matched_integrator,
+    pi_error_transfer,
+    predicted_rms_error,
+)
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain
 from reobserve.systems.rigid_body import RigidBody

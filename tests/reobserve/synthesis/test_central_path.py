@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 import os
 import subprocess
 import sys
 from fractions import Fraction
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import cvxpy
@@ -29,6 +26,7 @@ from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVaria
 from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_constraints, pi_constraints
 from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.system import AugmentedSystem
+from tests import ROOT
 from tests.reobserve.synthesis.plants import dc_motor, random_plant
 
 Array = NDArray[np.float64]

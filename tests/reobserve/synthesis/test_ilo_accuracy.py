@@ -7,7 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.synthesis.ilo_accuracy import error_transfer, matched_integrator, pi_error_transfer, predicted_rms_error, sampled_error_transfer
+from reobserve.synthesis.ilo_accuracy import (
+    error_transfer,
+    matched_integrator,
+    pi_error_transfer,
+    predicted_rms_error,
+    sampled_error_transfer,
+)
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 
 Array = NDArray[np.float64]

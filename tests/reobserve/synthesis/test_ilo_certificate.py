@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from reobserve.core.errors import InputError
-from reobserve.synthesis.ilo_certificate import bound18, certify, lemma1_sides, theorem1
 from reobserve.synthesis.ilo_accuracy import error_transfer
+from reobserve.synthesis.ilo_certificate import bound18, certify, lemma1_sides, theorem1
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 
 Array = NDArray[np.float64]

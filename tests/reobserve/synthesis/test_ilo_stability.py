@@ -10,7 +10,11 @@ from scipy.optimize import root
 
 from reobserve.core.errors import InputError
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
-from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_map, sampled_stability
+from reobserve.synthesis.ilo_sampled_stability import (
+    sampled_limit_gain,
+    sampled_map,
+    sampled_stability,
+)
 from reobserve.synthesis.ilo_stability import continuous_stability
 
 Array = NDArray[np.float64]

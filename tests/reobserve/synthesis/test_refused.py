@@ -12,7 +12,6 @@ import scipy.linalg
 
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
-from reobserve.synthesis.ilo_certificate import bound18, certify, theorem1
 from reobserve.synthesis.extended_state import central_path
 from reobserve.synthesis.extended_state import pd_pi as extended
 from reobserve.synthesis.extended_state.certificate import error_system
@@ -20,6 +19,7 @@ from reobserve.synthesis.extended_state.gamma_bound import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.synthesis.ilo_accuracy import error_transfer, predicted_rms_error
+from reobserve.synthesis.ilo_certificate import bound18, certify, theorem1
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_map
 from reobserve.synthesis.ilo_stability import continuous_stability

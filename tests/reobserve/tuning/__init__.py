@@ -1,1 +1,1 @@
-"""TODO docstring."""
+"""Tests of tuning and of tasks."""

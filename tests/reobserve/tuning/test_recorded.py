@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import csv
 import math
 import shutil
@@ -16,12 +14,11 @@ import numpy as np
 import pytest
 import yaml
 
-from reobserve.tuning.recorded import RecordedTask
-from reobserve.tuning.scoring import Row, Scorer
 from reobserve.cli.main import main
 from reobserve.core.documents import read_yaml
+from reobserve.tuning.recorded import RecordedTask
+from reobserve.tuning.scoring import Row, Scorer
 from tests.reobserve.estimation.records import read_results, write_record
-
 
 # A random walk of variance 0.04 a sample that decays and has an input, under noise of variance 1.
 Q, R = 0.04, 1.0

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from reobserve import tune
-from reobserve.tuning.search import Range, Settings, Tuned
 from reobserve.core.errors import DivergenceError, InputError
+from reobserve.tuning.search import Range, Settings, Tuned
 
 RANGES: dict[str, Any] = {"gain": (1e-3, 1e3), "offset": (-1.0, 1.0, "linear")}
 RECORDS = [0.5, 2.0]

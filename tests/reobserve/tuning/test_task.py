@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from reobserve.tuning.task import Task
 from reobserve.core.errors import InputError
+from reobserve.tuning.task import Task
 
 from .toy import method, stated, toy, write
 

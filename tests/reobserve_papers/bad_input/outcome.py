@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from functools import partial
-from pathlib import Path
 
 from reobserve.cli.main import command_parser, main
+from tests import ROOT
 from tests.reobserve.bad_input import outcome
 
 PACKAGE = "reobserve"

@@ -194,7 +194,9 @@ def test_claims_of_an_unknown_paper_are_refused(tmp_path: Path, capsys: Capture)
         str(tmp_path / "c.csv"),
     ]
     assert main(arguments) == 1
-    assert capsys.readouterr().err.startswith("reobserve: paper: there is no 'nope'; there are: ")
+    assert capsys.readouterr().err.startswith(
+        "reobserve-papers: paper: there is no 'nope'; there are: "
+    )
     assert os.listdir(tmp_path) == []
 
 

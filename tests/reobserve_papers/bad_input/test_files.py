@@ -15,7 +15,12 @@ from reobserve.core.documents import read_yaml
 from reobserve_papers.parameters.prepare import load_parameters
 from reobserve_papers.signals.inputs import Signal
 from tests.reobserve.bad_input import readers
-from tests.reobserve.bad_input.readers import ONCE_OTHER_ERRORS, check_changed_files, check_token, made
+from tests.reobserve.bad_input.readers import (
+    ONCE_OTHER_ERRORS,
+    check_changed_files,
+    check_token,
+    made,
+)
 
 from . import valid
 from .outcome import command, is_accepted

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
+from reobserve.core.errors import InputError
 from reobserve.tuning.task import Array, Condition, Record, Task
 from reobserve_papers.bench.tasks.delay import Plant, simulate
-from reobserve.core.errors import InputError
+from tests import ROOT
 
 PATH = ROOT / "config/bench/delay.yaml"
 TASK = Task.read(PATH)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +11,14 @@ import pytest
 from scipy.signal import cont2discrete, dlsim, tf2ss
 from scipy.stats import chi2, kstest
 
-from reobserve_papers.bench.plot import detection
+from reobserve.detection.false_alarms import false_alarm_threshold
 from reobserve.detection.restarted_cusum import restarted_cusum
+from reobserve.observers.kalman import KalmanFilter
 from reobserve.tuning.table import Results
 from reobserve.tuning.task import Condition, Task
+from reobserve_papers.bench.plot import detection
 from reobserve_papers.bench.tasks import leak
-from reobserve.detection.false_alarms import false_alarm_threshold
-from reobserve.observers.kalman import KalmanFilter
+from tests import ROOT
 from tests.reobserve.detection.test_restarted_cusum import by_hand
 
 TASK = Task.read(ROOT / "config/bench/leak.yaml")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import control
@@ -14,10 +11,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from reobserve.core.errors import InputError
 from reobserve.tuning.task import Condition, Record, Task
 from reobserve.tuning.task_tuning import _cost
 from reobserve_papers.bench.tasks import motor
-from reobserve.core.errors import InputError
+from tests import ROOT
 
 FILE = ROOT / "config/bench/motor.yaml"
 PERIOD = 0.02

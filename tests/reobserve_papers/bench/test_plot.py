@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from reobserve_papers.bench.plot import evaluations, heat_map, levels
 from reobserve.tuning.table import Results
+from reobserve_papers.bench.plot import evaluations, heat_map, levels
 
 from .toy import stated_results
 

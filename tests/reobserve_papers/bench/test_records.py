@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from pathlib import Path
 
 import pytest
 
 from reobserve.tuning.task import Task
+from tests import ROOT
 
 TASKS = sorted((ROOT / "config/bench").glob("*.yaml"))
 

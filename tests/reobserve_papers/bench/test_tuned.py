@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import math
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +13,7 @@ from reobserve.tuning.task import Task
 from reobserve.tuning.task_tuning import objective, tune_once
 from reobserve.tuning.tuned_file import read_tuned
 from reobserve_papers.golden.bench import built_table, compare_task
+from tests import ROOT
 from tests.reobserve_papers.pipeline.conftest import Project, as_built, built
 
 __all__ = ["as_built", "built"]

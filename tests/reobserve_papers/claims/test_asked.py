@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
-from pathlib import Path
-
 import pytest
 
 from reobserve.core.documents import read_yaml
@@ -13,9 +9,10 @@ from reobserve_papers.claims.checks import THEORY
 from reobserve_papers.claims.choices import sample
 from reobserve_papers.claims.outcomes import Outcomes, outcome
 from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.metrics.metrics import lookup
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 import shutil
 from dataclasses import replace
@@ -20,10 +18,11 @@ from reobserve_papers.claims.choices import find_choice
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
 from reobserve_papers.claims.robustness import Robustness, assess
 from reobserve_papers.claims.sample_command import keep, sample_command
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000

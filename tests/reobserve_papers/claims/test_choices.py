@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import copy
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +12,7 @@ import pytest
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.choices import Knob, change, find_choice, sample
 from reobserve_papers.parameters.parameters import Parameters
+from tests import ROOT
 
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.sampled.K2"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +10,10 @@ import pytest
 import yaml
 
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.registry import Claim, amiss, decisive, read_registry
 from reobserve_papers.claims.errata import read_errata
+from reobserve_papers.claims.registry import Claim, amiss, decisive, read_registry
 from reobserve_papers.parameters.parameters import Parameters
+from tests import ROOT
 
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]

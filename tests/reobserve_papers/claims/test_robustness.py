@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 import math
 from dataclasses import replace
@@ -20,9 +18,10 @@ from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.reversals import Reversal
 from reobserve_papers.claims.robustness import Robustness, assess
 from reobserve_papers.claims.robustness_file import read_robustness, to_data
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000: logarithmic

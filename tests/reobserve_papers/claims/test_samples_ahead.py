@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +10,6 @@ from random import Random
 
 import pytest
 
-from reobserve_papers.cli.stages.sample import numbers_of
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve_papers.claims import outcomes
 from reobserve_papers.claims.cached_samples import CachedSamples
@@ -23,9 +20,11 @@ from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Inquiry, Robustness, assess
 from reobserve_papers.claims.robustness_file import to_data
 from reobserve_papers.claims.samples_ahead import make_ahead
-from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.cli.stages.sample import numbers_of
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN, SHARE = "observers.continuous.K2", "observers.forgetting.K1"

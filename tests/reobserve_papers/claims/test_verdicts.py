@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import copy
 import json
 import math
@@ -14,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from reobserve_papers.cli.stages.claims import HEADER
-from reobserve_papers.cli.stages.verdicts import run as count_verdicts
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_table, write_table
 from reobserve_papers.claims.checks import Check, Reference
@@ -28,7 +24,10 @@ from reobserve_papers.claims.robustness_file import read_robustness, to_data
 from reobserve_papers.claims.table import format_reversal, row
 from reobserve_papers.claims.verdict_table import put_into, titles
 from reobserve_papers.claims.verdicts import count, replicated, title_margin, verdict
+from reobserve_papers.cli.stages.claims import HEADER
+from reobserve_papers.cli.stages.verdicts import run as count_verdicts
 from reobserve_papers.parameters.parameters import Parameters
+from tests import ROOT
 
 ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.sampled.K2"

@@ -14,14 +14,14 @@ import pytest
 from reobserve.cli.main import main
 from reobserve.core.errors import ReobserveError
 from reobserve.core.files import write_table, write_text
-from reobserve_papers.plotting.figures import new_figure
-from reobserve_papers.plotting.formats import save
 from reobserve_papers.claims.table import HEADER
 from reobserve_papers.figure_diff import commands
 from reobserve_papers.golden import acceptance
 from reobserve_papers.golden.values import built_numbers, part_names
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.plotting.figures import new_figure
+from reobserve_papers.plotting.formats import save
 from reobserve_papers.signals.series import Channel, Series
 from tests.reobserve_papers.pipeline.conftest import ROOT
 

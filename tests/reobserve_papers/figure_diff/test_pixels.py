@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import io
 import struct
 import zlib
@@ -16,10 +14,16 @@ from PIL import Image
 from scipy import ndimage
 
 from reobserve.core.errors import InputError
+from reobserve_papers.figure_diff.pixels import (
+    TOLERANCE,
+    read_pixels,
+    rms_difference,
+    show_difference,
+)
 from reobserve_papers.plotting.figures import STYLES, TRUTH, add_note, new_figure
 from reobserve_papers.plotting.fitting import fix_layout
 from reobserve_papers.plotting.formats import save
-from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference, show_difference
+from tests import ROOT
 
 TIME = np.linspace(0, 10, 400)
 TALL = 8.0  # inches of a panel, for a figure taller than any accepted one

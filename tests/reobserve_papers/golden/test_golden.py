@@ -7,7 +7,14 @@ import pytest
 from reobserve_papers.golden.comparison import compare_built
 from reobserve_papers.golden.files import golden_files
 from reobserve_papers.golden.values import part_names
-from tests.reobserve_papers.pipeline.conftest import PAPERS, PARAMETER_FILES, ROOT, Project, as_built, built
+from tests.reobserve_papers.pipeline.conftest import (
+    PAPERS,
+    PARAMETER_FILES,
+    ROOT,
+    Project,
+    as_built,
+    built,
+)
 
 __all__ = ["as_built", "built"]
 

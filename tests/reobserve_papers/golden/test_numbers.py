@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError, ReobserveError
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.golden import acceptance, conditions
 from reobserve_papers.golden.comparison import compare
-from reobserve_papers.golden.files import Key, Number, golden_file, golden_files, read_numbers, write_numbers
+from reobserve_papers.golden.files import (
+    Key,
+    Number,
+    golden_file,
+    golden_files,
+    read_numbers,
+    write_numbers,
+)
 from reobserve_papers.golden.tolerances import tolerance
 from reobserve_papers.golden.values import _samples, evaluated_numbers, part_names, records
 from reobserve_papers.signals.series import Channel, Series
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve_papers.pipeline.conftest import EVALUATORS, PARAMETER_FILES, ROOT
 
 METRIC: Key = ("watch", "rms", "")

@@ -9,8 +9,8 @@ import pytest
 
 from reobserve_papers.claims.outcomes import Outcomes
 from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve_papers.pipeline.conftest import PAPERS, PARAMETER_FILES, ROOT
 
 pytestmark = pytest.mark.nightly

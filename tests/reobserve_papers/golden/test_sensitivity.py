@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.golden.comparison import compare
 from reobserve_papers.golden.files import golden_file, read_numbers
 from reobserve_papers.golden.values import evaluated_numbers
 from reobserve_papers.parameters.parameters import Parameters, leaves, matches
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve_papers.pipeline.conftest import EVALUATORS, PAPERS, PARAMETER_FILES, ROOT
 
 Place = tuple[str | int, ...]  # position in a value: empty for the value itself

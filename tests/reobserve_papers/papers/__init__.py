@@ -5,7 +5,7 @@ from typing import Any
 
 from reobserve.core.documents import read_yaml
 from reobserve_papers.parameters.parameters import Parameters
-
+from tests import ROOT
 
 
 def fixed_parameters(

@@ -5,8 +5,6 @@ Each case is an override as a user would write it, or a changed parameter file.
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import copy
 import datetime
 import shutil
@@ -25,6 +23,7 @@ from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.parameters.config import check_config, known_papers, take_truths
 from reobserve_papers.parameters.job import declared_keys, named, read_job, signal
 from reobserve_papers.parameters.parameters import Parameters
+from tests import ROOT
 
 CONFIG = read_yaml(ROOT / "config/config.yaml")
 Tree = dict[str, Any]

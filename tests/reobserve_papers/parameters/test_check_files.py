@@ -1,17 +1,15 @@
-"""`reobserve check` reports any error under ``config/`` before the first job."""
+"""`reobserve-papers check` reports any error under ``config/`` before the first job."""
 
 from __future__ import annotations
-
-from tests import ROOT
 
 import shutil
 from pathlib import Path
 
 import pytest
 
-from reobserve_papers.cli.stages.check import run
 from reobserve.core.errors import InputError
-
+from reobserve_papers.cli.stages.check import run
+from tests import ROOT
 
 # By name: a file, a replacement in it, and the beginning of the message.
 FAULTS = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import copy
 import shutil
 from pathlib import Path
@@ -15,7 +13,7 @@ import yaml
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve_papers.parameters.parameters import Parameters
-
+from tests import ROOT
 
 
 @pytest.fixture

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +11,7 @@ from reobserve_papers.claims.choices import change, find_choice, sample
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import links_in, resolve
 from reobserve_papers.parameters.parameters import Parameters
+from tests import ROOT
 
 ENTRY = {"value": 1.0, "unit": "m", "source": "p. 1"}
 TREE: dict[str, Any] = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import copy
 import shutil
 from pathlib import Path
@@ -18,7 +16,7 @@ from reobserve.core.matrices import as_floats
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import OVERRIDDEN
 from reobserve_papers.parameters.parameters import Parameters, leaves
-
+from tests import ROOT
 
 
 def load(overrides: dict[str, Any] | None = None) -> Parameters:

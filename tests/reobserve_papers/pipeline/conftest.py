@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import copy
 import fcntl
 import os
@@ -18,11 +16,10 @@ from typing import Any
 import pytest
 
 from reobserve.core.documents import read_yaml
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
-from tests import project_copy
-
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT, project_copy
 
 # Results of a default build: all papers, their figures and tables. An evaluation is made once for
 # all tests of a process.

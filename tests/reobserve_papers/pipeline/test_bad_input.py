@@ -20,9 +20,9 @@ def refused(capsys: Capture, *arguments: str | Path) -> str:
     assert main([str(argument) for argument in arguments]) == 1
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert captured.err.startswith("reobserve: ")
+    assert captured.err.startswith("reobserve-papers: ")
     assert captured.err.count("\n") == 1, captured.err
-    return captured.err.removeprefix("reobserve: ").rstrip()
+    return captured.err.removeprefix("reobserve-papers: ").rstrip()
 
 
 def nothing_in(folder: Path) -> bool:
@@ -345,7 +345,7 @@ def test_snakemake_reports_errors_in_one_sentence(built: Project, config: str, s
     before = built.results()
     done = built.snakemake("--config", config, check=False)
     assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve: {said}"
+    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve-papers: {said}"
     assert "Traceback" not in done.stderr
     assert 'File "' not in done.stderr
     assert built.results() == before
@@ -359,7 +359,7 @@ def test_error_in_a_parameter_file_is_reported_before_the_first_job(fresh: Proje
     done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
+        "reobserve-papers: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
     )
     assert not (fresh.folder / "results/ilo").exists()
 
@@ -374,7 +374,7 @@ def test_error_found_on_construction_stops_the_first_job(fresh: Project) -> None
     done = fresh.snakemake("results/ilo/constant/plant.parquet", check=False)
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: ilo.scenarios.constant.fault: starts at 99 s, must start before the end at "
-        f"{PARAMETER_FILES['ilo'].section('plant')['horizon']:g} s"
+        "reobserve-papers: ilo.scenarios.constant.fault: starts at 99 s, must start before the end "
+        f"at {PARAMETER_FILES['ilo'].section('plant')['horizon']:g} s"
     )
     assert not (fresh.folder / "results/ilo").exists()

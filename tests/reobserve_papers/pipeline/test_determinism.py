@@ -147,7 +147,7 @@ def test_second_build_in_the_same_folder_is_refused(fresh: Project) -> None:
     assert made.returncode != 0
     assert "one was killed: make unlock" in made.stderr
     assert changed.returncode != 0
-    said = "reobserve: another build runs in this folder, with other parameters of lie; wait for it"
+    said = "reobserve-papers: another build runs in this folder, with other parameters of lie; wait"
     assert changed.stderr.rstrip().splitlines()[-1].startswith(said)
     assert "Directory cannot be locked" in again.stderr, "a refusal leaves the lock of others"
     # Also with parameters other than those of the killed build.

@@ -69,7 +69,7 @@ def test_misspelt_layout_is_reported_before_anything_runs(project: Project) -> N
 def test_project_rules_cover_the_example(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
     """`accept` stores its golden numbers and lists its metrics; then all project rules hold."""
     monkeypatch.delenv("CI", raising=False)  # where accepting is refused
-    project.run("reobserve", "accept", "two_mass", "--reason", "a paper more")
+    project.run("reobserve-papers", "accept", "two_mass", "--reason", "a paper more")
     tests = ("tests/papers/test_two_mass.py", "tests/reobserve_papers/golden/test_golden.py")
     watched = project.run("pytest", *tests, "-k", "two_mass and not numbers")
     assert " passed" in watched.stdout + watched.stderr or "100%" in watched.stdout

@@ -55,7 +55,7 @@ def test_printed_command_can_be_run_manually(built: Project) -> None:
     output = built.snakemake(
         "--dry-run", "--force", "--printshellcmds", "results/ilo/fig2.metrics.csv"
     ).stdout
-    command = re.search(r"Shell command: (\(set -x; reobserve stage metrics .*)", output)
+    command = re.search(r"Shell command: (\(set -x; reobserve-papers stage metrics .*)", output)
     assert command
     before = built.results()["ilo/fig2.metrics.csv"]
     built.run("bash", "-c", command[1])
@@ -169,29 +169,29 @@ def test_captions_list_assumptions_and_choices(built: Project) -> None:
 
 
 def test_listing_commands_print_parameters_and_results(built: Project) -> None:
-    listing = built.run("reobserve", "list").stdout
+    listing = built.run("reobserve-papers", "list").stdout
     for word in ("ilo", "constant", "combined", "sampled", "matching", "built: pdf"):
         assert word in listing
     for paper, parameters in PARAMETER_FILES.items():
-        listing = built.run("reobserve", "list", paper).stdout
+        listing = built.run("reobserve-papers", "list", paper).stdout
         assert listing.startswith(f"{paper}  ")
         for section in ("figures", "tables", "scenarios", "designs", "observers", "studies"):
             for name in parameters.tree.get(section, {}):
                 assert re.search(rf"^    {name}  ", listing, re.MULTILINE), name
-        params = built.run("reobserve", "params", paper).stdout
+        params = built.run("reobserve-papers", "params", paper).stdout
         keys = [path for path, _ in parameters.entries()]
         squeezed = re.sub(r"\s+", "", params)
         assert len(keys) > (40 if paper == "ilo" else 0)
         for key in keys:
             assert key[:30] in squeezed
-    why = built.run("reobserve", "params", "ilo", "adaptive.observer_gain", "--why").stdout
+    why = built.run("reobserve-papers", "params", "ilo", "adaptive.observer_gain", "--why").stdout
     assert "The observer of the comparison and its gains are only cited." in re.sub(
         r"\s+", " ", why
     )
     usage = built.run("reobserve", "--help").stdout
     for command in ("list", "params", "estimate", "design", "export", "report", "stage"):
         assert f"    {command} " in usage
-    usage = built.run("reobserve", "stage", "--help").stdout
+    usage = built.run("reobserve-papers", "stage", "--help").stdout
     for stage in ("parameters", "plant", "design", "observe", "metrics", "plot", "archive"):
         assert f"    {stage}" in usage
         assert built.run("reobserve", command, "--help").stdout.startswith("usage: reobserve")

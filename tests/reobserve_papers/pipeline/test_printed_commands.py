@@ -5,8 +5,6 @@ Builds that take minutes are dry runs. A line that cannot be run here is an erro
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import re
 import shlex
 import shutil
@@ -17,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from docs.outputs import by_hand
+from tests import ROOT
 
 from .conftest import Project
-
 
 # Contents of the files that a page leaves to the reader.
 FILES = {"torque.csv": "time,torque\n0,0\n4,0.1\n6,-0.2\n9,0.05\n"}
@@ -73,7 +71,9 @@ def _fenced(kind: str, body: str) -> Iterator[Command | File]:
     elif kind == "console":
         for typed in re.split(r"^\$ ", body, flags=re.MULTILINE)[1:]:
             line, _, said = typed.partition("\n")
-            yield Command(line, refused=said.strip() if said.startswith("reobserve: ") else "")
+            yield Command(
+                line, refused=said.strip() if said.startswith("reobserve-papers: ") else ""
+            )
     elif kind == "sh":
         yield from (Command(line) for line in body.splitlines() if not line.startswith("…"))
 

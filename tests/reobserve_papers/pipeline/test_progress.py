@@ -12,11 +12,11 @@ def test_build_prints_its_jobs_and_the_failure(fresh: Project) -> None:
     said = fresh.snakemake(target).stderr
     assert "ilo: simulate the plant, scenario constant\n" in said
     assert "\n1 of 1 steps (100%) done\n" in said
-    assert "reobserve stage plant" not in said, "commands stand in the logs"
+    assert "reobserve-papers stage plant" not in said, "commands stand in the logs"
     (fresh.folder / target).write_bytes(b"no record")
     failed = fresh.snakemake("results/ilo/constant/sampled.parquet", check=False)
     assert failed.returncode != 0
-    assert "reobserve: results/ilo/constant/plant.parquet: " in failed.stderr
+    assert "reobserve-papers: results/ilo/constant/plant.parquet: " in failed.stderr
 
 
 @pytest.mark.nightly

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from reobserve.core.files import write_table
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.metrics.metrics import read_metrics
-from reobserve_papers.steps.compute import paper_module
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.compute import paper_module
+from reobserve_papers.steps.evaluation import Evaluator
 
 from .conftest import (
     EVALUATORS,

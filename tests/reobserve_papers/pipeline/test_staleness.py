@@ -285,7 +285,7 @@ def commands(built: Project) -> list[list[str]]:
     """The arguments of all stage jobs, after the name of the stage."""
     asked = ("--dry-run", "--forceall", "--printshellcmds", "--config", *FEW_SAMPLES)
     output = built.snakemake(*asked).stdout
-    found = re.findall(r"\(set -x; reobserve stage (.*?)\) ", output)
+    found = re.findall(r"\(set -x; reobserve-papers stage (.*?)\) ", output)
     return [command.split() for command in found]
 
 

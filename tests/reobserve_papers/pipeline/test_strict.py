@@ -41,7 +41,7 @@ def test_names_from_a_file_cannot_run_code_or_leave_the_project(fresh: Project, 
     done = fresh.snakemake("results/ilo/fig9.metrics.csv", *option, check=False)
     assert done.returncode == 1
     last = done.stderr.rstrip().splitlines()[-1]
-    assert last.startswith("reobserve: ilo.scenarios")
+    assert last.startswith("reobserve-papers: ilo.scenarios")
     assert "Traceback" not in done.stderr
     assert (files(fresh.folder), {path.name for path in fresh.folder.parent.iterdir()}) == around
 
@@ -62,7 +62,7 @@ def test_duplicate_key_in_a_config_file_is_refused(
     done = fresh.snakemake(target, "--dry-run", "--configfile", name, check=False)
     assert done.returncode == 1
     last = done.stderr.rstrip().splitlines()[-1]
-    assert last.startswith("reobserve: ")
+    assert last.startswith("reobserve-papers: ")
     assert name in last
     assert last.endswith(said)
     assert not (fresh.folder / "results/ilo").exists()
@@ -84,7 +84,7 @@ def test_config_beyond_plain_yaml_is_refused(fresh: Project, added: bytes, said:
     done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
     assert done.returncode == 1
     last = done.stderr.rstrip().splitlines()[-1]
-    assert last.startswith("reobserve: config/config.yaml: ")
+    assert last.startswith("reobserve-papers: config/config.yaml: ")
     assert last.endswith(said)
     assert "Traceback" not in done.stderr
 
@@ -106,8 +106,8 @@ def test_file_named_like_a_pattern_is_read_literally(fresh: Project) -> None:
     option = with_config(fresh, ilo={"scenarios": {"mine": {"like": "constant", "fault": [term]}}})
     done = fresh.snakemake("results/ilo/mine/plant.parquet", *option, check=False)
     assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: ilo.scenarios.mine.fault: '{x}.csv' has braces in its name, which stand for "
-        "wildcards"
+        "reobserve-papers: ilo.scenarios.mine.fault: '{x}.csv' has braces in its name, which stand "
+        "for wildcards"
     )
 
 
@@ -117,7 +117,7 @@ def test_failure_before_a_pipe_fails_the_job(fresh: Project) -> None:
         fresh, imm={"searches": {"calibrated": {"observers": ["kalman_retuned", "svsf_tuned"]}}}
     )
     done = fresh.snakemake("results/imm/calibrated.search.json", *option, check=False)
-    said = "reobserve: imm.observers.svsf_tuned: must have the noise of the others tuned"
+    said = "reobserve-papers: imm.observers.svsf_tuned: must have the noise of the others tuned"
     assert done.returncode == 1
     assert said in done.stderr
     assert said in (fresh.folder / "logs/imm/calibrated.search.log").read_text(encoding="utf-8")
@@ -148,7 +148,7 @@ def test_construction_checks_run_once(fresh: Project) -> None:
     option = with_config(fresh, ilo={"observers": {"sampled": {"K2": 90_000}}})
     done = fresh.snakemake(target, "--forcerun", "plant", *option, check=False)
     last = done.stderr.rstrip().splitlines()[-1]
-    assert last.startswith("reobserve: ilo.observers.sampled.K1, K2: must give stable")
+    assert last.startswith("reobserve-papers: ilo.observers.sampled.K1, K2: must give stable")
     assert written.stat().st_mtime_ns == before
 
 
@@ -162,7 +162,7 @@ def test_damaged_snakemake_metadata_is_reported_in_one_sentence(
     done = fresh.snakemake("--dry-run", check=False)
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: .snakemake/metadata/cmVz: is damaged; delete it, then run "
+        "reobserve-papers: .snakemake/metadata/cmVz: is damaged; delete it, then run "
         "`snakemake --forceall`"
     )
     assert "Traceback" not in done.stderr
@@ -174,7 +174,7 @@ def test_unwritable_results_folder_is_reported_in_one_sentence(fresh: Project) -
     done = fresh.snakemake("results/lie/figure/plant.parquet", check=False)
     assert done.returncode == 1
     last = done.stderr.rstrip().splitlines()[-1]
-    assert last.startswith("reobserve: results/ilo/parameters.json: cannot be written (")
+    assert last.startswith("reobserve-papers: results/ilo/parameters.json: cannot be written (")
     assert "Traceback" not in done.stderr
 
 
@@ -191,7 +191,7 @@ def test_target_of_another_paper_is_reported_in_one_sentence(
 ) -> None:
     done = fresh.snakemake("--dry-run", target, check=False)
     assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1].startswith(f"reobserve: {said}")
+    assert done.stderr.rstrip().splitlines()[-1].startswith(f"reobserve-papers: {said}")
     assert "Traceback" not in done.stderr
 
 

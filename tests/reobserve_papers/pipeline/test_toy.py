@@ -17,8 +17,8 @@ from rocrate.rocrate import ROCrate
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
 from reobserve_papers.claims.table import HEADER
-from reobserve_papers.steps.compute import read_design
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.compute import read_design
 
 from .conftest import Project, copy_toy
 from .test_staleness import REPORTED, edited
@@ -81,7 +81,9 @@ def test_user_defined_figure_uses_a_user_defined_style(toy: Project) -> None:
     config = ("--config", "style=mine", "formats=[eps,pgf]", "notes=false", own)
     sheet.write_text("figure.figsize: 3, 3\nfont size: 7\n")
     said = toy.snakemake(*wanted, *config, check=False).stderr.rstrip().splitlines()[-1]
-    place = "reobserve: config/styles/mine.mplstyle: line 2: there is no parameter 'font size'"
+    place = (
+        "reobserve-papers: config/styles/mine.mplstyle: line 2: there is no parameter 'font size'"
+    )
     assert said.startswith(place)
     sheet.write_text("figure.figsize: 3, 3\nfont.size: 7\n")
     toy.snakemake(*wanted, *config)
@@ -178,7 +180,7 @@ def test_invalid_claim_is_refused_before_the_first_job(
     with edited(path, path.read_text(), path.read_text() + more):
         done = toy.snakemake("--dry-run", check=False)
     assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve: claims.toy.wrong.{said}"
+    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve-papers: claims.toy.wrong.{said}"
 
 
 @pytest.mark.nightly
@@ -224,7 +226,7 @@ LAYOUTS = {"lines": lines}
         assert not (toy.folder / "results/report.html").exists(), "one figure asks for no report"
         done = toy.snakemake(check=False)
         assert done.returncode != 0
-        assert "reobserve: toy.figures.fig1.layout: cannot be drawn today" in done.stderr
+        assert "reobserve-papers: toy.figures.fig1.layout: cannot be drawn today" in done.stderr
         page = (toy.folder / "results/report.html").read_text()
         assert "fig1" in page
         assert "Both poles are in one place." in page
@@ -361,16 +363,17 @@ def test_missing_extra_or_wrong_design_is_reported_in_one_sentence(toy: Project)
         ("stage", "study", PARAMETERS, PLANT, "faster"),
     ):
         assert refused(toy, *command) == (
-            "reobserve: --design-file: must be given: the parameter file names the design 'gains'"
+            "reobserve-papers: --design-file: must be given: the parameter file names the design "
+            "'gains'"
         )
     assert refused(toy, "stage", "observe", PARAMETERS, PLANT, "slow", "--design-file", DESIGN) == (
-        "reobserve: --design-file: is given, but the parameter file names no design here"
+        "reobserve-papers: --design-file: is given, but the parameter file names no design here"
     )
     other = toy.folder / "other.json"
     text = (toy.folder / DESIGN).read_text()
     other.write_text(text.replace('"job": "gains"', '"job": "others"'))
     assert refused(toy, "stage", "table", PARAMETERS, "table1", "--design-file", "other.json") == (
-        "reobserve: other.json: is 'others' of toy, must be 'gains' of toy"
+        "reobserve-papers: other.json: is 'others' of toy, must be 'gains' of toy"
     )
     other.unlink()
 
@@ -378,14 +381,14 @@ def test_missing_extra_or_wrong_design_is_reported_in_one_sentence(toy: Project)
 def test_failing_design_is_reported_in_one_sentence(toy: Project) -> None:
     overrides = ("--overrides", '{"designs": {"gains": {"pole": -1}}}')
     said = refused(toy, "stage", "parameters", "toy", *overrides)
-    assert said == "reobserve: toy.designs.gains.pole: -1 must be greater than zero"
+    assert said == "reobserve-papers: toy.designs.gains.pole: -1 must be greater than zero"
     overrides = ("--overrides", '{"designs": {"gains": {"pole": 1e200}}}')
     said = refused(toy, "stage", "parameters", "toy", *overrides)
-    assert said == "reobserve: toy.designs.gains.pole: gives a number that is not finite"
+    assert said == "reobserve-papers: toy.designs.gains.pole: gives a number that is not finite"
     said = refused(toy, "stage", "design", PARAMETERS, "gain")
-    assert said == "reobserve: toy.designs: there is no 'gain'; did you mean 'gains'?"
+    assert said == "reobserve-papers: toy.designs: there is no 'gain'; did you mean 'gains'?"
     said = refused(toy, "stage", "table", PARAMETERS, "table2", "--design-file", DESIGN)
-    assert said == "reobserve: toy.tables: there is no 'table2'; did you mean 'table1'?"
+    assert said == "reobserve-papers: toy.tables: there is no 'table2'; did you mean 'table1'?"
 
 
 @pytest.mark.parametrize(
@@ -415,10 +418,10 @@ def test_invalid_design_file_is_named(
 
 @pytest.mark.nightly
 def test_listing_and_report_show_the_table(toy: Project) -> None:
-    listing = toy.run("reobserve", "list", "toy").stdout
+    listing = toy.run("reobserve-papers", "list", "toy").stdout
     assert "table1  Gains  built" in listing
     assert "gains  gains that put both poles in one place  built" in listing
-    assert "designs.gains.pole" in toy.run("reobserve", "params", "toy").stdout
+    assert "designs.gains.pole" in toy.run("reobserve-papers", "params", "toy").stdout
     report = toy.folder / "report.html"
     toy.snakemake("--report", "report.html")
     assert "A table of the paper, computed again" in report.read_text()
@@ -435,15 +438,15 @@ def test_listing_and_report_show_the_table(toy: Project) -> None:
 def test_golden_numbers_cover_the_table(toy: Project) -> None:
     """Accepted, verified, detected when changed, and accepted with old value, new value and
     reason."""
-    accept = ("env", "CI=", "reobserve", "accept", "toy")
+    accept = ("env", "CI=", "reobserve-papers", "accept", "toy")
     said = toy.run(*accept, "--reason", "a paper is added").stdout
     assert "toy fig1: new" in said
     assert "toy table1: new" in said
-    assert ": 4 agree" in toy.run("reobserve", "figdiff").stdout
+    assert ": 4 agree" in toy.run("reobserve-papers", "figdiff").stdout
     kept = toy.folder / "tests/golden/toy/table1.csv"
     before = kept.read_text()
     kept.write_text(before.replace(",16.0,", ",16.1,"))
-    done = toy.run("reobserve", "figdiff", check=False)
+    done = toy.run("reobserve-papers", "figdiff", check=False)
     moved = "toy table1, row 2 computed: golden 16.1, found 16.0, off by 0.1, allowed 1.6e-11"
     assert done.returncode == 1
     assert moved in done.stdout

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, MotorRun, SpeedControl, poles_for
+from reobserve_papers.plants.dc_motor import (
+    ControlledMotor,
+    DCMotor,
+    MotorRun,
+    SpeedControl,
+    poles_for,
+)
 from reobserve_papers.signals.inputs import Signal, Term
 from reobserve_papers.signals.signal_shapes import Constant
 

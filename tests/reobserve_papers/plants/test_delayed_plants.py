@@ -14,11 +14,11 @@ from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.vector_field import vector_field
+from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve_papers.plants.first_order_lag import first_order_lag
 from reobserve_papers.plants.pendulum import pendulum
 from reobserve_papers.signals.inputs import Signal
-from reobserve.systems.triangular import TriangularModel
 from tests.reobserve.observers.small_plants import DELAYS, MEET, START, pendulum_slope
 
 Array = NDArray[np.float64]

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.plants.delayed_input import check_delay
 from reobserve_papers.plants.pendulum import pendulum
 from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal, Term
 from reobserve_papers.signals.signal_shapes import Constant
-from reobserve.systems.polynomial import PolynomialSystem
 
 WHEELS = Satellite(np.diag([1.0, 2.0, 3.0]))
 PLANE = PolynomialPlant(PolynomialSystem.from_expressions(["b", "-a"], ["a"], ["a", "b"], 3))

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve_papers.plotting.captions import render
 from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.plotting.captions import render
 
 METRICS = [
     Metric("sampled", "rms_error", 0.0123456, "N m"),

@@ -12,7 +12,16 @@ from matplotlib import font_manager
 from matplotlib.colors import to_rgb
 
 from reobserve.core.errors import InputError
-from reobserve_papers.plotting.figures import STYLES, TRUTH, Style, decades, envelope, few_ticks, new_figure, thin
+from reobserve_papers.plotting.figures import (
+    STYLES,
+    TRUTH,
+    Style,
+    decades,
+    envelope,
+    few_ticks,
+    new_figure,
+    thin,
+)
 from reobserve_papers.plotting.fitting import fix_layout
 from reobserve_papers.plotting.formats import save
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from itertools import combinations, pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +13,18 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from reobserve_papers.plotting import fitting
-from reobserve_papers.plotting.figures import STYLES, PaperFigure, add_note, headroom, mosaic, new_figure, note_of
+from reobserve_papers.plotting.figures import (
+    STYLES,
+    PaperFigure,
+    add_note,
+    headroom,
+    mosaic,
+    new_figure,
+    note_of,
+)
 from reobserve_papers.plotting.fitting import fix_layout
 from reobserve_papers.plotting.look import use_sheet
+from tests import ROOT
 
 COLUMN = ROOT / "config" / "styles" / "ieee-column.mplstyle"
 TIME = np.linspace(0, 10, 200)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import io
 import re
 import time
@@ -21,6 +19,7 @@ from reobserve_papers.plotting.figures import STYLES, PaperFigure, add_note, new
 from reobserve_papers.plotting.fitting import fix_layout
 from reobserve_papers.plotting.formats import save
 from reobserve_papers.plotting.look import use_sheet
+from tests import ROOT
 
 SHEETS = ROOT / "config" / "styles"
 SIDES = ("width", "height")

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pylatexenc.latex2text import LatexNodes2Text
 
-from reobserve_papers.cli.stages import latex as stage
 from reobserve.core.errors import InputError
+from reobserve_papers.cli.stages import latex as stage
 from reobserve_papers.plotting.latex import booktabs, latex, latex_number
 
 WRITTEN = {

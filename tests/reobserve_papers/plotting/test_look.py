@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from pathlib import Path
 
 import matplotlib
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve_papers.parameters.config import known_styles
 from reobserve_papers.plotting import look
 from reobserve_papers.plotting.figures import STYLES, new_figure
-from reobserve_papers.parameters.config import known_styles
+from tests import ROOT
 
 SHEETS = ROOT / "config" / "styles"
 

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 from playwright.sync_api import Browser
 
-from reobserve_papers.steps import meanings
 from reobserve_papers.report import report_command
+from reobserve_papers.steps import meanings
 from tests.browser import browser
 from tests.reobserve_papers.pipeline.conftest import Project, as_built, built
 

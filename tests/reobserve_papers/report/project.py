@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 import shutil
 from pathlib import Path
@@ -12,6 +10,7 @@ from reobserve.core.files import write_table
 from reobserve_papers.claims.table import HEADER
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
+from tests import ROOT
 
 TOY = ROOT / "tests" / "pipeline" / "toy"
 
@@ -22,7 +21,8 @@ SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="300pt" height="150pt" vi
 CAPTION = """**A disturbance estimated** (Example 2000, Fig. 1). (a) The estimate errs by 0.1 %.
 It lags.
 
-**Left open by the paper**: the gains of *slow* <and more>. ``reobserve params toy`` has them.
+**Left open by the paper**: the gains of *slow* <and more>. ``reobserve-papers params toy`` shows
+them.
 """
 
 _DRAWN = {"samples": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
@@ -129,5 +129,5 @@ def make_project(folder: Path) -> Path:
     for name in ("fig1.plot", "theory"):
         log = folder / "logs" / "toy" / f"{name}.log"
         log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_text("+ reobserve stage\n")
+        log.write_text("+ reobserve-papers stage\n")
     return folder

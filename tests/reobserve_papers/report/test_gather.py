@@ -313,9 +313,7 @@ def test_processor_name_is_the_first_in_cpuinfo(
     reported: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "cpuinfo").write_text(reported)
-    monkeypatch.setattr(
-        "reobserve_papers.report.environment.Path", lambda _: tmp_path / "cpuinfo"
-    )
+    monkeypatch.setattr("reobserve_papers.report.environment.Path", lambda _: tmp_path / "cpuinfo")
     monkeypatch.setattr("platform.processor", lambda: "by itself")
     assert environment(tmp_path)["processor"] == wanted
 

@@ -11,8 +11,22 @@ import pytest
 
 from reobserve.core import files
 from reobserve.core.errors import InputError
-from reobserve_papers.metrics.metrics import Metric, lookup, name_at, parse_name, read_metrics, write_metrics
-from reobserve_papers.metrics.responses import first_crossing, peak, root_mean_square, root_mean_square_of_steps, settling_time, window
+from reobserve_papers.metrics.metrics import (
+    Metric,
+    lookup,
+    name_at,
+    parse_name,
+    read_metrics,
+    write_metrics,
+)
+from reobserve_papers.metrics.responses import (
+    first_crossing,
+    peak,
+    root_mean_square,
+    root_mean_square_of_steps,
+    settling_time,
+    window,
+)
 from reobserve_papers.signals.series import Channel, Series
 
 # Values that a conversion to text or single precision would change.

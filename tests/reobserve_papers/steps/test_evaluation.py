@@ -8,8 +8,8 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.steps.compute import paper_module
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve_papers.pipeline.conftest import EVALUATORS, PARAMETER_FILES
 
 
@@ -64,7 +64,9 @@ def test_missing_rows_are_reported_with_the_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_table(
-        Path("orders.study.csv"), [], paper_module("reobserve_papers.papers.lie", "study_rows").HEADER
+        Path("orders.study.csv"),
+        [],
+        paper_module("reobserve_papers.papers.lie", "study_rows").HEADER,
     )
     evaluator = Evaluator(PARAMETER_FILES["lie"])
     evaluator.take_study("orders", Path("orders.study.csv"))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import ast
 import re
 from pathlib import Path
 
 import pytest
 
-from reobserve_papers.steps import provenance
 from reobserve_papers.parameters.parameters import Parameters
-
+from reobserve_papers.steps import provenance
+from tests import ROOT
 
 MODULE = "reobserve_papers.papers.ilo.plant"
 FILE, PACKAGE = Path("plant.py"), Path("plant/__init__.py")
@@ -23,15 +21,27 @@ FILE, PACKAGE = Path("plant.py"), Path("plant/__init__.py")
     [
         ("import a.b, c as d", FILE, ["a.b", "c"]),
         ("from a.b import c, d", FILE, ["a.b", "a.b.c", "a.b.d"]),
-        ("from . import setup", FILE, ["reobserve_papers.papers.ilo", "reobserve_papers.papers.ilo.setup"]),
+        (
+            "from . import setup",
+            FILE,
+            ["reobserve_papers.papers.ilo", "reobserve_papers.papers.ilo.setup"],
+        ),
         (
             "from .setup import grid",
             FILE,
             ["reobserve_papers.papers.ilo.setup", "reobserve_papers.papers.ilo.setup.grid"],
         ),
-        ("from ..lie import plot", FILE, ["reobserve_papers.papers.lie", "reobserve_papers.papers.lie.plot"]),
+        (
+            "from ..lie import plot",
+            FILE,
+            ["reobserve_papers.papers.lie", "reobserve_papers.papers.lie.plot"],
+        ),
         ("from . import setup", PACKAGE, [MODULE, f"{MODULE}.setup"]),
-        ("from .. import lie", PACKAGE, ["reobserve_papers.papers.ilo", "reobserve_papers.papers.ilo.lie"]),
+        (
+            "from .. import lie",
+            PACKAGE,
+            ["reobserve_papers.papers.ilo", "reobserve_papers.papers.ilo.lie"],
+        ),
         ("x = 1", FILE, []),
     ],
 )
@@ -64,7 +74,9 @@ def test_digest_of_a_job_covers_the_library_and_the_paper() -> None:
 
 @pytest.mark.parametrize("stage", ["sample", "robustness"])
 def test_digest_of_samples_covers_all_steps_of_the_paper(stage: str) -> None:
-    closure = provenance.import_closure(provenance.stage_modules(stage, "reobserve_papers.papers.eso"))
+    closure = provenance.import_closure(
+        provenance.stage_modules(stage, "reobserve_papers.papers.eso")
+    )
     parts = ("plant", "design", "observe", "study", "study_rows", "theory", "metrics", "keys")
     assert {f"reobserve_papers.papers.eso.{part}" for part in parts} <= set(closure)
 

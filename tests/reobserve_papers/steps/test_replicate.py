@@ -1,8 +1,6 @@
-"""`reobserve.replicate`: all stages of a figure in one call."""
+"""`reobserve_papers.replicate`: all stages of a figure in one call."""
 
 from __future__ import annotations
-
-from tests import ROOT
 
 import os
 import shutil
@@ -15,12 +13,12 @@ import pytest
 
 import reobserve
 from reobserve import InputError, replicate
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.golden.comparison import compare
 from reobserve_papers.golden.files import golden_file, read_numbers
 from reobserve_papers.golden.values import evaluated_numbers
 from reobserve_papers.parameters.parameters import default_parameters
-
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 
 
 def test_figure_has_its_golden_numbers() -> None:
@@ -63,7 +61,7 @@ matplotlib.style.use("dark_background")
 matplotlib.rcParams["lines.linewidth"] = 7.0
 before, fonts = dict(matplotlib.rcParams), font_manager.fontManager.ttflist
 
-from reobserve import replicate
+from reobserve_papers import replicate
 
 drawn = replicate("ilo", "fig1").plot()
 assert dict(matplotlib.rcParams) == before
@@ -149,7 +147,7 @@ def test_installed_package_has_its_parameter_files(tmp_path: Path) -> None:
     for name in ("config", "workflow"):
         (site / "reobserve/project" / name).symlink_to(ROOT / name)
     program = (
-        "import reobserve; found = reobserve.replicate('lie', 'fig1'); "
+        "import reobserve_papers; found = reobserve_papers.replicate('lie', 'fig1'); "
         "print(reobserve.__file__, len(found.numbers))"
     )
     done = subprocess.run(

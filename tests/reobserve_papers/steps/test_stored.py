@@ -16,20 +16,20 @@ import pyarrow.parquet as parquet
 import pytest
 
 from reobserve.cli.main import main
-from reobserve_papers.cli.stages.records import read_estimates, read_record
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
+from reobserve_papers.claims.robustness_file import read_robustness
+from reobserve_papers.cli.stages.records import read_estimates, read_record
 from reobserve_papers.papers.eso import keys as eso_keys
 from reobserve_papers.papers.eso.design import stored_design
 from reobserve_papers.papers.lie import keys as lie_keys
 from reobserve_papers.papers.lie.setup import stored_form
 from reobserve_papers.papers.lie.table import rows as table_rows
-from reobserve_papers.steps import compute as common
-from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.compute import compute_design, read_design, rows_from
 from reobserve_papers.signals.series import Channel, Series
+from reobserve_papers.steps import compute as common
+from reobserve_papers.steps.compute import compute_design, read_design, rows_from
 from tests.reobserve_papers.pipeline.conftest import ROOT
 
 Change = Callable[[Series], Series]

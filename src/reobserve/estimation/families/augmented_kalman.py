@@ -12,7 +12,12 @@ import numpy as np
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Example, pairs
 from reobserve.estimation.families.kalman import MOTOR, NOISE
-from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, check_shape, decay_sentences
+from reobserve.estimation.families.linear_system import (
+    FilterDesign,
+    NoisySystem,
+    check_shape,
+    decay_sentences,
+)
 from reobserve.estimation.families.signals import Signal, Signals, listed, numbered, variances
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver

@@ -11,7 +11,15 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import Certificate, Design, Estimates, Example, System, pairs, pole_text
+from reobserve.estimation.families.design import (
+    Certificate,
+    Design,
+    Estimates,
+    Example,
+    System,
+    pairs,
+    pole_text,
+)
 from reobserve.estimation.families.linear_system import check_shape
 from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
 from reobserve.observers.extended_state import ExtendedStateObserver, State

@@ -14,7 +14,12 @@ from reobserve.core.kernel import kernel
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
-from reobserve.estimation.families.linear_system import FilterDesign, LinearSystem, NoisySystem, unobserved
+from reobserve.estimation.families.linear_system import (
+    FilterDesign,
+    LinearSystem,
+    NoisySystem,
+    unobserved,
+)
 from reobserve.estimation.families.signals import Signal, check_signals, covariances
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter

@@ -27,7 +27,12 @@ from reobserve.core.matrices import Matrix, as_floats, as_positive, as_scalar
 from reobserve.core.validation import parse
 from reobserve.synthesis.definiteness import prove_negative_definite
 from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
-from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables, in_balls, mapped
+from reobserve.synthesis.extended_state.inequality import (
+    PdPiVariables,
+    PiVariables,
+    in_balls,
+    mapped,
+)
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 

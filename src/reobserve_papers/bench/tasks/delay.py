@@ -18,23 +18,25 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
-from reobserve.tuning.search import Settings
 from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, rising
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, SwitchedOffWarning
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.systems.linear import LinearModel
+from reobserve.systems.nonlinear import NonlinearModel
+from reobserve.tuning.search import Settings
+from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
-from reobserve_papers.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
+from reobserve_papers.papers.delay.estimator_variable_structure import (
+    VariableStructureDelayEstimator,
+)
 from reobserve_papers.plants.delayed_input import DelayedInputPlant
 from reobserve_papers.plants.first_order_lag import first_order_lag
 from reobserve_papers.signals.inputs import Signal
-from reobserve.systems.linear import LinearModel
-from reobserve.systems.nonlinear import NonlinearModel
 
 A, B = 1.0, 1.0  # a and b of (39), as methods know them
 LINES = 3  # of the input

@@ -21,22 +21,22 @@ from typing import Any, Literal
 
 import numpy as np
 
-from reobserve.detection.innovation_tests import cusum, inflation_glr
-from reobserve.tuning.record_score import Score
-from reobserve.detection.restarted_cusum import restarted_cusum
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
-from reobserve.tuning.search import Settings
 from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.core.validation import Count, NotNegative, Positive, Share
 from reobserve.detection.false_alarms import false_alarm_threshold
+from reobserve.detection.innovation_tests import cusum, inflation_glr
+from reobserve.detection.restarted_cusum import restarted_cusum
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
+from reobserve.tuning.record_score import Score
+from reobserve.tuning.search import Settings
+from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
 from reobserve_papers.papers.imm.setup import STATE_FREQUENCY
 from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
 from reobserve_papers.plants.hydraulic_actuator import simulate as move
-from reobserve.systems.linear import LinearModel
 
 Four = tuple[float, float, float, float]
 Level = tuple[float, float, int]  # of a condition: noise, model and period

@@ -14,9 +14,6 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
-from reobserve.tuning.search import Settings
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError, one_line
 from reobserve.core.random_streams import random_stream
@@ -24,11 +21,14 @@ from reobserve.core.validation import Positive
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fixed_gain import luenberger
-from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
-from reobserve_papers.signals.inputs import Signal
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel
+from reobserve.tuning.search import Settings
+from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
+from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
+from reobserve_papers.signals.inputs import Signal
 
 # How disturbances, noise and the sensor fault enter, Section IV; here the current has noise, too.
 DD, DW, FS = np.diag([1.0, 2.0]), np.array([[1.0], [0.0]]), np.array([[1.0], [0.0]])

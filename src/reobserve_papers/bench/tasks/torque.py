@@ -17,9 +17,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
-from reobserve.tuning.search import Settings
 from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, array
 from reobserve.observers.adaptive import AdaptiveObserver
@@ -28,10 +25,13 @@ from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve_papers.plants.satellite import Satellite
-from reobserve_papers.signals.inputs import Signal
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
+from reobserve.tuning.search import Settings
+from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
+from reobserve_papers.plants.satellite import Satellite
+from reobserve_papers.signals.inputs import Signal
 
 
 @dataclass(frozen=True)

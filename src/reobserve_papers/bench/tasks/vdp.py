@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
-from reobserve.tuning.search import Settings
 from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.core.validation import Positive
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
@@ -28,6 +26,8 @@ from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.triangular_text import triangular_model
+from reobserve.tuning.search import Settings
+from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
 
 FIELD = ("x2", "-x1 + (1 - x1^2)*x2")
 HOLD = 0.2  # [s], of the force

@@ -1,4 +1,4 @@
-"""`reobserve check`: everything under ``config/``, in one process; nothing is written."""
+"""`reobserve-papers check`: everything under ``config/``, in one process; nothing is written."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.tuning.task import Task
 from reobserve.core.documents import check_plain
+from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.claims.evidence import check_evidence
 from reobserve_papers.parameters.check import check_parameters, check_units
 from reobserve_papers.parameters.config import known_papers, known_styles
@@ -42,7 +42,7 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
         print(f"{name}: parameters, claims and errata are sound", file=sys.stderr)
     if not paper:
         for path in sorted((project / "config" / "bench").glob("*.yaml")):
-            Task.read(path)
+            PackagedTask.read(path)
             print(f"bench, {path.stem}: the task is sound", file=sys.stderr)
         from reobserve_papers.plotting.look import read_sheet
 

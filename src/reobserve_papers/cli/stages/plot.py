@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve_papers.cli.stages.records import read_estimates, read_record
 from reobserve.core.files import write_text
+from reobserve_papers.cli.stages.records import read_estimates, read_record
+from reobserve_papers.metrics.metrics import read_metrics
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.plotting.captions import render, with_note
 from reobserve_papers.plotting.figures import note_of
 from reobserve_papers.plotting.formats import save
 from reobserve_papers.plotting.look import use_sheet
-from reobserve_papers.plotting.captions import render, with_note
-from reobserve_papers.steps.evaluation import Replication, draw
-from reobserve_papers.metrics.metrics import read_metrics
-from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import read_study, rows_from
+from reobserve_papers.steps.evaluation import Replication, draw
 
 
 def run(

@@ -12,8 +12,8 @@ from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.job import Job, declared_keys, read_job, record_axis
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.compute import Provenance, paper_module
 from reobserve_papers.signals.series import Series, Shape
+from reobserve_papers.steps.compute import Provenance, paper_module
 
 _ROUNDING = 1e-9  # of a step: how far a sample may be from its place on the axis
 

@@ -12,8 +12,8 @@ from reobserve_papers.claims.known_samples import read_chunks
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.robustness import assess
 from reobserve_papers.claims.robustness_file import to_data
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
 
 
 def run(

@@ -12,8 +12,8 @@ from reobserve_papers.claims.known_samples import write_chunk
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.robustness import Inquiry
 from reobserve_papers.claims.samples_ahead import make_ahead
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator
 
 
 def run(

@@ -10,8 +10,8 @@ import json
 import sys
 from pathlib import Path
 
-from reobserve_papers.cli.stages.records import read_record
 from reobserve.core.files import write_text
+from reobserve_papers.cli.stages.records import read_record
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import compute, provenance
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve_papers.plotting.fitting import fix_layout
-from reobserve_papers.plotting.formats import save
 from reobserve_papers.claims.plot import sensitivity_bars, specification_curves
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.plotting.fitting import fix_layout
+from reobserve_papers.plotting.formats import save
 
 _PLOTS = {"specification": specification_curves, "sensitivity": sensitivity_bars}
 

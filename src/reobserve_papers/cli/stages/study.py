@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve_papers.cli.stages.records import read_record
 from reobserve.core.files import write_table
+from reobserve_papers.cli.stages.records import read_record
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import compute, named_design, paper_module
 

@@ -10,7 +10,19 @@ from pydantic import Field
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats
-from reobserve.core.validation import Count, Levels, NotNegative, Positive, Terms, Window, checked, items, rising, vector, within
+from reobserve.core.validation import (
+    Count,
+    Levels,
+    NotNegative,
+    Positive,
+    Terms,
+    Window,
+    checked,
+    items,
+    rising,
+    vector,
+    within,
+)
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
 

@@ -18,9 +18,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve_papers.papers.delay.scoring import constant_segments, errors, peaks, ripple, rms_scores, turned_over_at
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.papers.delay.scoring import (
+    constant_segments,
+    errors,
+    peaks,
+    ripple,
+    rms_scores,
+    turned_over_at,
+)
 from reobserve_papers.parameters.figure_data import FigureData
 
 # The meaning of each metric, those of the theory included; `<word>` stands for what differs.

@@ -16,7 +16,9 @@ from reobserve_papers.papers.delay import keys, observer_inputs
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
-from reobserve_papers.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
+from reobserve_papers.papers.delay.estimator_variable_structure import (
+    VariableStructureDelayEstimator,
+)
 from reobserve_papers.papers.delay.record import UNITS
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
 from reobserve_papers.parameters.job import Job, Settings, read_job

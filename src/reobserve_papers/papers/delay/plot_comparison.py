@@ -5,11 +5,20 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from reobserve_papers.metrics.responses import error_of
 from reobserve_papers.papers.delay.plot_states import BIN, upright
 from reobserve_papers.papers.delay.styles import style_of
-from reobserve_papers.plotting.figures import TRUTH, add_note, decades, envelope, headroom, new_figure, thin, time_axis
-from reobserve_papers.metrics.responses import error_of
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.plotting.figures import (
+    TRUTH,
+    add_note,
+    decades,
+    envelope,
+    headroom,
+    new_figure,
+    thin,
+    time_axis,
+)
 
 CLOSE = 4.0  # [s] before a jump, to show an oscillation
 

@@ -11,9 +11,18 @@ from matplotlib.figure import Figure
 from reobserve_papers.papers.delay.notes import note
 from reobserve_papers.papers.delay.scoring import errors, singular_instants, turned_over_at
 from reobserve_papers.papers.delay.styles import style_of
-from reobserve_papers.plotting.figures import TRUTH, add_note, decades, envelope, headroom, new_figure, thin, time_axis
-from reobserve_papers.plotting.look import points, thick
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.plotting.figures import (
+    TRUTH,
+    add_note,
+    decades,
+    envelope,
+    headroom,
+    new_figure,
+    thin,
+    time_axis,
+)
+from reobserve_papers.plotting.look import points, thick
 from reobserve_papers.signals.series import Series
 
 BIN = 0.2  # [s], each drawn as its largest error

@@ -5,9 +5,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from reobserve_papers.papers.delay.styles import style_of
+from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import add_note, blank, decades, few_ticks
 from reobserve_papers.plotting.look import thick
-from reobserve_papers.parameters.figure_data import FigureData
 
 _SWEPT = {
     "extended_lag": ("rho", "ρ [1/s]"),

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
+from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.plants.first_order_lag import first_order_lag
 from reobserve_papers.plants.pendulum import pendulum
 from reobserve_papers.signals.grid import multiple, plant_grid
 from reobserve_papers.signals.inputs import Signal
-from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.errors import located
+from reobserve_papers.metrics.responses import root_mean_square, window
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.observe import estimate
 from reobserve_papers.papers.delay.plant import simulate
 from reobserve_papers.papers.delay.scoring import constant_segments, errors, rms_scores
 from reobserve_papers.papers.delay.study_rows import HEADER
-from reobserve_papers.metrics.responses import root_mean_square, window
 from reobserve_papers.parameters.job import Job, Settings, named, read_job
 from reobserve_papers.signals.series import Series
 

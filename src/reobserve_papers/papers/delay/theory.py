@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve_papers.papers.delay import keys, theory_conditions, theory_derivatives, theory_gains, theory_runs, theory_state_gain
 from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.papers.delay import (
+    keys,
+    theory_conditions,
+    theory_derivatives,
+    theory_gains,
+    theory_runs,
+    theory_state_gain,
+)
 from reobserve_papers.parameters.job import Settings, read_job
 
 

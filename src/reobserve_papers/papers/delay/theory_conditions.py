@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.random_streams import random_stream
-from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
+from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
+from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
-from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

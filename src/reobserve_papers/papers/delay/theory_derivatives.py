@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from reobserve.core.random_streams import random_stream
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve_papers.papers.delay import keys, noise
-from reobserve_papers.papers.delay.setup import input_and_derivatives
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square
+from reobserve_papers.papers.delay import keys, noise
+from reobserve_papers.papers.delay.setup import input_and_derivatives
 from reobserve_papers.parameters.job import Job, named
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series

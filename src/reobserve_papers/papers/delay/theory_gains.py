@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
+from reobserve.synthesis.high_gain import high_gain
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import window
+from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
-from reobserve.synthesis.high_gain import high_gain
 
 Array = NDArray[np.float64]
 

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from reobserve.core.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.responses import root_mean_square, window
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.observe import estimate
 from reobserve_papers.papers.delay.plant import simulate
 from reobserve_papers.papers.delay.scoring import errors, peaks
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
 from reobserve_papers.papers.delay.theory_gains import FIGURES, ORDERS
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
-from reobserve_papers.metrics.responses import root_mean_square, window
 from reobserve_papers.parameters.job import Job, named
 from reobserve_papers.signals.grid import stride
 from reobserve_papers.signals.series import Series

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import kernel
-from reobserve_papers.papers.delay import keys
-from reobserve_papers.papers.delay.setup import build_model, input_and_derivatives
+from reobserve.synthesis.high_gain import high_gain
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
+from reobserve_papers.papers.delay import keys
+from reobserve_papers.papers.delay.setup import build_model, input_and_derivatives
 from reobserve_papers.parameters.job import Job, named
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
-from reobserve.synthesis.high_gain import high_gain
 
 Array = NDArray[np.float64]
 

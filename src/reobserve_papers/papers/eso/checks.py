@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from reobserve.core.errors import InputError, nearest
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve_papers.papers.eso import plant
 from reobserve_papers.papers.eso.scoring import check_rules
 from reobserve_papers.papers.eso.setup import augmented
 from reobserve_papers.parameters.check import Checks
 from reobserve_papers.parameters.job import Job
-from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 
 def _observer(job: Job, _: AugmentedSystem) -> None:

@@ -19,12 +19,12 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive
-from reobserve_papers.papers.eso import keys
-from reobserve_papers.papers.eso.setup import augmented
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve_papers.papers.eso import keys
+from reobserve_papers.papers.eso.setup import augmented
+from reobserve_papers.parameters.job import Settings, read_job
 
 
 def compute(settings: Settings) -> dict[str, Any]:

@@ -9,7 +9,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from reobserve.core.validation import NotNegative, Positive, Terms, Window, array, distinct, items, vector
+from reobserve.core.validation import (
+    NotNegative,
+    Positive,
+    Terms,
+    Window,
+    array,
+    distinct,
+    items,
+    vector,
+)
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
 

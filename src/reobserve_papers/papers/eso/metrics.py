@@ -12,8 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from reobserve_papers.papers.eso.scoring import check_rules, corrected_speed, differences, scores, sizes
 from reobserve_papers.metrics.metrics import Metric, scores_of
+from reobserve_papers.papers.eso.scoring import (
+    check_rules,
+    corrected_speed,
+    differences,
+    scores,
+    sizes,
+)
 from reobserve_papers.parameters.figure_data import FigureData
 
 _CHOSEN = ("filter_rate", "choice", "level")  # columns that identify a design of a kind

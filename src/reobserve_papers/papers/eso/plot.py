@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from reobserve_papers.metrics.responses import error_of
 from reobserve_papers.papers.eso import keys, plot_designs
 from reobserve_papers.papers.eso.plot_designs import style_of
-from reobserve_papers.plotting.figures import TRUTH, add_note, headroom, new_figure, thin, time_axis
-from reobserve_papers.metrics.responses import error_of
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import Job
+from reobserve_papers.plotting.figures import TRUTH, add_note, headroom, new_figure, thin, time_axis
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
-from reobserve_papers.papers.eso import keys
 from reobserve_papers.metrics.metrics import Score
 from reobserve_papers.metrics.responses import error_of, root_mean_square, window
+from reobserve_papers.papers.eso import keys
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_floats
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve_papers.signals.grid import multiple, plant_grid
 from reobserve_papers.signals.inputs import Signal
-from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 Array = NDArray[np.float64]
 

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.responses import settling_time
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.design import stored_design
 from reobserve_papers.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve_papers.papers.eso.theory_observers import certified, held, left_of_jumps, missed
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
-from reobserve_papers.metrics.responses import settling_time
 from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.inputs import Signal
-from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
 _BAND = 0.02  # of the step, within which the speed counts as settled

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve_papers.papers.eso import keys
-from reobserve_papers.papers.eso.deviation import held_deviation
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.papers.eso import keys
+from reobserve_papers.papers.eso.deviation import held_deviation
 
 Array = NDArray[np.float64]
 Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # systems and designs by name

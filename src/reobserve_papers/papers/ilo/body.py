@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from reobserve.core.errors import located
-from reobserve_papers.papers.ilo import keys
 from reobserve.systems.rigid_body import RigidBody
+from reobserve_papers.papers.ilo import keys
 
 
 def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:

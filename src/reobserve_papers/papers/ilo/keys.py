@@ -8,7 +8,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from reobserve.core.validation import Count, Levels, NotNegative, Positive, Seed, Share, Terms, items, matrix, positive_definite, vector, within
+from reobserve.core.validation import (
+    Count,
+    Levels,
+    NotNegative,
+    Positive,
+    Seed,
+    Share,
+    Terms,
+    items,
+    matrix,
+    positive_definite,
+    vector,
+    within,
+)
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
 

@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error
+from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve_papers.metrics.metrics import Metric, Score, scores_of
+from reobserve_papers.metrics.responses import first_crossing, peak, settling_time
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
-from reobserve_papers.metrics.metrics import Metric, Score, scores_of
-from reobserve_papers.metrics.responses import first_crossing, peak, settling_time
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import Job
-from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error
-from reobserve.synthesis.ilo_error_system import LearningLaw
 
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {

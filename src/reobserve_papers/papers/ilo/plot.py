@@ -9,13 +9,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.scoring import Errors
-from reobserve_papers.plotting.figures import STYLES, TRUTH, Style, add_note, decades, envelope, headroom, new_figure, thin, time_axis
-from reobserve_papers.plotting.look import points, thick
-from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.plotting.figures import (
+    STYLES,
+    TRUTH,
+    Style,
+    add_note,
+    decades,
+    envelope,
+    headroom,
+    new_figure,
+    thin,
+    time_axis,
+)
+from reobserve_papers.plotting.look import points, thick
 
 # Each observer has the same line in all figures; user-defined observers take these in turn.
 _LINES = dict(

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.random_streams import random_stream
-from reobserve_papers.papers.ilo import keys, theory_linear, theory_runs
-from reobserve_papers.papers.ilo.metrics import LEARNING
 from reobserve.synthesis.ilo_certificate import certify, lemma1_sides
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
-from reobserve_papers.parameters.job import Job, Settings, read_job
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.systems.rigid_body import RigidBody
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.papers.ilo import keys, theory_linear, theory_runs
+from reobserve_papers.papers.ilo.metrics import LEARNING
+from reobserve_papers.parameters.job import Job, Settings, read_job
 
 Array = NDArray[np.float64]
 

@@ -8,16 +8,26 @@ from itertools import pairwise
 
 import numpy as np
 
+from reobserve.synthesis.ilo_accuracy import (
+    error_transfer,
+    matched_integrator,
+    pi_error_transfer,
+    sampled_error_transfer,
+)
+from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.synthesis.ilo_sampled_stability import (
+    held_blocks,
+    sampled_limit_gain,
+    sampled_map,
+    sampled_stability,
+)
+from reobserve.synthesis.ilo_stability import continuous_stability
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.metrics import LEARNING
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.parameters.job import Job, named
-from reobserve.synthesis.ilo_accuracy import error_transfer, matched_integrator, pi_error_transfer, sampled_error_transfer
-from reobserve.synthesis.ilo_error_system import LearningLaw
-from reobserve.synthesis.ilo_sampled_stability import held_blocks, sampled_limit_gain, sampled_map, sampled_stability
-from reobserve.synthesis.ilo_stability import continuous_stability
 
 _SHORTEST = 1e-6  # [s] lower end of the search for the longest accurate interval
 _HIGHEST = 30.0  # times the minimum frequency of a disturbance; above it the body hardly moves

@@ -16,6 +16,11 @@ from reobserve.core.validation import Terms
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import State
+from reobserve.synthesis.ilo_accuracy import matched_integrator
+from reobserve.synthesis.ilo_certificate import bound18, certify
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.responses import peak, root_mean_square_of_steps
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.lyapunov import gyroscopic_eta
@@ -24,13 +29,8 @@ from reobserve_papers.papers.ilo.observe import observe
 from reobserve_papers.papers.ilo.plant import simulate
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
 from reobserve_papers.papers.ilo.setup import build_observer, pure_integrator, stride
-from reobserve.synthesis.ilo_certificate import bound18, certify
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
-from reobserve_papers.metrics.responses import peak, root_mean_square_of_steps
 from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import Channel, Series
-from reobserve.synthesis.ilo_accuracy import matched_integrator
 
 Array = NDArray[np.float64]
 

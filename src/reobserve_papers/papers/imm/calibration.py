@@ -24,14 +24,14 @@ from reobserve.core.matrices import as_vector
 from reobserve.core.validation import parse
 from reobserve.observers.imm import State
 from reobserve.observers.run import Run
+from reobserve_papers.metrics.responses import window
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm import plant as plant_stage
 from reobserve_papers.papers.imm.scoring import quoted_distance
 from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run, saturation
 from reobserve_papers.papers.imm.study_rows import OUTPUTS, STATES, TUNED
-from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
-from reobserve_papers.metrics.responses import window
 from reobserve_papers.parameters.job import Job
+from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

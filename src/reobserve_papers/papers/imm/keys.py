@@ -10,7 +10,18 @@ from pydantic import Field
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats
-from reobserve.core.validation import Names, NotNegative, Positive, Share, Terms, Window, checked, items, vector, within
+from reobserve.core.validation import (
+    Names,
+    NotNegative,
+    Positive,
+    Share,
+    Terms,
+    Window,
+    checked,
+    items,
+    vector,
+    within,
+)
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
 

@@ -16,13 +16,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve_papers.metrics.metrics import Metric, Score, scores_of
+from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.scoring import check_rules, probabilities
 from reobserve_papers.papers.imm.study_rows import STATED, TUNED
-from reobserve_papers.metrics.metrics import Metric, Score, scores_of
-from reobserve_papers.metrics.responses import root_mean_square, window
-from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import Job
 

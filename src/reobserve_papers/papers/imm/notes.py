@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve_papers.papers.imm import keys
-from reobserve_papers.plotting.figures import STYLES, Style
 from reobserve_papers.parameters.job import Job
+from reobserve_papers.plotting.figures import STYLES, Style
 
 KALMAN, SVSF, THIN, UNMIXED = STYLES[:4]
 INPUT, VELOCITY = Style("0.8", "-", 0.6), Style("0.35", "-", 1.0)

@@ -9,9 +9,15 @@ from reobserve.observers.imm import IMM
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.record import UNITS
-from reobserve_papers.papers.imm.setup import bank, chattering_correction, measured_columns, run, saturation
-from reobserve_papers.plants.hydraulic_actuator import REALISATIONS
+from reobserve_papers.papers.imm.setup import (
+    bank,
+    chattering_correction,
+    measured_columns,
+    run,
+    saturation,
+)
 from reobserve_papers.parameters.job import Settings, read_job
+from reobserve_papers.plants.hydraulic_actuator import REALISATIONS
 from reobserve_papers.signals.series import Channel, Series
 
 

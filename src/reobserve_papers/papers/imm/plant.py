@@ -8,9 +8,9 @@ from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.setup import Experiment, experiment
+from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.plants.hydraulic_actuator import MOTION
 from reobserve_papers.plants.hydraulic_actuator import simulate as move
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.series import Channel, Series
 
 

@@ -9,9 +9,16 @@ from numpy.typing import NDArray
 from reobserve_papers.papers.imm.notes import KALMAN as KALMAN_STYLE
 from reobserve_papers.papers.imm.notes import SVSF, stimulus, style_of
 from reobserve_papers.papers.imm.study_rows import FROZEN, INTACT, KALMAN, SCANNED, TUNED, ZERO_RATE
-from reobserve_papers.plotting.figures import STYLES, add_note, blank, few_ticks, headroom, new_figure
-from reobserve_papers.plotting.look import mark, thick
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.plotting.figures import (
+    STYLES,
+    add_note,
+    blank,
+    few_ticks,
+    headroom,
+    new_figure,
+)
+from reobserve_papers.plotting.look import mark, thick
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
-from reobserve_papers.papers.imm import keys
-from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.metrics.metrics import Score
 from reobserve_papers.metrics.responses import window
+from reobserve_papers.papers.imm import keys
+from reobserve_papers.papers.imm.keys import MODES
 
 Array = NDArray[np.float64]
 

@@ -17,12 +17,18 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, ActuatorModel, Sampled
+from reobserve_papers.plants.hydraulic_actuator import (
+    MOTION,
+    ORDER,
+    REALISATIONS,
+    ActuatorModel,
+    Sampled,
+)
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.inputs import Signal
-from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

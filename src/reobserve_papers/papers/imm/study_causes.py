@@ -21,12 +21,19 @@ from reobserve.observers.gaussian_filter import ModeFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve_papers.metrics.responses import window
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.setup import bank, measured_columns, saturation
 from reobserve_papers.papers.imm.setup import run as run_bank
-from reobserve_papers.papers.imm.study_rows import FROZEN, INTACT, KALMAN, SCANNED, STATED, ZERO_RATE
-from reobserve_papers.metrics.responses import window
+from reobserve_papers.papers.imm.study_rows import (
+    FROZEN,
+    INTACT,
+    KALMAN,
+    SCANNED,
+    STATED,
+    ZERO_RATE,
+)
 from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import Series
 

@@ -19,18 +19,18 @@ from reobserve.core.matrices import spectral_radius
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
+from reobserve.systems.linear import LinearModel
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run
-from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
-from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.parameters.job import Job, Settings, read_job
+from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.inputs import Signal
-from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

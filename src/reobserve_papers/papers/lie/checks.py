@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve_papers.papers.lie import keys, plant, theory
 from reobserve_papers.papers.lie.setup import build_observer, build_problem
 from reobserve_papers.papers.lie.study import check_study
 from reobserve_papers.parameters.check import Checks
 from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.grid import stride
-from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 
 
 def _design(job: Job) -> NormalForm:

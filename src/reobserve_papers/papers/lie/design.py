@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from reobserve.synthesis.normal_form.design import normal_form
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_problem
 from reobserve_papers.parameters.job import Settings, read_job
-from reobserve.synthesis.normal_form.design import normal_form
 
 
 def compute(settings: Settings) -> dict[str, Any]:

@@ -19,15 +19,20 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.synthesis.normal_form.design import normal_form
 from reobserve_papers.papers.lie import keys
-from reobserve_papers.papers.lie.scoring import integral_of_squares, ratios, settling_time, share_better
+from reobserve_papers.papers.lie.scoring import (
+    integral_of_squares,
+    ratios,
+    settling_time,
+    share_better,
+)
 from reobserve_papers.papers.lie.setup import build_observer, build_problem, build_system, forms
 from reobserve_papers.papers.lie.study_rows import Row
-from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.series import Series
-from reobserve.synthesis.normal_form.design import normal_form
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,19 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.validation import Count, Names, Positive, Seed, Terms, Window, checked, items, parse, vector, within
+from reobserve.core.validation import (
+    Count,
+    Names,
+    Positive,
+    Seed,
+    Terms,
+    Window,
+    checked,
+    items,
+    parse,
+    vector,
+    within,
+)
 from reobserve_papers.parameters import job
 
 MOST_DEGREE = 61  # of a series: two thousand monomials in two variables

@@ -31,7 +31,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reobserve.polynomials.arithmetic import Coefficients, add_applied, add_derivatives_along, jacobian_part, zeros
+from reobserve.polynomials.arithmetic import (
+    Coefficients,
+    add_applied,
+    add_derivatives_along,
+    jacobian_part,
+    zeros,
+)
 from reobserve.polynomials.powers import Powers
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import Solver, identity

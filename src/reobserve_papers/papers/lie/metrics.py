@@ -13,9 +13,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve_papers.papers.lie.scoring import decay_rate, integral_of_squares, ratios, settling_time, share_better
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import error_of
+from reobserve_papers.papers.lie.scoring import (
+    decay_rate,
+    integral_of_squares,
+    ratios,
+    settling_time,
+    share_better,
+)
 from reobserve_papers.parameters.figure_data import FigureData
 
 # What each number is, those of the theory included; `<word>` stands for what differs.

@@ -8,8 +8,8 @@ from reobserve.core.errors import located
 from reobserve.core.matrices import as_vector
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_system, grid
-from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.parameters.job import Settings, read_job
+from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.signals.series import Channel, Series
 
 

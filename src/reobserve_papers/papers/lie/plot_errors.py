@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve_papers.papers.lie.styles import starts, style_of, vector
-from reobserve_papers.plotting.figures import TRUTH, add_note, decades, headroom, new_figure, thin
 from reobserve_papers.metrics.responses import error_of
+from reobserve_papers.papers.lie.styles import starts, style_of, vector
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.plotting.figures import TRUTH, add_note, decades, headroom, new_figure, thin
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.lie.plot_errors import draw_sizes
 from reobserve_papers.papers.lie.styles import EDGE, FORMS, GAINS, pair, starts, style_of, vector
+from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import STYLES, TRUTH, add_note, decades, mosaic, new_figure
 from reobserve_papers.plotting.look import mark, points, thick
-from reobserve_papers.metrics.study_table import StudyTable
-from reobserve_papers.parameters.figure_data import FigureData
 
 
 def draw_orders(data: FigureData) -> Figure:

@@ -14,13 +14,13 @@ from reobserve.core.validation import parse
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
-from reobserve_papers.papers.lie import keys
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve_papers.parameters.job import Job
-from reobserve_papers.signals.grid import plant_grid
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.systems.polynomial import PolynomialSystem
+from reobserve_papers.papers.lie import keys
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.grid import plant_grid
 
 Array = FloatArray
 

@@ -15,11 +15,11 @@ from typing import Any
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve_papers.papers.lie import ensemble, keys, study_domain, study_orders
 from reobserve_papers.papers.lie.study_rows import Row
 from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.series import Series
-from reobserve.synthesis.normal_form.design import NormalForm
 
 METHODS = {
     "orders": study_orders.run,

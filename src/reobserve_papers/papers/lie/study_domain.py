@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import located
-from reobserve_papers.papers.lie import keys
-from reobserve_papers.papers.lie.floquet import LimitCycle, limit_cycle
-from reobserve_papers.papers.lie.setup import build_problem, forms
-from reobserve_papers.papers.lie.study_rows import Row, summary
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve_papers.parameters.job import Job
-from reobserve_papers.signals.series import Series
 from reobserve.synthesis.normal_form.convergence import Convergence, convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.papers.lie import keys
+from reobserve_papers.papers.lie.floquet import LimitCycle, limit_cycle
+from reobserve_papers.papers.lie.setup import build_problem, forms
+from reobserve_papers.papers.lie.study_rows import Row, summary
+from reobserve_papers.parameters.job import Job
+from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,8 @@ from typing import Any
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 from reobserve_papers.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve_papers.papers.lie.observe import observe
 from reobserve_papers.papers.lie.scoring import integral_of_squares, settling_time
@@ -18,8 +20,6 @@ from reobserve_papers.papers.lie.setup import build_observer, forms
 from reobserve_papers.papers.lie.study_rows import Row, summary
 from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import Series
-from reobserve.synthesis.normal_form.design import NormalForm
-from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 
 NAN = float("nan")
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from reobserve_papers.plotting.figures import Style
 from reobserve_papers.parameters.job import Job
+from reobserve_papers.plotting.figures import Style
 
 SOLID, LONG_SHORT, LONG = "-", (0, (7, 1.6, 2.5, 1.6)), (0, (9, 3))
 

@@ -9,13 +9,13 @@ from typing import Any
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.files import GAP, NAME, NUMBER
-from reobserve_papers.papers.lie import keys
-from reobserve_papers.papers.lie.setup import build_problem, stored_form
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.papers.lie import keys
+from reobserve_papers.papers.lie.setup import build_problem, stored_form
+from reobserve_papers.parameters.job import Settings, read_job
 
 HEADER = ("component", "term", "exact", "decimal", "computed", "printed", "agrees")
 KINDS = {

@@ -17,20 +17,8 @@ from reobserve.core.matrices import as_vector
 from reobserve.core.random_streams import random_stream
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
-from reobserve_papers.papers.lie import keys, table
-from reobserve_papers.papers.lie.ensemble import Outcome, axis, records
-from reobserve_papers.papers.lie.lie_transform import lie_transform
-from reobserve_papers.papers.lie.scoring import ratios, share_better
-from reobserve_papers.papers.lie.setup import build_problem, build_system, stored_form
-from reobserve_papers.papers.lie.theory_runs import Case, decay_rate, deviation_from_linear, difference_of_forms, error_decay
-from reobserve_papers.papers.lie.theory_series import Solutions, ad_matrix, largest, random_problem, spectrum_difference
-from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
-from reobserve_papers.parameters.job import Job, Settings, named, read_job
-from reobserve_papers.signals.grid import multiple
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
@@ -39,6 +27,30 @@ from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import resonance
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve.systems.polynomial import PolynomialSystem
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.metrics.parts import part
+from reobserve_papers.papers.lie import keys, table
+from reobserve_papers.papers.lie.ensemble import Outcome, axis, records
+from reobserve_papers.papers.lie.lie_transform import lie_transform
+from reobserve_papers.papers.lie.scoring import ratios, share_better
+from reobserve_papers.papers.lie.setup import build_problem, build_system, stored_form
+from reobserve_papers.papers.lie.theory_runs import (
+    Case,
+    decay_rate,
+    deviation_from_linear,
+    difference_of_forms,
+    error_decay,
+)
+from reobserve_papers.papers.lie.theory_series import (
+    Solutions,
+    ad_matrix,
+    largest,
+    random_problem,
+    spectrum_difference,
+)
+from reobserve_papers.parameters.job import Job, Settings, named, read_job
+from reobserve_papers.plants.polynomial import PolynomialPlant
+from reobserve_papers.signals.grid import multiple
 
 Array = NDArray[np.float64]
 

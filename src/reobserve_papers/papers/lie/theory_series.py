@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve_papers.papers.lie.lie_transform import LieTransform, lie_transform
 from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
@@ -22,6 +21,7 @@ from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import check_nonresonant
 from reobserve.synthesis.normal_form.solver import identity, solver_for
 from reobserve.systems.polynomial import PolynomialSystem
+from reobserve_papers.papers.lie.lie_transform import LieTransform, lie_transform
 
 Array = NDArray[np.float64]
 

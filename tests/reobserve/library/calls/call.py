@@ -15,7 +15,8 @@ COMPLEX = ("complex",)  # poles may be
 class Call:
     """``function(*arguments)``, a valid call; ``name`` begins with module and function.
 
-    ``takes`` are the kinds of odd numbers that are allowed, named as in `tests.reobserve.bad_input.odd`.
+    ``takes`` are the kinds of odd numbers that are allowed, named as in
+    `tests.reobserve.bad_input.odd`.
     """
 
     name: str

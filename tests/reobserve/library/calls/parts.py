@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.tuning.search import tune
 from reobserve.core.documents import parse_yaml
 from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.estimation.families import family
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.synthesis.ilo_certificate import certify, theorem1
 from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.tuning.search import tune
 from tests.reobserve.observers.small_plants import first_order_lag
 
 from . import models

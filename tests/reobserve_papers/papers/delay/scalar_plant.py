@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
-from reobserve_papers.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
+from reobserve_papers.papers.delay.estimator_variable_structure import (
+    VariableStructureDelayEstimator,
+)
 
 Array = NDArray[np.float64]
 Delay = Callable[[Array], Array]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 from pathlib import Path
 from typing import Any
@@ -11,7 +9,7 @@ from typing import Any
 import pytest
 
 from reobserve.cli.main import main
-
+from tests import ROOT
 
 
 def delay_of(*pieces: dict[str, Any]) -> dict[str, Any]:
@@ -93,5 +91,5 @@ def test_invalid_parameters_are_refused(
     assert main([*arguments, "--output", str(target)]) == 1
     captured = capsys.readouterr()
     assert captured.err.count("\n") == 1, captured.err
-    assert captured.err.startswith(f"reobserve: delay.{sentence}")
+    assert captured.err.startswith(f"reobserve-papers: delay.{sentence}")
     assert not target.exists()

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +10,6 @@ from reobserve_papers.papers.delay import keys, notes
 from reobserve_papers.papers.delay.styles import style_of
 from reobserve_papers.parameters.job import Job, read_job
 from tests.reobserve_papers.papers import fixed_parameters
-
 
 
 def job(figure: str, **overrides: Any) -> Job:

@@ -16,11 +16,11 @@ from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, Swi
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
+from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.plants.delayed_input import DelayedInputPlant
 from reobserve_papers.plants.first_order_lag import first_order_lag
 from reobserve_papers.signals.inputs import Signal
-from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from reobserve.systems.triangular import TriangularModel
 from tests.reobserve.observers.small_plants import G_OVER_L, A
 from tests.reobserve.observers.test_extended_high_gain import (
     FIRST_DELAY,
@@ -29,7 +29,15 @@ from tests.reobserve.observers.test_extended_high_gain import (
     observer,
     record,
 )
-from tests.reobserve_papers.plants.test_delayed_plants import LAG, PENDULUM, PROFILE, SINE, constant, signal, sine
+from tests.reobserve_papers.plants.test_delayed_plants import (
+    LAG,
+    PENDULUM,
+    PROFILE,
+    SINE,
+    constant,
+    signal,
+    sine,
+)
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,9 @@ from scipy.linalg import expm
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
-from reobserve_papers.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
+from reobserve_papers.papers.delay.estimator_variable_structure import (
+    VariableStructureDelayEstimator,
+)
 from tests.reobserve_papers.papers.delay.scalar_plant import (
     BOUNDS,
     FAST,

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +17,6 @@ from tests.reobserve_papers.papers import fixed_parameters
 from tests.reobserve_papers.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
-
 
 
 def job(**changes: Any) -> Job:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reobserve_papers.papers.delay.scoring import half_periods, peaks, ripple
-from reobserve_papers.steps.evaluation import Evaluator
 from reobserve_papers.metrics.metrics import lookup
+from reobserve_papers.papers.delay.scoring import half_periods, peaks, ripple
 from reobserve_papers.signals.series import Channel, Series
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve_papers.papers import fixed_parameters
 
 TIME = 0.01 * np.arange(6001)

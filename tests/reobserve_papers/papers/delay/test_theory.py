@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,17 +10,16 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.papers.delay import keys, theory_gains, theory_state_gain
 from reobserve_papers.papers.delay.theory_gains import error_matrix
-from reobserve_papers.steps.evaluation import Evaluator
-from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.parameters.job import read_job
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve.observers.small_plants import G_OVER_L, GAIN, A
 from tests.reobserve.observers.test_extended_high_gain import Case, observed, observer, record
 from tests.reobserve_papers.papers import fixed_parameters
 
 Array = NDArray[np.float64]
-
 
 
 def evaluated(overrides: dict[str, object] | None = None) -> Numbers:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
-from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.signals.inputs import Signal
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
+from reobserve_papers.signals.inputs import Signal
+from tests import ROOT
 from tests.reobserve.synthesis.plants import dc_motor
 
 SYSTEM = dc_motor()

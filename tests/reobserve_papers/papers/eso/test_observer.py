@@ -11,8 +11,8 @@ from reobserve.core.discretisation import zero_order_hold
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
-from reobserve_papers.plants.dc_motor import ControlledMotor, MotorRun, SpeedControl
 from reobserve.synthesis.extended_state.system import Gains
+from reobserve_papers.plants.dc_motor import ControlledMotor, MotorRun, SpeedControl
 from tests.reobserve.observers.test_extended_state import GAINS, PD_PI, PI, SYSTEM, stacked
 from tests.reobserve_papers.plants.test_dc_motor import (
     HOLD,

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,21 +16,22 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import parse
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
-from reobserve_papers.papers.eso import keys, metrics, observe, plant, study, study_rows
-from reobserve_papers.papers.eso.deviation import held_deviation
-from reobserve_papers.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
-from reobserve_papers.steps.evaluation import Evaluator
-from reobserve_papers.metrics.metrics import lookup
-from reobserve_papers.metrics.responses import window
-from reobserve_papers.parameters.check import check_parameters
-from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.compute import compute_design, figure_data
-from reobserve_papers.signals.series import Channel, Series
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import Gains
-from tests.reobserve_papers.papers import fixed_parameters
+from reobserve_papers.metrics.metrics import lookup
+from reobserve_papers.metrics.responses import window
+from reobserve_papers.papers.eso import keys, metrics, observe, plant, study, study_rows
+from reobserve_papers.papers.eso.deviation import held_deviation
+from reobserve_papers.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
+from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.signals.series import Channel, Series
+from reobserve_papers.steps.compute import compute_design, figure_data
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 from tests.reobserve.synthesis.plants import dc_motor
+from tests.reobserve_papers.papers import fixed_parameters
 
 Array = NDArray[np.float64]
 Tree = dict[str, Any]

@@ -3,11 +3,8 @@ claims."""
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from fractions import Fraction
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,25 +14,26 @@ from scipy.linalg import solve_continuous_are
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.observers.extended_state import ExtendedStateObserver
-from reobserve_papers.papers.eso import keys
-from reobserve_papers.papers.eso import plant as plant_stage
-from reobserve_papers.papers.eso.design import stored_design
-from reobserve_papers.papers.eso.observe import run_on
-from reobserve_papers.papers.eso.theory_observers import Observers, held, left_of_jumps, missed
-from reobserve_papers.steps.evaluation import Evaluator
-from reobserve_papers.metrics.metrics import Numbers, lookup
-from reobserve_papers.parameters.job import read_job
-from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.compute import compute_design
-from reobserve_papers.signals.inputs import Signal
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from tests.reobserve_papers.papers import fixed_parameters
+from reobserve_papers.metrics.metrics import Numbers, lookup
+from reobserve_papers.papers.eso import keys
+from reobserve_papers.papers.eso import plant as plant_stage
+from reobserve_papers.papers.eso.design import stored_design
+from reobserve_papers.papers.eso.observe import run_on
+from reobserve_papers.papers.eso.theory_observers import Observers, held, left_of_jumps, missed
+from reobserve_papers.parameters.job import read_job
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.steps.compute import compute_design
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 from tests.published_numbers import golden_metrics
 from tests.reobserve.synthesis.plants import dc_motor
+from tests.reobserve_papers.papers import fixed_parameters
 
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 DESIGNS = {

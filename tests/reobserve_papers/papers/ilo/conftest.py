@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve_papers.papers.ilo import keys, theory, theory_runs
 from reobserve_papers.metrics.metrics import Numbers, lookup
+from reobserve_papers.papers.ilo import keys, theory, theory_runs
 from reobserve_papers.parameters.job import read_job
 from tests.reobserve_papers.papers import fixed_parameters, merged
 

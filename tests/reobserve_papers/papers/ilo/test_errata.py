@@ -9,9 +9,9 @@ from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
 from reobserve.synthesis.ilo_certificate import certify, lemma1_sides, theorem1
+from reobserve.systems.rigid_body import RigidBody
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
-from reobserve.systems.rigid_body import RigidBody
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 STUCK = [{"kind": "constant", "axis": 1, "from": 0.5, "size": 0.5}]

@@ -10,7 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve_papers.papers.ilo.lyapunov import gyroscopic_eta, lyapunov_values, quadratic_form, repaired_weights
+from reobserve_papers.papers.ilo.lyapunov import (
+    gyroscopic_eta,
+    lyapunov_values,
+    quadratic_form,
+    repaired_weights,
+)
 from tests.reobserve.synthesis.test_ilo_certificate import INERTIA, gyroscopic_difference, simulate
 
 Array = NDArray[np.float64]

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.systems.rigid_body import RigidBody
 from reobserve_papers.papers.ilo.setup import stride
 from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve.systems.rigid_body import RigidBody
-
+from tests import ROOT
 
 
 @pytest.mark.parametrize(

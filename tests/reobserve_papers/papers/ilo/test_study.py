@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import copy
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.ilo import study, study_rows
 from reobserve_papers.papers.ilo.observe import estimate
 from reobserve_papers.papers.ilo.plant import simulate
 from reobserve_papers.papers.ilo.scoring import Errors
-from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.parameters.check import check_parameters
 from tests.reobserve_papers.papers import fixed_parameters
-
 
 
 @pytest.fixture(scope="module")

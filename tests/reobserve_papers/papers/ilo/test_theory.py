@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve_papers.papers.ilo import keys, theory, theory_linear
-from reobserve_papers.papers.ilo.metrics import LEARNING
-from reobserve_papers.papers.ilo.scoring import Errors
-from reobserve_papers.metrics.metrics import Numbers, lookup
-from reobserve_papers.parameters.job import read_job
-from reobserve_papers.parameters.parameters import Parameters
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import sampled_stability
+from reobserve_papers.metrics.metrics import Numbers, lookup
+from reobserve_papers.papers.ilo import keys, theory, theory_linear
+from reobserve_papers.papers.ilo.metrics import LEARNING
+from reobserve_papers.papers.ilo.scoring import Errors
+from reobserve_papers.parameters.job import read_job
+from reobserve_papers.parameters.parameters import Parameters
 from tests.reobserve_papers.papers import ROOT
 from tests.reobserve_papers.papers.ilo.conftest import INERTIA, MOMENTS, Measure
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reobserve_papers.metrics.metrics import Numbers
 from reobserve_papers.papers.ilo import keys, theory_runs
 from reobserve_papers.papers.ilo.metrics import LEARNING
 from reobserve_papers.papers.ilo.plant import simulate
-from reobserve_papers.metrics.metrics import Numbers
 from tests.reobserve_papers.papers.ilo.conftest import Measure
 
 

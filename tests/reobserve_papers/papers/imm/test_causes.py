@@ -14,11 +14,19 @@ from reobserve.core.errors import InputError
 from reobserve.observers.gaussian_filter import Correction, Gaussian
 from reobserve.observers.imm import IMM
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import keys, study, study_causes
 from reobserve_papers.papers.imm.setup import bank, measured_columns, run
 from reobserve_papers.papers.imm.study_causes import mean_gains
-from reobserve_papers.papers.imm.study_rows import FROZEN, INTACT, KALMAN, KINDS, SCANNED, STATED, ZERO_RATE
-from reobserve_papers.metrics.study_table import StudyTable
+from reobserve_papers.papers.imm.study_rows import (
+    FROZEN,
+    INTACT,
+    KALMAN,
+    KINDS,
+    SCANNED,
+    STATED,
+    ZERO_RATE,
+)
 from reobserve_papers.parameters.job import read_job
 from tests.reobserve_papers.papers.imm.test_paper import Tree, measured, parameters, record
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,9 +17,10 @@ from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve_papers.steps.evaluation import evaluate
-from reobserve_papers.metrics.metrics import lookup
 from reobserve.systems.linear import LinearModel
+from reobserve_papers.metrics.metrics import lookup
+from reobserve_papers.steps.evaluation import evaluate
+from tests import ROOT
 from tests.reobserve.observers.actuator_models import (
     left_limit,
     motion_model,

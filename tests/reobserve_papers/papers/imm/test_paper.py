@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import re
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,16 +17,17 @@ from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
+from reobserve_papers.metrics.responses import window
 from reobserve_papers.papers.imm import keys, observe, plant
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.scoring import probabilities, quoted_distance
-from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
-from reobserve_papers.steps.evaluation import Evaluator
-from reobserve_papers.metrics.responses import window
 from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve_papers.signals.series import Series
-from reobserve.systems.linear import LinearModel
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 from tests.reobserve.observers.actuator_models import ACTUATOR
 from tests.reobserve_papers.papers import fixed_parameters
 

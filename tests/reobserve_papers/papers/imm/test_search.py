@@ -21,8 +21,8 @@ from reobserve_papers.papers.imm.calibration import Calibration, Trial, switches
 from reobserve_papers.papers.imm.study_rows import TUNED
 from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.compute import signed
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.compute import signed
 from tests.reobserve_papers.papers.imm.test_paper import SEED, Tree, parameters, record
 from tests.reobserve_papers.papers.imm.test_studies import KEPT
 
@@ -343,8 +343,11 @@ def test_failing_search_command_reports_why_and_writes_nothing(tmp_path: Path) -
     files = tmp_path / "parameters.json", tmp_path / "plant.parquet"
     output = tmp_path / "found.search.json"
     for name, said in (
-        ("calibrated", "reobserve: imm.search.leave: [0.2, 0.1] must be above 0 and rise\n"),
-        ("calibratd", "reobserve: imm.searches: there is no 'calibratd'; did you mean 'calibrated"),
+        ("calibrated", "reobserve-papers: imm.search.leave: [0.2, 0.1] must be above 0 and rise\n"),
+        (
+            "calibratd",
+            "reobserve-papers: imm.searches: there is no 'calibratd'; did you mean 'calibrated",
+        ),
     ):
         done = reobserve("stage", "search", *files, name, "--output", output)
         assert done.returncode == 1

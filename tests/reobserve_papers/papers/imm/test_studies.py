@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import calibration, keys, study, study_rows
 from reobserve_papers.papers.imm.calibration import QUANTITIES, Calibration, Trial, read_kept
 from reobserve_papers.papers.imm.metrics import reach
 from reobserve_papers.papers.imm.study_rows import TUNED
-from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.parameters.job import Job, read_job
 from tests.reobserve_papers.papers.imm.test_paper import ROOT, Tree, measured, parameters, record
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 from functools import cache
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -17,14 +14,15 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
+from reobserve_papers.metrics.metrics import lookup
 from reobserve_papers.papers.imm import observe
 from reobserve_papers.papers.imm.setup import stacked_inputs
 from reobserve_papers.papers.imm.theory import corrected_radius
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
-from reobserve_papers.steps.evaluation import Evaluator
-from reobserve_papers.metrics.metrics import lookup
 from reobserve_papers.signals.inputs import Signal
-from reobserve.systems.linear import LinearModel
+from reobserve_papers.steps.evaluation import Evaluator
+from tests import ROOT
 from tests.reobserve.observers.actuator_models import ACTUATOR, motion_model, velocity_model
 from tests.reobserve_papers.papers import fixed_parameters
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tests import ROOT
-
 import json
 from pathlib import Path
 from typing import Any
@@ -18,9 +16,9 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.systems.polynomial import PolynomialSystem
+from tests import ROOT
 from tests.reobserve.observers.test_normal_form_observers import form
 from tests.reobserve_papers.papers import fixed
-
 
 VAN_DER_POL: dict[str, Any] = {
     "dynamics": ["x2", "(1 - x1**2)*x2 - x1"], "output": ["x1"], "variables": ["x1", "x2"],
@@ -223,7 +221,7 @@ def test_invalid_parameters_are_refused(
     assert main([*arguments, "--output", str(target)]) == 1
     captured = capsys.readouterr()
     assert captured.err.count("\n") == 1, captured.err
-    said = captured.err.removeprefix("reobserve: ")
+    said = captured.err.removeprefix("reobserve-papers: ")
     assert where in said
     assert what in said
     assert not target.exists()

@@ -15,12 +15,12 @@ from scipy.integrate import solve_ivp
 from sympy import QQ
 
 from reobserve.core.errors import InputError
-from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.papers.lie.lie_transform import lie_transform
 from tests.reobserve.synthesis.normal_form.systems import (
     Case,
     Polynomials,

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
-from reobserve_papers.papers.lie import floquet
-from reobserve_papers.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 from reobserve.systems.polynomial import PolynomialSystem
+from reobserve_papers.papers.lie import floquet
+from reobserve_papers.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from tests.reobserve.observers.test_normal_form_observers import exact_gain, form
 
 Array = NDArray[np.float64]

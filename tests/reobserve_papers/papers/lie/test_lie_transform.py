@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.gain import gain_series
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.papers.lie.lie_transform import lie_transform
 from tests.reobserve.synthesis.normal_form import test_known_series as known
 from tests.reobserve.synthesis.normal_form.systems import (
     Case,

@@ -12,17 +12,17 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.synthesis.normal_form.direct_s import solve_s
+from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.papers.lie import design as design_stage
 from reobserve_papers.papers.lie import study as study_stage
 from reobserve_papers.papers.lie import table as table_stage
 from reobserve_papers.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
-from reobserve.polynomials.maps import PolynomialMap
-from reobserve_papers.steps.evaluation import Evaluator
-from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.signals.series import Series
-from reobserve.synthesis.normal_form.direct_s import solve_s
-from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve.observers.test_normal_form_observers import (
     START,
     A,
@@ -35,7 +35,6 @@ from tests.reobserve.observers.test_normal_form_observers import (
     integrated,
     slope,
 )
-from tests.reobserve_papers.papers import fixed_parameters
 from tests.reobserve.synthesis.normal_form.systems import (
     QQ,
     Case,
@@ -45,6 +44,7 @@ from tests.reobserve.synthesis.normal_form.systems import (
     van_der_pol,
     variables,
 )
+from tests.reobserve_papers.papers import fixed_parameters
 
 Array = NDArray[np.float64]
 

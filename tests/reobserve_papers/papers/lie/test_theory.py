@@ -17,6 +17,13 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.random_streams import random_stream
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.synthesis.normal_form.direct_s import solve_s
+from reobserve.synthesis.normal_form.direct_t import solve_t
+from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
+from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve_papers.metrics.metrics import lookup
+from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.lie import design as design_stage
 from reobserve_papers.papers.lie import keys, theory_series
 from reobserve_papers.papers.lie import metrics as metrics_stage
@@ -24,21 +31,23 @@ from reobserve_papers.papers.lie import theory as theory_stage
 from reobserve_papers.papers.lie.ensemble import Outcome
 from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve_papers.papers.lie.study_rows import KINDS
-from reobserve_papers.papers.lie.theory_runs import Case, decay_rate, deviation_from_linear, difference_of_forms, error_decay
-from reobserve_papers.papers.lie.theory_series import Solutions, ad_matrix, random_problem, sums_of_eigenvalues
-from reobserve.polynomials.maps import PolynomialMap
-from reobserve_papers.metrics.metrics import lookup
-from reobserve_papers.metrics.study_table import StudyTable
+from reobserve_papers.papers.lie.theory_runs import (
+    Case,
+    decay_rate,
+    deviation_from_linear,
+    difference_of_forms,
+    error_decay,
+)
+from reobserve_papers.papers.lie.theory_series import (
+    Solutions,
+    ad_matrix,
+    random_problem,
+    sums_of_eigenvalues,
+)
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import Job, read_job
 from reobserve_papers.signals.series import Series
-from reobserve.synthesis.normal_form.direct_s import solve_s
-from reobserve.synthesis.normal_form.direct_t import solve_t
-from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
-from reobserve.synthesis.normal_form.solver import solver_for
 from tests.reobserve.observers.test_normal_form_observers import form
-from tests.reobserve_papers.papers.lie.test_errata_series import matrix_of_ad
-from tests.reobserve_papers.papers.lie.test_paper import evaluator
 from tests.reobserve.synthesis.normal_form import systems
 from tests.reobserve.synthesis.normal_form.systems import (
     QQ,
@@ -47,6 +56,8 @@ from tests.reobserve.synthesis.normal_form.systems import (
     van_der_pol,
     variables,
 )
+from tests.reobserve_papers.papers.lie.test_errata_series import matrix_of_ad
+from tests.reobserve_papers.papers.lie.test_paper import evaluator
 
 Array = NDArray[np.float64]
 

@@ -19,14 +19,14 @@ from reobserve.core.matrices import Matrix
 from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Levels, NotNegative, Positive, vector
 from reobserve.observers.fixed_gain import luenberger, steady_kalman
-from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
+from reobserve.systems.linear import LinearModel
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.parameters.check import Checks
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import AnyFigure, Job, Study
+from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
 from reobserve_papers.signals.series import Channel, Series, Shape
-from reobserve.systems.linear import LinearModel
 
 
 @dataclass(frozen=True)

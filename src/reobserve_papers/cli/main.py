@@ -1,0 +1,85 @@
+"""The command `reobserve-papers`: the pipeline of the papers, and what it made."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from reobserve.cli.main import command_parser as parser_of
+from reobserve.cli.main import run_command
+from reobserve.cli.parts import Entry, Table
+from reobserve_papers.cli.project import check_project
+
+PROGRAM = "reobserve-papers"
+
+# By name: what it does, its options (a module of this package), and what it calls.
+_COMMANDS = {
+    "list": (
+        "list papers, figures, scenarios and observers",
+        "overview:list_options",
+        "parameters.overview:show_list",
+    ),
+    "params": (
+        "show a paper's parameter file: values, sources, ranges",
+        "overview:params_options",
+        "parameters.overview:show_params",
+    ),
+    "check": ("check everything under config/", "overview:check_options", "cli.stages.check:run"),
+    "stage": ("run one stage of the pipeline by hand", "stage_commands:STAGES", ""),
+    "report": (
+        "write the replication report of the results",
+        "evidence:report_options",
+        "report.render:report_command",
+    ),
+    "samples": (
+        "compute more samples where claims are undecided",
+        "evidence:samples_options",
+        "claims.sample_command:sample_command",
+    ),
+    "figdiff": (
+        "compare figures, numbers and verdicts with the accepted ones",
+        "evidence:figdiff_options",
+        "figure_diff.commands:figdiff_command",
+    ),
+    "accept": (
+        "build, and accept figures, numbers and verdicts",
+        "evidence:accept_options",
+        "figure_diff.commands:accept_command",
+    ),
+    "latex": (
+        "write a caption or a table of the results as LaTeX",
+        "overview:latex_options",
+        "cli.stages.latex:run",
+    ),
+    "readme": (
+        "write the meaning of all metrics into results/README.md",
+        "overview:readme_options",
+        "steps.meanings:write_lists",
+    ),
+    "schema": (
+        "print the JSON schema of a configuration file",
+        "overview:schema_options",
+        "cli.schemas:print_schema",
+    ),
+    "bench": ("compare observers and filters that are tuned by one rule", "bench:BENCH", ""),
+}
+
+COMMANDS = Table(
+    "Every figure and claim of papers on observers: parameters, jobs, evidence.",
+    {
+        name: Entry(
+            text, f"reobserve_papers.cli.{options}", run and f"reobserve_papers.{run}", "papers"
+        )
+        for name, (text, options, run) in _COMMANDS.items()
+    },
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one sub-command of `reobserve-papers`; see `reobserve.cli.main.run_command`."""
+    return run_command(PROGRAM, COMMANDS, arguments, check_project)
+
+
+def command_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """What reads a command line; see `reobserve.cli.main.command_parser`."""
+    return parser_of(PROGRAM, COMMANDS, words)

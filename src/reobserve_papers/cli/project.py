@@ -1,0 +1,33 @@
+"""The project that a command works in."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.errors import InputError, shown
+
+
+def add_project(command: argparse.ArgumentParser) -> None:
+    """Let it be called from another folder than the project's."""
+    command.add_argument(
+        "--project", type=Path, default=Path(), metavar="DIR",
+        help="the project folder, with config and workflow (default: the current one)",
+    )  # fmt: skip
+
+
+def check_project(options: Mapping[str, Any]) -> None:
+    """Refuse the folder of ``--project`` if it is no project.
+
+    Raises
+    ------
+    InputError
+        If it has no parameter files.
+    """
+    folder = options.get("project")
+    if folder is not None and not (folder / "config" / "papers").is_dir():
+        where = "this folder" if folder == Path() else shown(str(folder))
+        problem = f"{where} has no config/papers; name a checkout of reobserve, or run this in one"
+        raise InputError("--project", problem)

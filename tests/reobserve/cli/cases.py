@@ -1,0 +1,55 @@
+"""What holds for the sub-commands of any program."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+from collections.abc import Iterator
+
+import pytest
+
+from reobserve.cli.main import command_parser
+from reobserve.cli.parts import Table
+
+
+def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """The parsers of all sub-commands that run something."""
+    if parser.get_default("run"):
+        yield parser
+    for inner in sub_commands(parser).values():
+        yield from commands(inner)
+
+
+def sub_commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parsers right below a parser."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
+
+
+def check_arguments(parser: argparse.ArgumentParser) -> None:
+    """Check that what a command calls takes its options."""
+    module, name = parser.get_default("run").split(":")
+    function = getattr(importlib.import_module(module), name)
+    options = {one.dest for one in parser._actions if one.dest not in ("help", "version")}
+    inspect.signature(function).bind(**dict.fromkeys(options))
+
+
+def check_help(program: str, table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check that the help fits a terminal and lists all commands, whatever word comes first."""
+    monkeypatch.setenv("COLUMNS", "80")
+    for words in ((), ("--help",), ("none",)):
+        text = command_parser(program, table, words).format_help()
+        assert len(text.splitlines()) <= 24
+        assert all(f"    {name} " in text for name in table.commands)
+
+
+def check_only_the_typed_is_built(program: str, table: Table, typed: list[str]) -> None:
+    """Check that a parser of a line has the options of its command only."""
+    whole, built = command_parser(program, table), command_parser(program, table, typed)
+    for word in typed:
+        assert set(sub_commands(built)) == {word} < set(sub_commands(whole))
+        whole, built = sub_commands(whole)[word], sub_commands(built)[word]
+    assert built.format_help() == whole.format_help()

@@ -1,0 +1,32 @@
+"""The sub-commands of `reobserve`: their help, their options and what they call."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+
+from reobserve.cli.main import COMMANDS, command_parser
+from tests.reobserve.cli.cases import (
+    check_arguments,
+    check_help,
+    check_only_the_typed_is_built,
+    commands,
+)
+
+PROGRAM = "reobserve"
+ALL = list(commands(command_parser(PROGRAM, COMMANDS)))
+
+
+@pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)
+def test_command_passes_the_arguments_of_its_function(parser: argparse.ArgumentParser) -> None:
+    check_arguments(parser)
+
+
+def test_help_fits_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    check_help(PROGRAM, COMMANDS, monkeypatch)
+
+
+@pytest.mark.parametrize("typed", [["estimate"], ["export"]])
+def test_only_the_typed_command_is_built(typed: list[str]) -> None:
+    check_only_the_typed_is_built(PROGRAM, COMMANDS, typed)

@@ -1,0 +1,33 @@
+"""The sub-commands of `reobserve-papers`: their help, their options and what they call."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+
+from reobserve.cli.main import command_parser
+from reobserve_papers.cli.main import COMMANDS
+from tests.reobserve.cli.cases import (
+    check_arguments,
+    check_help,
+    check_only_the_typed_is_built,
+    commands,
+)
+
+PROGRAM = "reobserve-papers"
+ALL = list(commands(command_parser(PROGRAM, COMMANDS)))
+
+
+@pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)
+def test_command_passes_the_arguments_of_its_function(parser: argparse.ArgumentParser) -> None:
+    check_arguments(parser)
+
+
+def test_help_fits_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    check_help(PROGRAM, COMMANDS, monkeypatch)
+
+
+@pytest.mark.parametrize("typed", [["check"], ["stage", "plant"], ["bench", "score"]])
+def test_only_the_typed_command_is_built(typed: list[str]) -> None:
+    check_only_the_typed_is_built(PROGRAM, COMMANDS, typed)
