@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
 import ast
-import importlib
-import inspect
 import re
 import shutil
 import subprocess
@@ -16,7 +13,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reobserve.cli.main import command_parser
 from reobserve.core.errors import InputError
 from reobserve_papers.golden.values import part_names
 from reobserve_papers.parameters.config import known_papers
@@ -28,7 +24,7 @@ from tests import ROOT
 from . import FIVE
 from .published_numbers import golden_metrics
 
-SOURCE = ROOT / "src" / "reobserve"
+SOURCE = ROOT / "src"
 
 
 def imports(path: Path) -> set[str]:
@@ -50,48 +46,66 @@ def inside(modules: set[str], *packages: str) -> set[str]:
     return {m for m in modules for p in packages if m == p or m.startswith(f"{p}.")}
 
 
-# The packages in order of dependency: each imports only those before it.
-PACKAGES = (
-    "core", "signals", "polynomials", "systems", "synthesis", "plants", "observers", "codegen",
-    "estimation", "plotting", "replication", "papers", "bench", "cli", "__main__",
-)  # fmt: skip
+# The parts of both packages in order of dependency: each imports only those before it, and the
+# papers import the library.
+PARTS = {
+    "reobserve": (
+        "core", "polynomials", "systems", "synthesis", "observers", "detection", "codegen",
+        "estimation", "tuning", "cli", "__main__",
+    ),
+    "reobserve_papers": (
+        "signals", "plants", "metrics", "plotting", "parameters", "steps", "claims", "golden",
+        "report", "figure_diff", "papers", "bench", "cli", "__main__",
+    ),
+}  # fmt: skip
+LAYERS = [f"{package}.{part}" for package, parts in PARTS.items() for part in parts]
 
 
-def package_of(path: Path) -> str:
-    return path.relative_to(SOURCE).with_suffix("").parts[0]
+def part_of(path: Path) -> str:
+    """The part that a module is in, or the package whose ``__init__`` it is."""
+    package, part, *_ = path.relative_to(SOURCE).with_suffix("").parts
+    return package if part == "__init__" else f"{package}.{part}"
 
 
-def test_every_module_is_in_a_package() -> None:
-    assert {package_of(path) for path in files(".")} == {"__init__", *PACKAGES}
+def test_every_module_is_in_a_part() -> None:
+    assert {part_of(path) for path in files(".")} == {*PARTS, *LAYERS}
 
 
-def test_packages_import_only_those_before_them() -> None:
+def test_parts_import_only_those_before_them() -> None:
     for path in files("."):
-        if (package := package_of(path)) == "__init__":
-            continue
-        above = [f"reobserve.{name}" for name in PACKAGES[PACKAGES.index(package) + 1 :]]
-        assert not inside(imports(path), *above), path
-    for path in files("observers"):
-        closure = set(import_closure([".".join(("reobserve.observers", path.stem))]))
-        never = (
-            "reobserve_papers.plants",
-            "reobserve.core.files",
-            "reobserve_papers.signals.series",
+        part = part_of(path)
+        if part not in PARTS:
+            assert not inside(imports(path), *LAYERS[LAYERS.index(part) + 1 :]), path
+    for path in files("reobserve/observers"):
+        closure = set(
+            import_closure([f"reobserve.observers.{path.stem}".removesuffix(".__init__")])
         )
-        assert not inside(closure, *never), path
+        assert not inside(closure, "reobserve.core.files", "pandas"), path
 
 
-# Packages without their own test folder, and where they are tested instead.
+def test_library_and_its_tests_import_nothing_of_the_papers() -> None:
+    others = ("reobserve_papers", "tests.reobserve_papers", "tests.docs", "tests.package")
+    for path in [*files("reobserve"), *sorted((ROOT / "tests/reobserve").rglob("*.py"))]:
+        assert not inside(imports(path), *others), path
+        assert "reobserve_papers" not in path.read_text(encoding="utf-8"), path
+
+
+def test_no_module_is_deeper_than_a_part_of_a_part() -> None:
+    assert max(len(path.relative_to(SOURCE).parts) for path in files(".")) <= 4
+
+
+# Parts without tests of their own, and where they are tested instead.
 TESTED_ELSEWHERE = {
-    "cli": "tests/pipeline",  # commands are run in copies of the project
-    "__main__": "tests/pipeline",
+    "reobserve.__main__": "tests/reobserve/estimation",
+    "reobserve_papers.__main__": "tests/reobserve_papers/pipeline",
 }
 
 
-def test_tests_mirror_the_packages() -> None:
-    mirrored = {name for name in PACKAGES if any((ROOT / "tests" / name).rglob("test_*.py"))}
+def test_tests_mirror_the_parts() -> None:
+    folders = {part: ROOT / "tests" / part.replace(".", "/") for part in LAYERS}
+    mirrored = {part for part, folder in folders.items() if any(folder.rglob("test_*.py"))}
     assert mirrored.isdisjoint(TESTED_ELSEWHERE)
-    assert mirrored | set(TESTED_ELSEWHERE) == set(PACKAGES)
+    assert mirrored | set(TESTED_ELSEWHERE) == set(LAYERS)
     assert all(any((ROOT / folder).rglob("test_*.py")) for folder in TESTED_ELSEWHERE.values())
 
 
@@ -103,10 +117,12 @@ def test_heavy_packages_are_imported_only_where_needed() -> None:
     for path in files("."):
         names = imports(path)
         assert not inside(names, "snakemake"), path
-        drawing = path.parent.parent.name in ("papers", "replication")
+        drawing = (
+            path.parts[-4:-2] == ("reobserve_papers", "papers") or path.parent.name == "claims"
+        )
         drawing = drawing and path.stem.partition("_")[0] == "plot"
-        drawing |= path.parent == SOURCE / "plotting" and path.stem in DRAWING
-        drawing |= path == SOURCE / "bench" / "plot.py"
+        drawing |= path.parent == SOURCE / "reobserve_papers/plotting" and path.stem in DRAWING
+        drawing |= path == SOURCE / "reobserve_papers/bench/plot.py"
         if not drawing:
             assert not inside(names, "matplotlib"), path
         if "synthesis" not in path.parts:
@@ -116,7 +132,7 @@ def test_heavy_packages_are_imported_only_where_needed() -> None:
 def test_short_job_imports_no_heavy_packages() -> None:
     """Listing commands import neither scipy nor plotting."""
     command = (
-        "import sys; from reobserve.cli.main import main; main(['list']); "
+        "import sys; from reobserve_papers.cli.main import main; main(['list']); "
         "print([m for m in ('numba', 'scipy', 'matplotlib', 'pandas', 'cvxpy', 'pyarrow') "
         "if m in sys.modules])"
     )
@@ -186,7 +202,7 @@ def test_workflow_rules_are_short_and_use_only_commands() -> None:
     rules = [ROOT / "Snakefile", ROOT / "workflow/Snakefile", *ROOT.glob("workflow/rules/*.smk")]
     text = "\n".join(path.read_text() for path in rules)
     assert len(text.split()) < 2550  # words, since snakefmt decides on the lines
-    shells = re.findall(r"reobserve (?:stage )?(\w+)", text)
+    shells = re.findall(r"reobserve-papers (?:stage )?(\w+)", text)
     assert {"plant", "design", "observe", "study", "metrics", "plot", "table", "theory"} <= {
         *shells
     }
@@ -269,23 +285,3 @@ def test_unusual_terms_do_not_appear() -> None:
                 if re.search(rf"(?<![a-z]){word}(?![a-z])", text):
                     found[f"{name}: {word}"] = instead
     assert found == {}
-
-
-def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """The parsers of all sub-commands that run something."""
-    if parser.get_default("run"):
-        yield parser
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for inner in action.choices.values():
-                yield from commands(inner)
-
-
-@pytest.mark.parametrize("parser", list(commands(command_parser())), ids=lambda parser: parser.prog)
-def test_command_passes_the_arguments_of_its_function(
-    parser: argparse.ArgumentParser,
-) -> None:
-    module, name = parser.get_default("run").split(":")
-    function = getattr(importlib.import_module(f"reobserve.{module}"), name)
-    options = {one.dest for one in parser._actions if one.dest not in ("help", "version")}
-    inspect.signature(function).bind(**dict.fromkeys(options))

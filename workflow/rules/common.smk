@@ -137,7 +137,7 @@ def code(step):
 
 def code_of(module):
     """A digest of a module that serves all papers, and of its imports."""
-    return closure_digest(["reobserve.__main__", module])
+    return closure_digest(["reobserve_papers.__main__", module])
 
 
 def branch(wildcards, section, about):

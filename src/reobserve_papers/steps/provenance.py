@@ -17,8 +17,7 @@ from pathlib import Path
 from reobserve_papers.parameters.names import paper_part
 
 # The library and the papers: the top-level packages of this project.
-_OURS = ("reobserve", __name__.partition(".")[0])
-_PAPERS = _OURS[1]
+_OURS = ("reobserve", "reobserve_papers")
 
 # Packages whose version can move a number or a figure.
 _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
@@ -48,8 +47,9 @@ def stage_modules(stage: str, package: str) -> list[str]:
         optional += ["study_rows"]
     found = [paper_part(package, part) for part in optional]
     return [
-        f"{_PAPERS}.__main__",
-        f"{_PAPERS}.cli.stages.{stage}",
+        "reobserve_papers.__main__",
+        "reobserve_papers.cli.stage_commands",
+        f"reobserve_papers.cli.stages.{stage}",
         *(paper_part(package, part) for part in needed),
         *(module for module in found if _source(module) is not None),
     ]

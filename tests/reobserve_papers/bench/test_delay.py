@@ -11,12 +11,13 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from reobserve.core.errors import InputError
-from reobserve.tuning.task import Array, Condition, Record, Task
+from reobserve.tuning.task import Array, Condition, Record
+from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.tasks.delay import Plant, simulate
 from tests import ROOT
 
 PATH = ROOT / "config/bench/delay.yaml"
-TASK = Task.read(PATH)
+TASK = PackagedTask.read(PATH)
 PLANT: Plant = TASK.plant_in("nominal")
 NOMINAL = Condition("as tuned")
 QUIET = 1e-9  # negligible noise
@@ -119,4 +120,4 @@ def test_unknown_class_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "delay.yaml"
     path.write_text(PATH.read_text().replace("classes: [step]}", "classes: [stop]}"))
     with pytest.raises(InputError, match=r"conditions\.steps\.plant\.classes.*'stop'"):
-        Task.read(path)
+        PackagedTask.read(path)

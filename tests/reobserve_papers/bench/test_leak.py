@@ -15,13 +15,14 @@ from reobserve.detection.false_alarms import false_alarm_threshold
 from reobserve.detection.restarted_cusum import restarted_cusum
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.tuning.table import Results
-from reobserve.tuning.task import Condition, Task
+from reobserve.tuning.task import Condition
+from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.plot import detection
 from reobserve_papers.bench.tasks import leak
 from tests import ROOT
 from tests.reobserve.detection.test_restarted_cusum import by_hand
 
-TASK = Task.read(ROOT / "config/bench/leak.yaml")
+TASK = PackagedTask.read(ROOT / "config/bench/leak.yaml")
 PLANT: leak.Plant = TASK.plant_in("nominal")
 PERIOD, EXACT = TASK.period, replace(PLANT, disturbance=0.0)
 SETTINGS = {"process": 0.007, "share": 0.5}

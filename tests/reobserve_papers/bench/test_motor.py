@@ -12,8 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
-from reobserve.tuning.task import Condition, Record, Task
+from reobserve.tuning.task import Condition, Record
 from reobserve.tuning.task_tuning import _cost
+from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.tasks import motor
 from tests import ROOT
 
@@ -31,8 +32,8 @@ FAST = {
 
 
 @cache
-def task() -> Task:
-    return Task.read(FILE)
+def task() -> PackagedTask:
+    return PackagedTask.read(FILE)
 
 
 def quiet(**keys: Any) -> Any:

@@ -8,8 +8,7 @@ import pytest
 
 from reobserve.tuning.table import Results
 from reobserve_papers.bench.plot import evaluations, heat_map, levels
-
-from .toy import stated_results
+from tests.reobserve.tuning.toy import stated_results
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.tuning.task import Task
+from reobserve_papers.bench.packaged_task import PackagedTask
 from tests import ROOT
 
 TASKS = sorted((ROOT / "config/bench").glob("*.yaml"))
@@ -15,7 +15,7 @@ TASKS = sorted((ROOT / "config/bench").glob("*.yaml"))
 @pytest.mark.parametrize("path", TASKS, ids=lambda path: path.stem)
 def test_records_are_paired_across_conditions(path: Path) -> None:
     """All conditions of a seed have the same faults and the same unit noise."""
-    task = Task.read(path)
+    task = PackagedTask.read(path)
     nominal = task.record("nominal", 3)
     for name, condition in task.conditions.items():
         record = task.record(name, 3)

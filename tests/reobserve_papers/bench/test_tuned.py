@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from reobserve.tuning.table import Results
-from reobserve.tuning.task import Task
 from reobserve.tuning.task_tuning import objective, tune_once
 from reobserve.tuning.tuned_file import read_tuned
+from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.golden.bench import built_table, compare_task
 from tests import ROOT
 from tests.reobserve_papers.pipeline.conftest import Project, as_built, built
@@ -22,8 +22,8 @@ TASKS = sorted(path.stem for path in (ROOT / "config/bench").glob("*.yaml"))
 
 
 @cache
-def task(name: str) -> Task:
-    return Task.read(ROOT / f"config/bench/{name}.yaml")
+def task(name: str) -> PackagedTask:
+    return PackagedTask.read(ROOT / f"config/bench/{name}.yaml")
 
 
 def tuned(name: str) -> Any:

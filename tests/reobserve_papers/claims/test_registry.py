@@ -199,7 +199,7 @@ def test_invalid_erratum_is_reported_in_one_sentence(
     tmp_path: Path, change: dict[str, str], said: str
 ) -> None:
     words = {"place": "(1)", "printed": "a", "corrected": "b", "why": "c", "certainty": "likely"}
-    entry = {**words, "test": "tests/papers/test_it.py::test_it", **change}
+    entry = {**words, "test": "tests/reobserve_papers/papers/test_it.py::test_it", **change}
     (tmp_path / "config/errata").mkdir(parents=True)
     path = tmp_path / "config/errata/toy.yaml"
     path.write_text(yaml.safe_dump({"errata": {"one": entry}}))

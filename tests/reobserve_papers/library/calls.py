@@ -21,7 +21,7 @@ from tests.reobserve.library.calls import Call, by_name, call
 from tests.reobserve.library.calls.call import COMPLEX, method
 from tests.reobserve.library.calls.models import HALF, INERTIA, augmented, gains, van_der_pol
 
-called = partial(call.called, package="reobserve")
+called = partial(call.called, package="reobserve_papers")
 
 NUMERATOR = [27.03, 9577.0, 1.87e6, 1.65e8]
 DENOMINATOR = [535.2, 7.38e4, 6.08e6, 1.813e8]

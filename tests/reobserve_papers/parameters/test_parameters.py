@@ -50,7 +50,7 @@ def test_every_entry_has_a_source_and_every_assumption_a_reason(paper: str) -> N
 
 def test_source_code_has_no_numbers_of_the_paper() -> None:
     """Gains and constants may only be in config."""
-    folder = ROOT / "src/reobserve/papers/ilo"
+    folder = ROOT / "src/reobserve_papers/papers/ilo"
     text = "\n".join(path.read_text() for path in folder.rglob("*.py"))
     for number in ("36.0", "2000", "200000", "4.084", "6.855", "0.4, ", "5.0, "):
         assert number not in text

@@ -115,7 +115,7 @@ def copy_project(target: Path) -> Project:
 def copy_toy(target: Path) -> Project:
     """The same with `toy`, a paper with every stage, as the only paper."""
     toy, project = Path(__file__).parent / "toy", copy_project(target)
-    shutil.copytree(toy / "toy", target / "src/reobserve/papers/toy")
+    shutil.copytree(toy / "toy", target / "src/reobserve_papers/papers/toy")
     shutil.copy(toy / "toy.yaml", target / "config/papers")
     (target / "workflow/report/toy").mkdir()
     shutil.copy(toy / "fig1.rst", target / "workflow/report/toy")

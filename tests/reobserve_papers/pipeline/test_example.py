@@ -47,7 +47,7 @@ def test_example_builds_from_scratch(project: Project) -> None:
 
 
 def test_example_results_depend_on_its_single_module(project: Project) -> None:
-    module = project.folder / "src/reobserve/papers/two_mass.py"
+    module = project.folder / "src/reobserve_papers/papers/two_mass.py"
     kept = module.read_bytes()
     try:
         module.write_bytes(kept.replace(b"From rest, under", b"Starting at rest, under"))
@@ -70,8 +70,11 @@ def test_project_rules_cover_the_example(project: Project, monkeypatch: pytest.M
     """`accept` stores its golden numbers and lists its metrics; then all project rules hold."""
     monkeypatch.delenv("CI", raising=False)  # where accepting is refused
     project.run("reobserve-papers", "accept", "two_mass", "--reason", "a paper more")
-    tests = ("tests/papers/test_two_mass.py", "tests/reobserve_papers/golden/test_golden.py")
+    tests = (
+        "tests/reobserve_papers/papers/test_two_mass.py",
+        "tests/reobserve_papers/golden/test_golden.py",
+    )
     watched = project.run("pytest", *tests, "-k", "two_mass and not numbers")
     assert " passed" in watched.stdout + watched.stderr or "100%" in watched.stdout
-    project.run("ruff", "check", "src", "tests/papers")
+    project.run("ruff", "check", "src", "tests/reobserve_papers/papers")
     project.run("pytest", "tests/test_project.py")

@@ -102,7 +102,9 @@ def as_run(command: Command, built: str = "") -> str:
     elsewhere = (
         words[:2] == ["source", ".venv/bin/activate"]
         or first == "git"  # a copy has no history
-        or command.text.startswith("cd motor; cc ")  # tests/codegen compiles exported code
+        or command.text.startswith(
+            "cd motor; cc "
+        )  # tests/reobserve/codegen compiles exported code
     )
     assert elsewhere, f"no way to run {command.text}"
     return ""

@@ -49,25 +49,29 @@ def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]
 
 # The module, and the jobs of `ilo` that its edit makes stale: its own stage and later ones.
 EDITS = {
-    "papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
-    "cli/stages/parameters.py": {},
+    "reobserve_papers/papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
+    "reobserve_papers/cli/stages/parameters.py": {},
 }
 MORE_EDITS = {
-    "plants/satellite.py": ALL,
-    "papers/ilo/plant.py": ALL,
-    "systems/rigid_body.py": ALL,  # imported indirectly by plant and observers
-    "papers/ilo/observe.py": FROM_OBSERVE,
-    "cli/stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
-    "papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
-    "papers/ilo/study_rows.py": {"study": 1, "metrics": 6, "plot": 6},
-    "synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
-    "papers/ilo/plot.py": {"plot": 6},
-    "plotting/figures.py": {"plot": 6},
-    "replication/captions.py": {"plot": 6},
-    "replication/golden/comparison.py": {},
-    "replication/parameters/overview.py": {},
-    "replication/logs.py": {},
-    "replication/prepare.py": {},
+    "reobserve_papers/plants/satellite.py": ALL,
+    "reobserve_papers/papers/ilo/plant.py": ALL,
+    "reobserve/systems/rigid_body.py": ALL,  # imported indirectly by plant and observers
+    "reobserve_papers/papers/ilo/observe.py": FROM_OBSERVE,
+    "reobserve_papers/cli/stages/observe.py": {
+        "observe": 14,
+        "metrics": 6,
+        "plot": 6,
+    },  # the study calls the paper
+    "reobserve_papers/papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
+    "reobserve_papers/papers/ilo/study_rows.py": {"study": 1, "metrics": 6, "plot": 6},
+    "reobserve/synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
+    "reobserve_papers/papers/ilo/plot.py": {"plot": 6},
+    "reobserve_papers/plotting/figures.py": {"plot": 6},
+    "reobserve_papers/plotting/captions.py": {"plot": 6},
+    "reobserve_papers/golden/comparison.py": {},
+    "reobserve_papers/parameters/overview.py": {},
+    "reobserve_papers/report/logs.py": {},
+    "reobserve_papers/parameters/prepare.py": {},
 }
 
 
@@ -82,8 +86,8 @@ def test_edit_makes_its_stage_and_later_stages_stale(
     built: Project, module: str, expected: dict[str, int]
 ) -> None:
     # Other papers depend on common modules, and not on those of `ilo`.
-    shared = "ilo" not in module
-    with edited(built.folder / "src" / "reobserve" / module):
+    shared = "/ilo" not in module
+    with edited(built.folder / "src" / module):
         stale = built.stale("figures", config=["papers=[ilo]"] if shared else [])
     assert stale == expected
 
@@ -261,9 +265,9 @@ import jinja2, matplotlib.figure, numba, pandas, pyarrow.parquet, scipy.optimize
 for line in sys.stdin:
     child = os.fork()
     if not child:
-        from reobserve.cli.main import main
+        from reobserve_papers.cli.main import main
         done = main(["stage", *json.loads(line)])
-        found = sorted(name for name in sys.modules if name.split(".")[0] == "reobserve")
+        found = sorted(name for name in sys.modules if name.startswith("reobserve"))
         print(json.dumps([done, found]), flush=True)
         os._exit(0)
     os.waitpid(child, 0)
@@ -271,7 +275,8 @@ for line in sys.stdin:
 
 
 LATE = {
-    "reobserve.__main__",  # of `python -m reobserve`, which this test does not use
+    "reobserve.__main__",  # of `python -m reobserve_papers`, which this test does not use
+    "reobserve_papers.__main__",
     "reobserve.core.yaml_loader",
     "reobserve.core.documents",  # imported for reading YAML, which few stages do
     "reobserve_papers.plotting.apart",  # when a figure is plotted in another process

@@ -219,7 +219,7 @@ def lines(data):
 
 LAYOUTS = {"lines": lines}
 """
-    plot = toy.folder / "src/reobserve/papers/toy/plot.py"
+    plot = toy.folder / "src/reobserve_papers/papers/toy/plot.py"
     (toy.folder / "results/report.html").unlink()
     with edited(plot, plot.read_text(), refusing):
         assert toy.snakemake("results/toy/fig1.svg", check=False).returncode != 0
@@ -304,13 +304,13 @@ def test_recomputed_evidence_is_identical(toy: Project) -> None:
         ("papers/toy/table.py", {"table": 1, **REPORTED}),
         ("cli/stages/table.py", {"table": 1, **REPORTED}),
         ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
-        ("replication/steps.py", ALL),
+        ("steps/compute.py", ALL),
     ],
 )
 def test_edited_design_stage_makes_its_dependents_stale(
     toy: Project, module: str, stale: dict[str, int]
 ) -> None:
-    with edited(toy.folder / "src/reobserve" / module):
+    with edited(toy.folder / "src/reobserve_papers" / module):
         assert toy.stale() == stale
 
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import reobserve
-from reobserve import InputError, replicate
+from reobserve import InputError
+from reobserve_papers import replicate
 from reobserve_papers.golden.comparison import compare
 from reobserve_papers.golden.files import golden_file, read_numbers
 from reobserve_papers.golden.values import evaluated_numbers

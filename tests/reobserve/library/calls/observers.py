@@ -159,8 +159,8 @@ def _filters() -> Iterator[Call]:
         "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
-        "bench.innovation_tests.cusum": (y[:, 0], 0.5),
-        "bench.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
+        "detection.innovation_tests.cusum": (y[:, 0], 0.5),
+        "detection.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
     }, MISSING)  # fmt: skip
     yield from called({
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),

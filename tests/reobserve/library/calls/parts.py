@@ -39,13 +39,13 @@ def _basics() -> Iterator[Call]:
         return tune(make, ranges, records, score, budget, seed)
 
     yield Call(
-        "bench.tuning.tune", tuned,
+        "tuning.search.tune", tuned,
         (lambda found: found, {"gain": (0.1, 10.0)}, [1.0], lambda found, _: found["gain"], 5, 1),
     )  # fmt: skip
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
         "core.random_streams.random_stream": (3, "noise"),
-        "estimation.false_alarms.false_alarm_threshold": (np.arange(19.0), 0.05),
+        "detection.false_alarms.false_alarm_threshold": (np.arange(19.0), 0.05),
         "core.discretisation.zero_order_hold": hold,
         "core.discretisation.interpolating_hold": (*hold, [0.0, 1.0]),
         "core.discretisation.polynomial_hold": (*hold, 1),
@@ -84,9 +84,9 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_sampled_stability.sampled_stability": (law,),
         "synthesis.ilo_sampled_stability.sampled_limit_gain": (law,),
         "synthesis.ilo_stability.continuous_stability": (law,),
-        "papers.ilo.theorem.lemma1_sides": (zeros, zeros, zeros, 0.9, 50.0, 1.0, 1.0, 1.0),
-        "papers.ilo.theorem.certify": (500.0, np.eye(3), 0.5, 50.0, 0.01),
-        "papers.ilo.theorem.bound18": (
+        "synthesis.ilo_certificate.lemma1_sides": (zeros, zeros, zeros, 0.9, 50.0, 1.0, 1.0, 1.0),
+        "synthesis.ilo_certificate.certify": (500.0, np.eye(3), 0.5, 50.0, 0.01),
+        "synthesis.ilo_certificate.bound18": (
             certify(3.0, 1.0, 0.5, 0.5).theorem, np.ones((5, 3)), np.ones((5, 3)), 0.1,
         ),
         "synthesis.high_gain.lyapunov_matrix": (3, 2.0),
@@ -109,7 +109,7 @@ def _synthesis() -> Iterator[Call]:
 
     weights = (1.0, 1.0, 1.0, 1.0, 0.5)
     arguments = (500.0, np.eye(3), 0.5, 50.0, 0.01, *weights)
-    yield Call("papers.ilo.theorem.theorem1", proved, arguments)
+    yield Call("synthesis.ilo_certificate.theorem1", proved, arguments)
 
 
 def _designs() -> Iterator[Call]:
