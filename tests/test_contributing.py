@@ -8,14 +8,16 @@ from importlib.util import find_spec
 
 import pytest
 
-from reobserve.cli.main import main
+from reobserve.cli import main as library
 from reobserve.core.documents import read_yaml
+from reobserve_papers.cli import main as papers
 from tests import ROOT
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 INLINE = [code.replace("\n", " ") for code in re.findall(r"`([^`]+)`", TEXT)]
 BLOCKS = [line.strip() for line in re.findall(r"^    (\S.*)$", TEXT, re.MULTILINE)]
-CALLED = ("make", "pytest", "python", "reobserve")
+PROGRAMS = {"reobserve": library.main, "reobserve-papers": papers.main}
+CALLED = ("make", "pytest", "python", *PROGRAMS)
 COMMANDS = [
     shlex.split(line, comments=True)
     for line in (*INLINE, *BLOCKS)
@@ -41,7 +43,7 @@ def test_named_command_exists(words: list[str], capsys: pytest.CaptureFixture[st
     else:
         if rest:
             with pytest.raises(SystemExit):
-                main([*rest, "--help"])
+                PROGRAMS[first]([*rest, "--help"])
         assert capsys.readouterr().err == ""
 
 
@@ -56,12 +58,21 @@ def test_named_subcommands_and_rules_exist() -> None:
     """Those in the Makefile, the CI workflows, and the rules of the Slurm profile."""
     files = (ROOT / "Makefile", *(ROOT / ".github/workflows").glob("*.yml"))
     text = "\n".join(path.read_text(encoding="utf-8") for path in files)
-    named = set(re.findall(r"(?:^\t|bin/)reobserve ([a-z]+)\b", text, re.MULTILINE))
-    assert {"samples", "accept"} <= named
-    for name in named:
+    typed = r"(?:^\t|^ +|bin/|run: )(reobserve(?:-papers)?) ([a-z]+)\b"
+    named = set(re.findall(typed, text, re.MULTILINE))
+    assert {("reobserve-papers", "samples"), ("reobserve", "estimate")} <= named
+    for program, name in named:
         with pytest.raises(SystemExit, match=r"^0$"):
-            main([name, "--help"])
+            PROGRAMS[program]([name, "--help"])
     texts = [one.read_text(encoding="utf-8") for one in ROOT.glob("workflow/rules/*.smk")]
     rules = set(re.findall(r"^rule (\w+):", "\n".join(texts), re.MULTILINE))
     profile = read_yaml(ROOT / "profiles/slurm/config.yaml")
     assert {*profile["set-resources"], *profile["groups"]} <= rules
+
+
+def test_paths_that_start_workflows_exist() -> None:
+    for path in (ROOT / ".github/workflows").glob("*.yml"):
+        for named in re.findall(
+            r"^ +- ((?:src|tests|profiles|workflow)/\S+)$", path.read_text(), re.MULTILINE
+        ):
+            assert any(ROOT.glob(named)), (path.name, named)

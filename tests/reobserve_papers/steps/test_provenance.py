@@ -101,7 +101,9 @@ def test_package_of_a_paper_elsewhere_is_in_the_digest_of_its_jobs(
 
 
 def test_unknown_start_of_a_closure_is_refused() -> None:
-    with pytest.raises(ModuleNotFoundError, match=r"there is no module reobserve_papers\.cli\.stages\.no"):
+    with pytest.raises(
+        ModuleNotFoundError, match=r"there is no module reobserve_papers\.cli\.stages\.no"
+    ):
         provenance.import_closure(["reobserve.core", "reobserve_papers.cli.stages.no"])
 
 
