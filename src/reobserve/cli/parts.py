@@ -1,4 +1,4 @@
-"""Sub-commands in tables, of which only the one that is typed is built; what many of them take."""
+"""Sub-commands in tables, of which only the one that is typed is built."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ import argparse
 import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NoReturn
 
 from reobserve.core.errors import one_line
-
-FORMATS = ("pdf", "svg", "png", "eps", "pgf")  # of figures
 
 
 @dataclass(frozen=True)
@@ -88,8 +85,3 @@ def add_commands(
             if command.epilog:
                 command.formatter_class = argparse.RawDescriptionHelpFormatter
             command.set_defaults(run=entry.run, extra=entry.extra)
-
-
-def add_output(command: argparse.ArgumentParser, text: str) -> None:
-    """Ask for the one file that it writes."""
-    command.add_argument("--output", type=Path, required=True, metavar="FILE", help=text)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from reobserve.cli.parts import FORMATS, Entry, Table, add_output
+from reobserve.cli.parts import Entry, Table
+from reobserve_papers.cli.options import FORMATS, add_output
 
 _EXAMPLES = """\
 a task, by hand:

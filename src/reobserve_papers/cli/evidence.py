@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from reobserve.cli.parts import FORMATS, add_output
-from reobserve.cli.types import whole
-from reobserve_papers.cli.project import add_project
+from reobserve_papers.cli.options import FORMATS, add_output, add_project
+from reobserve_papers.cli.types import whole
 
 
 def samples_options(command: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from reobserve.cli.main import command_parser as parser_of
 from reobserve.cli.main import run_command
 from reobserve.cli.parts import Entry, Table
-from reobserve_papers.cli.project import check_project
+from reobserve_papers.cli.options import check_project
 
 PROGRAM = "reobserve-papers"
 

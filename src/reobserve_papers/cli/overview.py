@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from reobserve.cli.parts import add_output
-from reobserve.cli.types import tree, whole
-from reobserve_papers.cli.project import add_project
+from reobserve_papers.cli.options import add_output, add_project
+from reobserve_papers.cli.types import tree, whole
 
 
 def list_options(command: argparse.ArgumentParser) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from reobserve.cli.parts import FORMATS, Entry, Table, add_output
-from reobserve.cli.types import tree, whole
-from reobserve_papers.cli.project import add_project
+from reobserve.cli.parts import Entry, Table
+from reobserve_papers.cli.options import FORMATS, add_output, add_project
+from reobserve_papers.cli.types import tree, whole
 
 _EXAMPLES = """\
 a chain, by hand:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -38,14 +37,3 @@ def whole(least: int, most: int = 2**53) -> Callable[[str], int]:
 
     allowed = f"a whole number from {least} to {most}"
     return parse
-
-
-def number(text: str) -> float:
-    """A finite number."""
-    try:
-        found = float(text) if len(text) < 60 else math.nan
-    except ValueError:
-        found = math.nan
-    if not math.isfinite(found):
-        raise argparse.ArgumentTypeError(f"{shown(text)} must be a finite number")
-    return found

@@ -1,4 +1,4 @@
-"""The project that a command works in."""
+"""Options that many commands take."""
 
 from __future__ import annotations
 
@@ -8,6 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.errors import InputError, shown
+
+FORMATS = ("pdf", "svg", "png", "eps", "pgf")  # of figures
+
+
+def add_output(command: argparse.ArgumentParser, text: str) -> None:
+    """Ask for the one file that it writes."""
+    command.add_argument("--output", type=Path, required=True, metavar="FILE", help=text)
 
 
 def add_project(command: argparse.ArgumentParser) -> None:
