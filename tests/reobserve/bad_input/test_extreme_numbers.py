@@ -27,7 +27,7 @@ SLOW = ("extended_state.pi.", "extended_state.pd_pi.")
 NAMES = [
     name
     for name in calls()
-    if name.startswith("synthesis.") and not any(part in name for part in SLOW)
+    if name.startswith(("synthesis.", "detection.")) and not any(part in name for part in SLOW)
 ]
 
 
