@@ -1,4 +1,4 @@
-# All targets that a user needs. `make` builds all figures; `make help` lists the rest.
+# All targets that a user needs. `make` builds all figures of the papers; `make help` lists the rest.
 
 VENV    := .venv
 BIN     := $(VENV)/bin
@@ -20,18 +20,21 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: figures unlock report archive quick test nightly check elsewhere bench figdiff accept samples mutations pages docs lock package env \
-	cluster clean distclean help
+.PHONY: figures bench unlock report archive quick test nightly check elsewhere benchmarks figdiff accept samples mutations pages docs lock \
+	package env cluster clean distclean help
 .DEFAULT_GOAL := figures
 
-figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
+figures: $(STAMP)  ## every figure of the papers, claim and results/report.html (the default); CORES=4 for more cores
 	@snakemake --cores $(CORES) || { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
 		echo "make: if no other build runs in this folder, one was killed: make unlock" >&2; exit 1; }
+
+bench: $(STAMP)  ## tuned observers and filters on the same tasks, results/bench; then `make` shows them in the report
+	snakemake --cores $(CORES) bench
 
 unlock: $(STAMP)  ## after a build was killed: unlock the folder, so that the next one resumes
 	snakemake --unlock
 
-archive: $(STAMP)  ## the build with its provenance as an RO-Crate, results/archive.zip, to deposit and cite
+archive: $(STAMP)  ## the build, and the bench if built, with provenance as an RO-Crate, results/archive.zip, to deposit and cite
 	snakemake --cores $(CORES) results/archive.zip
 
 report: figures  ## Snakemake's own report of the same build, results/report.snakemake.html
@@ -48,10 +51,10 @@ quick: $(STAMP)  ## style, types and the tests of the changed modules; SINCE=mai
 # One process more than cores: one waits for the build.
 TESTS := pytest --numprocesses $$(($(CORES) + 1))
 
-test: check  ## `check`, unit tests, one build, all golden numbers; 6 minutes
+test: check  ## `check`, unit tests, one build of the papers, their golden numbers; 6 minutes
 	$(TESTS)
 
-nightly: $(STAMP)  ## all other tests: second builds, kills, other processors, a browser, Slurm; half an hour
+nightly: $(STAMP)  ## all other tests: the bench, second builds, kills, other processors, a browser, Slurm; half an hour
 	$(TESTS) -m "nightly or hypothesis" --hypothesis-profile=nightly
 	$(MAKE) elsewhere
 
@@ -73,13 +76,13 @@ elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings
 	$(NEWER) pytest tests/reobserve_papers/golden/test_golden.py
 	$(OLDER) pytest tests/reobserve_papers/golden/test_golden.py
 
-bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
+benchmarks: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks
 
-figdiff: $(STAMP)  ## build, compare with the accepted figures and numbers, write figdiff/
-	snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
+figdiff: $(STAMP)  ## build papers and bench, compare with the accepted figures and numbers, write figdiff/
+	snakemake --cores $(CORES) --keep-going bench; snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
 
-accept: $(STAMP)  ## build, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
+accept: $(STAMP)  ## build papers and bench, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve-papers accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
 samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MAX=400] [PAPER=ilo]

@@ -150,7 +150,6 @@ rule report:
         NUMBERS,
         "results/claims.csv",
         expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS),
-        OF_BENCH,
     output:
         report(
             "results/report.html",
@@ -166,6 +165,7 @@ rule report:
         "../envs/reobserve.yaml"
     params:
         built=BUILT,
+        bench=files_digest(*BENCH_BUILT),
         texts=files_digest("config", "workflow/report"),
         code=code_of("reobserve_papers.report"),
         packages=PACKAGES,
@@ -194,7 +194,7 @@ rule verdicts:
         "(set -x; reobserve-papers stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
 
 
-# On demand: the build as an RO-Crate, to be deposited and cited.
+# On demand: the build as an RO-Crate, with the bench if built, to be deposited and cited.
 rule archive:
     input:
         rules.all.input,
@@ -207,10 +207,11 @@ rule archive:
     conda:
         "../envs/reobserve.yaml"
     params:
+        bench=BENCH_BUILT,
         texts=files_digest("config", "workflow", "CITATION.cff", "README.md", "CHANGELOG.md"),
         code=code_of("reobserve_papers.cli.stages.archive"),
         packages=PACKAGES,
     message:
         "pack the build"
     shell:
-        "(set -x; reobserve-papers stage archive {input} --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve-papers stage archive {input} {params.bench} --output {output}) 2>&1 | tee {log} >&2"

@@ -35,7 +35,9 @@ def report_options(command: argparse.ArgumentParser) -> None:
         metavar="FORMAT",
         help=f"formats of the figures {default}",
     )
-    command.add_argument("--bench", nargs="*", help=f"tasks of the bench to report {default}")
+    command.add_argument(
+        "--bench", nargs="*", help=f"tasks of the bench to report where they were built {default}"
+    )
     add_output(command, "the page, HTML")
     add_project(command)
 

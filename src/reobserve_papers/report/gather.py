@@ -38,6 +38,7 @@ CLAIMS_FILE = "results/claims.csv"
 
 # Figures of a task of the bench; not all tasks have the last one.
 _OF_A_TASK = ("heatmap", "levels", "evaluations", "detection")
+_TASK_TABLE = "results/bench/{}/table.csv"
 
 # What is drawn of the claims of a paper, and what each shows.
 _PLOTS = {
@@ -67,7 +68,7 @@ def gather(
     """Read everything that a page at ``page`` says of the project in ``folder``.
 
     ``papers``, the ``formats`` of their figures and the tasks of the ``bench`` are those of
-    `config/config.yaml` if not given.
+    `config/config.yaml` if not given. A task without a table was not built, and is left out.
 
     Raises
     ------
@@ -84,10 +85,11 @@ def gather(
     tasks = bench if bench is not None else config.bench
     if tasks is None:
         tasks = [] if papers or config.papers else known_tasks(folder)
+    built = [name for name in tasks if (folder / _TASK_TABLE.format(name)).is_file()]
     build = _Build(folder, page, formats or config.formats, gaps, config.seed)
     return {
         "papers": [build.paper(name, rows) for name in names],
-        "bench": [build.task(name) for name in tasks],
+        "bench": [build.task(name) for name in built],
         "gaps": gaps.found,
         "environment": environment(folder),
         "versions": package_versions(),
@@ -205,7 +207,7 @@ class _Build:
                     {"name": figure, "caption": caption, **self.drawing(base, place, logged)}
                 )
         title = name if isinstance(stated, Gap) else stated.get("title", name)
-        link = self.link(f"results/bench/{name}/table.csv")
+        link = self.link(_TASK_TABLE.format(name))
         return {"name": name, "title": title, "figures": figures, "link": link}
 
     def drawing(self, base: str, place: str, logged: str) -> Data:
