@@ -25,7 +25,7 @@ class LoggedJob:
 
     @property
     def step(self) -> str:
-        """The command of `reobserve` that ran, such as ``plant``."""
+        """The command of `reobserve-papers` that ran, such as ``plant``."""
         words = shlex.split(self.command)
         return words[2] if words[1] == "stage" else words[1]
 
@@ -47,7 +47,7 @@ def read_log(project: Path, log: str) -> LoggedJob:
         first = read_text(project / log).partition("\n")[0]
     except InputError as error:
         raise InputError(log, error.problem) from None
-    if not first.startswith(f"{_PROMPT}reobserve "):
+    if not first.startswith(f"{_PROMPT}reobserve-papers "):
         raise InputError(log, "does not begin with the command that ran")
     command = first.removeprefix(_PROMPT).strip()
     files: dict[bool, list[str]] = {True: [], False: []}

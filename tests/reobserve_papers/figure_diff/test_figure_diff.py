@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.cli.main import main
 from reobserve.core.errors import ReobserveError
 from reobserve.core.files import write_table, write_text
 from reobserve_papers.claims.table import HEADER
+from reobserve_papers.cli.main import main
 from reobserve_papers.figure_diff import commands
 from reobserve_papers.golden import acceptance
 from reobserve_papers.golden.values import built_numbers, part_names
@@ -26,7 +26,7 @@ from reobserve_papers.signals.series import Channel, Series
 from tests.reobserve_papers.pipeline.conftest import ROOT
 
 TREE = {
-    "about": {"title": "Made", "authors": []},
+    "about": {"title": "Made", "authors": [], "package": "made"},
     **{name: {} for name in ("plant", "metrics", "theory")},
     "scenarios": {"slow": {"title": ""}},
     "observers": {"watch": {"algorithm": "watch", "label": ""}},

@@ -12,7 +12,7 @@ from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
-TOY = ROOT / "tests" / "pipeline" / "toy"
+TOY = ROOT / "tests/reobserve_papers/pipeline/toy"
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="300pt" height="150pt" viewBox="0 0 300 150">
 <rect width="300" height="150" fill="#fff"/><path d="M0 150L300 0" stroke="#000"/></svg>

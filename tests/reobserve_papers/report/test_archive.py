@@ -32,9 +32,9 @@ FILES = {
     "results/toy/push/plant.parquet": "PAR1",
     "results/toy/fig1.svg": "<svg/>",
     "results/toy/fig1.rst": "A caption.\n",
-    "logs/toy/push/plant.log": f"+ reobserve {PLANT}\n",
+    "logs/toy/push/plant.log": f"+ reobserve-papers {PLANT}\n",
     "logs/toy/push/plant.tsv": "s\th:m:s\n1.5\t0:00:01\n",
-    "logs/toy/fig1.plot.log": f"+ reobserve {PLOT}\nWarnings.\n",
+    "logs/toy/fig1.plot.log": f"+ reobserve-papers {PLOT}\nWarnings.\n",
 }
 PRODUCTS = ["results/toy/fig1.svg", "results/toy/fig1.rst"]
 
@@ -58,7 +58,7 @@ def test_crate_records_how_each_file_was_made(build: Path) -> None:
     actions = {one.id: one for one in crate.get_by_type("CreateAction")}
     assert set(actions) == {"#toy-push-plant", "#toy-fig1.plot", "#build"}
     plant, plot, whole = (actions[name] for name in ("#toy-push-plant", "#toy-fig1.plot", "#build"))
-    assert plot["description"] == f"reobserve {PLOT}"
+    assert plot["description"] == f"reobserve-papers {PLOT}"
     assert [one.id for one in plot["object"]] == [
         "results/toy/parameters.json", "results/toy/push/plant.parquet", "config/fig1.rst",
     ]  # fmt: skip

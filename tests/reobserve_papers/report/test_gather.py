@@ -230,7 +230,7 @@ def test_broken_claims_are_gaps_with_their_message(project: Path) -> None:
 def test_missing_file_quotes_the_error_of_its_job(project: Path, missing: str, step: str) -> None:
     (project / "results/toy" / missing).unlink()
     for log in (project / "logs/toy").iterdir():
-        log.write_text(f"{log.read_text()}reobserve: toy: {log.stem} cannot be made\n")
+        log.write_text(f"{log.read_text()}reobserve-papers: toy: {log.stem} cannot be made\n")
     reported = f"not built; logs/toy/{step}.log says: toy: {step} cannot be made"
     assert sentences(project) == [f"results/toy/{missing}: {reported}"]
 
@@ -238,7 +238,7 @@ def test_missing_file_quotes_the_error_of_its_job(project: Path, missing: str, s
 def test_damaged_numbers_do_not_quote_the_log(project: Path) -> None:
     (project / "results/toy/theory.metrics.csv").write_text("a,b\n1,2\n")
     log = project / "logs/toy/theory.log"
-    log.write_text(f"{log.read_text()}reobserve: toy: it cannot be\n")
+    log.write_text(f"{log.read_text()}reobserve-papers: toy: it cannot be\n")
     (said,) = sentences(project)
     assert "it cannot be" not in said
 
