@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.cli.main import command_parser, main
+from reobserve_papers.cli.main import command_parser, main
 from reobserve_papers.parameters.parameters import Parameters
 from tests.reobserve_papers.report.project import make_project
 

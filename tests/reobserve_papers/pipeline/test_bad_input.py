@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.cli.main import main
+from reobserve_papers.cli.main import main
 from tests.reobserve_papers.papers import fixed
 
 from .conftest import PARAMETER_FILES, ROOT, Project

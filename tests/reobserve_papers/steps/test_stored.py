@@ -15,10 +15,10 @@ import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
 
-from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve_papers.claims.robustness_file import read_robustness
+from reobserve_papers.cli.main import main
 from reobserve_papers.cli.stages.records import read_estimates, read_record
 from reobserve_papers.papers.eso import keys as eso_keys
 from reobserve_papers.papers.eso.design import stored_design

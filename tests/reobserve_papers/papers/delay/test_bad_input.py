@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from reobserve.cli.main import main
+from reobserve_papers.cli.main import main
 from tests import ROOT
 
 

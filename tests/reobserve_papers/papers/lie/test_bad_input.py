@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.systems.polynomial import PolynomialSystem
+from reobserve_papers.cli.main import main
 from tests import ROOT
 from tests.reobserve.observers.test_normal_form_observers import form
 from tests.reobserve_papers.papers import fixed
