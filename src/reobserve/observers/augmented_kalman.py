@@ -140,7 +140,7 @@ class AugmentedKalmanFilter(NoiseByRow):
         model = LinearModel(
             whole, np.vstack([B, np.zeros((q, B.shape[1]))]),
             np.hstack([C, self.output_fault_matrix]), D, noise, R,
-            unusual=True, sampling_period=self.sampling_period,
+            check=False, sampling_period=self.sampling_period,
         )  # fmt: skip
         return KalmanFilter(model)
 

@@ -55,8 +55,8 @@ class LinearModel(Value):
         Covariance of the measurement noise: a number, m numbers or (m, m); positive definite.
     sampling_period
         Of the transition [s]; left out, time is counted in samples.
-    unusual
-        Accept a transition that looks like one of continuous time, see below.
+    check
+        Refuse a transition that looks like one of continuous time, see below.
     state_names, input_names, output_names
         Names of the signals, with which runs are labelled; left out, they are numbered.
 
@@ -65,9 +65,10 @@ class LinearModel(Value):
     InputError
         If C, Q or R is left out; the shapes do not fit; Q or R is not symmetric positive
         (semi)definite; names are not different or not as many as signals; the sampling period is
-        not positive; or A looks like one of continuous time: all its eigenvalues have a real part
-        of zero or less, or one with a negative real part lies outside the unit circle. Sampling a
-        real system gives neither, unless it turns more than a quarter of a circle in a sample.
+        not positive; or, with ``check``, A looks like one of continuous time: all its eigenvalues
+        have a real part of zero or less, or one with a negative real part lies outside the unit
+        circle. Sampling a real system gives neither, unless it turns more than a quarter of a
+        circle in a sample.
     """
 
     # None where one is left out; arrays, once the model is constructed.
@@ -78,7 +79,7 @@ class LinearModel(Value):
     Q: Array = None  # type: ignore[assignment]
     R: Array = None  # type: ignore[assignment]
     sampling_period: float = field(default=1.0, kw_only=True)
-    unusual: bool = field(default=False, kw_only=True)
+    check: bool = field(default=True, kw_only=True)
     state_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
@@ -95,7 +96,7 @@ class LinearModel(Value):
             R: ArrayLike = ...,
             *,
             sampling_period: float = ...,
-            unusual: bool = ...,
+            check: bool = ...,
             state_names: Sequence[str] | None = ...,
             input_names: Sequence[str] | None = ...,
             output_names: Sequence[str] | None = ...,
@@ -120,15 +121,15 @@ class LinearModel(Value):
         D = np.zeros((m, p)) if given.D is None else as_floats("D", given.D)
         if D.shape != (m, p):
             raise InputError("D", f"has shape {D.shape}, must be {(m, p)}, as C and B ask for")
-        unusual = as_flag("unusual", self.unusual)
-        if not unusual:
+        check = as_flag("check", self.check)
+        if check:
             _check_discrete(A)
         Q, R = as_covariance("Q", self.Q, n), as_covariance("R", self.R, m, definite=True)
         put = self._set
         for name, matrix in zip("ABCDQR", (A, B, C, D, Q, R), strict=True):
             put(name, matrix)
         put("sampling_period", as_positive("sampling_period", self.sampling_period))
-        put("unusual", unusual)
+        put("check", check)
         for name, size in (("state_names", n), ("input_names", p), ("output_names", m)):
             put(name, as_names(name, getattr(self, name), size))
 
@@ -160,7 +161,7 @@ class LinearModel(Value):
         held = np.zeros((len(np.atleast_1d(A)), 0)) if B is None else B
         # Ad = exp(A T), Bd = int_0^T exp(A s) ds B
         Ad, Bd = zero_order_hold(A, held, period)
-        return cls(Ad, Bd, C, D, Q, R, sampling_period=period, unusual=True, **options)
+        return cls(Ad, Bd, C, D, Q, R, sampling_period=period, check=False, **options)
 
     @cached_property
     def arrays(self) -> ModelArrays:
@@ -214,5 +215,5 @@ def _check_discrete(A: Array) -> None:
         raise InputError(
             "A",
             f"has the eigenvalue {shown:.4g}, as A of continuous time has; it must be the "
-            "transition over one sample (sample it by zero_order_hold, or say unusual=True)",
+            "transition over one sample (sample it by zero_order_hold, or say check=False)",
         )

@@ -49,7 +49,7 @@ def test_models_show_their_numbers() -> None:
         "input_matrix=diag(1, 1, 1), fault_matrix=diag(1, 1, 1))"
     )
     model = LinearModel([[0.5]], C=[[1.0]], Q=1.0, R=2.0, state_names=["x"])  # and names no others
-    assert repr(model).endswith("unusual=False, state_names=('x'))")
+    assert repr(model).endswith("check=True, state_names=('x'))")
 
 
 @dataclass

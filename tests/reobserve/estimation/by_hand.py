@@ -43,7 +43,7 @@ def motor_model(friction: float = 10.0) -> ro.LinearModel:
     """The model of the examples."""
     A, B = zero_order_hold([[-friction, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], PERIOD)
     return ro.LinearModel(
-        A, B, np.eye(2), Q=[1e-4, 1e-4], R=[1e-3, 1e-4], unusual=True, sampling_period=PERIOD
+        A, B, np.eye(2), Q=[1e-4, 1e-4], R=[1e-3, 1e-4], check=False, sampling_period=PERIOD
     )
 
 

@@ -149,7 +149,7 @@ def test_time_varying_noise_agrees_with_the_augmented_kalman_filter() -> None:
         LinearModel(
             np.block([[HELD[0], FORCE], [zero, one]]), np.vstack([HELD[1], [[0.0]]]),
             np.hstack([POSITION, [[0.0]]]), Q=np.diag([1e-8, 1e-8, 1e-3]), R=1e-4,
-            sampling_period=PERIOD, unusual=True,
+            sampling_period=PERIOD, check=False,
         )
     )  # fmt: skip
     scale = 1 + np.arange(80) % 7

@@ -133,7 +133,7 @@ def test_continuous_time_transition_is_refused(A: Any, eigenvalue: str) -> None:
     said = f"A: has the eigenvalue {eigenvalue}, as A of continuous time has; {DISCRETE}"
     with pytest.raises(InputError, match=rf"^{said} \(sample it by zero_order_hold, .*\)$"):
         LinearModel(**given)
-    assert LinearModel(**given, unusual=True).states == n
+    assert LinearModel(**given, check=False).states == n
     sampled = zero_order_hold(A, given["B"], 1e-3)[0]
     assert LinearModel(**{**given, "A": sampled}).states == n
 

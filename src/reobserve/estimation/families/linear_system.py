@@ -26,8 +26,8 @@ class LinearSystem(System):
     """x' = A x + B u or x(k+1) = A x(k) + B u(k), by the word ``time``, with y = C x + D u.
 
     A model of continuous time is sampled for inputs that are held. ``Q`` and ``R`` are covariances
-    of the noise of a sample, in either time. ``unusual`` accepts a discrete A that looks like one
-    of continuous time.
+    of the noise of a sample, in either time. ``check: false`` accepts a discrete A that looks like
+    one of continuous time.
     """
 
     time: Literal["continuous", "discrete"]
@@ -37,7 +37,7 @@ class LinearSystem(System):
     D: Array | None = None
     Q: Array = field(default_factory=lambda: np.array(0.0))
     R: Array = field(default_factory=lambda: np.array(1.0))
-    unusual: bool = False
+    check: bool = True
     initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:
@@ -72,7 +72,7 @@ class LinearSystem(System):
         matrices = (self.A, self.B, self.C, self.D, self.Q, self.R)
         if self.time == "continuous":
             return LinearModel.from_ode(*matrices, sampling_period=self.sampling_period)
-        return LinearModel(*matrices, unusual=self.unusual, sampling_period=self.sampling_period)
+        return LinearModel(*matrices, check=self.check, sampling_period=self.sampling_period)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -50,6 +50,13 @@ def test_discrete_model_is_used_unchanged() -> None:
     assert np.array_equal(placed.observer.model.A, A)
 
 
+def test_discrete_model_that_looks_continuous_needs_check_false() -> None:
+    given = {"time": "discrete", "A": [[-0.5, 0.1], [0.0, -0.2]], "poles": [0.05, 0.06]}
+    with pytest.raises(InputError, match=r"^A: has the eigenvalue -0.5, as A of continuous time"):
+        design("luenberger", **given)
+    assert np.array_equal(design("luenberger", **given, check=False).observer.model.A, given["A"])
+
+
 def test_normal_form_poles_govern_the_error() -> None:
     """The pendulum of the example: S(x) = x, so errors follow exp(A t) for any u."""
     built = design("normal-form")
