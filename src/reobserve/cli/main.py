@@ -17,7 +17,7 @@ from reobserve.cli.outputs import check_outputs
 from reobserve.cli.parts import Entry, Parser, Table, add_commands, load
 from reobserve.core.code_paths import pin_code_paths
 from reobserve.core.errors import ReobserveError, one_line
-from reobserve.core.extras import EXTRAS, missing
+from reobserve.core.extras import EXTRAS, MissingPackageError
 
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
 
@@ -74,14 +74,15 @@ def run_command(
         load(run)(**options)
         if sys.stdout is not None:
             sys.stdout.flush()
-    except ReobserveError as error:
-        print(f"{program}: {one_line(error, _MOST_SAID)}", file=sys.stderr)
-        return 1
-    except ModuleNotFoundError as error:  # what is imported late, with no sentence of its own
+    except ImportError as error:  # of a package that an extra brings
         top = str(error.name).partition(".")[0]
         if top not in EXTRAS:
             raise
-        print(f"{program}: {missing(top, 'run this command', extra)}", file=sys.stderr)
+        purpose = getattr(error, "purpose", "run this command")
+        print(f"{program}: {MissingPackageError(top, purpose, extra)}", file=sys.stderr)
+        return 1
+    except ReobserveError as error:
+        print(f"{program}: {one_line(error, _MOST_SAID)}", file=sys.stderr)
         return 1
     except BrokenPipeError:
         _forget_output()

@@ -35,6 +35,10 @@ class InputError(ReobserveError, ValueError):
         self.problem = one_line(problem)
         super().__init__(f"{self.parameter}: {self.problem}")
 
+    def renamed(self, parameter: str) -> InputError:
+        """The same problem, of what a caller calls the parameter."""
+        return InputError(parameter, self.problem)
+
 
 class DivergenceError(ReobserveError, ArithmeticError):
     """A simulation left the range of floating-point numbers.
@@ -64,7 +68,7 @@ def located(place: str) -> Iterator[None]:
         yield
     except InputError as error:
         key = f"{place}.{error.parameter}" if error.parameter else place
-        raise InputError(key, error.problem) from None
+        raise error.renamed(key) from None
     except DivergenceError as error:
         raise DivergenceError(f"{place} ({error.what})", error.time, error.finding) from None
 

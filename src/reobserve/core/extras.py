@@ -1,4 +1,4 @@
-"""Packages that only some users have: the extra that brings each, and a sentence where one is not.
+"""Packages that only some users have: the extras that bring each, and a sentence where one is not.
 
 All names of `reobserve` itself do with numpy, scipy and numba. What else a call takes is imported
 by the call, so that what one user needs another may lack.
@@ -11,29 +11,30 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 
-# By the name that is imported, the smallest extra of pyproject.toml that brings a package.
+# By the name that is imported, the extras of pyproject.toml that bring a package. The first one is
+# named unless the call says which one brings all that it takes.
 EXTRAS = {
-    "cvxpy": "design",
-    "clarabel": "design",
-    "flint": "design",
-    "pylatexenc": "design",
-    "sympy": "symbolic",
-    "mpmath": "symbolic",
-    "matplotlib": "plot",
-    "pandas": "data",
-    "pint": "data",
-    "pydantic": "data",
-    "pyarrow": "data",
-    "yaml": "data",
-    "PIL": "pipeline",
-    "docutils": "pipeline",
-    "jinja2": "pipeline",
-    "rocrate": "pipeline",
+    "cvxpy": ("design", "papers"),
+    "clarabel": ("design", "papers"),
+    "flint": ("design", "symbolic", "data", "papers"),
+    "sympy": ("symbolic", "design", "data", "papers"),
+    "mpmath": ("symbolic", "design", "data", "papers"),
+    "matplotlib": ("plot", "papers"),
+    "pandas": ("data", "papers"),
+    "pint": ("data", "papers"),
+    "pyarrow": ("data", "papers"),
+    "pydantic": ("data", "design", "papers"),
+    "yaml": ("data", "design", "papers"),
+    "PIL": ("papers",),
+    "docutils": ("papers",),
+    "jinja2": ("papers",),
+    "pylatexenc": ("papers",),
+    "rocrate": ("papers",),
 }
 
 
-def missing(name: str, purpose: str, extra: str | None = None) -> InputError:
-    """The error that says that a package is not installed, and how to get it.
+class MissingPackageError(InputError, ImportError):
+    """A package is not installed; the sentence ends with the command that installs it.
 
     Parameters
     ----------
@@ -42,18 +43,28 @@ def missing(name: str, purpose: str, extra: str | None = None) -> InputError:
     purpose
         What takes it, as "draw a plot".
     extra
-        The extra to install, where several bring it.
+        The extra to install, if it brings the package.
     """
-    command = f'pip install "reobserve[{extra or EXTRAS[name]}]"'
-    return InputError(name, f"is not installed, and is needed to {purpose}: `{command}` brings it")
+
+    def __init__(self, name: str, purpose: str, extra: str = "") -> None:
+        extra = extra if extra in EXTRAS[name] else EXTRAS[name][0]
+        command = f'pip install "reobserve[{extra}]"'
+        super().__init__(
+            name, f"is not installed, and is needed to {purpose}: `{command}` brings it"
+        )
+        self.name, self.purpose = name, purpose
+
+    def renamed(self, parameter: str) -> MissingPackageError:
+        """Itself: no key or file is wrong."""
+        return self
 
 
-def package(name: str, purpose: str, extra: str | None = None) -> Any:
+def package(name: str, purpose: str, extra: str = "") -> Any:
     """An imported package, or a module of one, that only some users have.
 
     Raises
     ------
-    InputError
+    MissingPackageError
         If it is not installed, with the command that installs it.
     """
     top = name.partition(".")[0]
@@ -62,4 +73,4 @@ def package(name: str, purpose: str, extra: str | None = None) -> Any:
     except ModuleNotFoundError as error:
         if error.name != top:
             raise
-        raise missing(top, purpose, extra) from None
+        raise MissingPackageError(top, purpose, extra) from None

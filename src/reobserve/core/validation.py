@@ -22,11 +22,22 @@ from functools import cache
 from typing import Annotated, Any, TypeVar, overload
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Discriminator, Field, TypeAdapter, ValidationError
 
 from reobserve.core.documents import check_plain
 from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.extras import package
 from reobserve.core.matrices import as_floats, as_matrix, as_positive_definite, as_vector
+
+package("pydantic", "check keys and values")
+from pydantic import (  # noqa: E402
+    AfterValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+)
 
 Type = TypeVar("Type")
 Path = tuple[Any, ...]
@@ -146,7 +157,7 @@ def _sentence(error: ValidationError, kind: Any, tree: Any, place: str) -> Input
     path, tag = _path(location[1:], tree, absent=problem in telling)
     here = ".".join([place, *map(str, path)] if place else map(str, path))
     if problem == "value_error" and isinstance(about["error"], InputError):
-        return InputError(join(here, about["error"].parameter), about["error"].problem)
+        return about["error"].renamed(join(here, about["error"].parameter))
 
     schema = _adapter(kind, True).json_schema()
     parts: dict[str, Any] = {**about}
@@ -252,6 +263,11 @@ def _title(schema: Any, location: Path) -> str:
 def _tags(schema: Any, location: Path) -> list[str]:
     node, _ = _at(schema, location)
     return list(node.get("discriminator", {}).get("mapping", {}))
+
+
+def form(name: str) -> Tag:
+    """The tag of a form, as a discriminator has it."""
+    return Tag(name)
 
 
 def having(key: str, form: str, other: str) -> Discriminator:

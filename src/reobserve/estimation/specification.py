@@ -17,11 +17,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Tag
-
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, located, shown
-from reobserve.core.validation import NotNegative, Positive, checked, having, parse
+from reobserve.core.validation import NotNegative, Positive, checked, form, having, parse
 from reobserve.estimation.dates import ISO, check_format
 from reobserve.estimation.families.stated import stated
 from reobserve.estimation.quantities import check_unit, conversion
@@ -193,8 +191,8 @@ class LearnedThreshold:
 
 # Distinguished by the key that states a threshold.
 Alarm = Annotated[
-    Annotated[StatedThreshold, Tag("stated threshold")]
-    | Annotated[LearnedThreshold, Tag("learned threshold")],
+    Annotated[StatedThreshold, form("stated threshold")]
+    | Annotated[LearnedThreshold, form("learned threshold")],
     having("above", "stated threshold", "learned threshold"),
 ]
 
@@ -247,4 +245,4 @@ def read_specification(path: str | Path) -> Specification:
         return parse(Specification, tree)
     except InputError as error:
         place = f"{path}: {error.parameter}" if error.parameter else str(path)
-        raise InputError(place, error.problem) from None
+        raise error.renamed(place) from None

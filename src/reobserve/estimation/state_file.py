@@ -15,12 +15,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from reobserve.core.documents import parse_json
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.files import read_text, write_text
-from reobserve.core.validation import join, parse
+from reobserve.core.validation import items, join, parse, within
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
 from reobserve.systems.linear import as_covariance
@@ -35,7 +34,7 @@ _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON 
 @dataclass
 class _Timestamps:
     begun: list[float]
-    grid: Annotated[list[float], Field(min_length=2, max_length=2)]
+    grid: Annotated[list[float], items(2, 2)]
 
 
 @dataclass
@@ -60,7 +59,7 @@ class _State:
     format: Literal["reobserve estimate state"]
     schema: Literal[3]
     specification: str
-    offset: Annotated[int, Field(ge=0)] | None
+    offset: Annotated[int, within(0, 2**53)] | None
     observer: Any
     timestamps: _Timestamps
     gaps: _Gaps
@@ -111,7 +110,7 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
         return _load(tree, estimation, digest)
     except InputError as error:
         place = f"{path}: {error.parameter}" if error.parameter else str(path)
-        raise InputError(place, error.problem) from None
+        raise error.renamed(place) from None
 
 
 def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:

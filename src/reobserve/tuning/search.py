@@ -237,7 +237,7 @@ def _as_ranges(ranges: Any) -> dict[str, Range]:
         try:
             found[name] = Range(*given)
         except InputError as error:
-            raise InputError(f"ranges.{name}.{error.parameter}", error.problem) from None
+            raise error.renamed(f"ranges.{name}.{error.parameter}") from None
     return found
 
 

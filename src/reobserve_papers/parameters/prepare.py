@@ -20,6 +20,12 @@ from reobserve_papers.parameters.names import DEFAULT_STYLE, stored_parameters, 
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.inputs import sample_files
 
+# Of the workflow; the README and pages say the same.
+PLATFORMS = (
+    "needs bash and a POSIX system and is tested on Linux; the library runs wherever numba has "
+    "wheels"
+)
+
 _PATIENCE = 5.0  # [s] for interpreted loops, after which compiling them is faster
 _DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
 
@@ -60,9 +66,7 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
         If a key is unknown or a value is not allowed.
     """
     if os.name != "posix":
-        raise InputError(
-            "the workflow", "needs bash and Linux or macOS; the library runs here, too"
-        )
+        raise InputError("the workflow", PLATFORMS)
     papers = known_papers(project)
     take_truths(config)
     check_config(project, config, papers)

@@ -68,7 +68,7 @@ def replicate(
     folder = _own_project() if project is None else Path(project)
     if overrides is not None and not isinstance(overrides, Mapping):
         raise InputError("overrides", f"{shown(overrides)} must be a mapping")
-    package("pydantic", "read parameters", extra="pipeline")
+    package("pydantic", "read parameters", extra="papers")
     from reobserve_papers.parameters.parameters import Parameters, default_seed
     from reobserve_papers.steps.evaluation import evaluate
 

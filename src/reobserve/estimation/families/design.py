@@ -87,9 +87,9 @@ class Design(ABC):
             name = re.match(r"\w*", error.parameter)[0]  # type: ignore[index]
             rest = error.parameter[len(name) :]
             if name in _names(get_type_hints(cls)["gains"]):
-                raise InputError(f"gains.{name}{rest}", error.problem) from None
+                raise error.renamed(f"gains.{name}{rest}") from None
             key = {**_KEYS, **cls.keys}.get(name, name)
-            raise InputError(f"{key}{rest}", error.problem) from None
+            raise error.renamed(f"{key}{rest}") from None
 
     @classmethod
     def read(cls, tree: Tree) -> tuple[Any, Any]:

@@ -91,7 +91,7 @@ def naming(path: str | Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(f"{path}: {error.parameter}", error.problem) from None
+        raise error.renamed(f"{path}: {error.parameter}") from None
 
 
 def _check_versions(place: str, versions: Any) -> None:

@@ -119,7 +119,7 @@ class NonlinearSystem(System):
                 **chosen,
             )
         except InputError as error:
-            raise InputError(self._place(error.parameter), error.problem) from None
+            raise error.renamed(self._place(error.parameter)) from None
 
     def _place(self, parameter: str) -> str:
         """The key of what a list has for it: ``dynamics[0]`` is that of the first state."""

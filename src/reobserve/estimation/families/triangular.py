@@ -73,7 +73,7 @@ class TriangularSystem(System):
         except InputError as error:
             places = {f"drift[{i}]": f"drift.{name}" for i, name in enumerate(names)}
             place = places.get(error.parameter, error.parameter)
-            raise InputError(place, error.problem) from None
+            raise error.renamed(place) from None
 
     @property
     def start(self) -> Array:

@@ -24,7 +24,6 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.core.matrices import Matrix, as_floats, as_positive, as_scalar
-from reobserve.core.validation import parse
 from reobserve.synthesis.definiteness import prove_negative_definite
 from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import (
@@ -71,6 +70,8 @@ class Certificate:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], place: str = "certificate") -> Certificate:
         """The certificate that `to_dict` was called on; `InputError` if it is none."""
+        from reobserve.core.validation import parse
+
         return parse(cls, values, place, finite=False)  # an unstable observer has no norm
 
 

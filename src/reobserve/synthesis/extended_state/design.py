@@ -11,7 +11,6 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
-from reobserve.core.validation import parse
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
 from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
@@ -59,6 +58,8 @@ class Design:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], place: str = "design") -> Design:
         """The design that `to_dict` was called on; `InputError` if it is none of that kind."""
+        from reobserve.core.validation import parse
+
         rest = {name: value for name, value in values.items() if name not in {"L", "Ld"}}
         gains = {name: values[name] for name in ("L", "Ld") if name in values}
         return parse(cls, {**rest, "gains": gains}, place)
