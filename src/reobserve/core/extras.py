@@ -7,6 +7,7 @@ by the call, so that what one user needs another may lack.
 from __future__ import annotations
 
 import importlib
+from importlib.util import find_spec
 from typing import Any
 
 from reobserve.core.errors import InputError
@@ -74,3 +75,13 @@ def package(name: str, purpose: str, extra: str = "") -> Any:
         if error.name != top:
             raise
         raise MissingPackageError(top, purpose, extra) from None
+
+
+def require(name: str, purpose: str, extra: str = "") -> None:
+    """Refuse to go on without a package, and do not import it; raises as `package`."""
+    try:
+        found = find_spec(name) is not None
+    except ModuleNotFoundError:
+        found = False
+    if not found:
+        raise MissingPackageError(name, purpose, extra)

@@ -3,3 +3,7 @@
 `registry` reads claims, `checks` decides them from metrics, `choices` samples and moves what a
 paper leaves open, `robustness` decides them over such samples, `verdicts` puts a word to it.
 """
+
+from reobserve.core.extras import require
+
+require("pydantic", "replicate papers", "papers")

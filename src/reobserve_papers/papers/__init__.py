@@ -32,3 +32,7 @@ parameter values that the step reads, see `reobserve_papers.parameters.settings`
 types that the paper declares. A paper that is called by hand with plain values makes one of them:
 ``job = read_job(keys.Parameters, settings)``.
 """
+
+from reobserve.core.extras import require
+
+require("pydantic", "replicate papers", "papers")

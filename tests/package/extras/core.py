@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 import reobserve
+import reobserve_papers
 from reobserve.cli.main import main
 from reobserve.core.extras import MissingPackageError
 from reobserve.synthesis.extended_state import pd_pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve_papers.cli.main import main as papers_main
 
 for name in reobserve.__all__:
     getattr(reobserve, name)
@@ -24,6 +26,8 @@ assert np.allclose(1 - run["state"][:, 0], (1 - golden) ** np.arange(1, 10))
 for words in (["--help"], ["estimate", "--help"], ["design", "--help"], ["tune", "--help"]):
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
         main(words)
+with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+    papers_main(["--help"])
 
 
 def lacks(extra, call):
@@ -53,17 +57,12 @@ lacks("design", lambda: main(["design", "eso", "motor.yaml", "--out", "motor.jso
 lacks("design", lambda: main(["export", "motor.json"]))
 lacks("design", lambda: reobserve.load_design("motor.json"))
 lacks("design", lambda: pd_pi.design(motor))
-lacks("papers", lambda: reobserve.replicate("ilo", "fig1"))
-lacks("papers", lambda: main(["check", "--project", str(Path(__file__).parents[3])]))
-lacks("papers", lambda: main(["schema", "config"]))
+lacks("papers", lambda: reobserve_papers.replicate("ilo", "fig1"))
+lacks("papers", lambda: papers_main(["check", "--project", str(Path(__file__).parents[3])]))
+lacks("papers", lambda: papers_main(["schema", "config"]))
 
-# What the library is made of, and what of it can be imported without extras.
-BARE = ("core", "polynomials", "systems", "synthesis", "observers", "codegen", "papers.ilo.theorem")
-BENCH = (
-    "innovation_tests", "optimisers", "record_score", "recorded", "restarted_cusum", "scoring",
-    "table", "task", "task_tuning", "tuned_file", "tuned_specification", "tuning",
-)  # fmt: skip
-LIBRARY = (*BARE, "estimation", "cli", *(f"bench.{name}" for name in BENCH))
+# What can be imported without extras; the rest names the one that it needs.
+BARE = ("core", "polynomials", "systems", "synthesis", "observers", "detection", "codegen", "cli")
 
 
 def belongs(name, places):
@@ -71,15 +70,17 @@ def belongs(name, places):
 
 
 imported, lacking = [], {}
-for found in pkgutil.walk_packages(reobserve.__path__, "reobserve.", onerror=lambda _: None):
-    if not belongs(found.name, LIBRARY) or belongs(found.name, ["cli.stages"]):
-        continue
-    try:
-        importlib.import_module(found.name)
-        imported.append(found.name)
-    except MissingPackageError as error:
-        lacking[found.name] = str(error)
-assert all(said.endswith('`pip install "reobserve[data]"` brings it') for said in lacking.values())
-assert [name for name in lacking if belongs(name, BARE)] == ["reobserve.core.validation"]
-assert {"reobserve.estimation", "reobserve.estimation.false_alarms"} <= {*imported}
+for package in (reobserve, reobserve_papers):
+    name = package.__name__
+    for found in pkgutil.walk_packages(package.__path__, f"{name}.", onerror=lambda _: None):
+        try:
+            importlib.import_module(found.name)
+            imported.append(found.name)
+        except MissingPackageError as error:
+            lacking[found.name] = str(error)
+assert all(said.endswith('"` brings it') and "\n" not in said for said in lacking.values())
+library = {name: said for name, said in lacking.items() if name.startswith("reobserve.")}
+assert all(said.endswith('`pip install "reobserve[data]"` brings it') for said in library.values())
+assert [name for name in library if belongs(name, BARE)] == ["reobserve.core.validation"]
+assert {"reobserve.estimation", "reobserve.tuning.search"} <= {*imported}
 print(f"{len(imported)} modules were imported, {len(lacking)} name an extra")

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from reobserve import replicate
-from reobserve.cli.main import main
+from reobserve_papers import replicate
+from reobserve_papers.cli.main import main
 
 project = Path(__file__).parents[3]
 assert main(["check", "lie", "--project", str(project)]) == 0
