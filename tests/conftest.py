@@ -28,8 +28,8 @@ hypothesis.settings.register_profile("thorough", max_examples=1000, deadline=60_
 hypothesis.settings.load_profile("few")
 
 
-# Fixtures that start a browser, Slurm or the build of the documentation.
-NIGHTLY = {"browser", "slurm", "site"}
+# Fixtures that start a browser, Slurm or the build of the documentation or of the bench.
+NIGHTLY = {"browser", "slurm", "site", "built_bench"}
 
 # With several processes, the tests of one file run in one process. So do these files, which edit
 # and restore the built project, or read the same documentation.
@@ -83,4 +83,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _turn(item: pytest.Item) -> int:
     if item.nodeid.partition("::")[0] in FIRST:
         return 0
-    return 2 if "as_built" in getattr(item, "fixturenames", ()) else 1
+    return 2 if {"as_built", "built_bench"} & set(getattr(item, "fixturenames", ())) else 1

@@ -14,9 +14,9 @@ from reobserve.tuning.tuned_file import read_tuned
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.golden.bench import built_table, compare_task
 from tests import ROOT
-from tests.reobserve_papers.pipeline.conftest import Project, as_built, built
+from tests.reobserve_papers.pipeline.conftest import Project, built_bench
 
-__all__ = ["as_built", "built"]
+__all__ = ["built_bench"]
 
 TASKS = sorted(path.stem for path in (ROOT / "config/bench").glob("*.yaml"))
 
@@ -43,20 +43,20 @@ def test_stored_settings_reproduce_their_objective(name: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def scored(as_built: Project) -> Any:
+def scored(built_bench: Project) -> Any:
     """Results of a task, computed once."""
 
     @cache
     def of(name: str) -> Results:
-        table = built_table(as_built.folder / "results", name)
+        table = built_table(built_bench.folder / "results", name)
         return Results.read(task(name), table, ROOT / "config/bench/tuned" / name)
 
     return of
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_comparison_agrees_with_golden_numbers(name: str, as_built: Project) -> None:
-    moved = compare_task(ROOT, as_built.folder / "results", name)
+def test_comparison_agrees_with_golden_numbers(name: str, built_bench: Project) -> None:
+    moved = compare_task(ROOT, built_bench.folder / "results", name)
     assert not moved, "\n".join(map(str, moved))
 
 

@@ -121,33 +121,43 @@ def copy_toy(target: Path) -> Project:
     shutil.copy(toy / "fig1.rst", target / "workflow/report/toy")
     shutil.copy(toy / "claims.yaml", target / "config/claims/toy.yaml")
     shutil.copy(toy / "errata.yaml", target / "config/errata/toy.yaml")
-    config = "papers: [toy]\nformats: [svg]\nseed: 1\n"
+    config = "papers: [toy]\nbench: [torque]\nformats: [svg]\nseed: 1\n"
     config += "samples: 40\nchunks: 1\ncached: true\nreversals: true\n"
     (target / "config/config.yaml").write_text(config)
     return project
 
 
-@pytest.fixture(scope="session")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """A copy with everything built on two cores; tests must restore what they change.
-
-    Each claim has a single sample, see `FEW_SAMPLES`. With several processes, the first that needs
-    it builds it for all. Tests in the same process may run jobs in it; tests in other processes
-    compare with `as_built`.
-    """
-    shared = tmp_path_factory.getbasetemp()
+def build_once(factory: pytest.TempPathFactory, name: str, *asked: str) -> Project:
+    """A copy in a folder ``name``, built by the first process that needs it for all of them."""
+    shared = factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         shared = shared.parent
-    folder, whole = shared / "built", shared / "built.whole"
-    with (shared / "built.lock").open("w") as lock:
+    folder, whole = shared / name, shared / f"{name}.whole"
+    with (shared / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not whole.exists():
             copy = copy_project(folder)
             # The package of this checkout, whose compiled kernels the unit tests share.
             environment = project_copy.copy_environment(ROOT)
-            copy.snakemake("--config", *FEW_SAMPLES, environment=environment)
+            copy.snakemake(*asked, environment=environment)
             shutil.copytree(folder / "results", whole / "results")
     return Project(folder)
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """A copy with all papers built on two cores; tests must restore what they change.
+
+    Each claim has a single sample, see `FEW_SAMPLES`. Tests in the same process may run jobs in
+    it; tests in other processes compare with `as_built`.
+    """
+    return build_once(tmp_path_factory, "built", "--config", *FEW_SAMPLES)
+
+
+@pytest.fixture(scope="session")
+def built_bench(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Another copy, with the bench: in `built` it would make the report stale. For reading only."""
+    return build_once(tmp_path_factory, "built_bench", "bench")
 
 
 @pytest.fixture(scope="session")

@@ -195,6 +195,21 @@ def test_evidence_is_stale_after_its_inputs_change(
         assert built.stale(config=FEW_SAMPLES) == stale
 
 
+def test_bench_renews_the_report_and_is_built_by_its_own_target_only(built: Project) -> None:
+    """Whatever is edited; here a table of a task stands for the bench."""
+    module = built.folder / "src/reobserve_papers/bench/tasks/torque.py"
+    table = built.folder / "results/bench/torque/table.csv"
+    table.parent.mkdir(parents=True)
+    try:
+        table.write_text("condition,method\n")
+        with edited(module):
+            assert built.stale(config=FEW_SAMPLES) == REPORTED
+    finally:
+        shutil.rmtree(table.parents[1])
+    with edited(module):
+        assert built.stale(config=FEW_SAMPLES) == {}
+
+
 @pytest.mark.nightly
 def test_changed_search_result_makes_its_dependents_stale(fresh: Project) -> None:
     """By file times alone, so that nothing need be built."""

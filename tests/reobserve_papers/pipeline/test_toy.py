@@ -49,7 +49,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
 def refused(project: Project, *command: str) -> str:
     """Run a sub-command that must fail; returns its one-line message."""
-    done = project.run("reobserve", *command, "--output", "no/file", check=False)
+    done = project.run("reobserve-papers", *command, "--output", "no/file", check=False)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1, done.stderr
     assert not (project.folder / "no").exists()
@@ -137,6 +137,24 @@ def test_build_is_archived_with_its_provenance(toy: Project) -> None:
     assert {one.id for one in placed["object"]} == {PARAMETERS, PLANT, DESIGN}
     assert "results/report.html" in {one.id for one in actions["#build"]["result"]}
     (toy.folder / ARCHIVE).unlink()
+
+
+@pytest.mark.nightly
+def test_bench_is_reported_and_archived_once_it_is_built(toy: Project) -> None:
+    toy.snakemake("bench")
+    try:
+        assert toy.stale() == REPORTED
+        toy.snakemake(ARCHIVE)
+        assert toy.stale(ARCHIVE) == {}
+        page = (toy.folder / "results/report.html").read_text()
+        assert '<article class="drawn" id="bench-torque-heatmap">' in page
+        actions = {one.id: one for one in ROCrate(toy.folder / ARCHIVE).get_by_type("CreateAction")}
+        scored = {one.id for one in actions["#bench-torque-scores"]["result"]}
+        assert scored == {f"results/bench/torque/{name}.csv" for name in ("scores", "table")}
+    finally:
+        shutil.rmtree(toy.folder / "results/bench")
+        (toy.folder / ARCHIVE).unlink(missing_ok=True)
+        toy.snakemake()
 
 
 CLAIM = """
@@ -284,7 +302,7 @@ def test_recomputed_evidence_is_identical(toy: Project) -> None:
         (("report",), "report.html"),
     ):
         output = again / Path(name).name
-        toy.run("reobserve", *command, "--output", str(output))
+        toy.run("reobserve-papers", *command, "--output", str(output))
         built = (toy.folder / "results" / name).read_text()
         made = [
             text.partition("<!-- measured: begin -->")[0] for text in (built, output.read_text())

@@ -334,7 +334,7 @@ def test_commit_is_that_of_the_project_folder(tmp_path: Path) -> None:
     assert environment(inner.parent)["commit"] == f"{head}, with changes that are not committed"
 
 
-def test_the_bench_is_shown_with_its_gaps(project: Path) -> None:
+def test_the_bench_is_shown_with_its_gaps_where_it_was_built(project: Path) -> None:
     for name in ("config/bench", "workflow/report/bench", "results/bench/level"):
         (project / name).mkdir(parents=True)
     (project / "config/bench/level.yaml").write_text("title: Level of a tank\n")
@@ -342,8 +342,9 @@ def test_the_bench_is_shown_with_its_gaps(project: Path) -> None:
         (project / f"workflow/report/bench/{figure}.rst").write_text("Errors.\n")
     for figure in ("heatmap", "levels"):
         (project / f"results/bench/level/{figure}.svg").write_text(SVG)
+    (project / "results/bench/level/table.csv").write_text("condition,method\n")
     assert gather(project, project / PAGE)["bench"] == []  # papers are limited to one
-    report = gather(project, project / PAGE, bench=["level"])
+    report = gather(project, project / PAGE, bench=["level", "tank"])
     (task,) = report["bench"]
     assert (task["title"], task["link"]["target"]) == ("Level of a tank", "bench/level/table.csv")
     assert [figure["name"] for figure in task["figures"]] == ["heatmap", "levels", "evaluations"]
@@ -353,3 +354,11 @@ def test_the_bench_is_shown_with_its_gaps(project: Path) -> None:
     page = render(report, project / "workflow/report/replication")
     assert page.count('alt="Level of a tank: ') == 2
     assert '<article class="drawn" id="bench-level-evaluations">' in page
+
+
+def test_report_is_complete_without_the_bench(project: Path) -> None:
+    report = gather(project, project / PAGE, bench=["level"])
+    assert (report["bench"], report["gaps"]) == ([], [])
+    page = render(report, project / "workflow/report/replication")
+    assert "No gaps" in page
+    assert "#bench" not in page
