@@ -262,7 +262,7 @@ class Configuration(BaseModel):
     )
     bench: Annotated[
         list[str] | None,
-        Field(description="Tasks of the bench to score; all if both this and papers are left out."),
+        Field(description="Tasks of the bench to build; all if both this and papers are left out."),
     ] = None
     style: str = "default"
     notes: bool = True

@@ -195,6 +195,19 @@ def test_accept_updates_changed_numbers_and_stores_the_reason(
     assert main(["figdiff"]) == 0
 
 
+def test_accept_builds_the_bench_unless_papers_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def run(command: list[str], **options: object) -> object:
+        asked.append(command[5:])
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setattr(subprocess, "run", run)
+    BUILD(Path(), [], 1)
+    BUILD(Path(), ["made"], 1)
+    assert asked == [["bench"], [], ["--config", "papers=[made]"]]
+
+
 def bench(error: str = "0.25", within: str = "yes") -> None:
     """A task of the bench with one method, built."""
     write_text("config/bench/level.yaml", "")
@@ -223,7 +236,10 @@ def test_results_of_the_bench_are_compared_and_accepted(capsys: pytest.CaptureFi
     place = "bench level, ekf {} in nominal, training tuned, given noise no: golden"
     assert f"{place.format('error')} 0.25, found 0.2501, off by 0.0001, allowed 2.5e-05" in said
     assert f"{place.format('within')} yes, found no" in said
-    write_text("config/config.yaml", "seed: 0\npapers: [made]\n")  # then the bench is not built
+    shutil.rmtree("results/bench")  # no build is no agreement
+    assert main(["figdiff"]) == 1
+    assert "bench level: not compared" in capsys.readouterr().out
+    write_text("config/config.yaml", "seed: 0\npapers: [made]\n")  # then there is nothing to build
     assert main(["figdiff"]) == 0
     commit()
     assert main(["accept", "made", "--reason", "nothing is new here"]) == 0
