@@ -1,4 +1,4 @@
-"""The content of the wheel: the package, and the files that `reobserve_papers.replicate` reads."""
+"""The content of the wheel: both packages, and the files that `replicate` reads."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def tracked(*folders: str) -> dict[str, bytes]:
     return {name: path.read_bytes() for name, path in paths.items() if path.is_file()}
 
 
-def test_wheel_holds_only_the_package_and_its_data(wheel: dict[str, bytes]) -> None:
+def test_wheel_holds_only_the_packages_and_their_data(wheel: dict[str, bytes]) -> None:
     modules = {name.removeprefix("src/"): text for name, text in tracked("src").items()}
-    data = {f"reobserve/project/{name}": text for name, text in tracked(*DATA).items()}
+    data = {f"reobserve_papers/project/{name}": text for name, text in tracked(*DATA).items()}
     found = {name: text for name, text in wheel.items() if ".dist-info/" not in name}
     assert found == modules | data
-    assert "reobserve/py.typed" in found
+    assert {"reobserve/py.typed", "reobserve_papers/py.typed"} <= set(found)
 
 
 def test_readme_on_the_package_index_has_no_relative_links(wheel: dict[str, bytes]) -> None:

@@ -60,7 +60,7 @@ def show_list(project: Path, paper: Sequence[str]) -> None:
             for search, body in tree.get("searches", {}).items()
         ]
         _print_rows("searches", rows)
-    print("\nreobserve params PAPER shows the numbers behind a paper, with their sources.")
+    print("\nreobserve-papers params PAPER shows the numbers behind a paper, with their sources.")
 
 
 def show_params(project: Path, paper: str, match: str, why: bool, built: bool) -> None:

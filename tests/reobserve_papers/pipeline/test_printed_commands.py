@@ -29,7 +29,8 @@ BUILT = {
     "docs/pages/how-to/state-a-fault.md": "results/ilo/fig9.pdf",
 }
 
-COMMANDS = ("make", "reobserve", "snakemake", "source", "python")
+PROGRAMS = ("reobserve", "reobserve-papers")
+COMMANDS = ("make", *PROGRAMS, "snakemake", "source", "python")
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ def as_run(command: Command, built: str = "") -> str:
             words = [word.replace("chunks=200", "chunks=2") for word in words]
         earnest = built in rest or "--dry-run" in rest or command.refused
         return shlex.join(words if earnest else [*words, "--dry-run"])
-    if first == "reobserve":
+    if first in PROGRAMS:
         whole = command.alone or len(rest) > 1 + rest.count("stage")
         return command.text if whole else shlex.join([*words, "--help"])
     elsewhere = (
@@ -124,7 +125,7 @@ ADD = {f"docs/pages/how-to/{name}.md" for name in ("add-an-observer", "add-to-th
 REPORTED = {
     page.relative_to(ROOT).as_posix(): reported
     for page in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
-    if page.parent.name != "reference"  # a generated page
+    if "reference" not in page.parts  # a generated page
     and page.relative_to(ROOT).as_posix() not in ADD
     and (reported := printed_on(page))
 }
@@ -164,7 +165,7 @@ def test_printed_commands_cover_all_kinds() -> None:
         part for reported in REPORTED.values() for part in reported if isinstance(part, Command)
     ]
     lines = [as_run(command) for command in commands]
-    assert {line.split()[0] for line in lines if line} == {"cp", "make", "snakemake", "reobserve"}
+    assert {line.split()[0] for line in lines if line} == {"cp", "make", "snakemake", *PROGRAMS}
     assert any(command.refused for command in commands)
     assert {page for page in REPORTED if "how-to" in page} > {"docs/pages/how-to/recorded-data.md"}
 
