@@ -1,4 +1,4 @@
-"""Docstrings for the site: names of this package in backticks become links to their pages."""
+"""Docstrings for the site: names of both packages in backticks become links to their pages."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from griffe import Class, Extension, Function, Module
 
-_NAME = re.compile(r"(?<!`)`(reobserve(?:\.\w+)+)`(?!`)")
+_NAME = re.compile(r"(?<!`)`(reobserve(?:_papers)?(?:\.\w+)+)`(?!`)")
 _SECTION = re.compile(r"^-{3,}$", re.MULTILINE)  # what is indented before the first one is code
 
 

@@ -1,4 +1,4 @@
-"""Reference pages of the library: one for each module that has public names."""
+"""Reference pages of both packages: one for each module that has public names."""
 
 from __future__ import annotations
 
@@ -9,41 +9,53 @@ from pathlib import Path
 import reobserve
 from docs.generate.markdown import Page, code, plain, table, ticks
 
-# The packages that a user of the library imports from.
-PACKAGES = {
-    "observers": "State and fault observers, one algorithm per file, one interface",
-    "systems": "Models that observers are built on: linear, rigid body, polynomial, triangular",
-    "plants": "Simulated plants",
-    "synthesis": "Gains and certificates",
-    "codegen": "C code of observers",
-    "estimation": "Observers on recorded data: specifications, designs, reading, reports",
-    "bench": "Observers and filters on the same tasks, tuned by one rule",
-    "replication": "Parameters, figures, claims and verdicts of the papers",
-    "signals": "Time series and their files, sampling grids, input signals",
-    "polynomials": "Multivariate polynomial maps, Taylor series, expressions",
-    "core": "Errors, arrays, compiled kernels, random streams, files",
+# The parts that users import from, by package.
+PARTS = {
+    "reobserve": {
+        "observers": "State and fault observers, one algorithm per file, one interface",
+        "systems": "Models that observers are built on: linear, rigid body, polynomial, triangular",
+        "synthesis": "Gains and certificates",
+        "detection": "Tests of innovations, thresholds from healthy records",
+        "tuning": "Settings of observers, found by one rule",
+        "codegen": "C code of observers",
+        "estimation": "Observers on recorded data: specifications, designs, reading, reports",
+        "polynomials": "Multivariate polynomial maps, Taylor series, expressions",
+        "core": "Errors, arrays, compiled kernels, random streams, files",
+    },
+    "reobserve_papers": {
+        "steps": "A figure in one call, and the steps behind it",
+        "plants": "Simulated plants",
+        "signals": "Time series and their files, sampling grids, input signals",
+        "metrics": "Metrics of estimates",
+        "parameters": "Parameter files",
+        "claims": "Claims and verdicts",
+        "plotting": "Style, layout and formats of figures",
+    },
 }
+# Where the reference has their pages.
+FOLDERS = {"reobserve": "library", "reobserve_papers": "papers"}
 
 
-def pages(source: Path) -> Iterator[Page]:
-    """The pages of the library in the package at ``source``."""
-    for package, text in PACKAGES.items():
-        yield from _pages_of(source, package, text)
+def pages(sources: Path) -> Iterator[Page]:
+    """The pages of all parts of the packages in the folder ``sources``."""
+    for package, parts in PARTS.items():
+        for part, text in parts.items():
+            yield from _pages_of(sources / package, part, text)
 
 
-def packages() -> str:
-    """The packages of the library, with links to their folders."""
+def parts(package: str) -> str:
+    """The parts of a package, with links to their folders."""
     return table(
         ("package", "contents"),
         [
-            (f"[`{name}`](../../../../src/reobserve/{name})", plain(text))
-            for name, text in PACKAGES.items()
+            (f"[`{package}.{name}`](../../../../src/{package}/{name})", plain(text))
+            for name, text in PARTS[package].items()
         ],
     )
 
 
 def public_names(source: Path) -> str:
-    """The public names of the package itself, with what each is."""
+    """The public names of the library at ``source``, with what each is."""
     rows = []
     for name in reobserve.__all__:
         home = reobserve._HOME[name]
@@ -60,8 +72,9 @@ def public_names(source: Path) -> str:
 
 
 def is_shown(name: str) -> bool:
-    """Whether a module, named from `reobserve` on, is in a package with pages."""
-    return name.split(".")[1:2] != [] and name.split(".")[1] in PACKAGES
+    """Whether a module, or what it defines, is in a part with pages."""
+    package, part, *_ = [*name.split("."), ""]
+    return part in PARTS.get(package, ())
 
 
 def first_sentence(docstring: str | None) -> str:
@@ -69,36 +82,35 @@ def first_sentence(docstring: str | None) -> str:
     return " ".join((docstring or "").partition("\n\n")[0].split())
 
 
-def modules(source: Path, package: str) -> list[tuple[str, ast.Module]]:
-    """The public modules of a package, packages before what is in them."""
-    files = [source / f"{package}.py"] if (source / f"{package}.py").is_file() else []
-    files += sorted((source / package).rglob("*.py"))
+def modules(source: Path, part: str) -> list[tuple[str, ast.Module]]:
+    """The public modules of a part of the package at ``source``, packages before their modules."""
     found = []
-    for file in files:
+    for file in (source / part).rglob("*.py"):
         parts = file.relative_to(source.parent).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        if not any(part.startswith("_") for part in name.split(".")):
+        if not any(word.startswith("_") for word in name.split(".")):
             found.append((name, ast.parse(file.read_text(encoding="utf-8"))))
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _pages_of(source: Path, package: str, text: str) -> Iterator[Page]:
-    """The page of a package and those of its modules."""
+def _pages_of(source: Path, part: str, text: str) -> Iterator[Page]:
+    """The page of a part of the package at ``source``, and those of its modules."""
+    whole, folder = f"{source.name}.{part}", f"reference/{FOLDERS[source.name]}"
     listed = []
-    for name, tree in modules(source, package):
-        if name == f"reobserve.{package}" or not _public_names(tree):
+    for name, tree in modules(source, part):
+        if name == whole or not _public_names(tree):
             continue
-        page = f"reference/library/{'/'.join(name.split('.')[1:])}"
+        page = f"{folder}/{'/'.join(name.split('.')[1:])}"
         short = ".".join(name.split(".")[2:])
         summary = ticks(first_sentence(ast.get_docstring(tree)))
         path = f"{page}.md"
         if (source / Path(*name.split(".")[1:])).is_dir():
             path = f"{page}/index.md"
-        target = path.removeprefix(f"reference/library/{package}/")
+        target = path.removeprefix(f"{folder}/{part}/")
         listed.append((f"[{code(short)}]({target})", summary))
         yield Page(path, short.rpartition(".")[2], f"::: {name}\n")
-    body = f"# {code(package)}\n\n{text}.\n\n{table(('module', 'description'), listed)}"
-    yield Page(f"reference/library/{package}/index.md", package, body)
+    body = f"# {code(whole)}\n\n{text}.\n\n{table(('module', 'description'), listed)}"
+    yield Page(f"{folder}/{part}/index.md", part, body)
 
 
 def _public_names(tree: ast.Module) -> list[str]:

@@ -1,4 +1,4 @@
-"""Commands: every sub-command of `reobserve` with its help, and the targets of `make`."""
+"""Commands: every sub-command of both programs with its help, and the targets of `make`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from pathlib import Path
 from unittest.mock import patch
 
 from docs.generate.markdown import block, code, heading, plain, table
-from reobserve.cli.main import command_parser
+from reobserve.cli import main as library
+from reobserve_papers.cli import main as papers
 
 _WIDTH = "80"  # of a help, in letters
 
 
 def commands() -> str:
-    """The help of `reobserve` and of all its sub-commands."""
+    """The help of `reobserve`, of `reobserve-papers` and of all their sub-commands."""
     with patch.dict(os.environ, COLUMNS=_WIDTH, NO_COLOR="1"):
-        parser = command_parser()
-        return "\n".join([block(parser.format_help(), "text"), *_below(parser, 2)])
+        parsers = (library.command_parser(), papers.command_parser())
+        return "\n".join(text for parser in parsers for text in _of(parser, 2))
 
 
 def targets(root: Path) -> str:
@@ -29,14 +30,12 @@ def targets(root: Path) -> str:
     return table(("target", "effect"), [(code(f"make {name}"), plain(text)) for name, text in rows])
 
 
-def _below(parser: argparse.ArgumentParser, level: int) -> Iterator[str]:
-    """The help of all sub-commands of a command, and of theirs."""
+def _of(parser: argparse.ArgumentParser, level: int) -> Iterator[str]:
+    """The help of a command, and of all its sub-commands."""
+    name = " ".join(parser.prog.split())
+    anchor = re.sub(r"\W+", "-", name)
+    yield f"{heading(level, code(name), anchor)}\n\n{block(parser.format_help(), 'text')}"
     for action in parser._actions:
-        if not isinstance(action, argparse._SubParsersAction):
-            continue
-        for command in action.choices.values():
-            name = " ".join(command.prog.split())
-            anchor = re.sub(r"\W+", "-", name)
-            text = block(command.format_help(), "text")
-            yield f"{heading(level, code(name), anchor)}\n\n{text}"
-            yield from _below(command, level + 1)
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from _of(command, level + 1)

@@ -9,22 +9,23 @@ from docs.generate.api import first_sentence, modules
 from docs.generate.markdown import code, heading, table, ticks
 
 
-def packages_and_modules(source: Path) -> str:
-    """All modules of the package at ``source``, by subpackage."""
-    names = {path.relative_to(source).parts[0].removesuffix(".py") for path in source.rglob("*.py")}
-    parts = []
-    for package in sorted(name for name in names if not name.startswith("_")):
-        listed = [
-            (_module(name, source), ticks(first_sentence(ast.get_docstring(tree))))
-            for name, tree in modules(source, package)
-        ]
-        over = heading(2, code(package), package)
-        parts.append(f"{over}\n\n{table(('module', 'description'), listed)}")
-    return "\n".join(parts)
+def packages_and_modules(*sources: Path) -> str:
+    """All modules of the packages at ``sources``, by part."""
+    found = []
+    for source in sources:
+        for part in sorted(path.parent.name for path in source.glob("*/__init__.py")):
+            listed = [
+                (_module(name, source), ticks(first_sentence(ast.get_docstring(tree))))
+                for name, tree in modules(source, part)
+            ]
+            whole = f"{source.name}.{part}"
+            over = heading(2, code(whole), whole)
+            found.append(f"{over}\n\n{table(('module', 'description'), listed)}")
+    return "\n".join(found)
 
 
 def _module(name: str, source: Path) -> str:
-    """The name below `reobserve`; that of a package ends with a slash."""
+    """The name below its package; that of a folder ends with a slash."""
     _, *parts = name.split(".")
     folder = source.joinpath(*parts).is_dir()
     return code(f"{'.'.join(parts)}{'/' if folder else ''}")

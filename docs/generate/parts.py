@@ -36,7 +36,7 @@ def part(root: Path, name: str) -> str:
 @cache
 def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
     papers = evidence.papers(root)
-    source = root / "src/reobserve"
+    library, of_the_papers = root / "src/reobserve", root / "src/reobserve_papers"
     of_papers = {
         f"{name} of {paper.name}": lambda make=make, paper=paper: make(paper)
         for paper in papers
@@ -54,8 +54,9 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         "papers": lambda: findings.what_it_is_about(papers),
         "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),
         "figures": lambda: gallery.small(papers),
-        "public names": lambda: api.public_names(source),
-        "packages": api.packages,
+        "public names": lambda: api.public_names(library),
+        "packages of the library": lambda: api.parts("reobserve"),
+        "packages of the papers": lambda: api.parts("reobserve_papers"),
         "commands": commands.commands,
         "make targets": lambda: commands.targets(root),
         "keys of a build": lambda: configuration.keys_of_a_build(root),
@@ -65,7 +66,7 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         "parameters": lambda: parameters.counts(papers),
         "metrics": lambda: list_metrics({paper.name: paper.parameters.package for paper in papers}),
         "equations": lambda: equations(papers),
-        "modules": lambda: packages_and_modules(source),
+        "modules": lambda: packages_and_modules(library, of_the_papers),
         "lessons": lambda: _lessons(root / "docs/pages"),
         **of_papers,
     }

@@ -1,4 +1,4 @@
-"""All sources of the site: the pages in the repository, and those of the library's modules."""
+"""All sources of the site: the pages in the repository, and those of modules."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from docs.generate.navigation import hand_written, navigation
 _COMMENT = re.compile(r"^<!-- \[\[\[(?:cog\b.*?|end)\]\]\] -->\n", re.MULTILINE | re.DOTALL)
 _REFERENCE = re.compile(r"^\[reobserve[\w.]*\]: .*\n", re.MULTILINE)
 _ANCHOR = re.compile(r'^(#+) <a id="([^"]+)"></a>(.*)$', re.MULTILINE)
-_PACKAGE = re.compile(r"\]\((?:\.\./)+src/reobserve/(\w+)\)")
+_PACKAGE = re.compile(r"\]\((?:\.\./)+src/reobserve(?:_papers)?/(\w+)\)")
 _IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+\.png)\)")
 
 _CODE = re.compile(r"`([^`]+)`")
@@ -39,7 +39,7 @@ def write(root: Path, build: Path) -> None:
         for file in sorted(by_hand.rglob("*.md"))
     ]
     placed = [page for page, _ in sorted(found, key=lambda pair: pair[1])]
-    pages = [*placed, *api.pages(root / "src/reobserve")]
+    pages = [*placed, *api.pages(root / "src")]
     shutil.rmtree(build, ignore_errors=True)
     shutil.copytree(by_hand, build / "docs", ignore=shutil.ignore_patterns("*.md"))
     pictures = shutil.ignore_patterns("*.json")
@@ -61,7 +61,7 @@ def write(root: Path, build: Path) -> None:
 def _for_the_site(page: Path) -> str:
     """A page without code for cog; what a code host shows of it otherwise, the site has better.
 
-    References and packages lead to pages of the library instead of files, headings have anchors of
+    References and packages lead to pages of the site instead of files, headings have anchors of
     their own, images have a size, accepted figures are in a folder of the site, and tables are
     broken within long names.
     """

@@ -23,7 +23,7 @@ def test_following_the_page_adds_a_task_and_a_method(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_OPT": "1"}
 
     def run(typed: str) -> None:
-        words = [sys.executable, "-m", *typed.split()]
+        words = [sys.executable, "-m", *typed.replace("reobserve-", "reobserve_").split()]
         done = subprocess.run(
             words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )

@@ -10,11 +10,20 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reobserve.cli.main import command_parser
+from reobserve.cli import main as library
+from reobserve_papers.cli import main as papers
 
 from .hand_written import PAGES, ROOT, blocks, hand_written, name, prose, snippets
 
 WIDEST = 88  # characters of a code line, beyond which a desktop scrolls
+
+PROGRAMS = {"reobserve": library, "reobserve-papers": papers}
+# Those of the library, without the papers.
+LIBRARY = (
+    "start/library.md", "tutorials/recorded-data.md", "how-to/recorded-data.md",
+    "how-to/tune-on-a-log.md", "how-to/export-to-c.md", "how-to/add-an-observer.md",
+    "explanation/proved-and-computed.md",
+)  # fmt: skip
 
 any_page = pytest.mark.parametrize("page", sorted(PAGES.rglob("*.md")), ids=name)
 every_page = pytest.mark.parametrize("page", hand_written(), ids=name)
@@ -71,7 +80,7 @@ def test_every_link_resolves_in_the_repository(page: Path) -> None:
         if target.startswith("http"):
             continue
         assert there.exists(), target
-        inside = (PAGES, ROOT / "tests/reference", ROOT / "src/reobserve")
+        inside = (PAGES, ROOT / "tests/reference", ROOT / "src")
         assert any(there.is_relative_to(folder) for folder in inside), f"{target} leaves the site"
         assert not anchor or anchor in anchors(there), f"{target}#{anchor}"
 
@@ -119,5 +128,11 @@ def test_commands_on_pages_can_be_parsed(page: Path) -> None:
             command = re.sub(r"\s+#.*", "", line)
             if not command.startswith("$ reobserve") or "--help" in command:
                 continue
-            words = re.split(r"\s+[<>|]\s+", command)[0].split()[2:]
-            command_parser().parse_args(words)
+            _, program, *words = re.split(r"\s+[<>|]\s+", command)[0].split()
+            PROGRAMS[program].command_parser().parse_args(words)
+
+
+@pytest.mark.parametrize("page", LIBRARY)
+def test_pages_of_the_library_import_nothing_of_the_papers(page: str) -> None:
+    code = [block.text for block in blocks(PAGES / page) if block.language == "python"]
+    assert "reobserve_papers" not in "\n".join([*code, *snippets(PAGES / page)])

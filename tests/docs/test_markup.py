@@ -63,6 +63,7 @@ def test_names_in_docstrings_are_linked_except_in_code() -> None:
         f"As {link}; ``reobserve.a``.\n\n    x = `reobserve.a.B`\n"
         + section.replace("`reobserve.a.B`", link)
     )
+    assert with_links("`reobserve_papers.a`").count("reobserve_papers.a") == 2
 
 
 def test_inline_code_is_rendered() -> None:

@@ -14,7 +14,7 @@ from reobserve.core.errors import InputError
 from reobserve_papers.claims.registry import read_claims
 from reobserve_papers.golden.claims import read_golden
 from tests import FIVE, published_numbers
-from tests.test_project import PACKAGES
+from tests.test_project import LAYERS
 
 
 @pytest.mark.parametrize("paper", FIVE)
@@ -41,7 +41,7 @@ def test_list_of_packages_is_complete_and_in_dependency_order() -> None:
     text = (PAGES / "project/index.md").read_text(encoding="utf-8")
     plan = re.findall(r"```text\n(.*?)```", text, re.DOTALL)[-1]
     listed = [line.partition("  ")[0] for line in plan.splitlines()]
-    assert listed == [name for name in PACKAGES[::-1] if not name.startswith("__")]
+    assert listed == [name for name in LAYERS[::-1] if not name.endswith("__")]
 
 
 def test_listed_folders_exist() -> None:

@@ -17,8 +17,9 @@ import reobserve
 from docs.generate.api import is_shown
 from docs.generate.equations import anchor, citations
 from docs.generate.evidence import papers
-from reobserve.cli.main import command_parser
+from reobserve.cli import main as library
 from reobserve.core.errors import InputError
+from reobserve_papers.cli import main as papers_command
 from reobserve_papers.parameters.parameters import Parameters
 from tests import FIVE
 
@@ -98,8 +99,9 @@ def test_inherited_method_is_shown_in_the_subclass(site: Site) -> None:
 def test_every_command_shows_its_help(site: Site) -> None:
     text = html.unescape(re.sub(r"<[^>]+>", "", site.page("reference/commands")))
     squeezed = " ".join(text.split())
-    reported = [" ".join(line.split()) for line in command_parser().format_help().split("\n\n")]
-    assert reported[1] in squeezed
+    for parser in (library.command_parser(), papers_command.command_parser()):
+        about = parser.format_help().split("\n\n")[1]
+        assert " ".join(about.split()) in squeezed
     for command in ("reobserve estimate", "reobserve design", "reobserve-papers stage observe"):
         assert f"usage: {command}" in squeezed
         assert command.replace(" ", "-") in anchors(site.folder / "reference/commands/index.html")
