@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 from docs.generate.api import first_sentence, modules
-from docs.generate.markdown import code, heading, table, ticks
+from docs.generate.markdown import code, heading, ticks
 
 
 def packages_and_modules(*sources: Path) -> str:
@@ -14,13 +14,12 @@ def packages_and_modules(*sources: Path) -> str:
     found = []
     for source in sources:
         for part in sorted(path.parent.name for path in source.glob("*/__init__.py")):
-            listed = [
-                (_module(name, source), ticks(first_sentence(ast.get_docstring(tree))))
+            listed = "".join(
+                f"- {_module(name, source)}: {ticks(first_sentence(ast.get_docstring(tree)))}\n"
                 for name, tree in modules(source, part)
-            ]
+            )
             whole = f"{source.name}.{part}"
-            over = heading(2, code(whole), whole)
-            found.append(f"{over}\n\n{table(('module', 'description'), listed)}")
+            found.append(f"{heading(2, code(whole), whole)}\n\n{listed}")
     return "\n".join(found)
 
 
