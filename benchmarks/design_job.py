@@ -21,14 +21,14 @@ from benchmarks.design_problem import plant
 from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import design as designs
 from reobserve.synthesis.extended_state import pd_pi
-from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.feasible_point import SOLVERS
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
-Method = Callable[[AugmentedSystem], Design]
+Method = Callable[[AugmentedSystem], CertifiedGains]
 
 
-def unsplit(system: AugmentedSystem) -> Design:
+def unsplit(system: AugmentedSystem) -> CertifiedGains:
     """By Clarabel, with the cones as they are stated."""
     with patch.dict(SOLVERS["CLARABEL"], chordal_decomposition_enable=False):
         return pd_pi.design(system)

@@ -13,7 +13,7 @@ from benchmarks.problem import DELAY, Array, Observer
 from benchmarks.report import Check, Row, Section, seconds
 from benchmarks.timing import first_call, interleaved
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.rigid_body_observer import State
+from reobserve.observers.rigid_body_observer import RigidBodyState
 
 Pair = tuple[Array, Array]
 
@@ -194,8 +194,8 @@ def _outputs(steps: int) -> list[Array]:
     return [np.empty((steps + 1, 3)) for _ in range(3)]
 
 
-def _copy(state: State) -> State:
-    return State(state.rate.copy(), state.memory.copy(), state.sample, state.count)
+def _copy(state: RigidBodyState) -> RigidBodyState:
+    return RigidBodyState(state.rate.copy(), state.memory.copy(), state.sample, state.count)
 
 
 def _largest(one: Array, other: Array) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import Record, Rows, State
+from reobserve.observers.rigid_body_observer import RigidBodyRecord, RigidBodyRows, RigidBodyState
 from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -77,9 +77,11 @@ def constants(observer: Observer) -> tuple[Any, ...]:
 
 
 def loop(
-    observer: Observer, state: State, record: tuple[Array, Array], outputs: list[Array]
+    observer: Observer, state: RigidBodyState, record: tuple[Array, Array], outputs: list[Array]
 ) -> int:
     """The compiled loop alone: no checks, no outputs to allocate. The record has no jumps."""
     rate, control = record
     start = state.rate.copy(), state.memory.copy()
-    return observer._run(*start, state.count, Record(rate, rate, control, control), Rows(*outputs))
+    return observer._run(
+        *start, state.count, RigidBodyRecord(rate, rate, control, control), RigidBodyRows(*outputs)
+    )

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -285,3 +286,21 @@ def test_unusual_terms_do_not_appear() -> None:
                 if re.search(rf"(?<![a-z]){word}(?![a-z])", text):
                     found[f"{name}: {word}"] = instead
     assert found == {}
+
+
+def class_names(folder: str) -> list[str]:
+    """Names of public classes, as often as there are classes of that name."""
+    paths = sorted((ROOT / "src" / folder).rglob("*.py"))
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
+    nodes = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    return [node.name for node in nodes if not node.name.startswith("_")]
+
+
+def test_class_names_are_unique() -> None:
+    def twice(names: list[str]) -> list[str]:
+        return sorted(name for name, count in Counter(names).items() if count > 1)
+
+    library = class_names("reobserve")
+    assert not twice(library)
+    # Papers and tasks of the bench declare classes that are found by name, such as Plant.
+    assert len(twice(library + class_names("reobserve_papers"))) <= 12

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from reobserve.tuning.scoring import PAPER, Row, Scorer
+from reobserve.tuning.scoring import PAPER, ScoredRow, Scorer
 from reobserve.tuning.table import Results
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.plotting.apart import own_style
@@ -63,7 +63,7 @@ class Bench:
         scorer = Scorer(self.results.task)
         return [
             [
-                scorer.mean(Row.of(method, "nominal", one.settings), [condition])
+                scorer.mean(ScoredRow.of(method, "nominal", one.settings), [condition])
                 for one in self.results.tuned[method].training["nominal"].repeats
             ]
             for method in methods

@@ -29,8 +29,8 @@ from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import caption_template, samples_path
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plotting.captions import render
-from reobserve_papers.report.assumptions import Entry, entries
-from reobserve_papers.report.claims import Claim, claim_of_row
+from reobserve_papers.report.assumptions import AssumptionRow, entries
+from reobserve_papers.report.claims import ReportedClaim, claim_of_row
 from reobserve_papers.report.markup import to_html, without_title
 
 GOLDEN = "tests/golden"
@@ -47,7 +47,7 @@ class Figure:
     source: str
     caption: str
     picture: Path
-    claims: tuple[Claim, ...]
+    claims: tuple[ReportedClaim, ...]
 
     @property
     def command(self) -> str:
@@ -90,7 +90,7 @@ class Paper:
         return {name: read_metrics(self.root, self.name, name) for name in names}
 
     @cached_property
-    def claims(self) -> tuple[Claim, ...]:
+    def claims(self) -> tuple[ReportedClaim, ...]:
         """The claims with all that is known of each.
 
         Raises
@@ -101,7 +101,7 @@ class Paper:
         cached = read_cached(self.root / samples_path(self.name), self.name)
         return tuple(self._claim(one, cached.get(one.name)) for one in self.registry.claims)
 
-    def _claim(self, claim: Registered, cached: CachedSamples | None) -> Claim:
+    def _claim(self, claim: Registered, cached: CachedSamples | None) -> ReportedClaim:
         place = f"claims.{self.name}.{claim.name}"
         if claim.name not in self.accepted:
             raise InputError(place, "has no accepted verdict: make accept keeps it")
@@ -124,7 +124,7 @@ class Paper:
         return read_errata(self.root, self.name)
 
     @cached_property
-    def entries(self) -> tuple[Entry, ...]:
+    def entries(self) -> tuple[AssumptionRow, ...]:
         """The entries of its parameter file, those that say the same together."""
         return entries(self.parameters, self.claims)
 

@@ -15,7 +15,7 @@ from reobserve_papers.claims.errata import Erratum
 from reobserve_papers.claims.verdict_table import table as verdict_table
 from reobserve_papers.claims.verdict_table import titles as title_table
 from reobserve_papers.claims.verdicts import VERDICTS, replicated, title_margin
-from reobserve_papers.report.claims import Claim
+from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.gather import cited
 
 _THRESHOLDS = {
@@ -61,7 +61,7 @@ def findings(paper: Paper) -> str:
     return "\n\n".join(section(paper) for section in make)
 
 
-def anchor(claim: Claim) -> str:
+def anchor(claim: ReportedClaim) -> str:
     """Where a claim stands on the page of its paper."""
     return f"claim-{claim.name}"
 
@@ -125,7 +125,7 @@ def _claims(paper: Paper) -> str:
     )
 
 
-def _claim(paper: Paper, claim: Claim) -> str:
+def _claim(paper: Paper, claim: ReportedClaim) -> str:
     main_claim = ", **main claim**" if claim.is_main else ""
     parts = [
         heading(3, plain(_words(claim.name)), anchor(claim)),
@@ -165,7 +165,7 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _share(claim: Claim) -> str:
+def _share(claim: ReportedClaim) -> str:
     if not claim.robustness:
         return ""
     found = claim.robustness

@@ -7,7 +7,7 @@ from itertools import groupby
 
 from docs.generate.evidence import Paper
 from docs.generate.markdown import code, heading, plain, table, ticks
-from reobserve_papers.report.assumptions import Entry
+from reobserve_papers.report.assumptions import AssumptionRow
 
 _NO_UNIT = ("1", "word", "file")
 
@@ -39,7 +39,7 @@ def parameters(paper: Paper) -> str:
     return "\n".join(parts)
 
 
-def _row(paper: Paper, entry: Entry) -> tuple[str, ...]:
+def _row(paper: Paper, entry: AssumptionRow) -> tuple[str, ...]:
     keys = "<br>".join(f'<a id="{key}"></a>{code(key)}' for key in entry.keys)
     unit = "" if entry.unit in _NO_UNIT else f" {plain(entry.unit)}"
     value = "<br>".join(map(plain, entry.value)) + unit

@@ -14,30 +14,30 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from reobserve.cli.outputs import check_outputs
-from reobserve.cli.parts import Entry, Parser, Table, add_commands, load
+from reobserve.cli.parts import Command, CommandTable, Parser, add_commands, load
 from reobserve.core.code_paths import pin_code_paths
 from reobserve.core.errors import ReobserveError, one_line
 from reobserve.core.extras import EXTRAS, MissingPackageError
 
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
 
-COMMANDS = Table(
+COMMANDS = CommandTable(
     "State and fault observers, and their designs, on recorded data and as C code.",
     {
-        "estimate": Entry(
+        "estimate": Command(
             "run an observer on a record, or on rows as they arrive",
             "reobserve.cli.estimation:estimate", "reobserve.estimation.commands:run", "data",
         ),
-        "tune": Entry(
+        "tune": Command(
             "tune observers on recorded data, and compare them",
             "reobserve.cli.tuning:tune", "reobserve.tuning.commands:tune_records_command", "data",
         ),
-        "design": Entry(
+        "design": Command(
             "compute gains for a model, or check given ones, and certify them",
             "reobserve.cli.designs:design", "reobserve.estimation.families.design_command:run",
             "design",
         ),
-        "export": Entry(
+        "export": Command(
             "write a design as C code",
             "reobserve.cli.designs:export", "reobserve.estimation.families.export_command:run",
             "design",
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run_command(
     program: str,
-    table: Table,
+    table: CommandTable,
     arguments: Sequence[str] | None = None,
     check: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> int:
@@ -113,7 +113,7 @@ class _Version(argparse.Action):
 
 
 def command_parser(
-    program: str = "reobserve", table: Table = COMMANDS, words: Sequence[str] | None = None
+    program: str = "reobserve", table: CommandTable = COMMANDS, words: Sequence[str] | None = None
 ) -> argparse.ArgumentParser:
     """What reads a command line.
 

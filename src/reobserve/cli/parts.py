@@ -12,7 +12,7 @@ from reobserve.core.errors import one_line
 
 
 @dataclass(frozen=True)
-class Entry:
+class Command:
     """A sub-command of a table.
 
     Attributes
@@ -20,7 +20,7 @@ class Entry:
     text
         What it does, in one line.
     options
-        ``"module:name"`` of a function that adds its options to a parser, or of a `Table`.
+        ``"module:name"`` of a function that adds its options to a parser, or of a `CommandTable`.
     run
         ``"module:function"`` that it calls with its options by name; empty for a table.
     extra
@@ -34,11 +34,11 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Table:
+class CommandTable:
     """Sub-commands by name, and an epilog for the help that lists them."""
 
     text: str
-    commands: Mapping[str, Entry]
+    commands: Mapping[str, Command]
     title: str = "commands"
     epilog: str = ""
 
@@ -58,7 +58,7 @@ def load(place: str) -> Any:
 
 
 def add_commands(
-    parser: argparse.ArgumentParser, table: Table, words: Sequence[str] | None
+    parser: argparse.ArgumentParser, table: CommandTable, words: Sequence[str] | None
 ) -> None:
     """Add the sub-commands of a table to a parser.
 
@@ -78,7 +78,7 @@ def add_commands(
         if typed is None and words is not None:
             continue
         found = load(entry.options)
-        if isinstance(found, Table):
+        if isinstance(found, CommandTable):
             add_commands(command, found, None if words is None else words[1:])
         else:
             found(command)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.kernel import kernel
 from reobserve.core.value import for_loop
-from reobserve.observers.gaussian_filter import State
+from reobserve.observers.gaussian_filter import KalmanState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter_loop import Size, correct, new_work, predict
 from reobserve.systems.linear import ModelArrays
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 def restarted_cusum(
-    healthy: KalmanFilter, faulty: KalmanFilter, y: Array, u: Array, start: State
+    healthy: KalmanFilter, faulty: KalmanFilter, y: Array, u: Array, start: KalmanState
 ) -> Array:
     """The statistic g, shape (k,), of measurements, (k, m), and inputs, (k, p).
 

@@ -21,7 +21,12 @@ from numpy.typing import ArrayLike
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
 from reobserve.core.value import converter, for_loop
-from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows
+from reobserve.observers.rigid_body_observer import (
+    Array,
+    RigidBodyObserver,
+    RigidBodyRecord,
+    RigidBodyRows,
+)
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import (
     Triple,
@@ -33,7 +38,7 @@ from reobserve.systems.rigid_body_arithmetic import (
 )
 
 
-class Constants(NamedTuple):
+class AdaptiveConstants(NamedTuple):
     """What the loop reads."""
 
     inertia: Matrix
@@ -85,9 +90,9 @@ class AdaptiveObserver(RigidBodyObserver):
         ) -> None: ...
 
     @cached_property
-    def _constants(self) -> Constants:
+    def _constants(self) -> AdaptiveConstants:
         model = self.model
-        return Constants(
+        return AdaptiveConstants(
             for_loop(model.inertia),
             model.inverse,
             self.observer_gain + model.fault_matrix @ self.proportional_gain,
@@ -98,14 +103,16 @@ class AdaptiveObserver(RigidBodyObserver):
             self.sampling_period,
         )
 
-    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+    def _run(
+        self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
+    ) -> int:
         return _run(self._constants, rate, memory, record, rows)
 
 
 # One kernel for each derivative: a kernel that returns both as a pair makes the loop half as fast.
 @kernel
 def _slope(
-    c: Constants, estimate: Triple, integral: Triple, rate: Triple, control: Triple
+    c: AdaptiveConstants, estimate: Triple, integral: Triple, rate: Triple, control: Triple
 ) -> Triple:
     """The derivative of w^."""
     a, b, d = product(
@@ -117,7 +124,7 @@ def _slope(
 
 
 @kernel
-def _growth(c: Constants, estimate: Triple, rate: Triple) -> Triple:
+def _growth(c: AdaptiveConstants, estimate: Triple, rate: Triple) -> Triple:
     """The derivative of z."""
     return product(
         c.integral_gain, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
@@ -125,7 +132,7 @@ def _growth(c: Constants, estimate: Triple, rate: Triple) -> Triple:
 
 
 @kernel
-def _estimate(c: Constants, integral: Triple, rate: Triple, estimate: Triple) -> Triple:
+def _estimate(c: AdaptiveConstants, integral: Triple, rate: Triple, estimate: Triple) -> Triple:
     """f^ = z + Kp (w - w^)."""
     x, y, z = product(
         c.proportional_gain, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
@@ -135,11 +142,11 @@ def _estimate(c: Constants, integral: Triple, rate: Triple, estimate: Triple) ->
 
 @kernel
 def _run(
-    c: Constants,
+    c: AdaptiveConstants,
     estimate: Array,
     memory: Array,
-    record: Record,
-    rows: Rows,
+    record: RigidBodyRecord,
+    rows: RigidBodyRows,
 ) -> int:
     """Fill ``rows``; leave w^ and z in place."""
     h, half = c.step, 0.5 * c.step

@@ -24,7 +24,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
 from reobserve.observers.contract import Record, Rows
-from reobserve.observers.gaussian_filter import NoiseByRow, State, as_covariances
+from reobserve.observers.gaussian_filter import KalmanState, NoiseByRow, as_covariances
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel, as_covariance
@@ -152,7 +152,7 @@ class AugmentedKalmanFilter(NoiseByRow):
         unknown_input_covariance: ArrayLike = 1.0,
         *,
         u: ArrayLike | None = None,
-    ) -> State:
+    ) -> KalmanState:
         """The state before the first row of a record.
 
         Parameters
@@ -190,14 +190,14 @@ class AugmentedKalmanFilter(NoiseByRow):
         vars(other)["_kalman"] = self._kalman._with_noise(noise, R, rows)
         return other
 
-    def innovation_deviation(self, state: State) -> Array:
+    def innovation_deviation(self, state: KalmanState) -> Array:
         """As `reobserve.observers.linear_filter.LinearFilter.innovation_deviation`."""
         return self._kalman.innovation_deviation(state)
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> KalmanState:
         return self._kalman._checked(state)
 
-    def _fill(self, state: State, record: Record) -> Rows:
+    def _fill(self, state: KalmanState, record: Record) -> Rows:
         found, n = self._kalman._fill(state, record), self.model.states
         whole, variance = found.estimates["state"], found.estimates["variance"]
         covariance = found.estimates["covariance"]

@@ -48,7 +48,7 @@ class SwitchedOffWarning(UserWarning):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class ExtendedHighGainState(Value):
     """The observer's state: a value that may be stored, copied and stepped again.
 
     ``values`` are x^ and tau^ in one vector, shape (n + 1,); ``recent`` is u at the latest m + 1
@@ -63,7 +63,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedHighGainObserver(Observer[State]):
+class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
     """The observer for a model of any size and any Taylor order.
 
     Lechappe et al. 2018, (9) to (12), (34), (35), after (36) and Lemma 1.
@@ -154,7 +154,7 @@ class ExtendedHighGainObserver(Observer[State]):
         """m + 1; u alone is sufficient."""
         return self.order + 1
 
-    def init(self, state: ArrayLike, delay: float) -> State:
+    def init(self, state: ArrayLike, delay: float) -> ExtendedHighGainState:
         """The state at the first sample, from x^(0), shape (n,), and tau^(0) [s].
 
         Lechappe et al. 2018, (13) and Assumption 6.
@@ -168,12 +168,13 @@ class ExtendedHighGainObserver(Observer[State]):
         low, high = self.delay_bounds
         if not low <= tau <= high:
             raise InputError("delay", f"{tau:g} s must be inside its bounds, [{low:g}, {high:g}] s")
-        return State(np.append(x, tau), np.zeros(self.order + 1))
+        return ExtendedHighGainState(np.append(x, tau), np.zeros(self.order + 1))
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> ExtendedHighGainState:
         n, derivatives = self.model.states, self.order + 1
         return check_state(
-            state, State, f"must be of an observer of {n} states and the order {self.order}",
+            state, ExtendedHighGainState,
+            f"must be of an observer of {n} states and the order {self.order}",
             values=(n + 1,), recent=(derivatives,), sample=(1 + derivatives,),
         )  # fmt: skip
 
@@ -182,7 +183,9 @@ class ExtendedHighGainObserver(Observer[State]):
             return super()._read_inputs(name, u, rows)
         return as_signal_rows(name, u, self.order, rows=rows)
 
-    def _completed(self, state: State, record: Record) -> tuple[State, Record]:
+    def _completed(
+        self, state: ExtendedHighGainState, record: Record
+    ) -> tuple[ExtendedHighGainState, Record]:
         """State and record with all derivatives, and with an input that varies between rows."""
         begun = state.sample is not None
         last, u, before, middle = completed(
@@ -195,7 +198,7 @@ class ExtendedHighGainObserver(Observer[State]):
         y_before, y_middle = record.before[0], record.middle[0]
         return state, Record(record.y, u, (y_before, before), (y_middle, middle))
 
-    def _fill(self, state: State, record: Record) -> Rows:
+    def _fill(self, state: ExtendedHighGainState, record: Record) -> Rows:
         rows = super()._fill(state, record)
         off = rows.estimates["switched_off"][state.sample is None : rows.finite]
         # No warning in single steps: each one with the gain off would warn.
@@ -209,7 +212,7 @@ class ExtendedHighGainObserver(Observer[State]):
         after = rows.state._with(recent=latest(state.recent, record.u[:, 0]))
         return rows._replace(state=after)
 
-    def _integrate(self, state: State, steps: Steps) -> Rows:
+    def _integrate(self, state: ExtendedHighGainState, steps: Steps) -> Rows:
         y, u = steps
         rows = np.empty((y.steps + 1, self.model.states + 1))
         off = np.zeros(y.steps + 1)

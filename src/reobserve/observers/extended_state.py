@@ -43,7 +43,7 @@ _NODES = (0.0, 1.0, 0.5)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class EsoState(Value):
     """All the observer remembers: a value that may be stored, copied and stepped again.
 
     ``filtered`` is xz, shape (p,), and ``estimate`` x^, shape (N,), at the last row; the rest is as
@@ -57,7 +57,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedStateObserver(Observer[State]):
+class ExtendedStateObserver(Observer[EsoState]):
     """The observer, sampled exactly for what its record says of y and u.
 
     Indriawati, Agustinah & Jazidie, (3), (6), (8) and (37).
@@ -156,7 +156,9 @@ class ExtendedStateObserver(Observer[State]):
         transition, effects = interpolating_hold(A, B, self.sampling_period, _NODES)
         return np.ascontiguousarray(np.hstack([transition, *effects]).T)
 
-    def init(self, estimate: ArrayLike | None = None, filtered: ArrayLike | None = None) -> State:
+    def init(
+        self, estimate: ArrayLike | None = None, filtered: ArrayLike | None = None
+    ) -> EsoState:
         """The state at the first sample; without it a run starts from zeros.
 
         Parameters
@@ -172,25 +174,25 @@ class ExtendedStateObserver(Observer[State]):
             If one is not so many finite numbers.
         """
         size, p = self.system.size, self.system.outputs
-        return State(
+        return EsoState(
             np.zeros(p) if filtered is None else as_vector("filtered", filtered, p),
             np.zeros(size) if estimate is None else as_vector("estimate", estimate, size),
         )
 
-    def _start(self, first: Array) -> State:
+    def _start(self, first: Array) -> EsoState:
         return self.init()
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> EsoState:
         size, p, m = self.system.size, self.measurements, self.inputs
         return check_state(
-            state, State, f"must be of an observer of size {size} with {p} outputs",
+            state, EsoState, f"must be of an observer of size {size} with {p} outputs",
             filtered=(p,), estimate=(size,), sample=(p + m,),
         )  # fmt: skip
 
-    def _halved(self, state: State) -> None:
+    def _halved(self, state: EsoState) -> None:
         """None: a shorter step would tell nothing that the exact sampling does not."""
 
-    def _integrate(self, state: State, steps: Steps) -> Rows:
+    def _integrate(self, state: EsoState, steps: Steps) -> Rows:
         p, m = self.measurements, steps.y.steps
         found = np.empty((m + 1, p + self.system.size))
         start = np.concatenate([state.filtered, state.estimate])
@@ -203,4 +205,4 @@ class ExtendedStateObserver(Observer[State]):
             "sensor_fault": found[:, ends[3] :],
         }
         last = found[-1].copy()
-        return Rows(estimates, finite, State(last[:p], last[p:], state.sample, state.count + m))
+        return Rows(estimates, finite, EsoState(last[:p], last[p:], state.sample, state.count + m))

@@ -20,7 +20,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import FunctionPointer
 from reobserve.core.matrices import as_floats, spectral_radius
-from reobserve.observers.gaussian_filter import State
+from reobserve.observers.gaussian_filter import KalmanState
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_function
 from reobserve.synthesis.linear import place, steady_kalman_gain
@@ -93,7 +93,7 @@ class FixedGainObserver(LinearFilter):
 
     def init(
         self, mean: ArrayLike, covariance: ArrayLike = 0.0, *, u: ArrayLike | None = None
-    ) -> State:
+    ) -> KalmanState:
         """As `LinearFilter.init`; a covariance is only for those who read the variance."""
         return super().init(mean, covariance, u=u)
 

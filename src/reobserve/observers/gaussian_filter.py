@@ -44,7 +44,7 @@ class Gaussian(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class KalmanState(Value):
     """All a filter remembers: a value that may be stored, copied and stepped again.
 
     ``sample`` and ``count`` are as in `reobserve.observers.contract.ObserverState`; y may be nan.
@@ -94,12 +94,12 @@ class Noise:
     R: Array
 
 
-class NoiseByRow(Observer[State]):
+class NoiseByRow(Observer[KalmanState]):
     """An observer that takes the covariances of its model's noise for each row of a record."""
 
     def step(
         self,
-        state: State,
+        state: KalmanState,
         y: ArrayLike,
         u: ArrayLike | None = None,
         *,
@@ -107,7 +107,7 @@ class NoiseByRow(Observer[State]):
         R: ArrayLike | None = None,
         before: Pair | None = None,
         middle: Pair | None = None,
-    ) -> tuple[State, Estimate]:
+    ) -> tuple[KalmanState, Estimate]:
         """Take one sample: the next state, and the estimates at it.
 
         The arguments are those of `run`, without the axis of samples. Stepping through a record
@@ -127,14 +127,14 @@ class NoiseByRow(Observer[State]):
         y: ArrayLike,
         u: ArrayLike | None = None,
         *,
-        state: State | None = None,
+        state: KalmanState | None = None,
         time: ArrayLike | None = None,
         Q: ArrayLike | None = None,
         R: ArrayLike | None = None,
         before: Pair | None = None,
         middle: Pair | None = None,
         on_divergence: OnDivergence = "raise",
-    ) -> Run[State]:
+    ) -> Run[KalmanState]:
         """Estimates at all samples of a record, by one compiled loop.
 
         Parameters
@@ -216,7 +216,9 @@ class GaussianFilter(NoiseByRow):
         """Tuples as long as there are states and outputs, for which loops are compiled."""
         return (0,) * self.model.states, (0,) * self.model.outputs
 
-    def init(self, mean: ArrayLike, covariance: ArrayLike, *, u: ArrayLike | None = None) -> State:
+    def init(
+        self, mean: ArrayLike, covariance: ArrayLike, *, u: ArrayLike | None = None
+    ) -> KalmanState:
         """The state before the first row of a record.
 
         Parameters
@@ -240,7 +242,7 @@ class GaussianFilter(NoiseByRow):
             as_covariance("covariance", covariance, self.model.states),
             np.zeros(self.model.outputs),
         )
-        return State(posterior, sample_before(u, self.model.outputs, self.model.inputs))
+        return KalmanState(posterior, sample_before(u, self.model.outputs, self.model.inputs))
 
     @property
     def _noise(self) -> Noise:
@@ -262,19 +264,19 @@ class GaussianFilter(NoiseByRow):
         object.__setattr__(other, "_given_noise", noise)
         return other
 
-    def _noise_of_rows(self, state: State) -> tuple[Array, Array]:
+    def _noise_of_rows(self, state: KalmanState) -> tuple[Array, Array]:
         """Q of the row before a record, then of its rows, and R of its rows, as loops read them."""
         held = self.model.Q if state.process_noise is None else state.process_noise
         return np.concatenate([held[None], self._noise.Q]), self._noise.R
 
-    def _after(self, state: State, record: Record, posterior: Gaussian) -> State:
+    def _after(self, state: KalmanState, record: Record, posterior: Gaussian) -> KalmanState:
         """The state after a record that begins at another one."""
         sample, steps = np.concatenate([record.y[-1], record.u[-1]]), len(record.y)
         kept = None if "_given_noise" not in vars(self) else self._noise.Q[-1]
-        return State(posterior, sample, state.count + steps - (state.sample is None), kept)
+        return KalmanState(posterior, sample, state.count + steps - (state.sample is None), kept)
 
-    def _checked(self, state: Any) -> State:
-        given = check_state(state, State, "")
+    def _checked(self, state: Any) -> KalmanState:
+        given = check_state(state, KalmanState, "")
         n, p, m = self.model.states, self.model.inputs, self.model.outputs
         posterior = check_posterior("state.posterior", given.posterior, n, m)
         sample, noise = check_sample(given.sample, m, p), given.process_noise
@@ -282,7 +284,7 @@ class GaussianFilter(NoiseByRow):
             noise = as_covariance("state.process_noise", noise, n)
         elif posterior is given.posterior and sample is given.sample:
             return given
-        return State(posterior, sample, given.count, noise)
+        return KalmanState(posterior, sample, given.count, noise)
 
 
 def new_rows(rows: int, states: int, outputs: int) -> tuple[Array, Array, Array, Array, Array]:

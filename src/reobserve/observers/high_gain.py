@@ -30,7 +30,7 @@ from reobserve.systems.triangular import TriangularModel
 Array = NDArray[np.float64]
 
 
-class Record(NamedTuple):
+class HighGainRecord(NamedTuple):
     """Inputs of the loop, arrays of shape (2 m + 1,): y and u with their limits from the left."""
 
     output: Array
@@ -40,7 +40,7 @@ class Record(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class HighGainState(Value):
     """The observer's state: a value that may be stored, copied and stepped again.
 
     ``estimate`` is x^, shape (n,); the rest is as in `reobserve.observers.contract.ObserverState`.
@@ -52,7 +52,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HighGainObserver(Observer[State]):
+class HighGainObserver(Observer[HighGainState]):
     """The standard observer, integrated by the classical Runge-Kutta method.
 
     Lechappe et al. 2018, (36).
@@ -91,7 +91,7 @@ class HighGainObserver(Observer[State]):
         """S^-1 C^T, shape (n,)."""
         return read_only(high_gain(self.model.states, self.rho))
 
-    def init(self, state: ArrayLike) -> State:
+    def init(self, state: ArrayLike) -> HighGainState:
         """The state at the first sample, from an estimate of x, shape (n,).
 
         Raises
@@ -99,14 +99,14 @@ class HighGainObserver(Observer[State]):
         InputError
             If it is not n finite numbers.
         """
-        return State(as_vector("state", state, self.model.states))
+        return HighGainState(as_vector("state", state, self.model.states))
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> HighGainState:
         n = self.model.states
         problem = f"must be of an observer of {n} states"
-        return check_state(state, State, problem, estimate=(n,), sample=(2,))
+        return check_state(state, HighGainState, problem, estimate=(n,), sample=(2,))
 
-    def _integrate(self, state: State, steps: Steps) -> Rows:
+    def _integrate(self, state: HighGainState, steps: Steps) -> Rows:
         y, u = steps
         rows = np.empty((y.steps + 1, self.model.states))
         rows[0] = state.estimate
@@ -116,10 +116,10 @@ class HighGainObserver(Observer[State]):
             for_loop(self.model.parameters),
             for_loop(self.gain),
             self.sampling_period,
-            Record(y.right[:, 0], y.left[:, 0], u.right[:, 0], u.left[:, 0]),
+            HighGainRecord(y.right[:, 0], y.left[:, 0], u.right[:, 0], u.left[:, 0]),
             rows,
         )
-        after = State(rows[-1].copy(), state.sample, state.count + y.steps)
+        after = HighGainState(rows[-1].copy(), state.sample, state.count + y.steps)
         return Rows({"state": rows}, finite, after)
 
 
@@ -130,7 +130,7 @@ def _run(
     parameters: Array,
     gain: Array,
     step: float,
-    record: Record,
+    record: HighGainRecord,
     rows: Array,
 ) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows."""

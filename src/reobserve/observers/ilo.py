@@ -23,10 +23,10 @@ from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_
 from reobserve.core.value import converter, for_loop
 from reobserve.observers.rigid_body_observer import (
     Array,
-    Record,
     RigidBodyObserver,
-    Rows,
-    State,
+    RigidBodyRecord,
+    RigidBodyRows,
+    RigidBodyState,
     whole_steps,
 )
 from reobserve.synthesis.ilo_error_system import LearningLaw
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from reobserve.observers.ilo_sampled import SampledILO
 
 
-class Constants(NamedTuple):
+class IloConstants(NamedTuple):
     """What the loop reads. ``injection`` multiplies w - w^: Lambda, and what of B_f v does so."""
 
     inertia: Matrix
@@ -131,7 +131,7 @@ class ILO(RigidBodyObserver):
         return learning_law(self)
 
     @cached_property
-    def _constants(self) -> Constants:
+    def _constants(self) -> IloConstants:
         return constants(self, self.observer_gain + self.model.fault_matrix @ self.K2)
 
     @property
@@ -139,7 +139,7 @@ class ILO(RigidBodyObserver):
         # v at the start, the middle and the end of each step of the last interval.
         return (self.delay, 3, 3)
 
-    def _halved(self, state: State) -> tuple[ILO, State]:
+    def _halved(self, state: RigidBodyState) -> tuple[ILO, RigidBodyState]:
         finer = replace(self, sampling_period=0.5 * self.sampling_period)
         # v of each step, at its start, middle and end, on the parabola through the three.
         first, middle, last = state.memory[:, 0], state.memory[:, 1], state.memory[:, 2]
@@ -149,9 +149,11 @@ class ILO(RigidBodyObserver):
         )  # fmt: skip
         memory[::2, 1] = 0.375 * first + 0.75 * middle - 0.125 * last
         memory[1::2, 1] = 0.375 * last + 0.75 * middle - 0.125 * first
-        return finer, State(state.rate, memory, state.sample, 2 * state.count)
+        return finer, RigidBodyState(state.rate, memory, state.sample, 2 * state.count)
 
-    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+    def _run(
+        self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
+    ) -> int:
         return _run(self._constants, rate, memory, count, record, rows)
 
 
@@ -163,10 +165,10 @@ def learning_law(observer: ILO | SampledILO) -> LearningLaw:
     )
 
 
-def constants(observer: ILO | SampledILO, injection: Matrix) -> Constants:
+def constants(observer: ILO | SampledILO, injection: Matrix) -> IloConstants:
     """What the loop of either observer reads."""
     model = observer.model
-    return Constants(
+    return IloConstants(
         for_loop(model.inertia),
         model.inverse,
         for_loop(injection),
@@ -179,7 +181,7 @@ def constants(observer: ILO | SampledILO, injection: Matrix) -> Constants:
 
 
 @kernel
-def slope(c: Constants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
+def slope(c: IloConstants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
     """The right-hand side for w^; ``known`` is B u + B_f K1 v(t - tau) (Chen & Saif 2007, (3))."""
     x, y, z = product(
         c.injection, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
@@ -188,7 +190,7 @@ def slope(c: Constants, estimate: Triple, rate: Triple, known: Triple) -> Triple
 
 
 @kernel
-def known_torque(c: Constants, control: Triple, learned: Triple) -> Triple:
+def known_torque(c: IloConstants, control: Triple, learned: Triple) -> Triple:
     """B u + B_f K1 v(t - tau), where ``learned`` is K1 v(t - tau)."""
     x, y, z = product(c.input_matrix, control[0], control[1], control[2])
     f, g, h = product(c.fault_matrix, learned[0], learned[1], learned[2])
@@ -196,7 +198,7 @@ def known_torque(c: Constants, control: Triple, learned: Triple) -> Triple:
 
 
 @kernel
-def learn(c: Constants, learned: Triple, rate: Triple, estimate: Triple) -> Triple:
+def learn(c: IloConstants, learned: Triple, rate: Triple, estimate: Triple) -> Triple:
     """The law by which v learns (Chen & Saif 2007, (3))."""
     x, y, z = product(c.K2, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2])
     return (learned[0] + x, learned[1] + y, learned[2] + z)
@@ -204,12 +206,12 @@ def learn(c: Constants, learned: Triple, rate: Triple, estimate: Triple) -> Trip
 
 @kernel
 def _run(
-    c: Constants,
+    c: IloConstants,
     estimate: Array,
     history: Array,
     count: int,
-    record: Record,
-    rows: Rows,
+    record: RigidBodyRecord,
+    rows: RigidBodyRows,
 ) -> int:
     """Fill ``rows``; leave w^ and v of the last interval in place."""
     h, half = c.step, 0.5 * c.step

@@ -22,12 +22,19 @@ from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
 from reobserve.core.value import converter
-from reobserve.observers.ilo import Constants, constants, known_torque, learn, learning_law, slope
+from reobserve.observers.ilo import (
+    IloConstants,
+    constants,
+    known_torque,
+    learn,
+    learning_law,
+    slope,
+)
 from reobserve.observers.rigid_body_observer import (
     Array,
-    Record,
     RigidBodyObserver,
-    Rows,
+    RigidBodyRecord,
+    RigidBodyRows,
     whole_steps,
 )
 from reobserve.synthesis.ilo_error_system import LearningLaw
@@ -107,22 +114,24 @@ class SampledILO(RigidBodyObserver):
         return learning_law(self)
 
     @cached_property
-    def _constants(self) -> Constants:
+    def _constants(self) -> IloConstants:
         return constants(self, self.observer_gain)
 
-    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+    def _run(
+        self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
+    ) -> int:
         return _run(self._constants, self.delay, rate, memory, count, record, rows)
 
 
 @kernel
 def _run(
-    c: Constants,
+    c: IloConstants,
     delay: int,
     estimate: Array,
     held: Array,
     count: int,
-    record: Record,
-    rows: Rows,
+    record: RigidBodyRecord,
+    rows: RigidBodyRows,
 ) -> int:
     """Fill ``rows``; leave w^ and the v in force in place."""
     h, half = c.step, 0.5 * c.step

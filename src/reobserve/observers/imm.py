@@ -55,7 +55,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class ImmState(Value):
     """All the bank remembers: what each filter believes, and the logarithms of mu, shape (r,).
 
     Means (r, n), covariances (r, n, n) and a posteriori output errors (r, m) of all filters stand
@@ -78,7 +78,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IMM(Observer[State]):
+class IMM(Observer[ImmState]):
     """A bank of filters and a Markov chain of modes (Gadsden et al. 2011, after (23)).
 
     Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), those of (22) and
@@ -169,7 +169,7 @@ class IMM(Observer[State]):
         probabilities: ArrayLike | None = None,
         *,
         u: ArrayLike | None = None,
-    ) -> State:
+    ) -> ImmState:
         """The state before the first row of a record.
 
         Parameters
@@ -201,13 +201,13 @@ class IMM(Observer[State]):
         with np.errstate(divide="ignore"):
             logarithms = np.log(as_probabilities("probabilities", chosen, r))
         held = sample_before(u, m, inputs)
-        return State(means, covariances, np.zeros((r, m)), logarithms, held)
+        return ImmState(means, covariances, np.zeros((r, m)), logarithms, held)
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> ImmState:
         r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
         shapes = [np.shape(getattr(state, part, ())) for part in ("means", "covariances", "errors")]
         given = check_state(
-            state, State,
+            state, ImmState,
             f"has arrays of shapes {', '.join(map(str, shapes))}, must be of {r} filters of {n} "
             f"states and {m} outputs",
             means=(r, n), covariances=(r, n, n), errors=(r, m),
@@ -220,7 +220,7 @@ class IMM(Observer[State]):
             return given
         return replace(given, log_probabilities=logarithms, sample=sample)
 
-    def _fill(self, state: State, record: Record) -> Rows:
+    def _fill(self, state: ImmState, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
         parts = state.means, state.covariances, state.errors, state.log_probabilities
         posteriors = Posteriors(*(part.copy() for part in parts))
@@ -237,7 +237,7 @@ class IMM(Observer[State]):
         variance = rows.covariance.diagonal(axis1=1, axis2=2)
         estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
         last = np.concatenate([record.y[-1], record.u[-1]])
-        return Rows(estimates, good, State(*posteriors, last, state.count + k - fresh))
+        return Rows(estimates, good, ImmState(*posteriors, last, state.count + k - fresh))
 
     def _run_one_by_one(
         self,

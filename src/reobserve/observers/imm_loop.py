@@ -58,7 +58,7 @@ class BankWork(NamedTuple):
     mixed: Posteriors
     log_likelihoods: Array
     factor: Array
-    of_filter: linear.Work
+    of_filter: linear.LinearFilterWork
 
 
 def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
@@ -69,7 +69,7 @@ def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
     if mixing:
         means, covariances = np.empty((r, n)), np.empty((r, n, n))
     mixed = Posteriors(means, covariances, errors, np.empty(r))
-    of_filter = linear.Work(*map(np.empty, ((n, n), n, (n, m), (n, m), m)))
+    of_filter = linear.LinearFilterWork(*map(np.empty, ((n, n), n, (n, m), (n, m), m)))
     return BankWork(np.empty((r, r)), mixed, np.empty(r), np.empty((m, m)), of_filter)
 
 

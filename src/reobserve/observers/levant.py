@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 _USUAL = (8.0, 5.0, 3.0, 2.0, 1.5, 1.1)
 
 
-class Law(NamedTuple):
+class LevantCoefficients(NamedTuple):
     """Coefficients of the loop.
 
     ``factors`` are lambda_i L^(1/(n+1-i)), ``exponents`` (n-i)/(n+1-i), ``taylor`` T^j / j! with
@@ -48,7 +48,7 @@ class Law(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class LevantState(Value):
     """The differentiator's state: a value that may be stored, copied and stepped again.
 
     ``derivatives`` holds z0 to zn, shape (n+1,), at the last sample, or at the first one if there
@@ -61,7 +61,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LevantDifferentiator(Observer[State]):
+class LevantDifferentiator(Observer[LevantState]):
     """The differentiator for samples at a fixed period, in its homogeneous discretisation.
 
     Lechappe et al. 2018, (37) and (38).
@@ -116,7 +116,7 @@ class LevantDifferentiator(Observer[State]):
         self._set("lambdas", chosen)
 
     @cached_property
-    def _law(self) -> Law:
+    def _law(self) -> LevantCoefficients:
         index = np.arange(self.order + 1)
         left = self.order + 1.0 - index
         lambdas = as_vector("lambdas", self.lambdas, self.order + 1)
@@ -125,9 +125,9 @@ class LevantDifferentiator(Observer[State]):
             factors[-1] = lambdas[-1]
         # T^j / j! as a running product: no factorial to overflow.
         taylor = np.cumprod(np.concatenate([[1.0], self.sampling_period / index[1:]]))
-        return Law(factors, (left - 1.0) / left, taylor)
+        return LevantCoefficients(factors, (left - 1.0) / left, taylor)
 
-    def init(self, derivatives: ArrayLike) -> State:
+    def init(self, derivatives: ArrayLike) -> LevantState:
         """The state at the first sample, from estimates of u and its derivatives, shape (n+1,).
 
         Raises
@@ -135,16 +135,16 @@ class LevantDifferentiator(Observer[State]):
         InputError
             If they are not n + 1 finite numbers.
         """
-        return State(as_vector("derivatives", derivatives, self.order + 1))
+        return LevantState(as_vector("derivatives", derivatives, self.order + 1))
 
-    def _start(self, first: Array) -> State:
+    def _start(self, first: Array) -> LevantState:
         return self.init(np.append(first, np.zeros(self.order)))
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> LevantState:
         problem = f"must be of a differentiator of order {self.order}"
-        return check_state(state, State, problem, derivatives=(self.order + 1,), sample=(1,))
+        return check_state(state, LevantState, problem, derivatives=(self.order + 1,), sample=(1,))
 
-    def _fill(self, state: State, record: Record) -> Rows:
+    def _fill(self, state: LevantState, record: Record) -> Rows:
         last = np.empty(0) if state.sample is None else state.sample
         samples, begun = (
             np.append(last, record.y),
@@ -154,12 +154,12 @@ class LevantDifferentiator(Observer[State]):
         rows = np.empty((steps + 1, self.order + 1))
         rows[0] = state.derivatives
         finite = _run(self._law, samples, rows) - begun
-        after = State(rows[-1].copy(), record.y[-1].copy(), state.count + steps)
+        after = LevantState(rows[-1].copy(), record.y[-1].copy(), state.count + steps)
         return Rows({"derivatives": rows[begun:]}, finite, after)
 
 
 @kernel
-def _run(law: Law, samples: Array, rows: Array) -> int:
+def _run(law: LevantCoefficients, samples: Array, rows: Array) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows.
 
     The chain of integrators is advanced exactly by its Taylor polynomial, and only the injection by

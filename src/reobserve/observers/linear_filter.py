@@ -28,7 +28,7 @@ from reobserve.observers.gaussian_filter import (
     Correction,
     Gaussian,
     GaussianFilter,
-    State,
+    KalmanState,
     check_posterior,
     copies,
     inputs_of_rows,
@@ -86,7 +86,7 @@ class LinearFilter(GaussianFilter):
         """The parameters of the gain function."""
         return np.empty(0)
 
-    def innovation_deviation(self, state: State) -> Array:
+    def innovation_deviation(self, state: KalmanState) -> Array:
         """The standard deviations of the next row's innovation, shape (m,), if the model is right.
 
         Raises
@@ -156,7 +156,7 @@ class LinearFilter(GaussianFilter):
             raise DivergenceError(type(self).__name__, 0.0)
         return posterior
 
-    def _fill(self, state: State, record: Record) -> Rows:
+    def _fill(self, state: KalmanState, record: Record) -> Rows:
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
         after, fresh = copies(state.posterior), state.sample is None

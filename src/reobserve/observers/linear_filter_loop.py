@@ -41,7 +41,7 @@ def gain_function(function: Callable[..., None]) -> FunctionPointer:
     return FunctionPointer(_SIGNATURE, function)
 
 
-class Work(NamedTuple):
+class LinearFilterWork(NamedTuple):
     """Scratch of one filter: products of shapes (n, n), (n,), (n, m), (n, m) and (m,)."""
 
     square: Array
@@ -52,10 +52,10 @@ class Work(NamedTuple):
 
 
 @inlined_kernel
-def new_work(states: int, outputs: int) -> Work:
+def new_work(states: int, outputs: int) -> LinearFilterWork:
     """Scratch for `predict` and `correct`."""
     tall = (states, outputs)
-    return Work(
+    return LinearFilterWork(
         np.empty((states, states)), np.empty(states), np.empty(tall), np.empty(tall),
         np.empty(outputs),
     )  # fmt: skip
@@ -84,7 +84,7 @@ def predict(
     covariance: Array,
     next_mean: Array,
     next_covariance: Array,
-    work: Work,
+    work: LinearFilterWork,
 ) -> None:
     """Time update; what is read and what is written may be the same arrays.
 
@@ -185,7 +185,7 @@ def log_likelihood_of(
     covariance: Array,
     innovation: Array,
     factor: Array,
-    work: Work,
+    work: LinearFilterWork,
 ) -> float:
     """Write P C' and the Cholesky factor of S; return the log-likelihood.
 
@@ -213,7 +213,7 @@ def log_likelihood_of(
 
 
 @inlined_kernel
-def kalman_gain(outputs: Size, factor: Array, work: Work) -> None:
+def kalman_gain(outputs: Size, factor: Array, work: LinearFilterWork) -> None:
     """Solve K S = P C' by the Cholesky factor L of S: K L first, then K."""
     m = len(outputs)
     cross, gain = work.cross, work.gain
@@ -233,7 +233,7 @@ def kalman_gain(outputs: Size, factor: Array, work: Work) -> None:
 
 @inlined_kernel
 def correct_covariance(
-    states: Size, outputs: Size, model: ModelArrays, covariance: Array, work: Work
+    states: Size, outputs: Size, model: ModelArrays, covariance: Array, work: LinearFilterWork
 ) -> None:
     """In Joseph's form for any gain: with M = I - K C, first T = M P, then T M' + K R K'.
 
@@ -280,7 +280,7 @@ def correct(
     error: Array,
     innovation: Array,
     factor: Array,
-    work: Work,
+    work: LinearFilterWork,
 ) -> float:
     """Measurement update in place; return the log-likelihood.
 

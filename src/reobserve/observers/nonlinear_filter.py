@@ -24,7 +24,7 @@ from reobserve.observers.gaussian_filter import (
     Correction,
     Gaussian,
     GaussianFilter,
-    State,
+    KalmanState,
     check_posterior,
     copies,
     inputs_of_rows,
@@ -150,13 +150,13 @@ class NonlinearFilter(GaussianFilter):
         write_innovation_covariance(innovation, factor, spread)
         return Correction(Gaussian(*after), innovation, spread, log_likelihood)
 
-    def _fill(self, state: State, record: Record) -> Rows:
+    def _fill(self, state: KalmanState, record: Record) -> Rows:
         return self._filtered(state, record)[0]
 
-    def _finding(self, state: State, record: Record, good: int, first: float) -> str:
+    def _finding(self, state: KalmanState, record: Record, good: int, first: float) -> str:
         return CAUSES.get(self._filtered(state, record)[1], "")
 
-    def _filtered(self, state: State, record: Record) -> tuple[Rows, int]:
+    def _filtered(self, state: KalmanState, record: Record) -> tuple[Rows, int]:
         """The rows, and why the loop stopped, a key of `CAUSES`, or 0."""
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_filter_loop import Work
+from reobserve.observers.linear_filter_loop import LinearFilterWork
 from reobserve.systems.nonlinear_flow import FlowWork, new_flow_work
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ NO_STATE, NO_OUTPUT, NO_INNOVATION, NO_ROOT, NO_POSTERIOR = 1, 2, 3, 4, 5
 class FilterWork(NamedTuple):
     """Scratch: that of the linear steps and of the model; sigma points and what becomes of them."""
 
-    linear: Work
+    linear: LinearFilterWork
     flow: FlowWork
     moved: Array
     root: Array
@@ -36,7 +36,9 @@ def new_filter_work(states: int, outputs: int) -> FilterWork:
     """Scratch for the steps of a filter."""
     n, m, most = states, outputs, max(states, outputs)
     tall = (n, m)
-    linear = Work(np.empty((n, n)), np.empty(n), np.empty(tall), np.empty(tall), np.empty(m))
+    linear = LinearFilterWork(
+        np.empty((n, n)), np.empty(n), np.empty(tall), np.empty(tall), np.empty(m)
+    )
     return FilterWork(
         linear, new_flow_work(n, m), np.empty(n), np.empty((n, n)), np.empty((2 * n + 1, n)),
         np.empty((2 * n + 1, most)), np.empty((n, n)), np.empty((most, 0)), np.zeros(1, np.int64),

@@ -32,7 +32,7 @@ from reobserve.synthesis.normal_form.gain import GAINS
 Array = NDArray[np.float64]
 
 
-class Law(NamedTuple):
+class IdentityDynamics(NamedTuple):
     """The polynomials of the right-hand side.
 
     ``inner`` holds, row by row, f(x), l(h(x)) and, by the ``kind`` 0, 1 or 2 of the gain, L,
@@ -45,7 +45,7 @@ class Law(NamedTuple):
     kind: int
 
 
-class Work(NamedTuple):
+class IdentityWork(NamedTuple):
     """Arrays for monomials, the values of ``inner`` and a matrix, allocated once for all steps."""
 
     monomials: Array
@@ -65,7 +65,7 @@ class IdentityObserver(NormalFormObserver):
     gain: str = field(default="series", metadata=converter(as_word, GAINS))
 
     @cached_property
-    def _law(self) -> Law:
+    def _law(self) -> IdentityDynamics:
         form, degree = self.normal_form, self.order + 1
         problem, outer = form.problem, form.problem.injection
         if self.gain == "jacobian" or self.order == 0:
@@ -78,7 +78,7 @@ class IdentityObserver(NormalFormObserver):
         fed = injected.after(system.output, injected.degree * system.output.degree)
         kind = GAINS.index(self.gain) if self.order else 0
         inner = polynomials(stacked([system.dynamics, fed, gain]))
-        return Law(inner, polynomials(outer), polynomials(form.injected), kind)
+        return IdentityDynamics(inner, polynomials(outer), polynomials(form.injected), kind)
 
     def _values(self, estimate: Array) -> Array:
         return estimate
@@ -86,7 +86,7 @@ class IdentityObserver(NormalFormObserver):
     def _run(self, known: Samples, rows: Array) -> int:
         law, n = self._law, rows.shape[1]
         buffer = max(len(part.parent) for part in law[:-1])
-        work = Work(np.empty(buffer), np.empty(len(law.inner.start) - 1), np.empty(n * n))
+        work = IdentityWork(np.empty(buffer), np.empty(len(law.inner.start) - 1), np.empty(n * n))
         return _run(law, work, self.sampling_period, known.right, known.left, rows)
 
     def _estimates(self, rows: Array) -> dict[str, Array]:
@@ -95,7 +95,12 @@ class IdentityObserver(NormalFormObserver):
 
 @kernel
 def _run(  # noqa: PLR0912, see below
-    law: Law, work: Work, step: float, known: Array, known_before: Array, rows: Array
+    law: IdentityDynamics,
+    work: IdentityWork,
+    step: float,
+    known: Array,
+    known_before: Array,
+    rows: Array,
 ) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows.
 

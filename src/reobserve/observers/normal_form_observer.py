@@ -29,7 +29,7 @@ class ConvergenceWarning(UserWarning):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class NormalFormState(Value):
     """All an observer remembers: a value that may be stored, copied and stepped again.
 
     ``values`` are x^ or, for the transformed form, z, shape (n,); the rest is as in
@@ -42,7 +42,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NormalFormObserver(Observer[State]):
+class NormalFormObserver(Observer[NormalFormState]):
     """An observer that measures y of a system, knows its inputs if there are any, and estimates x.
 
     Its estimate is ``state``, x^, shape (k, n). Without a state a run
@@ -107,7 +107,7 @@ class NormalFormObserver(Observer[State]):
     def _estimates(self, rows: Array) -> dict[str, Array]:
         """What rows of such values say, by name."""
 
-    def init(self, state: ArrayLike) -> State:
+    def init(self, state: ArrayLike) -> NormalFormState:
         """The state at the first sample, from an estimate of x, shape (n,).
 
         Raises
@@ -116,29 +116,29 @@ class NormalFormObserver(Observer[State]):
             If it is not n finite numbers.
         """
         n = self.normal_form.problem.system.states
-        return State(self._values(as_vector("state", state, n)))
+        return NormalFormState(self._values(as_vector("state", state, n)))
 
-    def _start(self, first: Array) -> State:
+    def _start(self, first: Array) -> NormalFormState:
         return self.init(np.zeros(self.normal_form.problem.system.states))
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> NormalFormState:
         n = self.normal_form.problem.system.states
         p, m = self.measurements, self.inputs
         inputs_too = f", {m} inputs" if m else ""
         problem = f"must be of an observer of {n} states{inputs_too} and {p} outputs"
-        return check_state(state, State, problem, values=(n,), sample=(p + m,))
+        return check_state(state, NormalFormState, problem, values=(n,), sample=(p + m,))
 
-    def _integrate(self, state: State, steps: Steps) -> Rows:
+    def _integrate(self, state: NormalFormState, steps: Steps) -> Rows:
         known = steps.y
         if self.inputs:
             known = Samples(*(np.hstack(sides) for sides in zip(steps.y, steps.u, strict=True)))
         rows = np.empty((known.steps + 1, len(state.values)))
         rows[0] = state.values
         finite = self._run(known, rows)
-        after = State(rows[-1].copy(), state.sample, state.count + known.steps)
+        after = NormalFormState(rows[-1].copy(), state.sample, state.count + known.steps)
         return Rows(self._estimates(rows[:finite]), finite, after)
 
-    def check_domain(self, run: Run[State]) -> str | None:
+    def check_domain(self, run: Run[NormalFormState]) -> str | None:
         """Warn if the estimates of a run leave the domain in which S converges.
 
         The radius is estimated from the parts of S, for which the normal form must be of a

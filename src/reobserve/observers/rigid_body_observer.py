@@ -22,7 +22,7 @@ from reobserve.systems.rigid_body import RigidBody
 Array = NDArray[np.float64]
 
 
-class Record(NamedTuple):
+class RigidBodyRecord(NamedTuple):
     """What a loop reads, arrays of shape (2 n + 1, 3): w and u with their limits from the left."""
 
     rate: Matrix
@@ -31,7 +31,7 @@ class Record(NamedTuple):
     control_before: Matrix
 
 
-class Rows(NamedTuple):
+class RigidBodyRows(NamedTuple):
     """What it writes, arrays of shape (n + 1, 3)."""
 
     rate: Matrix
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State(Value):
+class RigidBodyState(Value):
     """All an observer remembers: a value that may be stored, copied and stepped again.
 
     ``rate`` is the estimate w^ [rad/s], shape (3,); ``memory`` belongs to the algorithm; the rest
@@ -54,7 +54,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RigidBodyObserver(Observer[State]):
+class RigidBodyObserver(Observer[RigidBodyState]):
     """An observer that measures w [rad/s], knows u [N m] and estimates the fault torque.
 
     Its estimates are ``rate`` [rad/s] and ``fault`` [N m], shape (k, 3). `Run.before` has the
@@ -82,18 +82,20 @@ class RigidBodyObserver(Observer[State]):
 
     @property
     def _memory_shape(self) -> tuple[int, ...]:
-        """That of `State.memory`; its last axis is that of the fault."""
+        """That of `RigidBodyState.memory`; its last axis is that of the fault."""
         return (3,)
 
     @abstractmethod
-    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+    def _run(
+        self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
+    ) -> int:
         """Run the compiled loop; return the number of finite rows.
 
         ``rate`` and ``memory`` are those of the state, ``count`` steps after the first of all; the
         loop leaves the new ones in place.
         """
 
-    def init(self, rate: ArrayLike, fault: ArrayLike = (0.0, 0.0, 0.0)) -> State:
+    def init(self, rate: ArrayLike, fault: ArrayLike = (0.0, 0.0, 0.0)) -> RigidBodyState:
         """The state at the first sample; without it a run starts from the first measurement.
 
         Parameters
@@ -109,25 +111,25 @@ class RigidBodyObserver(Observer[State]):
             If one of them is not three finite numbers.
         """
         memory = np.broadcast_to(as_vector("fault", fault, 3), self._memory_shape)
-        return State(as_vector("rate", rate, 3), memory.copy())
+        return RigidBodyState(as_vector("rate", rate, 3), memory.copy())
 
-    def _start(self, first: Array) -> State:
+    def _start(self, first: Array) -> RigidBodyState:
         return self.init(first)
 
-    def _checked(self, state: Any) -> State:
+    def _checked(self, state: Any) -> RigidBodyState:
         return check_state(
-            state, State, "is of an observer of another kind or another delay",
+            state, RigidBodyState, "is of an observer of another kind or another delay",
             rate=(3,), memory=self._memory_shape, sample=(6,),
         )  # fmt: skip
 
-    def _integrate(self, state: State, steps: Steps) -> contract.Rows:
+    def _integrate(self, state: RigidBodyState, steps: Steps) -> contract.Rows:
         y, u = steps
-        out = Rows(*np.empty((3, y.steps + 1, 3)))
+        out = RigidBodyRows(*np.empty((3, y.steps + 1, 3)))
         rate, memory = state.rate.copy(), state.memory.copy()
-        record = Record(y.right, y.left, u.right, u.left)
+        record = RigidBodyRecord(y.right, y.left, u.right, u.left)
         finite = self._run(rate, memory, state.count, record, out)
         out.fault_before[0] = out.fault[0]  # the record has nothing before its first row
-        after = State(rate, memory, state.sample, state.count + y.steps)
+        after = RigidBodyState(rate, memory, state.sample, state.count + y.steps)
         estimates = {"rate": out.rate, "fault": out.fault}
         return contract.Rows(estimates, finite, after, {"fault": out.fault_before})
 

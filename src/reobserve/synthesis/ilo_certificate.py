@@ -209,7 +209,7 @@ class _Design:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class IloCertificate:
     """Weights that satisfy Theorem 1, if any exist, and the error of the design.
 
     ``required_observer_gain`` [N m s] is the infimum of certifiable lambda_min(Lambda).
@@ -234,7 +234,7 @@ def certify(
     eta: float = 0.0,
     *,
     size: int = 3,
-) -> Certificate:
+) -> IloCertificate:
     """Find weights with which Theorem 1 certifies a design, if any exist.
 
     Chen & Saif 2007, Theorem 1.
@@ -266,16 +266,16 @@ def certify(
     lost = f"the design leaves up to {100 * dc_error:.3g}% of a constant fault unestimated"
     if design.k1 >= 1:
         reason = f"no weights: ||K1|| = {design.k1:.6g} and epsilon2 > 1 always; {lost}"
-        return Certificate(False, needed, dc_error, None, None, reason)
+        return IloCertificate(False, needed, dc_error, None, None, reason)
     weights = _weights(design)
     if weights is None:
         must = f"{design.excess:.6g} must exceed {design.threshold:.6g}"
         reason = f"no weights: lambda_min(Lambda) - eta = {must}; {lost}"
-        return Certificate(False, needed, dc_error, None, None, reason)
+        return IloCertificate(False, needed, dc_error, None, None, reason)
     theorem = design.evaluate(*weights)
     floor = 1 / (1 - design.k1)
     reason = f"{theorem.reason}; (18) promises no RMS error below {floor:.4g} k_d, and {lost}"
-    return Certificate(True, needed, dc_error, weights, theorem, reason)
+    return IloCertificate(True, needed, dc_error, weights, theorem, reason)
 
 
 def _dc_error(observer_gain: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reobserve.tuning.task import Array, Record, Runner, Task
+from reobserve.tuning.task import Array, Runner, Task, TaskRecord
 
 WORST = 3.0
 
@@ -27,7 +27,7 @@ class Score:
     failed: bool = False
 
 
-def score(run: Runner, record: Record, since: float, *, details: bool = True) -> Score:
+def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True) -> Score:
     """Compare an estimate with ``record.truth``, of the same shape, from ``since`` [s] on.
 
     Without ``details`` there is only the error: the lag takes as long as many methods.
@@ -64,7 +64,7 @@ def _lag(estimate: Array, truth: Array, first: int) -> float:
     return shift + 0.5 * (before - after) / (before - 2 * here + after)
 
 
-def score_of(task: Task, run: Runner, record: Record, *, details: bool = True) -> Score:
+def score_of(task: Task, run: Runner, record: TaskRecord, *, details: bool = True) -> Score:
     """The score of a method on a record, by the task's own ``score`` if it has one."""
     scored: Callable[..., Score] = getattr(task.module, "score", score)
     return scored(run, record, task.scored_from, details=details)

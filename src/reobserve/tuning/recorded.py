@@ -39,13 +39,13 @@ from reobserve.tuning.search import FAILURES, Settings
 from reobserve.tuning.task import (
     Array,
     Condition,
-    Entry,
     Method,
     Own,
-    Record,
     Runner,
     Seeds,
+    SettingRange,
     Task,
+    TaskRecord,
     Training,
 )  # fmt: skip
 from reobserve.tuning.tuned_specification import TunedSpecification
@@ -72,7 +72,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceColumn:
     """A column of the records that an estimate is compared with."""
 
     column: Name
@@ -80,7 +80,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class KeyRange(Entry):
+class KeyRange(SettingRange):
     """The range of a number in a specification."""
 
     unit: str = ""
@@ -108,13 +108,13 @@ class TuneFile:
     training: Annotated[list[Part], items()]
     held_out: Annotated[list[Part], items()]
     candidates: Annotated[dict[str, Candidate], items()]
-    reference: dict[str, Reference] = field(default_factory=dict)
+    reference: dict[str, ReferenceColumn] = field(default_factory=dict)
     budget: Count = 200
     seed: Seed = 1
 
 
 @dataclass(frozen=True, eq=False)
-class Segment(Record):
+class Segment(TaskRecord):
     """A segment of a record, scaled so that an error of ``size`` counts as 1."""
 
     path: Path
@@ -295,7 +295,9 @@ def _are_copies(one: Rows, other: Rows) -> bool:
     return np.array_equal(one[1], other[1]) and np.array_equal(one[2], other[2])
 
 
-def _truth(reference: Mapping[str, Reference], first: TunedSpecification, record: Path) -> Rows:
+def _truth(
+    reference: Mapping[str, ReferenceColumn], first: TunedSpecification, record: Path
+) -> Rows:
     """What is compared, and with what: times and values of a record."""
     found = [
         find_column(f"reference.{name}", Column(one.column, one.unit), "", first.header(record),

@@ -28,7 +28,7 @@ _FEW = 16  # records
 
 
 @dataclass(frozen=True)
-class Row:
+class ScoredRow:
     """Settings that are scored: of a method, tuned on a training set, perhaps given the noise."""
 
     method: str
@@ -37,7 +37,9 @@ class Row:
     given: bool = False
 
     @classmethod
-    def of(cls, method: str, training: str, settings: Settings, *, given: bool = False) -> Row:
+    def of(
+        cls, method: str, training: str, settings: Settings, *, given: bool = False
+    ) -> ScoredRow:
         """A row with these settings."""
         return cls(method, training, tuple(settings.items()), given)
 
@@ -51,7 +53,7 @@ class Cell:
     and the largest error of the repeats of a tuning, where it was tuned for this.
     """
 
-    row: Row
+    row: ScoredRow
     condition: str
     scores: tuple[Score, ...]
     error: tuple[float, float, float]
@@ -78,7 +80,7 @@ class Scorer:
         )
 
     def scores(
-        self, row: Row, condition: str, count: int, *, details: bool = True
+        self, row: ScoredRow, condition: str, count: int, *, details: bool = True
     ) -> tuple[Score, ...]:
         """On the first so many held-out seeds, perhaps without lag and quantile.
 
@@ -90,10 +92,10 @@ class Scorer:
         seeds = self.task.held_out_seeds(count)
         return tuple(self._score(row, condition, seed, details) for seed in seeds)
 
-    def _made(self, row: Row, condition: str) -> Runner:
+    def _made(self, row: ScoredRow, condition: str) -> Runner:
         return self.task.make(row.method, dict(row.settings), condition, given=row.given)
 
-    def _one(self, row: Row, condition: str, seed: int, details: bool) -> Score:
+    def _one(self, row: ScoredRow, condition: str, seed: int, details: bool) -> Score:
         run, record = self._run, self._record
         try:
             one = score_of(self.task, run(row, condition), record(condition, seed), details=details)
@@ -106,7 +108,7 @@ class Scorer:
             raise InputError(f"{self.task.file}: {self.task.place}.{row.method}", problem)
         return replace(one, error=WORST) if one.failed else one
 
-    def mean(self, row: Row, conditions: Iterable[str]) -> float:
+    def mean(self, row: ScoredRow, conditions: Iterable[str]) -> float:
         """The geometric mean of the error over conditions and the first held-out seeds."""
         step = self.task.seeds.step
         errors = [
@@ -114,7 +116,7 @@ class Scorer:
         ]
         return float(np.exp(np.mean(np.log(errors))))
 
-    def compared(self, rows: Sequence[Row], condition: str) -> list[Cell]:
+    def compared(self, rows: Sequence[ScoredRow], condition: str) -> list[Cell]:
         """Rows on the same seeds: in the conditions of the table until all is decided."""
         seeds = self.task.seeds
         most = seeds.most if condition in self.task.table else seeds.step
@@ -173,14 +175,14 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:
         As `Scorer.scores`.
     """
     scorer, main = Scorer(task), task.main
-    rows: dict[str, list[Row]] = {name: [] for name in task.conditions}
-    spread: dict[tuple[Row, str], tuple[float, float]] = {}
+    rows: dict[str, list[ScoredRow]] = {name: [] for name in task.conditions}
+    spread: dict[tuple[ScoredRow, str], tuple[float, float]] = {}
     for method, stated in task.methods.items():
         for name, training in task.training.items():
             repeats = tuned[method].training[name].repeats
             given = stated.given_noise and name != main  # as in its training
             median = sorted(repeats, key=lambda one: one.error)[len(repeats) // 2]
-            row = Row.of(method, name, median.settings, given=given)
+            row = ScoredRow.of(method, name, median.settings, given=given)
             scored = [*training.conditions, *training.scored]
             for condition in task.conditions if name == main else scored:
                 rows[condition].append(row)
@@ -191,7 +193,7 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:
                 spread[row, training.conditions[0]] = (min(errors), max(errors))
         if stated.paper is not None:
             for condition in task.table:
-                rows[condition].append(Row.of(method, PAPER, stated.paper.settings))
+                rows[condition].append(ScoredRow.of(method, PAPER, stated.paper.settings))
     return [
         replace(cell, repeats=spread.get((cell.row, name)))
         for name, listed in rows.items()
@@ -201,7 +203,7 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:
 
 
 @dataclass(frozen=True)
-class Moved:
+class ErrorRatio:
     """The error in a condition over that with other settings: ratio and interval of 95 %."""
 
     method: str
@@ -218,7 +220,7 @@ class Moved:
 
 def moved(
     task: Task, kept: Mapping[str, TunedMethod], again: Mapping[str, TunedMethod]
-) -> list[Moved]:
+) -> list[ErrorRatio]:
     """Compare settings that were kept with those tuned again, in the conditions of the table.
 
     Of each method all repeats of the main training set count, on the first held-out records; equal
@@ -226,14 +228,17 @@ def moved(
     """
     scorer = Scorer(task)
 
-    def logs(row: Row, condition: str) -> list[float]:
+    def logs(row: ScoredRow, condition: str) -> list[float]:
         scores = scorer.scores(row, condition, task.seeds.step)
         return [float(np.log(one.error)) for one in scores]
 
     found = []
     for method in task.methods:
         old, new = (
-            [Row.of(method, task.main, one.settings) for one in each.training[task.main].repeats]
+            [
+                ScoredRow.of(method, task.main, one.settings)
+                for one in each.training[task.main].repeats
+            ]
             for each in (kept[method], again[method])
         )
         for condition in task.table:
@@ -241,5 +246,5 @@ def moved(
             if old != new:
                 means = [np.mean([logs(row, condition) for row in rows], 0) for rows in (old, new)]
                 ratio = interval(means[1] - means[0])
-            found.append(Moved(method, condition, *ratio))
+            found.append(ErrorRatio(method, condition, *ratio))
     return found

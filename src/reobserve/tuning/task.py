@@ -4,7 +4,7 @@ The file, NAME.yaml, states plant, conditions and methods with their ranges. The
 name, beside the file, simulates it and has
 
     Plant                                      a dataclass, the keys of ``plant`` in the file
-    simulate(plant, condition, seed, period)   a `Record`; equal seeds have equal faults and noise
+    simulate(plant, condition, seed, period)   a `TaskRecord`; equal seeds: equal faults and noise
     METHODS                                    by name, make(plant, settings, period, noise)
 
 A method is made from the plant as stated, its settings, the sampling period [s] and the standard
@@ -39,11 +39,11 @@ from reobserve.observers.contract import Observer
 from reobserve.tuning.search import Range, Settings
 
 Array = NDArray[np.float64]
-Runner = Callable[["Record"], Array]
+Runner = Callable[["TaskRecord"], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class TaskRecord:
     """What a method reads, rows at the sampling period, and the truth that it estimates.
 
     Arrays have the shapes (k,), (k, p), (k, m) and (k, q). The columns of the truth have one unit,
@@ -104,7 +104,7 @@ class Training:
 
 
 @dataclass(frozen=True)
-class Entry:
+class SettingRange:
     """The range of a setting, and why it ends there."""
 
     range: tuple[float, float]
@@ -136,7 +136,7 @@ class Method:
     label: Text
     needs: Text
     guarantees: Text
-    ranges: Annotated[dict[str, Entry], items()]
+    ranges: Annotated[dict[str, SettingRange], items()]
     make: str = ""
     fixed: dict[str, float] = field(default_factory=dict)
     given_noise: bool = False
@@ -270,10 +270,12 @@ class Task(TaskFile):
         tree = {**self.plant, **self.conditions[condition].plant}
         return parse(self.module.Plant, tree, "plant")
 
-    def record(self, condition: str, seed: int) -> Record:
+    def record(self, condition: str, seed: int) -> TaskRecord:
         """The record of a condition and a seed."""
         stated = self.conditions[condition]
-        found: Record = self.module.simulate(self.plant_in(condition), stated, seed, self.period)
+        found: TaskRecord = self.module.simulate(
+            self.plant_in(condition), stated, seed, self.period
+        )
         return found
 
     def make(self, method: str, settings: Settings, condition: str, *, given: bool) -> Runner:

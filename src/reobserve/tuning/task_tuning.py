@@ -9,7 +9,7 @@ from typing import Any
 
 from reobserve.core.errors import located
 from reobserve.tuning.record_score import WORST, score_of
-from reobserve.tuning.scoring import EARLY, Row, Scorer
+from reobserve.tuning.scoring import EARLY, ScoredRow, Scorer
 from reobserve.tuning.search import Objective, Settings, Tuned, tune
 from reobserve.tuning.task import Task
 from reobserve.tuning.tuned_file import Cost, Repeat, TunedMethod, TunedOn
@@ -86,7 +86,7 @@ def _kept(scorer: Scorer, method: str, training: str, one: Tuned) -> Repeat:
     given = task.methods[method].given_noise
     for count in (*(n for n in CHECKPOINTS if n < task.budget), task.budget):
         settings, last = one.after(count), count == task.budget
-        row = Row.of(method, training if last else EARLY, settings, given=given)
+        row = ScoredRow.of(method, training if last else EARLY, settings, given=given)
         error = scorer.mean(row, task.training[training].conditions)
         held_out[str(count)] = float(f"{error:.6g}")
     return Repeat(one.settings, one.objective, one.edges, held_out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from reobserve.cli.parts import Entry, Table
+from reobserve.cli.parts import Command, CommandTable
 from reobserve_papers.cli.options import FORMATS, add_output
 
 _EXAMPLES = """\
@@ -24,10 +24,10 @@ _COMMANDS = {
     "table": "write a table of all methods: what they need, guarantee and cost",
 }
 
-BENCH = Table(
+BENCH = CommandTable(
     "Observers and filters on the same tasks, tuned by one rule.",
     {
-        name: Entry(
+        name: Command(
             text,
             f"{__name__}:{name}_options",
             f"reobserve_papers.bench.commands:{name}_command",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from reobserve.cli.main import command_parser as parser_of
 from reobserve.cli.main import run_command
-from reobserve.cli.parts import Entry, Table
+from reobserve.cli.parts import Command, CommandTable
 from reobserve_papers.cli.options import check_project
 
 PROGRAM = "reobserve-papers"
@@ -64,10 +64,10 @@ _COMMANDS = {
     "bench": ("compare observers and filters that are tuned by one rule", "bench:BENCH", ""),
 }
 
-COMMANDS = Table(
+COMMANDS = CommandTable(
     "Every figure and claim of papers on observers: parameters, jobs, evidence.",
     {
-        name: Entry(
+        name: Command(
             text, f"reobserve_papers.cli.{options}", run and f"reobserve_papers.{run}", "papers"
         )
         for name, (text, options, run) in _COMMANDS.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from reobserve.cli.parts import Entry, Table
+from reobserve.cli.parts import Command, CommandTable
 from reobserve_papers.cli.options import FORMATS, add_output, add_project
 from reobserve_papers.cli.types import tree, whole
 
@@ -40,10 +40,10 @@ _STAGES = {
     "archive": "pack a build as an RO-Crate, for deposit",
 }
 
-STAGES = Table(
+STAGES = CommandTable(
     "Run one stage of the pipeline, as its jobs do.",
     {
-        name: Entry(
+        name: Command(
             text, f"{__name__}:{name}_options", f"reobserve_papers.cli.stages.{name}:run", "papers"
         )
         for name, text in _STAGES.items()

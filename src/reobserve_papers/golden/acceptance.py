@@ -11,8 +11,8 @@ from typing import Any
 from reobserve_papers.golden.comparison import compare, distance
 from reobserve_papers.golden.conditions import measure
 from reobserve_papers.golden.files import (
+    GoldenNumber,
     Key,
-    Number,
     Numbers,
     columns,
     golden_file,
@@ -58,12 +58,12 @@ def renew(
 
 def renewed(
     golden: Numbers, found: Numbers, processors: Sequence[Numbers], halved: Numbers
-) -> dict[Key, Number]:
+) -> dict[Key, GoldenNumber]:
     """The numbers of a part: golden columns that have not moved, the others with new tolerances.
 
     A number that was only listed stays so: that rounding decides it does not show every time.
     """
-    new: dict[Key, Number] = {}
+    new: dict[Key, GoldenNumber] = {}
     for keys in columns(found).values():
         old = {key: golden[key] for key in keys if key in golden}
         column = {key: found[key] for key in keys}
@@ -75,8 +75,8 @@ def renewed(
     return new
 
 
-def _listed(number: Number) -> Number:
-    return number if number.is_word else Number(f"{float(number.value):.3g}", number.unit)
+def _listed(number: GoldenNumber) -> GoldenNumber:
+    return number if number.is_word else GoldenNumber(f"{float(number.value):.3g}", number.unit)
 
 
 def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -> Numbers:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from reobserve.core.files import read_rows
 from reobserve_papers.golden.comparison import Moved, compare
-from reobserve_papers.golden.files import Key, Number
+from reobserve_papers.golden.files import GoldenNumber, Key
 
 TOLERANCE = 1e-4  # relative, for rounding on other processors; 1 % of a constant moves more
 
@@ -45,15 +45,15 @@ def renew(project: Path, results: Path, task: str) -> Iterator[str]:
     yield from moved
 
 
-def _read(path: Path) -> dict[Key, Number]:
+def _read(path: Path) -> dict[Key, GoldenNumber]:
     """By method, then condition, training set, whether the noise is given, and column."""
     header, rows = read_rows(path)
-    numbers: dict[Key, Number] = {}
+    numbers: dict[Key, GoldenNumber] = {}
     for condition, method, training, given, *cells in rows:
         place = f"in {condition}, training {training}, given noise {given}"
         for column, cell in zip(header[4:], cells, strict=True):
-            number = Number(cell)
+            number = GoldenNumber(cell)
             if cell and not number.is_word:
-                number = Number(cell, "", f"{TOLERANCE * abs(float(cell)):g}")
+                number = GoldenNumber(cell, "", f"{TOLERANCE * abs(float(cell)):g}")
             numbers[method, f"{column} {place}", ""] = number
     return numbers

@@ -19,7 +19,7 @@ Key = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
-class Number:
+class GoldenNumber:
     """A number, or a word of a table, as its file holds it.
 
     A number without a tolerance is not determined (`tolerances`): listed, but not compared.
@@ -39,7 +39,7 @@ class Number:
         return False
 
 
-Numbers = Mapping[Key, Number]
+Numbers = Mapping[Key, GoldenNumber]
 
 
 def golden_file(project: Path, paper: str, part: str) -> Path:
@@ -53,7 +53,7 @@ def golden_files(project: Path, paper: str) -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.csv"))}
 
 
-def read_numbers(path: Path) -> dict[Key, Number]:
+def read_numbers(path: Path) -> dict[Key, GoldenNumber]:
     """The numbers of a file; `InputError` if it is missing or damaged."""
     rows = read_table(path, _HEADER, {"source": NAME, "quantity": NAME, "tolerance": GAP}, _KEY)
     for line, row in enumerate(rows, start=2):
@@ -61,7 +61,7 @@ def read_numbers(path: Path) -> dict[Key, Number]:
             problem = f"line {line}, tolerance: {row['tolerance']} must be zero or more"
             raise InputError(str(path), problem)
     return {
-        (row["source"], row["quantity"], row["time"]): Number(
+        (row["source"], row["quantity"], row["time"]): GoldenNumber(
             row["value"], row["unit"], row["tolerance"]
         )
         for row in rows

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.files import cell, read_rows
-from reobserve_papers.golden.files import Key, Number
+from reobserve_papers.golden.files import GoldenNumber, Key
 from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.compute import paper_module
@@ -35,7 +35,7 @@ def records(tree: Mapping[str, Any], figure: str) -> list[str]:
     return []
 
 
-def built_numbers(folder: Path, tree: Mapping[str, Any], part: str) -> dict[Key, Number]:
+def built_numbers(folder: Path, tree: Mapping[str, Any], part: str) -> dict[Key, GoldenNumber]:
     """The numbers of a part that was built; `InputError` if a file is missing or damaged."""
     if part in tree.get("tables", {}):
         header, lines = read_rows(folder / f"{part}.csv")
@@ -48,7 +48,7 @@ def built_numbers(folder: Path, tree: Mapping[str, Any], part: str) -> dict[Key,
     return numbers
 
 
-def evaluated_numbers(evaluator: Evaluator, part: str) -> dict[Key, Number]:
+def evaluated_numbers(evaluator: Evaluator, part: str) -> dict[Key, GoldenNumber]:
     """The numbers of a part, computed here; `InputError` if a parameter cannot be used."""
     tree = evaluator.parameters.tree
     if part in tree.get("tables", {}):
@@ -64,19 +64,21 @@ def evaluated_numbers(evaluator: Evaluator, part: str) -> dict[Key, Number]:
     return numbers
 
 
-def _cells(rows: Iterable[Mapping[str, str]]) -> dict[Key, Number]:
+def _cells(rows: Iterable[Mapping[str, str]]) -> dict[Key, GoldenNumber]:
     return {
-        (f"row {line}", column, ""): Number(value)
+        (f"row {line}", column, ""): GoldenNumber(value)
         for line, row in enumerate(rows, start=1)
         for column, value in row.items()
     }
 
 
-def _metrics(metrics: Iterable[Metric]) -> dict[Key, Number]:
-    return {(one.observer, one.metric, ""): Number(_text(one.value), one.unit) for one in metrics}
+def _metrics(metrics: Iterable[Metric]) -> dict[Key, GoldenNumber]:
+    return {
+        (one.observer, one.metric, ""): GoldenNumber(_text(one.value), one.unit) for one in metrics
+    }
 
 
-def _samples(source: str, series: Series) -> dict[Key, Number]:
+def _samples(source: str, series: Series) -> dict[Key, GoldenNumber]:
     """Samples at even distances, and two in the first interval for how an estimate starts.
 
     If the step is halved they are at the same times.
@@ -93,7 +95,7 @@ def _samples(source: str, series: Series) -> dict[Key, Number]:
         if name.endswith("_before"):  # left limits at jumps
             continue
         for time, value in zip(series.time[rows], values[rows], strict=True):
-            numbers[source, column, f"{time:.9g}"] = Number(
+            numbers[source, column, f"{time:.9g}"] = GoldenNumber(
                 _text(value), series.channels[name].unit
             )
     return numbers

@@ -167,7 +167,7 @@ class Titled(_Branch):
     title: str
 
 
-class Observer(_Branch):
+class ObserverBranch(_Branch):
     """An observer."""
 
     algorithm: str
@@ -175,7 +175,7 @@ class Observer(_Branch):
     design: str | None = None
 
 
-class Search(_Branch):
+class SearchBranch(_Branch):
     """A search for values."""
 
     title: str
@@ -183,14 +183,14 @@ class Search(_Branch):
     observers: list[str]
 
 
-class Study(Search):
+class StudyBranch(SearchBranch):
     """A study over many runs."""
 
     method: str | None = None
     design: str | None = None
 
 
-class Table(_Branch):
+class TableBranch(_Branch):
     """A table of the paper."""
 
     title: str
@@ -198,7 +198,7 @@ class Table(_Branch):
     design: str
 
 
-class Figure(_Branch):
+class FigureBranch(_Branch):
     """A figure of the paper."""
 
     title: str
@@ -226,13 +226,13 @@ class ParameterFile(Model):
     plant: dict[str, Entry]
     scenarios: dict[Name, Titled]
     designs: dict[Name, Titled] = {}
-    observers: dict[ObserverName, Observer]
-    studies: dict[Name, Study] = {}
-    searches: dict[Name, Search] = {}
-    tables: dict[TableName, Table] = {}
+    observers: dict[ObserverName, ObserverBranch]
+    studies: dict[Name, StudyBranch] = {}
+    searches: dict[Name, SearchBranch] = {}
+    tables: dict[TableName, TableBranch] = {}
     metrics: dict[str, Entry]
     theory: dict[str, Entry] | None = None
-    figures: dict[FigureName, Figure]
+    figures: dict[FigureName, FigureBranch]
 
 
 class StoredFile(Model):

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 ORDER = 4
 
-# What a realisation measures, by its name: rows of `Sampled.C`.
+# What a realisation measures, by its name: rows of `SampledActuator.C`.
 REALISATIONS = {
     "velocity": ("velocity",),
     "derivatives": ("velocity", "acceleration", "jerk"),
@@ -49,7 +49,7 @@ MOTION = ("position", "velocity", "acceleration", "jerk")
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class SampledActuator:
     """A model at the samples: x(k+1) = A x(k) + B u(k), measured C x(k+1) + D u(k)."""
 
     A: Array
@@ -79,7 +79,7 @@ class ActuatorModel:
 
     numerator: ArrayLike
     denominator: ArrayLike
-    _sampled: dict[tuple[str, float, float], Sampled] = field(
+    _sampled: dict[tuple[str, float, float], SampledActuator] = field(
         default_factory=dict, init=False, repr=False
     )
 
@@ -128,7 +128,7 @@ class ActuatorModel:
             *((1 - share) * here + share * there for here, there in zip(mine, theirs, strict=True))
         )
 
-    def sampled(self, realisation: str, period: float, frequency: float) -> Sampled:
+    def sampled(self, realisation: str, period: float, frequency: float) -> SampledActuator:
         """The model at samples, exactly, for an input that is held between them.
 
         Parameters
@@ -157,7 +157,7 @@ class ActuatorModel:
             self._sampled[chosen] = self._sample(*chosen)
         return self._sampled[chosen]
 
-    def _sample(self, realisation: str, period: float, scale: float) -> Sampled:
+    def _sample(self, realisation: str, period: float, scale: float) -> SampledActuator:
         powers = np.float64(scale) ** np.arange(ORDER)
         # Position, then velocity and its derivatives, divided by frequency^-1, 1, frequency, ...
         A, B = np.zeros((ORDER + 1, ORDER + 1)), np.zeros((ORDER + 1, 1))
@@ -176,7 +176,7 @@ class ActuatorModel:
             derivative = MOTION.index(name)
             C[row, derivative - first] = scale ** (derivative - 1)
             D[row] = self.markov[derivative - 2] if derivative >= 2 else 0.0
-        return Sampled(transition, effect, C, D)
+        return SampledActuator(transition, effect, C, D)
 
     def _observer_canonical(self, powers: Array) -> tuple[Array, Array]:
         b, a = self.coefficients

@@ -8,12 +8,12 @@ from typing import Any
 
 from reobserve_papers.parameters.overrides import OVERRIDDEN
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.report.claims import Claim
+from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.reading import line
 
 
 @dataclass(frozen=True)
-class Entry:
+class AssumptionRow:
     """Parameters of a paper that say the same of several keys.
 
     ``status`` is `assumed`, `stated` or `overridden`, ``value`` and ``range`` one line a part.
@@ -36,7 +36,7 @@ class Entry:
         return self.keys[0].partition(".")[0]
 
 
-def entries(parameters: Parameters, claims: Iterable[Claim]) -> tuple[Entry, ...]:
+def entries(parameters: Parameters, claims: Iterable[ReportedClaim]) -> tuple[AssumptionRow, ...]:
     """Return the parameters of a paper in file order, with the claims that depend on them.
 
     Entries that have the same last key in the same section and say the same stand together: what
@@ -46,7 +46,7 @@ def entries(parameters: Parameters, claims: Iterable[Claim]) -> tuple[Entry, ...
     for claim in claims:
         for key in claim.depends_on:
             dependent.setdefault(key, []).append(claim.name)
-    grouped: dict[tuple[Any, ...], Entry] = {}
+    grouped: dict[tuple[Any, ...], AssumptionRow] = {}
     for key, body in parameters.entries():
         entry = _entry(key, body)
         identity = (entry.section, key.rpartition(".")[2], replace(entry, keys=("",)))
@@ -61,10 +61,10 @@ def entries(parameters: Parameters, claims: Iterable[Claim]) -> tuple[Entry, ...
     )
 
 
-def _entry(key: str, body: Mapping[str, Any]) -> Entry:
+def _entry(key: str, body: Mapping[str, Any]) -> AssumptionRow:
     source = str(body["source"])
     status = {"assumed": "assumed", OVERRIDDEN: "overridden"}.get(source, "stated")
-    return Entry(
+    return AssumptionRow(
         keys=(key,),
         value=value_lines(body["value"]),
         unit=str(body["unit"]),

@@ -14,7 +14,7 @@ _DRAWN = ("samples", "held", "share", "low", "high")
 
 
 @dataclass(frozen=True)
-class Robustness:
+class ReportedRobustness:
     """How firmly a verdict stands: over samples of the unstated choices, and by single moves.
 
     ``share`` of the samples held the claim, with its 95 % interval ``low`` to ``high``.
@@ -34,7 +34,7 @@ class Robustness:
 
 
 @dataclass(frozen=True)
-class Claim:
+class ReportedClaim:
     """What a paper says, and what was found."""
 
     name: str
@@ -49,7 +49,7 @@ class Claim:
     margin: str
     figures: tuple[str, ...]
     depends_on: tuple[str, ...]
-    robustness: Robustness | None
+    robustness: ReportedRobustness | None
     problem: Gap | None
 
     @property
@@ -58,7 +58,9 @@ class Claim:
         return bool(self.promised)
 
 
-def claim_of_row(row: Mapping[str, str], samples: Drawn, problem: Gap | None = None) -> Claim:
+def claim_of_row(
+    row: Mapping[str, str], samples: Drawn, problem: Gap | None = None
+) -> ReportedClaim:
     """Return a claim, from its row of the table with all cells as text, and from its samples."""
     texts = {
         key: row[key]
@@ -73,7 +75,7 @@ def claim_of_row(row: Mapping[str, str], samples: Drawn, problem: Gap | None = N
             "margin",
         )
     }
-    return Claim(
+    return ReportedClaim(
         name=row["claim"],
         # Check by check: each begins with the figure or the theory it names.
         measured=tuple(filter(None, re.split(r"; (?=(?:fig\w+|theory) )", row["measured"]))),
@@ -85,12 +87,12 @@ def claim_of_row(row: Mapping[str, str], samples: Drawn, problem: Gap | None = N
     )
 
 
-def _robustness(row: Mapping[str, str], samples: Drawn) -> Robustness | None:
+def _robustness(row: Mapping[str, str], samples: Drawn) -> ReportedRobustness | None:
     if not all(row[key] for key in _DRAWN) or int(row["samples"]) == 0:
         return None
     looked = row["reversal"] != NOT_LOOKED_FOR
     key, _, moved = row["reversal"].partition(" ") if looked else ("", "", "")
-    return Robustness(
+    return ReportedRobustness(
         samples=int(row["samples"]),
         held=int(row["held"]),
         share=float(row["share"]),

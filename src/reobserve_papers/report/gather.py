@@ -26,11 +26,11 @@ from reobserve_papers.parameters.names import caption_template, stored_parameter
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.assumptions import entries
-from reobserve_papers.report.claims import Claim, claim_of_row
+from reobserve_papers.report.claims import ReportedClaim, claim_of_row
 from reobserve_papers.report.environment import environment, package_versions
 from reobserve_papers.report.files import csv_table, image, metrics_table
 from reobserve_papers.report.markup import first_sentence, to_html, without_title
-from reobserve_papers.report.reading import Gap, Gaps
+from reobserve_papers.report.reading import Gap, ReportGaps
 from reobserve_papers.steps.chain import log
 from reobserve_papers.steps.meanings import meanings
 
@@ -77,7 +77,7 @@ def gather(
     """
     path = folder / "config/config.yaml"
     config = parse(Configuration, read_yaml(path), str(path))
-    gaps = Gaps(folder)
+    gaps = ReportGaps(folder)
     rows = gaps.attempt(
         "summary", read_table, folder / CLAIMS_FILE, HEADER, KINDS, ("paper", "claim")
     )
@@ -113,7 +113,7 @@ class _Build:
     folder: Path
     page: Path
     formats: Sequence[str]
-    gaps: Gaps
+    gaps: ReportGaps
     seed: int
 
     def paper(self, name: str, rows: list[dict[str, str]] | Gap) -> Data:
@@ -239,7 +239,7 @@ class _Paper:
 
     build: _Build
     parameters: Parameters
-    claims: Sequence[Claim]
+    claims: Sequence[ReportedClaim]
 
     def _place(self, name: str) -> str:
         return f"{self.parameters.paper}-{name}"

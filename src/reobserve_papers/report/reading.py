@@ -23,7 +23,7 @@ class Gap:
 
 
 @dataclass
-class Gaps:
+class ReportGaps:
     """All gaps of a page about the project in ``folder``, in the order in which they were found."""
 
     folder: Path

@@ -41,7 +41,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Shape:
+class ChannelShape:
     """What a channel must be: its unit, and how many components, none for one column of values.
 
     An ``optional`` channel may be missing.

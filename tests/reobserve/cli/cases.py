@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from reobserve.cli.main import command_parser
-from reobserve.cli.parts import Table
+from reobserve.cli.parts import CommandTable
 
 
 def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -37,7 +37,7 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     inspect.signature(function).bind(**dict.fromkeys(options))
 
 
-def check_help(program: str, table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+def check_help(program: str, table: CommandTable, monkeypatch: pytest.MonkeyPatch) -> None:
     """Check that the help fits a terminal and lists all commands, whatever word comes first."""
     monkeypatch.setenv("COLUMNS", "80")
     for words in ((), ("--help",), ("none",)):
@@ -46,7 +46,7 @@ def check_help(program: str, table: Table, monkeypatch: pytest.MonkeyPatch) -> N
         assert all(f"    {name} " in text for name in table.commands)
 
 
-def check_only_the_typed_is_built(program: str, table: Table, typed: list[str]) -> None:
+def check_only_the_typed_is_built(program: str, table: CommandTable, typed: list[str]) -> None:
     """Check that a parser of a line has the options of its command only."""
     whole, built = command_parser(program, table), command_parser(program, table, typed)
     for word in typed:

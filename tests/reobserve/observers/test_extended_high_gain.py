@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, ExtendedHighGainState
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
 from reobserve.systems.triangular_text import triangular_model
@@ -83,7 +83,7 @@ def observer(case: Case, step: float) -> ExtendedHighGainObserver:
     )  # fmt: skip
 
 
-def observed(case: Case, step: float, end: float) -> Run[State]:
+def observed(case: Case, step: float, end: float) -> Run[ExtendedHighGainState]:
     y, u = record(case.applied, step, end)
     built = observer(case, step)
     start = built.init([0.0, 0.0], FIRST_DELAY)
@@ -91,7 +91,7 @@ def observed(case: Case, step: float, end: float) -> Run[State]:
     return run_on_halves(built, y, inputs, state=start, on_divergence="return")
 
 
-def together(run: Run[State]) -> Array:
+def together(run: Run[ExtendedHighGainState]) -> Array:
     return np.column_stack([run["state"], run["delay"]])
 
 
@@ -243,7 +243,7 @@ def test_order_is_four_with_projection_and_switching(name: str) -> None:
 # ---- Inside steps
 
 
-def inside(case: Case, step: float, run: Run[State], k: int, share: float) -> float:
+def inside(case: Case, step: float, run: Run[ExtendedHighGainState], k: int, share: float) -> float:
     """The delay at a fraction of step k, by a shorter step on the parabola through the same
     samples.
 

@@ -11,7 +11,7 @@ import pytest
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.extended_high_gain import (
     ExtendedHighGainObserver,
-    State,
+    ExtendedHighGainState,
     SwitchedOffWarning,
 )
 from reobserve.observers.fixed_step import run_on_halves
@@ -200,5 +200,5 @@ def test_state_of_another_observer_is_refused() -> None:
         ExtendedHighGainObserver(**{**GOOD, "order": 1}),
     )
     problem = "state: must be of an observer of 2 states and the order 2"
-    refused(lambda: built.run(Y, U, state=State(np.zeros(2), np.zeros(3))), problem)
+    refused(lambda: built.run(Y, U, state=ExtendedHighGainState(np.zeros(2), np.zeros(3))), problem)
     refused(lambda: built.run(Y, U, state=other.init([0, 0], FIRST_DELAY)), problem)

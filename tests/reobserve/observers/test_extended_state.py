@@ -12,7 +12,7 @@ from scipy.linalg import solve_continuous_are
 
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
-from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from tests.reobserve.synthesis.plants import dc_motor, random_plant
 
@@ -235,7 +235,7 @@ Y, U = np.zeros((4, 2)), np.zeros((4, 1))
 
 
 def test_state_of_another_observer_is_refused() -> None:
-    state = State(np.zeros(2), np.zeros(5))
+    state = EsoState(np.zeros(2), np.zeros(5))
     with pytest.raises(InputError, match=r"^state: must be of an observer of size 6"):
         ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).run(
             np.zeros((4, 2)), np.zeros((4, 1)), state=state

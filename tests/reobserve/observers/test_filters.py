@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.gaussian_filter import Correction, Gaussian, State
+from reobserve.observers.gaussian_filter import Correction, Gaussian, KalmanState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_function
@@ -61,7 +61,7 @@ def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
     )
 
 
-def reported(*runs: Run[State]) -> dict[str, Array]:
+def reported(*runs: Run[KalmanState]) -> dict[str, Array]:
     """The results of consecutive runs, and the last state."""
     state = runs[-1].state
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
@@ -367,7 +367,7 @@ def test_gain_is_continuous_at_the_edge_of_the_layer() -> None:
 # --- Steps, runs and resuming -------------------------------------------------------------------
 
 
-def by_steps(one: LinearFilter, z: Array, state: State, u: Array) -> dict[str, Array]:
+def by_steps(one: LinearFilter, z: Array, state: KalmanState, u: Array) -> dict[str, Array]:
     rows = []
     for measurement, control in zip(z, u, strict=True):
         state, estimate = one.step(state, measurement, control)

@@ -16,7 +16,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from reobserve.core.errors import InputError
 from reobserve.core.vector_field import vector_field
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.high_gain import HighGainObserver, State
+from reobserve.observers.high_gain import HighGainObserver, HighGainState
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
 from reobserve.systems.triangular import TriangularModel
 from tests.reobserve.observers.small_plants import pendulum
@@ -348,7 +348,7 @@ def test_wrong_states_are_refused() -> None:
     with pytest.raises(InputError, match=r"^state: has shape \(3,\)"):
         observer.init([0.0, 0.0, 0.0])
     with pytest.raises(InputError, match=r"^state: must be of an observer of 2 states$"):
-        observer.run(np.zeros(3), np.zeros(3), state=State(np.zeros(3)))
+        observer.run(np.zeros(3), np.zeros(3), state=HighGainState(np.zeros(3)))
 
 
 @pytest.mark.parametrize(

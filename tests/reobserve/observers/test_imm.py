@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError
 from reobserve.observers.gaussian_filter import Correction, Gaussian
-from reobserve.observers.imm import IMM, State
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
@@ -72,7 +72,7 @@ def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
     )
 
 
-def remembered(state: State) -> dict[str, Array]:
+def remembered(state: ImmState) -> dict[str, Array]:
     """The state, by the names of its parts."""
     found = {"log_probabilities": state.log_probabilities, "count": np.array(state.count)}
     for j, posterior in enumerate(state.posteriors):
@@ -81,7 +81,7 @@ def remembered(state: State) -> dict[str, Array]:
     return {**found, "sample": state.sample}
 
 
-def reported(*runs: Run[State]) -> dict[str, Array]:
+def reported(*runs: Run[ImmState]) -> dict[str, Array]:
     """The results of consecutive runs, and the last state."""
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
     return {**joined, **remembered(runs[-1].state)}
@@ -153,7 +153,7 @@ CONSTANT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=4.0)
 
 def scalar_run(
     transition: ArrayLike, start: ArrayLike, rows: int = 200, **kwargs: Any
-) -> Run[State]:
+) -> Run[ImmState]:
     """A bank of identical models."""
     bank = IMM(kalmans([CONSTANT] * len(np.array(start))), transition)
     z = kwargs.get("z", 3.0 + 2.0 * ripple(rows))
@@ -398,7 +398,7 @@ SHEARS = [
 TURNS = [np.linalg.qr(shear)[0] for shear in SHEARS]
 
 
-def in_coordinates(kind: str, transforms: Sequence[Array], *, mixing: bool) -> Run[State]:
+def in_coordinates(kind: str, transforms: Sequence[Array], *, mixing: bool) -> Run[ImmState]:
     z, u = velocity_record(200, 100)
     models = [moved(model, T) for model, T in zip(VELOCITY, transforms, strict=True)]
     filters = kalmans(models) if kind == "KF" else svsfs(models, 0.05)

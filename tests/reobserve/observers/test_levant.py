@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.levant import LevantDifferentiator, State
+from reobserve.observers.levant import LevantDifferentiator, LevantState
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def errors(
     return run["derivatives"] - truth
 
 
-def zeros(differentiator: LevantDifferentiator) -> State:
+def zeros(differentiator: LevantDifferentiator) -> LevantState:
     return differentiator.init(np.zeros(differentiator.order + 1))
 
 
@@ -331,7 +331,7 @@ def test_overflow_is_reported_with_time_and_finite_rows() -> None:
     assert differentiator.run(np.zeros(rows), state=start).diverged_at is None
     said = r"^LevantDifferentiator diverged: .* up to t = 7e\+60 s"
     with pytest.raises(DivergenceError, match=said):
-        differentiator.step(State(np.array([1e308, 1e308]), np.array([-1e308]), 7), 0.0)
+        differentiator.step(LevantState(np.array([1e308, 1e308]), np.array([-1e308]), 7), 0.0)
 
 
 @pytest.mark.parametrize(

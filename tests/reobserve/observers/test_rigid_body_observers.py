@@ -15,7 +15,7 @@ from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import RigidBodyObserver, State, whole_steps
+from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState, whole_steps
 from reobserve.observers.run import Run
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
@@ -257,7 +257,7 @@ DIVERGING: dict[str, RigidBodyObserver] = {
 }
 
 
-def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run[State]:
+def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run[RigidBodyState]:
     record = np.zeros((2 * steps + 1, 3))
     first = [0.1, 0.0, 0.0] if "first" in name else [0.1, 0.2, -0.1]
     start = observer.init(first)

@@ -23,7 +23,7 @@ from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
+from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState
 from reobserve.observers.run import Run
 from reobserve.systems.rigid_body import RigidBody
 from tests.reobserve.observers.small_plants import trajectory
@@ -233,7 +233,9 @@ class Deviation:
     before: float
 
 
-def simulate(where: str, build: Callable[[float], RigidBodyObserver], steps: int) -> Run[State]:
+def simulate(
+    where: str, build: Callable[[float], RigidBodyObserver], steps: int
+) -> Run[RigidBodyState]:
     """Plant on the grid of half steps, with the observer on it."""
     case, h = SCENARIOS[where], INTERVAL / steps
     half_steps = 2 * steps * INTERVALS

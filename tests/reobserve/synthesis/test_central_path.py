@@ -19,8 +19,13 @@ from numpy.typing import NDArray
 from reobserve.core.code_paths import unpinned
 from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import pd_pi, pi
-from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Term, minimiser
-from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.central_path import (
+    Constraint,
+    MatrixTerm,
+    Problem,
+    minimiser,
+)
+from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables, _solved
 from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_constraints, pi_constraints
@@ -84,7 +89,7 @@ def test_minimum_gamma_within_a_radius_agrees_with_closed_form() -> None:
     """gamma x > 1 with |x| <= 4: no gamma is below 1/4, which a larger x would reach."""
     corner = np.array([[0.0, 1.0], [1.0, 0.0]])
     column, row = np.array([[0.0], [0.5]]), np.array([[0.0, 1.0]])
-    constraints = (Constraint(corner, (Term("X", column, row),), np.diag([1.0, 0.0])),)
+    constraints = (Constraint(corner, (MatrixTerm("X", column, row),), np.diag([1.0, 0.0])),)
     problem = Problem({"X": (1, 1)}, frozenset(), constraints, gap=1e-7, radius=4.0)
     found = polished(problem, minimiser(problem, problem.vector({"X": ONE}, 3.0)))
     gamma = float(found.x[-1])
@@ -154,8 +159,8 @@ DESIGNS: dict[str, Any] = {
 
 
 @cache
-def designed(name: str, solver: str = "CLARABEL") -> Design:
-    found: Design = DESIGNS[name](dc_motor(), solver)
+def designed(name: str, solver: str = "CLARABEL") -> CertifiedGains:
+    found: CertifiedGains = DESIGNS[name](dc_motor(), solver)
     return found
 
 
@@ -164,7 +169,7 @@ def assert_same(one: Array, other: Array) -> None:
     np.testing.assert_allclose(one, other, rtol=0, atol=AGREE * np.abs(one).max())
 
 
-def gains(design: Design) -> Array:
+def gains(design: CertifiedGains) -> Array:
     return np.array([design.gains.L, design.gains.Ld])
 
 

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
-from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
@@ -26,7 +26,7 @@ FLOOR = 1.00503781018428  # of the paper's example
 
 
 @cache
-def minimum_norm() -> Design:
+def minimum_norm() -> CertifiedGains:
     return pd_pi.design(dc_motor())
 
 
@@ -263,7 +263,7 @@ def test_design_round_trips_through_json() -> None:
     found = minimum_norm()
     values = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert (values["lower"], values["radius"]) == (found.lower, None)
-    again = Design.from_dict(values)
+    again = CertifiedGains.from_dict(values)
     assert again.to_dict() == found.to_dict()
     assert again.certificate == found.certificate
     np.testing.assert_array_equal(again.gains.Ld, found.gains.Ld)

@@ -7,13 +7,13 @@ import pytest
 
 from reobserve.tuning.record_score import WORST, score
 from reobserve.tuning.scoring import interval
-from reobserve.tuning.task import Array, Record
+from reobserve.tuning.task import Array, TaskRecord
 
 TIME = 0.01 * np.arange(2001)
 
 
-def record(truth: Array) -> Record:
-    return Record(TIME, np.zeros((len(TIME), 0)), truth, truth)
+def record(truth: Array) -> TaskRecord:
+    return TaskRecord(TIME, np.zeros((len(TIME), 0)), truth, truth)
 
 
 def wave(delay: float = 0.0) -> Array:

@@ -17,7 +17,7 @@ import yaml
 from reobserve.cli.main import main
 from reobserve.core.documents import read_yaml
 from reobserve.tuning.recorded import RecordedTask
-from reobserve.tuning.scoring import Row, Scorer
+from reobserve.tuning.scoring import ScoredRow, Scorer
 from tests.reobserve.estimation.records import read_results, write_record
 
 # A random walk of variance 0.04 a sample that decays and has an input, under noise of variance 1.
@@ -130,7 +130,7 @@ def test_errors_agree_with_estimates_written_by_estimate(tmp_path: Path, logged:
     truth = np.array([float(row["truth"]) for row in rows(logged)])
     wrong = 100 * estimates["x"] - truth
     size = math.sqrt(np.mean(truth**2))  # the segments are the record
-    found = Scorer(task).scores(Row("walk", "paper", (("observer.Q", Q),)), "held_out", 16)
+    found = Scorer(task).scores(ScoredRow("walk", "paper", (("observer.Q", Q),)), "held_out", 16)
     ends = np.linspace(1000.0, 1999.9, 17)
     ends[-1] += 0.05
     time = 0.1 * np.arange(len(truth))
@@ -183,7 +183,7 @@ def test_gaps_hold_the_last_estimate_and_rows_without_reference_are_left_out(
     }  # fmt: skip
     (tmp_path / "tune.yaml").write_text(yaml.safe_dump(tree))
     task = RecordedTask.read(tmp_path / "tune.yaml")
-    row = Row("difference", "paper", (("observer.gains.gain.1.0", 10.0),))
+    row = ScoredRow("difference", "paper", (("observer.gains.gain.1.0", 10.0),))
     found = Scorer(task).scores(row, "held_out", 10)
     # An estimate of 2 where 3 is stated, in the gap from 20 s to 24 s as before it.
     assert [one.error for one in found] == pytest.approx([1 / 3] * 10, rel=1e-9)
@@ -209,7 +209,7 @@ def test_records_without_times_and_with_dates_have_the_same_errors(
             ]
             (tmp_path / name / "log.csv").write_text("\n".join([lines[0], *dated]) + "\n")
         task = RecordedTask.read(file)
-        row = Row("walk", "paper", (("observer.Q", 0.1),))
+        row = ScoredRow("walk", "paper", (("observer.Q", 0.1),))
         found.append([one.error for one in Scorer(task).scores(row, "held_out", 16)])
     assert found[1] == pytest.approx(found[0], rel=1e-9)
     assert found[2] == pytest.approx(found[0], rel=1e-6)

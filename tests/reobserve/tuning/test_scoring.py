@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.tuning.scoring import Row, Scorer, interval, moved, score_task
+from reobserve.tuning.scoring import ScoredRow, Scorer, interval, moved, score_task
 from reobserve.tuning.table import Results, write_cells, write_scores
 from reobserve.tuning.task import Task
 from reobserve.tuning.task_tuning import objective, tune_method
@@ -38,7 +38,7 @@ def error(share: float, deviation: float, seed: int) -> float:
 
 def test_scores_agree_with_hand_calculation(tmp_path: Path) -> None:
     task = toy(tmp_path)
-    row = Row("share", "nominal", (("share", 0.9),))
+    row = ScoredRow("share", "nominal", (("share", 0.9),))
     for condition, deviation in (("nominal", 0.1), ("noise", 0.5)):
         found = [one.error for one in Scorer(task).scores(row, condition, 20)]
         assert found == pytest.approx([error(0.9, deviation, 1001 + k) for k in range(20)])
@@ -104,13 +104,13 @@ def test_cells_hold_geometric_means_of_the_median_repeat(tmp_path: Path) -> None
 
 def test_comparison_stops_when_decided(tmp_path: Path) -> None:
     scorer = Scorer(toy(tmp_path))
-    same = [Row("share", "nominal", (("share", value),)) for value in (0.5, 0.500001)]
-    far = [Row("share", "nominal", (("share", value),)) for value in (0.5, 0.1)]
+    same = [ScoredRow("share", "nominal", (("share", value),)) for value in (0.5, 0.500001)]
+    far = [ScoredRow("share", "nominal", (("share", value),)) for value in (0.5, 0.1)]
     for rows, within in ((same, "yes"), (far, "no")):
         first, second = scorer.compared(rows, "nominal")
         assert len(first.scores) == len(second.scores) == 16
         assert (first.within, second.within) == ("yes", within)
-    close = [Row("share", "nominal", (("share", value),)) for value in (0.97, 1.03)]
+    close = [ScoredRow("share", "nominal", (("share", value),)) for value in (0.97, 1.03)]
     assert {len(cell.scores) for cell in scorer.compared(close, "nominal")} == {64}
 
 
@@ -118,7 +118,7 @@ def test_unexpected_failures_raise_an_error(tmp_path: Path) -> None:
     tree = {**stated(), "shown": ["fragile"]}
     tree["methods"] = {"fragile": method()}
     task = Task.read(write(tmp_path, tree))
-    row = Row("fragile", "nominal", (("share", 1.0),))
+    row = ScoredRow("fragile", "nominal", (("share", 1.0),))
     with pytest.raises(
         InputError, match=r"methods\.fragile: fails in the condition noise, seed 10"
     ):

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from reobserve.core.errors import InputError
-from reobserve.tuning.task import Array, Condition, Record
+from reobserve.tuning.task import Array, Condition, TaskRecord
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.tasks.delay import Plant, simulate
 from tests import ROOT
@@ -24,7 +24,7 @@ QUIET = 1e-9  # negligible noise
 T = 0.02
 
 
-def quiet(classes: list[str], levels: list[float], seed: int, **changed: float) -> Record:
+def quiet(classes: list[str], levels: list[float], seed: int, **changed: float) -> TaskRecord:
     stated: Plant = replace(PLANT, noise=QUIET, classes=classes, levels=levels, **changed)  # type: ignore[arg-type]
     return simulate(stated, NOMINAL, seed, T)
 

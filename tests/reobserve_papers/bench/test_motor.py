@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
-from reobserve.tuning.task import Condition, Record
+from reobserve.tuning.task import Condition, TaskRecord
 from reobserve.tuning.task_tuning import _cost
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.tasks import motor
@@ -41,7 +41,7 @@ def quiet(**keys: Any) -> Any:
     return replace(task().plant_in("nominal"), noise=1e-12, disturbance=(1e-12, 1e-12), **keys)
 
 
-def recorded(seed: int, plant: Any, **condition: Any) -> Record:
+def recorded(seed: int, plant: Any, **condition: Any) -> TaskRecord:
     return motor.simulate(plant, Condition("c", **condition), seed, PERIOD)
 
 

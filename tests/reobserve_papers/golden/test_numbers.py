@@ -11,8 +11,8 @@ from reobserve.core.errors import InputError, ReobserveError
 from reobserve_papers.golden import acceptance, conditions
 from reobserve_papers.golden.comparison import compare
 from reobserve_papers.golden.files import (
+    GoldenNumber,
     Key,
-    Number,
     golden_file,
     golden_files,
     read_numbers,
@@ -27,15 +27,17 @@ from tests.reobserve_papers.pipeline.conftest import EVALUATORS, PARAMETER_FILES
 METRIC: Key = ("watch", "rms", "")
 
 
-def number(value: str, allowed: str = "1e-6", unit: str = "V") -> dict[Key, Number]:
-    return {METRIC: Number(value, unit, allowed)}
+def number(value: str, allowed: str = "1e-6", unit: str = "V") -> dict[Key, GoldenNumber]:
+    return {METRIC: GoldenNumber(value, unit, allowed)}
 
 
-def samples(values: dict[float, float], allowed: str = "") -> dict[Key, Number]:
-    return {("plant", "x", f"{t:g}"): Number(f"{x:.14g}", "m", allowed) for t, x in values.items()}
+def samples(values: dict[float, float], allowed: str = "") -> dict[Key, GoldenNumber]:
+    return {
+        ("plant", "x", f"{t:g}"): GoldenNumber(f"{x:.14g}", "m", allowed) for t, x in values.items()
+    }
 
 
-def moved(golden: dict[Key, Number], found: dict[Key, Number]) -> list[str]:
+def moved(golden: dict[Key, GoldenNumber], found: dict[Key, GoldenNumber]) -> list[str]:
     return list(map(str, compare(golden, found, "made fig1")))
 
 
@@ -56,7 +58,7 @@ def moved(golden: dict[Key, Number], found: dict[Key, Number]) -> list[str]:
     ],
 )
 def test_changed_number_is_named(
-    golden: dict[Key, Number], found: dict[Key, Number], said: str
+    golden: dict[Key, GoldenNumber], found: dict[Key, GoldenNumber], said: str
 ) -> None:
     lines = moved(golden, found)
     assert len(lines) == bool(said)
@@ -74,7 +76,7 @@ def test_largest_deviation_of_a_series_is_named() -> None:
     ]
 
 
-def kept(step: float, steps: int) -> dict[Key, Number]:
+def kept(step: float, steps: int) -> dict[Key, GoldenNumber]:
     time = np.arange(steps + 1) * step
     both = Channel(np.column_stack([np.sin(time), np.cos(time)]), "m")
     return _samples("plant", Series(time, {"x": both, "x_before": both}))
@@ -126,18 +128,18 @@ def test_tolerance_follows_from_the_measured_changes(
 def test_only_changed_numbers_are_updated() -> None:
     """Also in its last digits; a number that has become undetermined is listed."""
     still, new = ("watch", "rms", ""), ("watch", "peak", "")
-    golden = {still: Number("0.5", "V", "2e-6"), new: Number("3", "V", "1e-9")}
-    found = {still: Number("0.5000001", "V"), new: Number("3.1234567", "V")}
-    other = {still: Number("0.5", "V"), new: Number("3.1234568", "V")}
-    halved = {still: Number("0.6", "V"), new: Number("3.1234569", "V")}
-    wanted = {still: golden[still], new: Number("3.1234567", "V", "1e-06")}
+    golden = {still: GoldenNumber("0.5", "V", "2e-6"), new: GoldenNumber("3", "V", "1e-9")}
+    found = {still: GoldenNumber("0.5000001", "V"), new: GoldenNumber("3.1234567", "V")}
+    other = {still: GoldenNumber("0.5", "V"), new: GoldenNumber("3.1234568", "V")}
+    halved = {still: GoldenNumber("0.6", "V"), new: GoldenNumber("3.1234569", "V")}
+    wanted = {still: golden[still], new: GoldenNumber("3.1234567", "V", "1e-06")}
     assert acceptance.renewed(golden, found, [other], halved) == wanted
-    halved[new] = Number("3.2", "V")
+    halved[new] = GoldenNumber("3.2", "V")
     listed = acceptance.renewed(golden, found, [other], halved)
-    assert listed == {still: golden[still], new: Number("3.12", "V")}
-    found[new] = Number("3.2345678", "V")
+    assert listed == {still: golden[still], new: GoldenNumber("3.12", "V")}
+    found[new] = GoldenNumber("3.2345678", "V")
     again = acceptance.renewed(listed, found, [found], found)
-    assert again == {still: golden[still], new: Number("3.23", "V")}
+    assert again == {still: golden[still], new: GoldenNumber("3.23", "V")}
 
 
 def test_each_sample_has_its_own_tolerance() -> None:

@@ -13,7 +13,7 @@ from PIL import Image
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.table import NOT_LOOKED_FOR
 from reobserve_papers.report.assumptions import range_lines, value_lines
-from reobserve_papers.report.claims import Claim
+from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.environment import environment
 from reobserve_papers.report.files import metrics_table
 from reobserve_papers.report.gather import MAX_ROWS, gather
@@ -36,7 +36,7 @@ def sentences(folder: Path) -> list[str]:
     return [gap.sentence for gap in gather(folder, folder / PAGE)["gaps"]]
 
 
-def claims(folder: Path) -> dict[str, Claim]:
+def claims(folder: Path) -> dict[str, ReportedClaim]:
     return {claim.name: claim for claim in gathered(folder)[1]["claims"]}
 
 

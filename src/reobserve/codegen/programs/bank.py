@@ -9,7 +9,7 @@ from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs import linear
 from reobserve.codegen.programs.linear import Matrices
 from reobserve.core.errors import InputError
-from reobserve.observers.imm import IMM, State
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.imm_loop import LEAST
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
@@ -18,7 +18,7 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 _LEAST = -1e300  # what stands for the logarithm of zero
 
 
-def bank(observer: IMM, state: State) -> Program:
+def bank(observer: IMM, state: ImmState) -> Program:
     """One step of all filters, and of the probabilities of their modes."""
     filters = _filters(observer)
     first, r = filters[0].model, len(filters)

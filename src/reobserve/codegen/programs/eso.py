@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.codegen.program import Program
-from reobserve.codegen.programs.sampling import Rows
-from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.codegen.programs.sampling import RowBuffer
+from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 
 
-def extended_state(observer: ExtendedStateObserver, state: State | None) -> Program:
+def extended_state(observer: ExtendedStateObserver, state: EsoState | None) -> Program:
     """Its exact discretisation, for y in straight lines and u held."""
     system = observer.system
     begun = observer.init() if state is None else state
@@ -24,7 +24,7 @@ def extended_state(observer: ExtendedStateObserver, state: State | None) -> Prog
     Phi = program.constant("Phi", weights[:, : p + size])
     before = program.constant("Gamma_0", start[:, :p] + 0.5 * middle[:, :p])
     after = program.constant("Gamma_1", end[:, :p] + 0.5 * middle[:, :p])
-    rows = Rows(program, begun)
+    rows = RowBuffer(program, begun)
     # z: filter of the measurements, states, filtered measurements, faults of actuators and sensors
     z = program.remember("z", np.concatenate([begun.filtered, begun.estimate]))
     value = Phi @ z + before @ rows.y_before + after @ program.y

@@ -11,12 +11,14 @@ from reobserve.codegen.programs.derivatives import SmoothSignal
 from reobserve.codegen.programs.right_hand_sides import right_hand_sides
 from reobserve.codegen.programs.sampling import runge_kutta
 from reobserve.core.errors import InputError
-from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, ExtendedHighGainState
 from reobserve.observers.extended_high_gain_loop import MAX_CHANGES, MAX_TRIALS, NEAREST
 from reobserve.synthesis.high_gain import high_gain
 
 
-def extended(observer: ExtendedHighGainObserver, state: State, columns: tuple[int, int]) -> Program:
+def extended(
+    observer: ExtendedHighGainObserver, state: ExtendedHighGainState, columns: tuple[int, int]
+) -> Program:
     """x^ and tau^, for an input whose derivatives are given, or found from its samples."""
     if observer.initial_matrix is not None:
         raise InputError(

@@ -5,15 +5,15 @@ from __future__ import annotations
 from reobserve.codegen.expressions import Expression
 from reobserve.codegen.program import Program
 from reobserve.codegen.programs.right_hand_sides import right_hand_sides
-from reobserve.codegen.programs.sampling import Rows, runge_kutta
-from reobserve.observers.high_gain import HighGainObserver, State
+from reobserve.codegen.programs.sampling import RowBuffer, runge_kutta
+from reobserve.observers.high_gain import HighGainObserver, HighGainState
 
 
-def standard(observer: HighGainObserver, state: State) -> Program:
+def standard(observer: HighGainObserver, state: HighGainState) -> Program:
     """x^' = Lambda x^ + f(x^) + (0, ..., 0, G(y))^T u - K (x^1 - y), for u as it arrives."""
     n = observer.model.states
     program = Program("High-gain observer", 1, 1)
-    rows = Rows(program, state)
+    rows = RowBuffer(program, state)
     assert rows.u_before is not None
     x = program.remember("x", state.estimate)
     K = program.constant("K", observer.gain)

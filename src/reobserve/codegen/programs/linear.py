@@ -15,7 +15,7 @@ from reobserve.core.matrices import as_row
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import ObserverState
 from reobserve.observers.fixed_gain import FixedGainObserver
-from reobserve.observers.gaussian_filter import State
+from reobserve.observers.gaussian_filter import KalmanState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
@@ -76,7 +76,7 @@ class Inputs:
             self.program.let(self.held, self.program.u)
 
 
-def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
+def fixed_gain(observer: FixedGainObserver, state: KalmanState) -> Program:
     """x <- A x + B u, x <- x + L (y - C x - D u)."""
     model = observer.model
     program = Program("Linear observer of constant gain", model.outputs, model.inputs)
@@ -94,18 +94,18 @@ def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
     return program
 
 
-def kalman(observer: KalmanFilter, state: State) -> Program:
+def kalman(observer: KalmanFilter, state: KalmanState) -> Program:
     """The filter with its covariance."""
     return _filter("Kalman filter", observer.model, state)
 
 
-def augmented(observer: AugmentedKalmanFilter, state: State) -> Program:
+def augmented(observer: AugmentedKalmanFilter, state: KalmanState) -> Program:
     """The Kalman filter of the state and the unknown inputs, which it distinguishes."""
     title = "Kalman filter with unknown inputs"
     return _filter(title, observer._kalman.model, state, split=observer.model.states)
 
 
-def smooth(observer: SmoothVariableStructureFilter, state: State) -> Program:
+def smooth(observer: SmoothVariableStructureFilter, state: KalmanState) -> Program:
     """The SVSF with its covariance."""
     return _filter("Smooth variable structure filter", observer.model, state, observer)
 
@@ -113,7 +113,7 @@ def smooth(observer: SmoothVariableStructureFilter, state: State) -> Program:
 def _filter(
     title: str,
     model: LinearModel,
-    state: State,
+    state: KalmanState,
     svsf: SmoothVariableStructureFilter | None = None,
     split: int = 0,
 ) -> Program:

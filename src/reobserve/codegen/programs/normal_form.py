@@ -7,20 +7,20 @@ import numpy as np
 from reobserve.codegen.expressions import Name
 from reobserve.codegen.program import Program
 from reobserve.codegen.programs.polynomial import evaluated, polynomial
-from reobserve.codegen.programs.sampling import Rows, runge_kutta
+from reobserve.codegen.programs.sampling import RowBuffer, runge_kutta
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.normal_form_observer import NormalFormObserver, NormalFormState
 from reobserve.observers.normal_form_transformed import TransformedObserver
 
 
-def _begun(observer: NormalFormObserver, state: State | None) -> State:
+def _begun(observer: NormalFormObserver, state: NormalFormState | None) -> NormalFormState:
     if state is not None:
         return state
     return observer.init(np.zeros(observer.normal_form.problem.system.states))
 
 
-def _known(program: Program, rows: Rows, injected: int) -> list[Name]:
+def _known(program: Program, rows: RowBuffer, injected: int) -> list[Name]:
     """l(y) - beta(y, u) at the start, the middle and the end of a step."""
     p, m = program.measurements, program.inputs
     row = program.local("known", (p + m,))
@@ -36,7 +36,7 @@ def _known(program: Program, rows: Rows, injected: int) -> list[Name]:
     return found
 
 
-def identity(observer: IdentityObserver, state: State | None) -> Program:
+def identity(observer: IdentityObserver, state: NormalFormState | None) -> Program:
     """x^' = f + L (l(h) - l(y) + beta)."""
     if observer.gain != "series" and observer.order:
         raise InputError(
@@ -48,7 +48,7 @@ def identity(observer: IdentityObserver, state: State | None) -> Program:
     n, p = form.problem.system.states, form.problem.system.outputs
     program = Program(f"Normal-form observer of order {observer.order}", p, observer.inputs)
     begun = _begun(observer, state)
-    rows = Rows(program, begun)
+    rows = RowBuffer(program, begun)
     x = program.remember("x", begun.values)
     h = program.constant("h", observer.sampling_period)
     system, injection = form.problem.system, form.problem.injection
@@ -77,14 +77,14 @@ def identity(observer: IdentityObserver, state: State | None) -> Program:
     return program
 
 
-def transformed(observer: TransformedObserver, state: State | None) -> Program:
+def transformed(observer: TransformedObserver, state: NormalFormState | None) -> Program:
     """z' = A z - l(y) + beta, discretised exactly; x^ = T(z)."""
     form = observer.normal_form
     n, p = form.problem.system.states, form.problem.system.outputs
     title = f"Normal-form observer of order {observer.order}, transformed"
     program = Program(title, p, observer.inputs)
     begun = _begun(observer, state)
-    rows = Rows(program, begun)
+    rows = RowBuffer(program, begun)
     z = program.remember("z", begun.values)
     transition, weights = observer._transition
     Phi = program.constant("Phi", transition)

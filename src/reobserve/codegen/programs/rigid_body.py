@@ -6,11 +6,11 @@ import numpy as np
 
 from reobserve.codegen.expressions import Expression, Name
 from reobserve.codegen.program import Program
-from reobserve.codegen.programs.sampling import Rows, runge_kutta
+from reobserve.codegen.programs.sampling import RowBuffer, runge_kutta
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
+from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState
 
 _VECTOR = (3,)
 
@@ -19,12 +19,16 @@ class _Body:
     """What the three have in common: rates, inertia, the first row, the derivative of w^."""
 
     def __init__(
-        self, title: str, observer: RigidBodyObserver, state: State | None, **gains: np.ndarray
+        self,
+        title: str,
+        observer: RigidBodyObserver,
+        state: RigidBodyState | None,
+        **gains: np.ndarray,
     ) -> None:
         self.program = program = Program(title, 3, 3)
         begun = observer.init(np.zeros(3)) if state is None else state
         self.memory, self.delayed = begun.memory, 0 if state is None else state.count
-        self.rows = Rows(program, begun)
+        self.rows = RowBuffer(program, begun)
         self.w = program.remember("w", begun.rate)
         body = observer.model
         self.J = program.constant("J", body.inertia)
@@ -61,7 +65,7 @@ class _Body:
         return self.B @ self.rows.u_before
 
 
-def sampled(observer: SampledILO, state: State | None) -> Program:
+def sampled(observer: SampledILO, state: RigidBodyState | None) -> Program:
     """v updated once an interval and held."""
     body = _Body(
         "Iterative learning observer, sampled", observer, state,
@@ -86,7 +90,7 @@ def sampled(observer: SampledILO, state: State | None) -> Program:
     return program
 
 
-def continuous(observer: ILO, state: State | None) -> Program:
+def continuous(observer: ILO, state: RigidBodyState | None) -> Program:
     """v learning at every instant: its values over the last interval are kept in a ring."""
     # Lambda, and what of B_f v multiplies w - w^.
     injection = observer.observer_gain + observer.model.fault_matrix @ observer.K2
@@ -121,7 +125,7 @@ def continuous(observer: ILO, state: State | None) -> Program:
     return program
 
 
-def adaptive(observer: AdaptiveObserver, state: State | None) -> Program:
+def adaptive(observer: AdaptiveObserver, state: RigidBodyState | None) -> Program:
     """A fault estimate by an integrator, with or without a proportional part."""
     # Lambda, and what of B_f f^ multiplies w - w^.
     injection = observer.observer_gain + observer.model.fault_matrix @ observer.proportional_gain

@@ -12,7 +12,7 @@ from reobserve.codegen.expressions import Expression, Name
 from reobserve.codegen.program import Program
 
 
-class Rows:
+class RowBuffer:
     """Remembers y and u of the row before; ``moves`` holds the statements of a step from it."""
 
     def __init__(self, program: Program, state: Any) -> None:

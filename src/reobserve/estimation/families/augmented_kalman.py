@@ -18,7 +18,7 @@ from reobserve.estimation.families.linear_system import (
     check_shape,
     decay_sentences,
 )
-from reobserve.estimation.families.signals import Signal, Signals, listed, numbered, variances
+from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered, variances
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.linear import steady_kalman_gain
@@ -47,7 +47,7 @@ initial_covariance: [0.01, 0.01]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AugmentedSystem(NoisySystem):
+class UnknownInputSystem(NoisySystem):
     """A linear system with x' = ... + E d and y = ... + F d, where d is a random walk.
 
     ``fault_matrix`` is E, sampled as A and B are; ``output_fault_matrix`` F, zero if left out. d
@@ -72,7 +72,7 @@ class AugmentedSystem(NoisySystem):
 class AugmentedKalmanDesign(FilterDesign):
     """A Kalman filter of state and unknown inputs."""
 
-    system: AugmentedSystem
+    system: UnknownInputSystem
     gains: None = None
 
     keys: ClassVar = {
@@ -105,7 +105,7 @@ class AugmentedKalmanDesign(FilterDesign):
     }  # fmt: skip
 
     @classmethod
-    def find_gains(cls, system: AugmentedSystem) -> None:
+    def find_gains(cls, system: UnknownInputSystem) -> None:
         """None: the gain follows the covariance."""
 
     @cached_property
@@ -120,13 +120,13 @@ class AugmentedKalmanDesign(FilterDesign):
         )
 
     @property
-    def unknown_inputs(self) -> tuple[Signal, ...]:
+    def unknown_inputs(self) -> tuple[NamedSignal, ...]:
         """The components of d."""
         count = self.observer.unknown_inputs
         return listed(self.system.unknown_inputs) or numbered("unknown_input", count)
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """Those of a filter, and the unknown inputs."""
         return {
             **super().estimates, "unknown_input": self.unknown_inputs,

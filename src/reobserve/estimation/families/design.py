@@ -16,7 +16,7 @@ from reobserve.core.documents import Tree
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import FloatArray, as_positive
 from reobserve.core.validation import checked, parse
-from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
+from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
 from reobserve.observers.contract import Observer
 
 Array = FloatArray
@@ -140,17 +140,17 @@ class Design(ABC):
         raise InputError("gains", "are missing; a design of this kind chooses none by itself")
 
     @property
-    def states(self) -> tuple[Signal, ...]:
+    def states(self) -> tuple[NamedSignal, ...]:
         """The states of the system."""
         return listed(self.system.states)
 
     @property
-    def inputs(self) -> tuple[Signal, ...]:
+    def inputs(self) -> tuple[NamedSignal, ...]:
         """The columns of u."""
         return listed(self.system.inputs) or numbered("input", self.observer.inputs)
 
     @property
-    def measurements(self) -> tuple[Signal, ...]:
+    def measurements(self) -> tuple[NamedSignal, ...]:
         """The columns of y."""
         named = listed(self.system.measurements)
         return named or numbered("measurement", self.observer.measurements)
@@ -161,7 +161,7 @@ class Design(ABC):
         return (len(self.measurements),), (len(self.inputs),)
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """The components of each estimate of the observer, row by row if it is a matrix."""
         return {"state": self.states}
 

@@ -21,11 +21,11 @@ from reobserve.estimation.families.design import (
     pole_text,
 )
 from reobserve.estimation.families.linear_system import check_shape
-from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
-from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
+from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import certify
-from reobserve.synthesis.extended_state.design import Design as Found
+from reobserve.synthesis.extended_state.design import CertifiedGains as Found
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = FloatArray
@@ -191,7 +191,7 @@ class EsoDesign(Design):
         )
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """The state and the faults."""
         system = self.system
         return {
@@ -202,7 +202,7 @@ class EsoDesign(Design):
             or numbered("sensor_fault", system.augmented.Fs.shape[1]),
         }
 
-    def start(self) -> State | None:
+    def start(self) -> EsoState | None:
         """The initial state without faults, the filter at rest at what it measures."""
         stated = self.system.initial_state
         if stated is None:
@@ -213,7 +213,7 @@ class EsoDesign(Design):
         return self.observer.init(np.concatenate([x, filtered, faults]), filtered)
 
     @property
-    def states(self) -> tuple[Signal, ...]:
+    def states(self) -> tuple[NamedSignal, ...]:
         """The states of the system."""
         return listed(self.system.states) or numbered("state", len(self.system.A))
 

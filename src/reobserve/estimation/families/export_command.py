@@ -13,7 +13,7 @@ from reobserve.core.files import check_not_read, write_text
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import load_design
 from reobserve.estimation.families.program import program_of
-from reobserve.estimation.families.signals import Signal
+from reobserve.estimation.families.signals import NamedSignal
 
 # Words of C, and what the code itself includes.
 _TAKEN = frozenset(
@@ -88,6 +88,6 @@ def _is_identifier(name: str) -> bool:
     return spelled and name not in _TAKEN
 
 
-def listed(signals: Sequence[Signal]) -> str:
+def listed(signals: Sequence[NamedSignal]) -> str:
     """Signals with their units."""
     return ", ".join(f"{name} [{unit or '-'}]" for name, unit in signals)

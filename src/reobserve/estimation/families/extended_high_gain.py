@@ -10,9 +10,9 @@ from typing import ClassVar, Literal
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import Certificate, Design, Example
-from reobserve.estimation.families.signals import Signal, listed, numbered
+from reobserve.estimation.families.signals import NamedSignal, listed, numbered
 from reobserve.estimation.families.triangular import TriangularSystem, step_growth
-from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, ExtendedHighGainState
 
 EXAMPLE = """\
 # A tank behind a pipe of unknown length: x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u(t - delay).
@@ -106,25 +106,25 @@ class ExtendedHighGainDesign(Design):
         )  # fmt: skip
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """State, delay, and the share of each period in which gains were off."""
         return {
             "state": self.states,
-            "delay": (Signal("delay", "s"),),
-            "switched_off": (Signal("switched_off", "1"),),
+            "delay": (NamedSignal("delay", "s"),),
+            "switched_off": (NamedSignal("switched_off", "1"),),
         }
 
-    def start(self) -> State:
+    def start(self) -> ExtendedHighGainState:
         """The initial state and delay."""
         return self.observer.init(self.system.start, self.system.initial_delay)
 
     @property
-    def inputs(self) -> tuple[Signal, ...]:
+    def inputs(self) -> tuple[NamedSignal, ...]:
         """The input, alone or with its derivatives."""
         return listed(self.system.inputs) or numbered("input", 1)
 
     @property
-    def measurements(self) -> tuple[Signal, ...]:
+    def measurements(self) -> tuple[NamedSignal, ...]:
         """The first state."""
         return listed(self.system.measurements) or self.states[:1]
 

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.design import Certificate, Design, Example
-from reobserve.estimation.families.signals import Signal, listed
+from reobserve.estimation.families.signals import NamedSignal, listed
 from reobserve.estimation.families.triangular import TriangularSystem, decay_sentence, step_growth
-from reobserve.observers.high_gain import HighGainObserver, State
+from reobserve.observers.high_gain import HighGainObserver, HighGainState
 
 EXAMPLE = """\
 # A pendulum whose angle is measured: x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u, y = x1.
@@ -73,12 +73,12 @@ class HighGainDesign(Design):
             system.model, self.gains.rho, sampling_period=system.sampling_period
         )
 
-    def start(self) -> State:
+    def start(self) -> HighGainState:
         """The initial state."""
         return self.observer.init(self.system.start)
 
     @property
-    def measurements(self) -> tuple[Signal, ...]:
+    def measurements(self) -> tuple[NamedSignal, ...]:
         """The first state."""
         return listed(self.system.measurements) or self.states[:1]
 

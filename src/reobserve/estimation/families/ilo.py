@@ -51,7 +51,7 @@ observer:
 
 
 @dataclass(frozen=True)
-class Sine:
+class FaultSine:
     """A part of a fault: ``amplitude`` [N m] of each axis, ``frequency`` [rad/s]."""
 
     amplitude: list[float]
@@ -69,7 +69,7 @@ class LearningSystem(BodySystem):
     """
 
     variant: Literal["sampled", "continuous", "forgetting"] = "sampled"
-    expected: list[Sine] = field(default_factory=list)
+    expected: list[FaultSine] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,8 @@ from reobserve.estimation.families.linear_system import (
     NoisySystem,
     unobserved,
 )
-from reobserve.estimation.families.signals import Signal, check_signals, covariances
-from reobserve.observers.imm import IMM, State
+from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -160,21 +160,21 @@ class ImmDesign(FilterDesign):
         return IMM(filters, gains.transition, gains.mixing)
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """Mixture, probabilities of modes, innovations of all filters."""
         modes = tuple(self.system.modes)
         return {
             **super().estimates,
             "covariance": covariances(self.states),
-            "probability": tuple(Signal(f"probability_{mode}", "1") for mode in modes),
+            "probability": tuple(NamedSignal(f"probability_{mode}", "1") for mode in modes),
             "innovation": tuple(
-                Signal(f"{mode}_{signal.name}_innovation", signal.unit)
+                NamedSignal(f"{mode}_{signal.name}_innovation", signal.unit)
                 for mode in modes
                 for signal in self.measurements
             ),
         }
 
-    def start(self) -> State:
+    def start(self) -> ImmState:
         """Initial mean and covariance of all modes, at the first sample."""
         system = self.system
         return self.observer.init(

@@ -11,12 +11,12 @@ import numpy as np
 
 from reobserve.codegen.expressions import Expression, call
 from reobserve.codegen.program import ONE, ZERO, Program
-from reobserve.codegen.programs.sampling import Rows
+from reobserve.codegen.programs.sampling import RowBuffer
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import Certificate, Design, Example, System
-from reobserve.estimation.families.signals import Signal, numbered, product
-from reobserve.observers.levant import LevantDifferentiator, State
+from reobserve.estimation.families.signals import NamedSignal, numbered, product
+from reobserve.observers.levant import LevantDifferentiator, LevantState
 
 Array = FloatArray
 
@@ -65,11 +65,11 @@ class LevantGains:
     lambdas: list[float] | None = None
 
 
-def program(observer: LevantDifferentiator, state: State | None) -> Program:
+def program(observer: LevantDifferentiator, state: LevantState | None) -> Program:
     """Its homogeneous discretisation."""
     step = Program("Robust exact differentiator", 1, 0)
     begun = observer.init([0.0] * (observer.order + 1)) if state is None else state
-    rows, law, lines = Rows(step, begun), observer._law, observer.order + 1
+    rows, law, lines = RowBuffer(step, begun), observer._law, observer.order + 1
     z = step.remember("z", begun.derivatives)
     factors = step.constant("factor", law.factors)
     powers = step.constant("power", law.exponents)
@@ -118,22 +118,23 @@ class LevantDesign(Design):
         )
 
     @property
-    def states(self) -> tuple[Signal, ...]:
+    def states(self) -> tuple[NamedSignal, ...]:
         """The signal and its derivatives."""
         if not self.system.measurements:
             return numbered("derivatives", self.gains.order + 1)
         ((name, unit),) = self.system.measurements.items()
         units = [product(unit, f"1/s^{i}" if i else "1") for i in range(self.gains.order + 1)]
         return tuple(
-            Signal(f"{name}_derivative_{i}" if i else name, unit) for i, unit in enumerate(units)
+            NamedSignal(f"{name}_derivative_{i}" if i else name, unit)
+            for i, unit in enumerate(units)
         )
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """The signal and its derivatives."""
         return {"derivatives": self.states}
 
-    def start(self) -> State | None:
+    def start(self) -> LevantState | None:
         """The initial derivatives; None for the first measurement."""
         stated = self.system.initial_state
         if stated is None:

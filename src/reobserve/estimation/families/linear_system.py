@@ -13,7 +13,7 @@ from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import Certificate, Design, Estimates, System, pole_text
-from reobserve.estimation.families.signals import Signal, listed, numbered, variances
+from reobserve.estimation.families.signals import NamedSignal, listed, numbered, variances
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel
@@ -101,17 +101,19 @@ class FilterDesign(Design):
     left_out: ClassVar[tuple[str, ...]] = ("variance", "innovation", "log_likelihood")
 
     @property
-    def states(self) -> tuple[Signal, ...]:
+    def states(self) -> tuple[NamedSignal, ...]:
         """The states of the system."""
         return listed(self.system.states) or numbered("state", len(self.system.A))
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """Those of `LinearFilter`."""
         return {
             "state": self.states, "variance": variances(self.states),
-            "innovation": tuple(Signal(f"{s.name}_innovation", s.unit) for s in self.measurements),
-            "log_likelihood": (Signal("log_likelihood", "1"),),
+            "innovation": tuple(
+                NamedSignal(f"{s.name}_innovation", s.unit) for s in self.measurements
+            ),
+            "log_likelihood": (NamedSignal("log_likelihood", "1"),),
         }  # fmt: skip
 
     def start(self) -> Any:

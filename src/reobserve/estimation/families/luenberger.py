@@ -15,7 +15,7 @@ from reobserve.estimation.families.kalman import MOTOR
 from reobserve.estimation.families.linear_system import FilterDesign, LinearSystem, decay_sentences
 from reobserve.estimation.families.poles import Poles, sampled_poles
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
-from reobserve.observers.gaussian_filter import State
+from reobserve.observers.gaussian_filter import KalmanState
 
 Array = FloatArray
 
@@ -90,7 +90,7 @@ class LuenbergerDesign(FilterDesign):
         """The observer."""
         return FixedGainObserver(self.system.model, self.gains.gain)
 
-    def start(self) -> State:
+    def start(self) -> KalmanState:
         """The initial state, at the first sample."""
         return self.observer.init(self.system.mean, 0.0)
 

@@ -23,7 +23,7 @@ from reobserve.estimation.families.design import (
 )
 from reobserve.estimation.families.linear_system import check_shape
 from reobserve.estimation.families.poles import Poles, stable_poles
-from reobserve.estimation.families.signals import Signal, numbered
+from reobserve.estimation.families.signals import NamedSignal, numbered
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
@@ -190,7 +190,7 @@ class NormalFormDesign(Design):
         return self.system.built(injection=self.gains.injection)
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """The state, and of the transformed form its coordinates."""
         if self.system.form == "identity":
             return super().estimates

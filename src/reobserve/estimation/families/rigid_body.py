@@ -14,8 +14,8 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.core.validation import checked
 from reobserve.estimation.families.design import Design, System
-from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
-from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
+from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
+from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState
 from reobserve.systems.rigid_body import RigidBody
 
 Array = FloatArray
@@ -84,27 +84,27 @@ class BodyDesign(Design):
         """The observer, ready to run."""
 
     @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """The rate and the fault torque."""
-        faults = tuple(Signal(f"{name}_fault", "N m") for name in self.system.inputs)
+        faults = tuple(NamedSignal(f"{name}_fault", "N m") for name in self.system.inputs)
         return {"rate": self.states, "fault": faults or numbered("fault", 3, "N m")}
 
     @property
-    def states(self) -> tuple[Signal, ...]:
+    def states(self) -> tuple[NamedSignal, ...]:
         """The rates of the body."""
         return listed(self.system.states) or numbered("rate", 3, "rad/s")
 
     @property
-    def measurements(self) -> tuple[Signal, ...]:
+    def measurements(self) -> tuple[NamedSignal, ...]:
         """The rates themselves."""
         return self.states
 
     @property
-    def inputs(self) -> tuple[Signal, ...]:
+    def inputs(self) -> tuple[NamedSignal, ...]:
         """Torques."""
         return listed(self.system.inputs) or numbered("torque", 3, "N m")
 
-    def start(self) -> State | None:
+    def start(self) -> RigidBodyState | None:
         """The initial rate without a fault; None for the first measurement."""
         stated, fault = self.system.initial_state, self.system.initial_fault
         if stated is None:

@@ -15,7 +15,7 @@ _MOST = 100
 _FACTOR = re.compile(r"([^\s/()^]+)(?:\^([+-]?\d+))?")
 
 
-class Signal(NamedTuple):
+class NamedSignal(NamedTuple):
     """One number of a row: what it is called, and its unit, empty if nobody said."""
 
     name: str
@@ -43,31 +43,31 @@ def check_signals(place: str, value: Mapping[str, str]) -> None:
 Signals = Annotated[dict[str, str], checked(check_signals)]
 
 
-def listed(signals: Mapping[str, str]) -> tuple[Signal, ...]:
+def listed(signals: Mapping[str, str]) -> tuple[NamedSignal, ...]:
     """The signals in the order of their columns."""
-    return tuple(Signal(name, unit) for name, unit in signals.items())
+    return tuple(NamedSignal(name, unit) for name, unit in signals.items())
 
 
-def numbered(name: str, count: int, unit: str = "") -> tuple[Signal, ...]:
+def numbered(name: str, count: int, unit: str = "") -> tuple[NamedSignal, ...]:
     """Signals without names of their own: ``name_1`` to ``name_n``, or ``name`` for a single one.
 
     A single state or fault is numbered, too.
     """
     if count == 1 and name not in ("state", "fault"):
-        return (Signal(name, unit),)
-    return tuple(Signal(f"{name}_{place + 1}", unit) for place in range(count))
+        return (NamedSignal(name, unit),)
+    return tuple(NamedSignal(f"{name}_{place + 1}", unit) for place in range(count))
 
 
-def variances(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+def variances(signals: Iterable[NamedSignal]) -> tuple[NamedSignal, ...]:
     """The variance of each."""
-    return tuple(Signal(f"{name}_variance", product(unit, unit)) for name, unit in signals)
+    return tuple(NamedSignal(f"{name}_variance", product(unit, unit)) for name, unit in signals)
 
 
-def covariances(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+def covariances(signals: Iterable[NamedSignal]) -> tuple[NamedSignal, ...]:
     """Their covariance matrix, row by row."""
     among = tuple(signals)
     return tuple(
-        Signal(f"{one.name}_{other.name}_covariance", product(one.unit, other.unit))
+        NamedSignal(f"{one.name}_{other.name}_covariance", product(one.unit, other.unit))
         for one in among
         for other in among
     )

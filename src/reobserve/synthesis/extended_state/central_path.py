@@ -47,7 +47,7 @@ _FINEST = 1e-12  # decrement that `polishing` may start from
 
 
 @dataclass(frozen=True, eq=False)
-class Term:
+class MatrixTerm:
     """L X R of the matrix called ``name``."""
 
     name: str
@@ -60,7 +60,7 @@ class Constraint:
     """A symmetric matrix S that must be positive definite; without a slope gamma is not in it."""
 
     constant: Matrix
-    terms: tuple[Term, ...]
+    terms: tuple[MatrixTerm, ...]
     slope: Matrix | None = None
 
 
@@ -292,7 +292,7 @@ def _hessian(problem: Problem, x: Vector, mu: float) -> Matrix:
     return hessian
 
 
-def _mixed(problem: Problem, inverse: Matrix, one: Term, other: Term) -> Matrix:
+def _mixed(problem: Problem, inverse: Matrix, one: MatrixTerm, other: MatrixTerm) -> Matrix:
     """Of -log det S, by the entries of two matrices: tr(S^-1 dS S^-1 dS')."""
     left, right = one.left.T @ inverse, one.right @ inverse
     alike = np.multiply.outer(left @ other.left, right @ other.right.T)  # i k j l

@@ -20,7 +20,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class CertifiedGains:
     """Gains that a certificate holds for, and how they were found.
 
     ``gamma`` is the proved bound of the norm from dD to e, or none if none was asked for;
@@ -56,7 +56,7 @@ class Design:
         }
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any], place: str = "design") -> Design:
+    def from_dict(cls, values: Mapping[str, Any], place: str = "design") -> CertifiedGains:
         """The design that `to_dict` was called on; `InputError` if it is none of that kind."""
         from reobserve.core.validation import parse
 
@@ -75,7 +75,7 @@ def accepted(
     objective: float,
     decay: float = 0.0,
     bound: float = inf,
-) -> Design:
+) -> CertifiedGains:
     """The design of what a solver returned, arrays of floats, if its certificate holds.
 
     Raises
@@ -91,7 +91,7 @@ def accepted(
     certificate = certify(system, gains, gamma, variables, decay, bound)
     if not certificate.holds:
         raise InputError("solver", f"{solver} said {status}, but {certificate.reason}")
-    return Design(method, gains, gamma, solver, status, objective, certificate)
+    return CertifiedGains(method, gains, gamma, solver, status, objective, certificate)
 
 
 def optimised(
@@ -103,7 +103,7 @@ def optimised(
     solver: str,
     decay: float = 0.0,
     bound: float = inf,
-) -> Design:
+) -> CertifiedGains:
     """The design at the minimiser of ``problem``, if its certificate holds.
 
     A solver finds where to begin, Newton's method the minimiser, and polishing all its digits.

@@ -15,7 +15,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from reobserve.synthesis.extended_state.central_path import Constraint, Term
+from reobserve.synthesis.extended_state.central_path import Constraint, MatrixTerm
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 
@@ -39,11 +39,11 @@ def pd_pi_constraints(
     slope = J3 @ J3.T + J4 @ J4.T
     constant = -J2 @ J3.T - J3 @ J2.T
     terms = [
-        Term("P1", -J1, A @ J2.T + system.Bo @ J4.T + decay * J1.T),
-        Term("P2", J2 - J1, J1.T),
-        Term("P3", J2 - J1, J2.T),
-        Term("Y1", J2 @ C.T, J1.T),
-        *([Term("Y2", J2 @ C.T, J2.T)] if derivative else []),
+        MatrixTerm("P1", -J1, A @ J2.T + system.Bo @ J4.T + decay * J1.T),
+        MatrixTerm("P2", J2 - J1, J1.T),
+        MatrixTerm("P3", J2 - J1, J2.T),
+        MatrixTerm("Y1", J2 @ C.T, J1.T),
+        *([MatrixTerm("Y2", J2 @ C.T, J2.T)] if derivative else []),
     ]
     if gamma is None:
         found = [Constraint(constant, tuple(terms), slope)]
@@ -52,11 +52,11 @@ def pd_pi_constraints(
     if isfinite(bound):
         J1, J2 = np.split(np.eye(2 * size), [size], axis=1)
         terms = [
-            Term("P1", J1, A @ J2.T + bound * J1.T),
-            Term("P2", J1 - J2, J1.T),
-            Term("P3", J2 - J1, J2.T),
-            Term("Y1", -J2 @ C.T, J1.T),
-            *([Term("Y2", J2 @ C.T, J2.T)] if derivative else []),
+            MatrixTerm("P1", J1, A @ J2.T + bound * J1.T),
+            MatrixTerm("P2", J1 - J2, J1.T),
+            MatrixTerm("P3", J2 - J1, J2.T),
+            MatrixTerm("Y1", -J2 @ C.T, J1.T),
+            *([MatrixTerm("Y2", J2 @ C.T, J2.T)] if derivative else []),
         ]
         found.append(Constraint(np.zeros((2 * size, 2 * size)), tuple(terms)))
     return found
@@ -66,9 +66,9 @@ def pi_constraints(system: AugmentedSystem, decay: float) -> list[Constraint]:
     """-P1 Ao - Ao^T P1 - 2 alpha P1, with Y = L^T P1 for L."""
     one = np.eye(system.size)
     terms = (
-        Term("P1", -one, system.A_tilde),
-        Term("P1", -decay * one, one),
-        Term("Y", system.C_tilde.T, one),
+        MatrixTerm("P1", -one, system.A_tilde),
+        MatrixTerm("P1", -decay * one, one),
+        MatrixTerm("Y", system.C_tilde.T, one),
     )
     return [Constraint(np.zeros(one.shape), terms)]
 
@@ -76,4 +76,4 @@ def pi_constraints(system: AugmentedSystem, decay: float) -> list[Constraint]:
 def above(name: str, size: int, least: float) -> Constraint:
     """X + X^T >= 2 ``least`` I of the square matrix ``name``."""
     one = np.eye(size)
-    return Constraint(-2.0 * least * one, (Term(name, one, one),))
+    return Constraint(-2.0 * least * one, (MatrixTerm(name, one, one),))

@@ -29,7 +29,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.matrices import as_positive
 from reobserve.synthesis.extended_state.central_path import Constraint, Problem
 from reobserve.synthesis.extended_state.certificate import as_strip
-from reobserve.synthesis.extended_state.design import Design, optimised
+from reobserve.synthesis.extended_state.design import CertifiedGains, optimised
 from reobserve.synthesis.extended_state.gamma_bound import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_constraints
@@ -45,7 +45,7 @@ def design(
     gamma: float | None = None,
     solver: str = "CLARABEL",
     derivative: bool = True,
-) -> Design:
+) -> CertifiedGains:
     """The smallest P1, P2, P3, Y1, Y2, as to the sum of all squares, that solve the inequality.
 
     Indriawati, Agustinah & Jazidie, (19).
@@ -87,7 +87,7 @@ def design_minimum_gamma(
     solver: str = "CLARABEL",
     gap: float = 1e-6,
     derivative: bool = True,
-) -> Design:
+) -> CertifiedGains:
     """The minimum gamma by the inequality, with -``bound`` < Re s < -``decay`` of all poles.
 
     Indriawati, Agustinah & Jazidie, (19) and Theorem 1.

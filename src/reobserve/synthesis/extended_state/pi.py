@@ -20,8 +20,13 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_scalar
 from reobserve.synthesis.extended_state import pd_pi
-from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Term, minimiser
-from reobserve.synthesis.extended_state.design import Design, accepted, optimised
+from reobserve.synthesis.extended_state.central_path import (
+    Constraint,
+    MatrixTerm,
+    Problem,
+    minimiser,
+)
+from reobserve.synthesis.extended_state.design import CertifiedGains, accepted, optimised
 from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
 from reobserve.synthesis.extended_state.inequality import PiVariables
 from reobserve.synthesis.extended_state.matrix_terms import above, pi_constraints
@@ -44,7 +49,7 @@ def design(
     factor: float = 1.05,
     gamma: float | None = None,
     solver: str = "CLARABEL",
-) -> Design:
+) -> CertifiedGains:
     """By optimisation as in `pd_pi.design`, with Ld = 0.
 
     Indriawati, Agustinah & Jazidie, (6) and Section IV, Remark.
@@ -57,7 +62,7 @@ def design_feasible(
     decay: float,
     solver: str = "CLARABEL",
     solution: str = "minimum_norm",
-) -> Design:
+) -> CertifiedGains:
     """A solution P1 and Y of the inequality, with poles left of -``decay`` [1/s].
 
     Indriawati, Agustinah & Jazidie, (6).
@@ -92,7 +97,7 @@ def design_feasible(
     return optimised("PI, feasible", system, problem, PiVariables, None, solver, decay)
 
 
-def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -> Design:
+def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -> CertifiedGains:
     """The design of a solution far inside the inequality, polished to all digits.
 
     The matrices are those of minimum gamma where -gamma I is the margin of all that is positive, or
@@ -104,9 +109,9 @@ def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -
     if solution == "largest_margin":
         constraints = [replace(lyapunov, slope=one), replace(positive, slope=2.0 * one)]
     else:
-        nothing = Term("P1", np.zeros((1, size)), np.zeros((size, 1)))
+        nothing = MatrixTerm("P1", np.zeros((1, size)), np.zeros((size, 1)))
         constraints.append(Constraint(np.zeros((1, 1)), (nothing,), np.ones((1, 1))))
-    constraints.append(Constraint(2.0 * one, (Term("P1", -one, one),)))
+    constraints.append(Constraint(2.0 * one, (MatrixTerm("P1", -one, one),)))
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
     problem = Problem(shapes, frozenset({"P1"}), tuple(constraints), _MARGIN_GAP, _RADIUS)
     start, status = strictly_feasible(problem, solver)

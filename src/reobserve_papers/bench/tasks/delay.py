@@ -27,7 +27,7 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
@@ -64,7 +64,7 @@ class Plant:
         return sum(self.bounds) / 2
 
 
-def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Record:
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
     """A record by the plant of Lechappe et al. 2018, (39), which steps at the sampling period."""
     draw = random_stream(seed, "bench", "delay", "plant")
     delay = Signal.parse("delay", _delay_terms(plant, draw, period), 1)
@@ -84,7 +84,9 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Re
     inputs = np.hstack([one(time) for one in (control, rate, rate.derivative("control"))])
     measured = state + condition.noise * plant.noise * noise
     every = slice(None, None, condition.period)
-    return Record(time[every], inputs[every], measured[every], delay(time[every]) - plant.middle)
+    return TaskRecord(
+        time[every], inputs[every], measured[every], delay(time[every]) - plant.middle
+    )
 
 
 def _delay_terms(plant: Plant, draw: np.random.Generator, period: float) -> list[dict[str, Any]]:
@@ -135,7 +137,7 @@ def extended(order: int, plant: Plant, s: Settings, period: float, _: float) -> 
         sampling_period=period,
     )  # fmt: skip
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs[:, : order + 1]
         start = observer.init(y[0], plant.middle)
         with warnings.catch_warnings():
@@ -196,7 +198,7 @@ def relay(on: str, plant: Plant, s: Settings, period: float, _: float) -> Runner
     keep = np.exp(-period / s["lag"])
     before = (1 - keep) * s["lag"] / period
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         signals = _signals(record)
         start = before * signals[:1]
         smooth, _ = lfilter([1 - before, before - keep], [1, -keep], signals, axis=0, zi=start)
@@ -205,7 +207,7 @@ def relay(on: str, plant: Plant, s: Settings, period: float, _: float) -> Runner
     return run
 
 
-def _signals(record: Record) -> Array:
+def _signals(record: TaskRecord) -> Array:
     """u, u' and y."""
     return np.hstack([record.inputs[:, :2], record.measurements])
 
@@ -247,7 +249,7 @@ def ekf(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     observer = ExtendedKalmanFilter(_sampled(least, most, period, first + 2))
     Q = np.array([s["process"], s["walk"]]) ** 2 * period
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements[first:], np.pad(record.inputs[:, 0], (0, 1), "edge")
         taps = np.lib.stride_tricks.sliding_window_view(u, first + 2)[:, ::-1]
         start = observer.init([y[0, 0], plant.middle], [noise**2, (most - least) ** 2 / 12])
@@ -257,7 +259,7 @@ def ekf(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     return run
 
 
-def _grid(plant: Plant, s: Settings, period: float, record: Record) -> tuple[Array, Array]:
+def _grid(plant: Plant, s: Settings, period: float, record: TaskRecord) -> tuple[Array, Array]:
     """Delays between the bounds, and u in the middle of the period after each row, so late."""
     delays = np.linspace(*plant.bounds, round(s["delays"]))
     origins = record.time[_first(plant, period) :, None] + period / 2 - delays
@@ -283,7 +285,7 @@ def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     chain = expm(period * (rates - np.diag(rates.sum(axis=1))))
     bank = IMM(filters, chain / chain.sum(axis=1, keepdims=True))
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         (delays, late), first = _grid(plant, s, period, record), _first(plant, period)
         y = record.measurements[first:]
         found = estimates_of(bank, "probability", y, late, state=bank.init(y[0], noise**2))
@@ -301,7 +303,7 @@ def parallel(plant: Plant, s: Settings, period: float, _: float) -> Runner:
 
     decay, keep = np.exp(-A * period), np.exp(-period / s["memory"])
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         (delays, late), first = _grid(plant, s, period, record), _first(plant, period)
         y = record.measurements[first:]
         pushed = np.vstack(

@@ -33,14 +33,14 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.record_score import Score
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
 from reobserve_papers.papers.imm.setup import STATE_FREQUENCY
 from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
 from reobserve_papers.plants.hydraulic_actuator import simulate as move
 
 Four = tuple[float, float, float, float]
 Level = tuple[float, float, int]  # of a condition: noise, model and period
-Statistic = Callable[[Record], Array]
+Statistic = Callable[[TaskRecord], Array]
 NOMINAL: Level = (1.0, 0.0, 1)
 FAULTY, HEALTHY = "signals", ("healthy", "healthy_2", "healthy_3")  # streams of random numbers
 HOLD, DISTURBED = 0.012, 0.02  # [s], of the input and of the unmodelled voltage
@@ -71,14 +71,14 @@ class Plant:
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Record):
+class LeakRecord(TaskRecord):
     """A record with its condition, and healthy ones of the same plant and input."""
 
     level: Level
-    healthy: Callable[[], list[Run]]
+    healthy: Callable[[], list[LeakRecord]]
 
 
-def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Run:
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> LeakRecord:
     """A record; a wrong model has other coefficients, the same ones wrong in all modes."""
     level = condition.noise, condition.model, condition.period
     return _record(_without_threshold(plant), level, seed, period, FAULTY)
@@ -90,7 +90,7 @@ def _without_threshold(plant: Plant) -> Plant:
 
 
 @lru_cache(maxsize=1024)
-def _record(plant: Plant, level: Level, seed: int, period: float, name: str) -> Run:
+def _record(plant: Plant, level: Level, seed: int, period: float, name: str) -> LeakRecord:
     noise, wrong, every = level
     steps, stream = round(plant.horizon / period), random_stream(seed, "bench", "leak", name)
     start, share, models, bits = _drawn(plant, wrong, seed, steps)
@@ -104,7 +104,7 @@ def _record(plant: Plant, level: Level, seed: int, period: float, name: str) -> 
     columns = control[last, None], measured, share * mode[last, None]
     inputs, measurements, truth = (np.asarray(one[::every], np.float64) for one in columns)
     time, same = period * np.arange(0.0, steps + 1.0, every), (plant, level, seed, period)
-    return Run(
+    return LeakRecord(
         time, inputs, measurements, truth, level, lambda: [_record(*same, one) for one in HEALTHY]
     )
 
@@ -125,7 +125,7 @@ def _drawn(
     return onset, share, [normal, normal.blended(other, share)], bits
 
 
-def score(run: Runner, record: Run, since: float, *, details: bool = True) -> Score:
+def score(run: Runner, record: LeakRecord, since: float, *, details: bool = True) -> Score:
     """The delay, 1 for an alarm before the leak; ``quantile`` is the share of false alarms.
 
     That is of the healthy records. ``lag`` is the delay in seconds, nan for an alarm before the
@@ -142,7 +142,7 @@ def score(run: Runner, record: Run, since: float, *, details: bool = True) -> Sc
 
 
 @lru_cache(maxsize=8)
-def _healthy(plant: Plant, level: Level, period: float) -> tuple[Run, ...]:
+def _healthy(plant: Plant, level: Level, period: float) -> tuple[LeakRecord, ...]:
     seeds = range(5001, 5001 + plant.healthy)
     return tuple(_record(plant, level, seed, period, HEALTHY[0]) for seed in seeds)
 
@@ -213,7 +213,7 @@ def _distances(plant: Plant, s: Settings, period: float, noise: float) -> Statis
     observer = KalmanFilter(_model(plant, "normal", s, period, noise))
     start = observer.init(np.zeros(4), REST)
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         found = observer.run(record.measurements, record.inputs, state=start)
         return np.asarray(found["innovation"][:, 0] ** 2 / found["innovation_covariance"][:, 0, 0])
 
@@ -230,7 +230,7 @@ def power(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
     """The sum of e^2 / S over a window [s], which is chi-squared."""
     distances, size = _distances(plant, s, period, noise), max(1, round(s["window"] / period))
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         total = np.cumsum(distances(record))
         return np.asarray(total - np.r_[np.zeros(size), total][: len(total)])
 
@@ -249,7 +249,7 @@ def bank(kind: str, plant: Plant, s: Settings, period: float, noise: float) -> S
     observer = IMM(filters, (1.5 * stay - 0.5) * np.eye(3) + (1.0 - stay) / 2)
     start = observer.init(np.zeros(4), REST, [1.0, 0.0, 0.0])
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
         modes = np.maximum(estimates_of(observer, "probability", y, u, state=start), math.exp(-FAR))
         return np.asarray(np.log(modes[:, 1] + modes[:, 2]) - np.log(modes[:, 0]))
@@ -266,7 +266,7 @@ def augmented(plant: Plant, s: Settings, period: float, noise: float) -> Statist
     start = observer.init(np.zeros(4), REST, unknown_input_covariance=0.0)
     decay = math.exp(-period / s["lag"])
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
         lost = -estimates_of(observer, "unknown_input", y, u, state=start)[1:, 0] * u[:-1, 0]
         return np.asarray(lfilter([1.0 - decay], [1.0, -decay], np.r_[0.0, lost]))
@@ -283,7 +283,7 @@ def sum_of_ratios(
     )
     start = one.init(np.zeros(4), REST)
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
         if restarts:
             return restarted_cusum(one, other, y, u, start)

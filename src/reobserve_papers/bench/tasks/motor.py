@@ -25,7 +25,7 @@ from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
 from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
 from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve_papers.signals.inputs import Signal
@@ -53,7 +53,7 @@ class Plant:
     frequency: Ends  # of faults [rad/s]
 
 
-def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Record:
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
     """A record; a wrong model has all six constants off by the same share, with random signs."""
     draw = random_stream(seed, "bench", "motor", "plant")
     about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
@@ -85,7 +85,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Re
     measured = state + plant.largest[1] * truth[:, 1:] @ FS.T
     measured += condition.noise * plant.noise * noise
     every = slice(None, None, condition.period)
-    return Record(time[every], voltage(time[every]), measured[every], truth[every])
+    return TaskRecord(time[every], voltage(time[every]), measured[every], truth[every])
 
 
 def preferred(value: float, decade: int) -> float:
@@ -132,7 +132,7 @@ def by_riccati(plant: Plant, s: Settings, period: float, noise: float) -> Runner
 def _extended_state(plant: Plant, system: AugmentedSystem, gains: Gains, period: float) -> Runner:
     observer = ExtendedStateObserver(system, gains, sampling_period=period)
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y = record.measurements
         start = observer.init([*y[0], *y[0], 0.0, 0.0], y[0])  # begins healthy
         found = observer.run(y, record.inputs, state=start)
@@ -149,7 +149,7 @@ def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     model = LinearModel(A, B, np.eye(2), None, Q, noise**2, sampling_period=period)
     observer = AugmentedKalmanFilter(model, np.hstack([B, NONE]), walk, np.hstack([NONE, FS]))
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
         return estimates_of(observer, "unknown_input", y, u, state=start) / plant.largest
@@ -165,7 +165,7 @@ def with_fault_states(plant: Plant, s: Settings, period: float, _: float) -> Run
     model = LinearModel(whole, np.vstack([B, NONE]), C, None, 0.0, 1.0, sampling_period=period)
     observer = luenberger(model, np.exp(-period * np.array([s[f"rate_{k}"] for k in range(1, 5)])))
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
         start = observer.init([*y[0], 0.0, 0.0])
         return estimates_of(observer, "state", y, u, state=start)[:, 2:] / plant.largest
@@ -181,7 +181,7 @@ def inverted(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     A, B = zero_order_hold(motor.A, motor.B, period)
     decay, gain = np.exp(-period * motor.friction / motor.inertia), motor.torque_constant
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs[:, 0]
         # J w' = -b w + Kt i, with a straight line between samples of i replaced by its mean
         driven = gain / motor.friction * (1.0 - decay) * 0.5 * (y[1:, 1] + y[:-1, 1])

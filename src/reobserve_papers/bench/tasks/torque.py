@@ -28,7 +28,7 @@ from reobserve.observers.levant import LevantDifferentiator
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
 from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
@@ -48,7 +48,7 @@ class Plant:
     frequency: Ends  # of faults and of the control [rad/s]
 
 
-def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Record:
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
     """A record; a wrong model has other moments of inertia about the same axes."""
     draw = random_stream(seed, "bench", "torque", "plant")
     about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
@@ -70,10 +70,10 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Re
     measured = rate + condition.noise * plant.noise * noise
     time = period * np.arange(steps + 1.0)
     every = slice(None, None, condition.period)
-    return Record(time[every], control(time[every]), measured[every], fault(time[every]))
+    return TaskRecord(time[every], control(time[every]), measured[every], fault(time[every]))
 
 
-def unexplained(plant: Plant, record: Record, period: float) -> Array:
+def unexplained(plant: Plant, record: TaskRecord, period: float) -> Array:
     """s = y - integral of J^-1 (u - y x J y), by the trapezoidal rule."""
     J, y = np.array(plant.inertia), record.measurements
     known = np.linalg.solve(J, (record.inputs - np.cross(y, y @ J.T)).T).T
@@ -121,7 +121,7 @@ def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     )  # fmt: skip
     observer = AugmentedKalmanFilter(model, period * J_inverse, s["walk"] ** 2 * period)
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y = unexplained(plant, record, period)
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
         return estimates_of(observer, "unknown_input", y, state=start)
@@ -139,7 +139,7 @@ def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     model = LinearModel(A, None, np.eye(3, 9), None, Q, noise**2, sampling_period=T)
     observer = KalmanFilter(model)
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y = unexplained(plant, record, T)
         start = observer.init(np.r_[y[0], np.zeros(6)], np.repeat([noise**2, 0.0, 0.0], 3))
         return estimates_of(observer, "state", y, state=start)[:, 3:6]
@@ -153,7 +153,7 @@ def filtered_difference(plant: Plant, s: Settings, period: float, _: float) -> R
 
     decay = np.exp(-period / s["lag"])
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y = unexplained(plant, record, period)
         steps = np.diff(y, axis=0, prepend=y[:1]) / period
         smooth = lfilter([1.0 - decay], [1.0, -decay], steps, axis=0)
@@ -170,7 +170,7 @@ def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
         LevantDifferentiator(s["L"] / J[i, i], 2, lambdas, sampling_period=period) for i in range(3)
     ]
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y = unexplained(plant, record, period)
         rates = [estimates_of(axes[i], "derivatives", y[:, i])[:, 1] for i in range(3)]
         return np.asarray(np.column_stack(rates) @ J.T)

@@ -27,7 +27,7 @@ from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.triangular_text import triangular_model
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Record, Runner, estimates_of
+from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
 
 FIELD = ("x2", "-x1 + (1 - x1^2)*x2")
 HOLD = 0.2  # [s], of the force
@@ -43,7 +43,7 @@ class Plant:
     start: Positive  # each state is uniform from minus to plus this
 
 
-def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Record:
+def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
     """A record, by the classical Runge-Kutta method with the sampling period as its step."""
     draw = random_stream(seed, "bench", "vdp", "plant")
     x1, x2 = draw.uniform(-plant.start, plant.start, 2).tolist()
@@ -67,7 +67,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Re
     measured = states[:, :1] + condition.noise * plant.noise * noise
     every = slice(None, None, condition.period)
     time = period * np.arange(steps + 1.0)
-    return Record(time[every], np.zeros((steps + 1, 1))[every], measured[every], states[every])
+    return TaskRecord(time[every], np.zeros((steps + 1, 1))[every], measured[every], states[every])
 
 
 @cache  # the functions are compiled once for all settings, whose noise each run is given
@@ -82,7 +82,7 @@ def kalman(kind: Any, plant: Plant, s: Settings, period: float, noise: float) ->
     """Process noise of each state by its deviation a root of a second, ``x1`` and ``x2``."""
     observer, Q = kind(_sampled(period)), np.array([s["x1"], s["x2"]]) ** 2 * period
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y = record.measurements
         start = observer.init([y[0, 0], 0.0], [noise**2, plant.start**2 / 3])
         return estimates_of(observer, "state", y, state=start, Q=Q, R=noise**2)
@@ -102,7 +102,7 @@ def normal(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     form = normal_form(_system(), order + 1, poles=[pole, pole.conjugate()])
     observer = IdentityObserver(form, order, "series", sampling_period=period)
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y = record.measurements
         return estimates_of(observer, "state", y, state=observer.init([y[0, 0], 0.0]))
 
@@ -116,7 +116,7 @@ def high_gain(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     """Both poles of the linear error at -``rho`` [1/s]."""
     observer = HighGainObserver(_model(), s["rho"], sampling_period=period)
 
-    def run(record: Record) -> Array:
+    def run(record: TaskRecord) -> Array:
         y, start = record.measurements, observer.init([record.measurements[0, 0], 0.0])
         return estimates_of(observer, "state", y, record.inputs, state=start)
 

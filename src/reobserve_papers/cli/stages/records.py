@@ -12,7 +12,7 @@ from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.job import Job, declared_keys, read_job, record_axis
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.signals.series import Series, Shape
+from reobserve_papers.signals.series import ChannelShape, Series
 from reobserve_papers.steps.compute import Provenance, paper_module
 
 _ROUNDING = 1e-9  # of a step: how far a sample may be from its place on the axis
@@ -105,7 +105,7 @@ def _check_axis(path: Path, series: Series, wanted: Any, step: float) -> None:
         )
 
 
-def _check_channels(path: Path, series: Series, shapes: Mapping[str, Shape]) -> None:
+def _check_channels(path: Path, series: Series, shapes: Mapping[str, ChannelShape]) -> None:
     for name, shape in shapes.items():
         if name not in series.channels and not shape.optional:
             raise InputError(str(path), f"has no channel {name!r}")

@@ -30,7 +30,7 @@ MAX_CHANGES = 16
 BISECTIONS = 60
 
 
-class Task(NamedTuple):
+class EstimatorInputs(NamedTuple):
     """Inputs of the loop: ``first`` is the row of the inputs at which the record starts."""
 
     parameters: Array
@@ -41,7 +41,7 @@ class Task(NamedTuple):
     first: int
 
 
-class Work(NamedTuple):
+class EstimatorWork(NamedTuple):
     """Preallocated arrays: four slopes, a point and the end of a part."""
 
     slopes: Array
@@ -65,7 +65,11 @@ def run_law(
 ) -> int:
     """`DelayEstimator._fill` for a law with ``parameters``."""
     bounds, step = estimator.delay_bounds, estimator.sampling_period
-    return _run(law.compiled, Task(np.array(parameters), bounds, step, output, inputs, first), rows)
+    return _run(
+        law.compiled,
+        EstimatorInputs(np.array(parameters), bounds, step, output, inputs, first),
+        rows,
+    )
 
 
 @kernel
@@ -109,7 +113,9 @@ def past_input(
 
 
 @kernel
-def _slope(law: Any, task: Task, k: int, fraction: float, values: Array, out: Array) -> None:
+def _slope(
+    law: Any, task: EstimatorInputs, k: int, fraction: float, values: Array, out: Array
+) -> None:
     """The derivative at a point of step ``k``, before the projection."""
     x = 2.0 * (fraction - 0.5) * (fraction - 1.0) * task.output[2 * k, 0]
     x += 4.0 * fraction * (1.0 - fraction) * task.output[2 * k + 1, 0]
@@ -121,7 +127,14 @@ def _slope(law: Any, task: Task, k: int, fraction: float, values: Array, out: Ar
 
 @kernel
 def _part(
-    law: Any, task: Task, k: int, start: float, end: float, held: int, values: Array, work: Work
+    law: Any,
+    task: EstimatorInputs,
+    k: int,
+    start: float,
+    end: float,
+    held: int,
+    values: Array,
+    work: EstimatorWork,
 ) -> None:
     """One step of the Runge-Kutta method over a part of step ``k``, in one mode."""
     n = len(values)
@@ -142,7 +155,9 @@ def _part(
 
 
 @kernel
-def _rate(law: Any, task: Task, k: int, fraction: float, values: Array, work: Work) -> float:
+def _rate(
+    law: Any, task: EstimatorInputs, k: int, fraction: float, values: Array, work: EstimatorWork
+) -> float:
     """The rate of the delay before its projection."""
     _slope(law, task, k, fraction, values, work.point)
     rate: float = work.point[0]
@@ -150,7 +165,9 @@ def _rate(law: Any, task: Task, k: int, fraction: float, values: Array, work: Wo
 
 
 @kernel
-def _stays(law: Any, task: Task, k: int, fraction: float, held: int, work: Work) -> bool:
+def _stays(
+    law: Any, task: EstimatorInputs, k: int, fraction: float, held: int, work: EstimatorWork
+) -> bool:
     """Whether the mode still holds at the end of the part."""
     if held == 0:
         delay = work.after[0]
@@ -160,7 +177,13 @@ def _stays(law: Any, task: Task, k: int, fraction: float, held: int, work: Work)
 
 @kernel
 def _to_mode_end(
-    law: Any, task: Task, k: int, start: float, held: int, values: Array, work: Work
+    law: Any,
+    task: EstimatorInputs,
+    k: int,
+    start: float,
+    held: int,
+    values: Array,
+    work: EstimatorWork,
 ) -> float:
     """Integrate from ``start`` to the end of the step or of the mode; return the end."""
     _part(law, task, k, start, 1.0, held, values, work)
@@ -195,10 +218,10 @@ def _to_mode_end(
 
 
 @kernel
-def _run(law: Any, task: Task, rows: Array) -> int:
+def _run(law: Any, task: EstimatorInputs, rows: Array) -> int:
     """Fill ``rows`` from its first one; return how many are finite."""
     n = rows.shape[1]
-    work = Work(np.empty((4, n)), np.empty(n), np.empty(n))
+    work = EstimatorWork(np.empty((4, n)), np.empty(n), np.empty(n))
     values = rows[0].copy()
     low, high = task.bounds
     for k in range(len(rows) - 1):

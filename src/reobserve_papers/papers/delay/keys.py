@@ -137,7 +137,7 @@ class LeastSquares:
 
 
 @dataclass(frozen=True)
-class Adaptive:
+class AdaptiveIdentification:
     """Adaptive identification, a reconstruction."""
 
     algorithm: Literal["adaptive"]
@@ -161,8 +161,8 @@ class Relay:
     label: str = ""
 
 
-Estimator = LeastSquares | Adaptive | Relay
-Observer = Extended | Standard | LeastSquares | Adaptive | Relay
+Estimator = LeastSquares | AdaptiveIdentification | Relay
+Observer = Extended | Standard | LeastSquares | AdaptiveIdentification | Relay
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +218,7 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimation(job.Figure):
+class DelayFigure(job.Figure):
     """Delay and states of one scenario."""
 
     layout: Literal["states", "comparison"]
@@ -249,5 +249,5 @@ class Parameters:
     metrics: Metrics
     theory: Theory
     figures: Mapping[
-        str, Annotated[Estimation | TradeoffFigure | TuningFigure, Field(discriminator="layout")]
+        str, Annotated[DelayFigure | TradeoffFigure | TuningFigure, Field(discriminator="layout")]
     ]

@@ -86,7 +86,7 @@ def build_estimator(job: Job) -> DelayEstimator:
             return LeastSquaresDelayEstimator(
                 *common, observer.initial_covariance, observer.forgetting
             )
-        case keys.Adaptive():
+        case keys.AdaptiveIdentification():
             return AdaptiveDelayEstimator(
                 *common, observer.filter_time, observer.forgetting, observer.adaptation_gain
             )

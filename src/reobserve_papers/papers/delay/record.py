@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reobserve_papers.parameters.job import Job
-from reobserve_papers.signals.series import Shape
+from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("jumps",)
 
@@ -14,27 +14,30 @@ UNITS = {
 }
 
 
-def plant(job: Job) -> dict[str, Shape]:
+def plant(job: Job) -> dict[str, ChannelShape]:
     """The channels of the plant's record; the measured ones are optional, for noise."""
     states, output, torque, rates = UNITS[job.scenario.model]
     size, inputs = states.count(",") + 1, rates.count(",") + 1
-    noisy = {"measured": Shape(output, optional=True), "measured_input": Shape(torque, None, True)}
+    noisy = {
+        "measured": ChannelShape(output, optional=True),
+        "measured_input": ChannelShape(torque, None, True),
+    }
     return {
-        "state": Shape(states, size),
-        **dict.fromkeys(("delay", "delay_before"), Shape("s")),
-        **dict.fromkeys(("delayed_input", "input", "past_input"), Shape(torque)),
-        **dict.fromkeys(("input_derivatives", "past_derivatives"), Shape(rates, inputs)),
+        "state": ChannelShape(states, size),
+        **dict.fromkeys(("delay", "delay_before"), ChannelShape("s")),
+        **dict.fromkeys(("delayed_input", "input", "past_input"), ChannelShape(torque)),
+        **dict.fromkeys(("input_derivatives", "past_derivatives"), ChannelShape(rates, inputs)),
         **noisy,
         **{f"{name}_before": shape for name, shape in noisy.items()},
         "read_input": noisy["measured_input"],
     }
 
 
-def estimates(job: Job) -> dict[str, Shape]:
+def estimates(job: Job) -> dict[str, ChannelShape]:
     """The channels of an observer's estimates: of the state, the delay, or both."""
     observer = job.observer
-    found = {"delay": Shape("s", optional=True), "off": Shape("1", optional=True)}
+    found = {"delay": ChannelShape("s", optional=True), "off": ChannelShape("1", optional=True)}
     if hasattr(observer, "model"):
         states = UNITS[observer.model][0]
-        found["state"] = Shape(states, states.count(",") + 1, optional=True)
+        found["state"] = ChannelShape(states, states.count(",") + 1, optional=True)
     return found

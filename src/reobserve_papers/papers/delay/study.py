@@ -75,7 +75,7 @@ def tradeoff(job: Job, plant: Series) -> Iterator[Row]:
 SWEEPS: dict[str, tuple[type, str, str]] = {
     "extended_lag": (keys.Extended, "rho", "rhos"),
     "least_squares": (keys.LeastSquares, "forgetting", "forgetting"),
-    "adaptive": (keys.Adaptive, "forgetting", "forgetting"),
+    "adaptive": (keys.AdaptiveIdentification, "forgetting", "forgetting"),
     "relay": (keys.Relay, "relay_gain", "relay_gains"),
 }
 

@@ -20,6 +20,6 @@ def style_of(observer: keys.Observer) -> Style:
             return _ORANGE
         case keys.LeastSquares():
             return _PURPLE
-        case keys.Adaptive():
+        case keys.AdaptiveIdentification():
             return _GREEN
     return _RED

@@ -20,7 +20,7 @@ from typing import Any
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive
 from reobserve.synthesis.extended_state import pd_pi, pi
-from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.setup import augmented
@@ -40,7 +40,7 @@ def compute(settings: Settings) -> dict[str, Any]:
     return {"filter_rate": body.filter_rate, **design(job.plant, body).to_dict()}
 
 
-def design(plant: keys.Plant, stated: keys.Design) -> Design:
+def design(plant: keys.Plant, stated: keys.Design) -> CertifiedGains:
     """The design that the parameters specify; raises as `compute`.
 
     It is cached, because samples of other parameters, such as the hold period, need it again.
@@ -51,7 +51,7 @@ def design(plant: keys.Plant, stated: keys.Design) -> Design:
 
 
 @lru_cache(maxsize=200)
-def _designed(matrices: Any, stated: keys.Design) -> Design:
+def _designed(matrices: Any, stated: keys.Design) -> CertifiedGains:
     system, solver = AugmentedSystem(*matrices), stated.solver
     if isinstance(stated, keys.Feasible):
         return pi.design_feasible(system, stated.decay, solver, stated.solution)
@@ -63,7 +63,9 @@ def _designed(matrices: Any, stated: keys.Design) -> Design:
     )
 
 
-def stored_design(plant: keys.Plant, values: Mapping[str, Any]) -> tuple[AugmentedSystem, Design]:
+def stored_design(
+    plant: keys.Plant, values: Mapping[str, Any]
+) -> tuple[AugmentedSystem, CertifiedGains]:
     """The system of a stored design, and the design.
 
     Raises
@@ -72,7 +74,7 @@ def stored_design(plant: keys.Plant, values: Mapping[str, Any]) -> tuple[Augment
         If a key is missing, unknown or of another type, or the gains have wrong shapes.
     """
     rest = {name: value for name, value in values.items() if name != "filter_rate"}
-    found = Design.from_dict(rest)
+    found = CertifiedGains.from_dict(rest)
     if "filter_rate" not in values:
         raise InputError("design", "has no key 'filter_rate'")
     system = augmented(plant, as_positive("filter_rate", values["filter_rate"]))

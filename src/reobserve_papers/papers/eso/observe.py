@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
 from reobserve_papers.papers.eso import keys
@@ -53,7 +53,7 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
 
 def run_on(
     observer: ExtendedStateObserver, plant: Series, estimate: Sequence[float] | None = None
-) -> Run[State]:
+) -> Run[EsoState]:
     """Run the observer on a record that has samples at half steps and limits from the left.
 
     It starts from ``estimate`` (x, xz, fa, fs) or from zeros; its filter starts from the same xz.

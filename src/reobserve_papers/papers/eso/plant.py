@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.eso import keys
-from reobserve_papers.papers.eso.setup import Experiment, experiment
+from reobserve_papers.papers.eso.setup import MotorExperiment, experiment
 from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 
 
-def build(settings: Settings) -> Experiment:
+def build(settings: Settings) -> MotorExperiment:
     """Check a scenario and construct its parts; see `experiment`."""
     job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)
@@ -53,7 +53,7 @@ def simulate(settings: Settings) -> Series:
     return Series(time, channels, {"faults": tuple(sorted(t for t in jumps if t < time[-1]))})
 
 
-def _drawn(setup: Experiment, seed: int) -> tuple[Array, Array]:
+def _drawn(setup: MotorExperiment, seed: int) -> tuple[Array, Array]:
     """Random disturbances and noise, one row per step, each held for ``setup.hold`` steps."""
     periods = -(-setup.steps // setup.hold)
     rows = np.arange(setup.steps) // setup.hold

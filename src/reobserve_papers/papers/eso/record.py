@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from reobserve_papers.parameters.job import Job
-from reobserve_papers.signals.series import Shape
+from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("faults",)
 
-_FAULTS = {"actuator_fault": Shape("V"), "sensor_fault": Shape("rad/s")}
+_FAULTS = {"actuator_fault": ChannelShape("V"), "sensor_fault": ChannelShape("rad/s")}
 
 
-def plant(_: Job) -> dict[str, Shape]:
+def plant(_: Job) -> dict[str, ChannelShape]:
     """Channels of a record; channels with jumps also have their limits from the left."""
-    jumping = {"output": Shape("rad/s, A", 2), "control": Shape("V"), **_FAULTS}
+    jumping = {"output": ChannelShape("rad/s, A", 2), "control": ChannelShape("V"), **_FAULTS}
     before = {f"{name}_before": shape for name, shape in jumping.items()}
-    return {"state": Shape("rad/s, A", 2), **jumping, **before, "reference": Shape("rad/s")}
+    return {
+        "state": ChannelShape("rad/s, A", 2),
+        **jumping,
+        **before,
+        "reference": ChannelShape("rad/s"),
+    }
 
 
-def estimates(_: Job) -> dict[str, Shape]:
+def estimates(_: Job) -> dict[str, ChannelShape]:
     """Channels of an observer's estimates."""
-    return {"state": Shape("rad/s, A", 2), **_FAULTS}
+    return {"state": ChannelShape("rad/s, A", 2), **_FAULTS}

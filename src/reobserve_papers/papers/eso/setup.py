@@ -76,7 +76,7 @@ def augmented(plant: keys.Plant, filter_rate: float) -> AugmentedSystem:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class MotorExperiment:
     """A checked scenario: its signals, and the distributions of disturbances and noise.
 
     ``low`` and ``high`` are the bounds of the uniform disturbances, shape (2,). ``deviation`` is
@@ -95,7 +95,7 @@ class Experiment:
     step: float
 
 
-def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
+def experiment(plant: keys.Plant, scenario: keys.Scenario) -> MotorExperiment:
     """Construct a scenario (Indriawati, Agustinah & Jazidie, Section IV, faults).
 
     Raises
@@ -124,7 +124,9 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
             ranges = scenario.disturbance
             raise InputError("disturbance", f"{ranges} must be [minimum, maximum] of d1 and of d2")
     deviation = plant.noise_deviation(scenario.noise_power)
-    return Experiment(driven, reference, actuator, sensor, low, high, deviation, hold, steps, step)
+    return MotorExperiment(
+        driven, reference, actuator, sensor, low, high, deviation, hold, steps, step
+    )
 
 
 def pulses(plant: keys.Plant) -> list[Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.synthesis.extended_state.certificate import error_system
-from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
@@ -16,7 +16,7 @@ from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.deviation import held_deviation
 
 Array = NDArray[np.float64]
-Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # systems and designs by name
+Observers = Mapping[str, tuple[AugmentedSystem, CertifiedGains]]  # systems and designs by name
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
 _DURATION, _SAMPLE = 4.0, 0.01  # of the error after a jump [s]

@@ -159,7 +159,7 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimation(job.Figure):
+class FaultFigure(job.Figure):
     """Fault, estimate and error over time."""
 
     layout: Literal["estimation"]
@@ -182,4 +182,4 @@ class Parameters:
     studies: Mapping[str, Matching]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Annotated[Estimation | MatchingFigure, Field(discriminator="layout")]]
+    figures: Mapping[str, Annotated[FaultFigure | MatchingFigure, Field(discriminator="layout")]]

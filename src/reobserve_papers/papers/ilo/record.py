@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from reobserve_papers.parameters.job import Job
-from reobserve_papers.signals.series import Shape
+from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("onsets",)
 
 
-def plant(_: Job) -> dict[str, Shape]:
+def plant(_: Job) -> dict[str, ChannelShape]:
     """Channels of a record; channels with jumps also have their limits from the left."""
     return {
-        "rate": Shape("rad/s", 3),
-        **dict.fromkeys(("measured", "measured_before"), Shape("rad/s", 3, optional=True)),
-        **dict.fromkeys(("control", "fault"), Shape("N m", 3)),
-        **dict.fromkeys(("control_before", "fault_before"), Shape("N m", 3, optional=True)),
+        "rate": ChannelShape("rad/s", 3),
+        **dict.fromkeys(("measured", "measured_before"), ChannelShape("rad/s", 3, optional=True)),
+        **dict.fromkeys(("control", "fault"), ChannelShape("N m", 3)),
+        **dict.fromkeys(("control_before", "fault_before"), ChannelShape("N m", 3, optional=True)),
     }
 
 
-def estimates(_: Job) -> dict[str, Shape]:
+def estimates(_: Job) -> dict[str, ChannelShape]:
     """Channels of an observer's estimates."""
-    return {"rate": Shape("rad/s", 3), **dict.fromkeys(("fault", "fault_before"), Shape("N m", 3))}
+    return {
+        "rate": ChannelShape("rad/s", 3),
+        **dict.fromkeys(("fault", "fault_before"), ChannelShape("N m", 3)),
+    }

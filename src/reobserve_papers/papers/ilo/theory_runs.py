@@ -15,7 +15,7 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Terms
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import State
+from reobserve.observers.rigid_body_observer import RigidBodyState
 from reobserve.synthesis.ilo_accuracy import matched_integrator
 from reobserve.synthesis.ilo_certificate import bound18, certify
 from reobserve_papers.metrics.metrics import Metric
@@ -177,7 +177,7 @@ def _slowed(runs: Runs, factor: float) -> float:
     )  # fmt: skip
     run = run_on_halves(
         slow, rate[change:], control[change:],
-        state=State(state.rate, state.memory), on_divergence="return",
+        state=RigidBodyState(state.rate, state.memory), on_divergence="return",
     )  # fmt: skip
     if run.diverged_at is not None:
         return float("nan")

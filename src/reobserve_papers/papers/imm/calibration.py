@@ -22,7 +22,7 @@ from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
 from reobserve.core.validation import parse
-from reobserve.observers.imm import State
+from reobserve.observers.imm import ImmState
 from reobserve.observers.run import Run
 from reobserve_papers.metrics.responses import window
 from reobserve_papers.papers.imm import keys
@@ -47,7 +47,7 @@ THREADS = 2
 
 
 @dataclass(frozen=True)
-class Trial:
+class CalibrationTrial:
     """Results of one choice of the tuned numbers.
 
     ``means`` has three mean probabilities by observer: of the normal and the leakage mode after the
@@ -90,7 +90,7 @@ class Calibration:
                 raise InputError(f"observers.{name}", "must have the noise of the others tuned")
         return found[0]
 
-    def try_out(self, numbers: Array) -> Trial:
+    def try_out(self, numbers: Array) -> CalibrationTrial:
         """Run all banks with these numbers, in the order of `TUNED`."""
         means, squares, weights = {}, [], []
         outside: dict[str, float] = {}
@@ -103,7 +103,7 @@ class Calibration:
             )
             found = self._run(changed)
             if found.diverged_at is not None:
-                return Trial({}, float("nan"))
+                return CalibrationTrial({}, float("nan"))
             probability = found["probability"]
             time, rules = self.record.time[1:], self.rules
             if isinstance(changed, keys.SmoothVariableStructure):
@@ -116,19 +116,23 @@ class Calibration:
             high = bool(body.quoted_high)
             squares.append(quoted_distance(rules, time, probability, body.quoted, high) ** 2)
             weights.append(3 if high else 2)
-        return Trial(means, float(np.sqrt(np.average(squares, weights=weights))), outside)
+        return CalibrationTrial(
+            means, float(np.sqrt(np.average(squares, weights=weights))), outside
+        )
 
     @cached_property
     def _models(self) -> list[ActuatorModel]:
         return modes(self.plant)
 
-    def _run(self, observer: keys.Observer) -> Run[State]:
+    def _run(self, observer: keys.Observer) -> Run[ImmState]:
         chosen = bank(self.plant, observer, self.record.step, self._models)
         measured = self.record["measured"][1:, measured_columns(observer)]
         return run(chosen, observer, measured, self.record["input"][:-1])
 
 
-def switches(trial: Trial, observers: Mapping[str, keys.Observer], minimum: float) -> bool:
+def switches(
+    trial: CalibrationTrial, observers: Mapping[str, keys.Observer], minimum: float
+) -> bool:
     """Whether at least a share of the innovations leaves the thin layers, and fewer the others."""
     for name, share in trial.outside.items():
         body = observers[name]
@@ -161,7 +165,7 @@ def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
         for level in (1.0 / factor, factor)
     ]
 
-    def trial(task: tuple[int | None, float]) -> Trial:
+    def trial(task: tuple[int | None, float]) -> CalibrationTrial:
         numbers = stated.copy()
         if task[0] is not None:
             numbers[task[0]] *= task[1]
@@ -173,7 +177,7 @@ def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
     return rows
 
 
-def trial_rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
+def trial_rows(sweep: str, level: float, trial: CalibrationTrial) -> Iterator[Row]:
     """Rows of a trial: the distance, and the mean probabilities of each bank."""
     yield "all", sweep, level, 0, "distance", trial.distance, "1"
     for name, means in trial.means.items():

@@ -209,7 +209,7 @@ class Probabilities(job.Figure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfStudy(job.StudyFigure):
+class BanksFigure(job.StudyFigure):
     """A study."""
 
     layout: Literal["neighbourhood", "changes", "causes"]
@@ -226,4 +226,4 @@ class Parameters:
     studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
     theory: Theory
     metrics: Metrics
-    figures: Mapping[str, Annotated[Probabilities | OfStudy, Field(discriminator="layout")]]
+    figures: Mapping[str, Annotated[Probabilities | BanksFigure, Field(discriminator="layout")]]

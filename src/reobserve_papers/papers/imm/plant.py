@@ -7,14 +7,14 @@ import numpy as np
 from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.record import UNITS
-from reobserve_papers.papers.imm.setup import Experiment, experiment
+from reobserve_papers.papers.imm.setup import ActuatorExperiment, experiment
 from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.plants.hydraulic_actuator import MOTION
 from reobserve_papers.plants.hydraulic_actuator import simulate as move
 from reobserve_papers.signals.series import Channel, Series
 
 
-def build(settings: Settings) -> Experiment:
+def build(settings: Settings) -> ActuatorExperiment:
     """The scenario, checked; see `experiment`."""
     job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.parameters.job import Job
-from reobserve_papers.signals.series import Shape
+from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("fault",)
 
@@ -17,23 +17,23 @@ def axis(job: Job) -> tuple[float, float]:
     return job.plant.horizon, job.scenario.period
 
 
-def plant(job: Job) -> dict[str, Shape]:
+def plant(job: Job) -> dict[str, ChannelShape]:
     """The channels of a record."""
-    motion = Shape(", ".join(UNITS.values()), len(UNITS))
+    motion = ChannelShape(", ".join(UNITS.values()), len(UNITS))
     return {
         "motion": motion,
         "measured": motion,
-        "input": Shape(job.scenario.input_unit),
-        "mode": Shape("1"),
+        "input": ChannelShape(job.scenario.input_unit),
+        "mode": ChannelShape("1"),
     }
 
 
-def estimates(_: Job) -> dict[str, Shape]:
+def estimates(_: Job) -> dict[str, ChannelShape]:
     """The channels of a bank's estimates."""
     return {
-        "probability": Shape("1", len(MODES)),
-        "velocity": Shape(UNITS["velocity"]),
-        "saturated": Shape("1", optional=True),
-        "chattering": Shape("1", optional=True),
-        "chattering_correction": Shape(UNITS["velocity"], optional=True),
+        "probability": ChannelShape("1", len(MODES)),
+        "velocity": ChannelShape(UNITS["velocity"]),
+        "saturated": ChannelShape("1", optional=True),
+        "chattering": ChannelShape("1", optional=True),
+        "chattering_correction": ChannelShape(UNITS["velocity"], optional=True),
     }

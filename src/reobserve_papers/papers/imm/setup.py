@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
-from reobserve.observers.imm import IMM, State
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
@@ -25,7 +25,7 @@ from reobserve_papers.plants.hydraulic_actuator import (
     ORDER,
     REALISATIONS,
     ActuatorModel,
-    Sampled,
+    SampledActuator,
 )
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.inputs import Signal
@@ -61,7 +61,7 @@ def modes(plant: keys.Plant) -> list[ActuatorModel]:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class ActuatorExperiment:
     """A checked scenario: input and mode of each step, and standard deviations of the noise.
 
     ``models`` are two, before and after the fault; ``mode`` is the index of one, shape (k,), and
@@ -78,7 +78,7 @@ class Experiment:
     switching_condition: str
 
 
-def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
+def experiment(plant: keys.Plant, scenario: keys.Scenario) -> ActuatorExperiment:
     """The input, modes and noise of a scenario.
 
     Raises
@@ -100,7 +100,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
         noise = np.array(scenario.noise, dtype=np.float64)
         faulty = known[0].blended(known[MODES.index(scenario.fault)], scenario.share)
     rows = np.arange(steps, dtype=np.float64)
-    return Experiment(
+    return ActuatorExperiment(
         (known[0], faulty),
         (rows >= begin).astype(np.int64),
         control(rows * period)[:, 0],
@@ -144,7 +144,7 @@ def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> Line
     return SmoothVariableStructureFilter(model, layer, observer.convergence_rate, observer.inverse)
 
 
-def _model(one: Sampled, Q: Any, R: Any, period: float) -> LinearModel:
+def _model(one: SampledActuator, Q: Any, R: Any, period: float) -> LinearModel:
     """The model of a filter, whose inputs are those of `stacked_inputs`.
 
     x(k+1) = A x(k) + [B 0] [u(k), u(k-1)]'
@@ -203,7 +203,7 @@ def chattering_correction(
     return total
 
 
-def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
+def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[ImmState]:
     """Filter a record from rest, up to its end or to divergence.
 
     ``measured``, shape (k, m), are the ends of steps, ``held``, (k,), the inputs held over them.
@@ -212,7 +212,7 @@ def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> R
     return chosen.run(measured, stacked_inputs(held), state=state, on_divergence="return")
 
 
-def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
+def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> ImmState:
     """The bank at rest, one step before the first row; ``held`` is the input over this step.
 
     By the observer's initial mode, all modes are equally probable or the normal mode is certain.

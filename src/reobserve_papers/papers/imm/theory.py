@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.matrices import spectral_radius
-from reobserve.observers.imm import IMM, State
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.systems.linear import LinearModel
@@ -145,7 +145,7 @@ def _leak(job: Job) -> _Leak:
 
 def _filtered(
     job: Job, name: str, body: keys.Observer, leak: _Leak, models: list[ActuatorModel]
-) -> tuple[Run[State], IMM]:
+) -> tuple[Run[ImmState], IMM]:
     """Estimates of a bank on the leaking actuator, and the bank."""
     with located(f"observers.{name}"):
         filters = bank(job.plant, body, job.theory.period, models)
@@ -172,7 +172,9 @@ def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
             yield Metric(name, f"{what}_prediction_error", size, UNITS["velocity"])
 
 
-def _prediction_error(body: keys.Observer, leak: _Leak, found: Run[State], filters: IMM) -> float:
+def _prediction_error(
+    body: keys.Observer, leak: _Leak, found: Run[ImmState], filters: IMM
+) -> float:
     """Root mean square from the leak on of the velocity's prediction, combined as in (22)."""
     # e(k|k-1) = sum_j c_j e_j(k|k-1), c_j = sum_i p_ij mu_i(k-1)
     weights = found["probability"][leak.begin - 1 : -1] @ filters.transition

@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 GAINS = ("series", "jacobian")
 
 
-class Outcome(NamedTuple):
+class RunOutcome(NamedTuple):
     """Outcome of a run: integrals of squared errors [s], and settling time [s]; nan if never."""
 
     squares: tuple[float, ...]
@@ -64,7 +64,7 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class EnsembleRecord:
     """The plant from one initial state: its states and outputs in half steps of ``step`` [s]."""
 
     start: Array
@@ -72,20 +72,20 @@ class Record:
     output: Array
     step: float
 
-    def outcome(self, observer: NormalFormObserver, estimate: ArrayLike, band: float) -> Outcome:
+    def outcome(self, observer: NormalFormObserver, estimate: ArrayLike, band: float) -> RunOutcome:
         """The outcome of an observer that starts from ``estimate``, with the settling ``band``."""
         state = observer.init(estimate)
         run = run_on_halves(observer, self.output, state=state, on_divergence="return")
         if run.diverged_at is not None:
-            return Outcome((float("nan"),) * len(self.start), float("nan"), diverged=True)
+            return RunOutcome((float("nan"),) * len(self.start), float("nan"), diverged=True)
         error = run["state"] - self.states[::2]
         squares = integral_of_squares(error, self.step).tolist()
-        return Outcome(tuple(squares), settling_time(error, self.step, band), diverged=False)
+        return RunOutcome(tuple(squares), settling_time(error, self.step, band), diverged=False)
 
 
 def records(
     plant: PolynomialPlant, axis: Array, estimate: ArrayLike, steps: int, step: float
-) -> Iterator[Record]:
+) -> Iterator[EnsembleRecord]:
     """Records from all states with coordinates on ``axis``, except the estimate itself.
 
     Raises
@@ -101,7 +101,7 @@ def records(
             states = plant.simulate(start, 0.5 * step, 2 * steps)
         except DivergenceError as problem:
             raise DivergenceError(f"plant from {point}", problem.time) from None
-        yield Record(start, states, plant.output(states), step)
+        yield EnsembleRecord(start, states, plant.output(states), step)
 
 
 def axis(half_width: float, points: int) -> Array:
@@ -193,7 +193,7 @@ def _with_cubic(
     return IdentityObserver(form, body.order, body.gain, sampling_period=step)
 
 
-def _records(job: Job, step: float) -> Iterator[Record]:
+def _records(job: Job, step: float) -> Iterator[EnsembleRecord]:
     study = job.study
     with located(f"studies.{study.method}"):
         steps = multiple("sampling_period", job.plant.horizon, step, "the step")

@@ -99,7 +99,7 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class Design:
+class InjectionDesign:
     """A normal form, by its output injection."""
 
     injection: Polynomial
@@ -281,7 +281,7 @@ class Parameters:
 
     plant: Plant
     scenarios: Mapping[str, Scenario]
-    designs: Mapping[str, Design]
+    designs: Mapping[str, InjectionDesign]
     observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
     studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
     tables: Mapping[str, Table]

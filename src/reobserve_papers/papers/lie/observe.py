@@ -7,7 +7,7 @@ from typing import Any
 
 from reobserve.observers.contract import OnDivergence
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.normal_form_observer import NormalFormObserver, NormalFormState
 from reobserve.observers.run import Run
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_observer, stored_form
@@ -41,7 +41,7 @@ def observe(
     plant_settings: keys.Plant,
     plant: Series,
     on_divergence: OnDivergence = "raise",
-) -> tuple[Run[State], int]:
+) -> tuple[Run[NormalFormState], int]:
     """Run an observer on a record; also the plant samples in half of its steps."""
     every = stride(plant_settings, observer.sampling_period)
     output = plant["output"][::every]

@@ -44,7 +44,11 @@ def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
 
 
 def build_problem(
-    plant: keys.Plant, design: keys.Design, *, degree: int | None = None, exact: bool = False
+    plant: keys.Plant,
+    design: keys.InjectionDesign,
+    *,
+    degree: int | None = None,
+    exact: bool = False,
 ) -> NormalFormProblem:
     """The normal-form problem of a design, of its own degree or another.
 
@@ -71,7 +75,9 @@ class StoredSeries:
     gain: Array
 
 
-def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any]) -> NormalForm:
+def stored_form(
+    plant: keys.Plant, design: keys.InjectionDesign, series: Mapping[str, Any]
+) -> NormalForm:
     """The normal form whose series the stage design has computed.
 
     Raises

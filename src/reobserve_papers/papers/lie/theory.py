@@ -30,7 +30,7 @@ from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.lie import keys, table
-from reobserve_papers.papers.lie.ensemble import Outcome, axis, records
+from reobserve_papers.papers.lie.ensemble import RunOutcome, axis, records
 from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve_papers.papers.lie.scoring import ratios, share_better
 from reobserve_papers.papers.lie.setup import build_problem, build_system, stored_form
@@ -250,7 +250,7 @@ def _better(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     yield Metric("identity", "largest_improvement", max(0.0, improvement), "1")
 
 
-def _outcomes(job: Job, design: Mapping[str, Any], *names: str) -> dict[str, list[Outcome]]:
+def _outcomes(job: Job, design: Mapping[str, Any], *names: str) -> dict[str, list[RunOutcome]]:
     """Outcomes over a grid, of the constant gain and of an order in both forms."""
     theory, body = job.theory, named(job.observers, "constant", keys.Identity)
     form = stored_form(job.plant, job.designs["linear"], design)
@@ -276,7 +276,7 @@ def _form(problem: NormalFormProblem) -> NormalForm:
     return normal_form(problem.system, problem.degree, injection=problem.injection)
 
 
-def _inverse_radius(job: Job, design: keys.Design, degree: int) -> float:
+def _inverse_radius(job: Job, design: keys.InjectionDesign, degree: int) -> float:
     """Inverse of the radius of convergence of S; 0 if it ends, nan if its degree is too low."""
     found = float("nan")
     # The high degrees of a series that ends are rounding, so the low degree is tried first.

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.normal_form_observer import NormalFormObserver, NormalFormState
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.observers.run import Run
 from reobserve.polynomials.maps import PolynomialMap
@@ -140,6 +140,6 @@ def _mean_slope(
     return float(np.log(after / before) / flow.t[-1])
 
 
-def _run(observer: NormalFormObserver, output: Array, case: Case) -> Run[State]:
+def _run(observer: NormalFormObserver, output: Array, case: Case) -> Run[NormalFormState]:
     start = observer.init(case.initial_estimate)
     return run_on_halves(observer, output, state=start, on_divergence="return")

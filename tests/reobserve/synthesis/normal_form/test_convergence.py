@@ -9,7 +9,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import ConvergenceWarning, State
+from reobserve.observers.normal_form_observer import ConvergenceWarning, NormalFormState
 from reobserve.observers.run import Run
 from reobserve.polynomials.expressions import from_expressions
 from reobserve.polynomials.maps import PolynomialMap
@@ -171,7 +171,7 @@ def test_domain_warning_states_distance_duration_and_time() -> None:
 def test_check_domain_warns_and_returns_the_sentence() -> None:
     observer = IdentityObserver(scalar(1, 1, -0.5, 13), 4, sampling_period=0.1)
     inside, outside = (
-        Run(np.arange(2.0), {"state": np.array([[0.0], [top]])}, {}, State(np.zeros(1)))
+        Run(np.arange(2.0), {"state": np.array([[0.0], [top]])}, {}, NormalFormState(np.zeros(1)))
         for top in (0.9, 1.1)
     )
     with warnings.catch_warnings():

@@ -19,7 +19,7 @@ from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
-from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
@@ -33,7 +33,7 @@ FLOOR = 1.00503781018428
 
 
 @cache
-def optimised() -> Design:
+def optimised() -> CertifiedGains:
     return pd_pi.design(SYSTEM)
 
 

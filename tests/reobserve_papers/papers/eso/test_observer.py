@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from reobserve.core.discretisation import zero_order_hold
-from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
 from reobserve.synthesis.extended_state.system import Gains
@@ -31,7 +31,7 @@ from tests.reobserve_papers.plants.test_dc_motor import (
 Array = NDArray[np.float64]
 
 
-def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -> Run[State]:
+def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -> Run[EsoState]:
     """Estimates from a simulated motor: at each step, or each second one with midpoints."""
     after, before = run.after, run.before
     if known == "middles":

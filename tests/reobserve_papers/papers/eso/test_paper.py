@@ -14,7 +14,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import parse
-from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.observers.run import Run
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
@@ -216,7 +216,7 @@ def test_both_observers_can_be_designed_by_both_criteria() -> None:
         assert found["method"] == f"{'PD/PI' if derivative else 'PI'}, minimum gamma"
 
 
-def by_hand(found: Series, gains: Gains, rate: float) -> Run[State]:
+def by_hand(found: Series, gains: Gains, rate: float) -> Run[EsoState]:
     observer = ExtendedStateObserver(dc_motor(Az=rate), gains, sampling_period=1e-3)
     y, u = found["output"], found["control"][:, None]
     before = found["output_before"][::2], found["control_before"][::2, None]

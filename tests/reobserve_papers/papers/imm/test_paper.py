@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
-from reobserve.observers.imm import IMM, State
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -224,7 +224,7 @@ def observer(algorithm: str, realisation: str) -> Tree:
     }  # fmt: skip
 
 
-def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
+def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[ImmState]]:
     filters: list[Any] = []
     for mode in MODES:
         one = ActuatorModel(*ACTUATOR[mode]).sampled(body["realisation"], found.step, 200.0)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve_papers.papers.imm import keys, plant, search
-from reobserve_papers.papers.imm.calibration import Calibration, Trial, switches
+from reobserve_papers.papers.imm.calibration import Calibration, CalibrationTrial, switches
 from reobserve_papers.papers.imm.study_rows import TUNED
 from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
@@ -138,10 +138,10 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[Array]:
     """
     found: list[Array] = []
 
-    def try_out(_: Calibration, numbers: Array) -> Trial:
+    def try_out(_: Calibration, numbers: Array) -> CalibrationTrial:
         found.append(numbers)
         off = float(np.sqrt(np.mean(np.log10(numbers / BEST) ** 2)))
-        return Trial({}, off if numbers[-1] <= 0.05 else float("nan"))
+        return CalibrationTrial({}, off if numbers[-1] <= 0.05 else float("nan"))
 
     monkeypatch.setattr(search, "THREADS", 1)
     monkeypatch.setattr(Calibration, "try_out", try_out)
@@ -306,9 +306,9 @@ def test_switching_check_accepts_only_the_required_layers(
     wide: float, thin: float, right: bool
 ) -> None:
     observers = own_parameters("calibrated").observers
-    trial = Trial({}, 0.0, {"svsf_tuned": wide, "svsf_thin_tuned": thin})
+    trial = CalibrationTrial({}, 0.0, {"svsf_tuned": wide, "svsf_thin_tuned": thin})
     assert switches(trial, observers, 0.01) == right
-    assert not switches(Trial({}, 0.0), observers, 0.01)
+    assert not switches(CalibrationTrial({}, 0.0), observers, 0.01)
 
 
 def test_non_switching_layers_score_worse_than_switching_ones() -> None:

@@ -16,7 +16,12 @@ import pytest
 from reobserve.core.errors import InputError
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import calibration, keys, study, study_rows
-from reobserve_papers.papers.imm.calibration import QUANTITIES, Calibration, Trial, read_kept
+from reobserve_papers.papers.imm.calibration import (
+    QUANTITIES,
+    Calibration,
+    CalibrationTrial,
+    read_kept,
+)
 from reobserve_papers.papers.imm.metrics import reach
 from reobserve_papers.papers.imm.study_rows import TUNED
 from reobserve_papers.parameters.job import Job, read_job
@@ -179,9 +184,9 @@ def test_parameter_file_holds_the_search_result() -> None:
 def test_each_factor_changes_only_one_number(monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[list[float]] = []
 
-    def try_out(self: Calibration, numbers: Any) -> Trial:
+    def try_out(self: Calibration, numbers: Any) -> CalibrationTrial:
         tried.append(list(numbers / self.stated()))
-        return Trial({}, 0.0)
+        return CalibrationTrial({}, 0.0)
 
     monkeypatch.setattr(Calibration, "try_out", try_out)
     monkeypatch.setattr(calibration, "THREADS", 1)

@@ -28,7 +28,7 @@ from reobserve_papers.papers.lie import design as design_stage
 from reobserve_papers.papers.lie import keys, theory_series
 from reobserve_papers.papers.lie import metrics as metrics_stage
 from reobserve_papers.papers.lie import theory as theory_stage
-from reobserve_papers.papers.lie.ensemble import Outcome
+from reobserve_papers.papers.lie.ensemble import RunOutcome
 from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve_papers.papers.lie.study_rows import KINDS
 from reobserve_papers.papers.lie.theory_runs import (
@@ -101,7 +101,7 @@ def test_printed_eigenvalues_determine_the_output() -> None:
 
 def test_compared_errors_are_those_of_the_ensemble() -> None:
     """The whole state in one, its components in the other, from the same initial states."""
-    outcome = Outcome((1.0, 2.0), 3.0, diverged=False)
+    outcome = RunOutcome((1.0, 2.0), 3.0, diverged=False)
     assert (outcome.ise, outcome.ise_of("x"), outcome.ise_of("x1"), outcome.ise_of("x2")) == (
         3.0, 3.0, 1.0, 2.0,
     )  # fmt: skip

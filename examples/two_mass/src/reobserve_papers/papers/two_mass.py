@@ -26,7 +26,7 @@ from reobserve_papers.parameters.check import Checks
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import AnyFigure, Job, Study
 from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
-from reobserve_papers.signals.series import Channel, Series, Shape
+from reobserve_papers.signals.series import Channel, ChannelShape, Series
 
 
 @dataclass(frozen=True)
@@ -119,14 +119,14 @@ def simulate(job: Job) -> Series:
     return Series(time, {**x, "measured": Channel(state[:, 0] + job.scenario.noise * noise, "m")})
 
 
-def plant(_: Job) -> dict[str, Shape]:
+def plant(_: Job) -> dict[str, ChannelShape]:
     """What a record holds, and below what an observer estimates."""
-    return {**estimates(_), "force": Shape("N"), "measured": Shape("m")}
+    return {**estimates(_), "force": ChannelShape("N"), "measured": ChannelShape("m")}
 
 
-def estimates(_: Job) -> dict[str, Shape]:
+def estimates(_: Job) -> dict[str, ChannelShape]:
     """Of both masses."""
-    return {"position": Shape("m", 2)}
+    return {"position": ChannelShape("m", 2)}
 
 
 def compute(job: Job) -> dict[str, Any]:

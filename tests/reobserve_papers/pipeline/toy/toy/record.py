@@ -1,10 +1,10 @@
 """The columns of records and estimates."""
 
-from reobserve_papers.signals.series import Shape
+from reobserve_papers.signals.series import ChannelShape
 
 
 def plant(job):
-    return {"x": Shape("1"), "d": Shape("1/s")}
+    return {"x": ChannelShape("1"), "d": ChannelShape("1/s")}
 
 
 estimates = plant
