@@ -60,7 +60,7 @@ def test_named_subcommands_and_rules_exist() -> None:
     text = "\n".join(path.read_text(encoding="utf-8") for path in files)
     typed = r"(?:^\t|^ +|bin/|run: )(reobserve(?:-papers)?) ([a-z]+)\b"
     named = set(re.findall(typed, text, re.MULTILINE))
-    assert {("reobserve-papers", "samples"), ("reobserve", "estimate")} <= named
+    assert {("reobserve-papers", "samples"), ("reobserve-papers", "accept")} <= named
     for program, name in named:
         with pytest.raises(SystemExit, match=r"^0$"):
             PROGRAMS[program]([name, "--help"])

@@ -27,7 +27,7 @@ from tests import ROOT
 
 TIME = np.linspace(0, 10, 400)
 TALL = 8.0  # inches of a panel, for a figure taller than any accepted one
-ACCEPTED = sorted((ROOT / "reference").rglob("*.png"))
+ACCEPTED = sorted((ROOT / "tests/reference").rglob("*.png"))
 
 
 def drawing(label: str = "rate [rad/s]", note: str = "RMS 0.45 %", shift: float = 0) -> Figure:

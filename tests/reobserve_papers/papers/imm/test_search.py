@@ -317,7 +317,7 @@ def test_non_switching_layers_score_worse_than_switching_ones() -> None:
 
 
 def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [str(Path(sys.executable).parent / "reobserve"), *map(str, arguments)]
+    command = [str(Path(sys.executable).parent / "reobserve-papers"), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
