@@ -76,7 +76,8 @@ def test_missing_rows_are_reported_with_the_file(
 
 
 def test_unknown_paper_and_part_are_reported() -> None:
-    with pytest.raises(InputError, match=r"^reobserve_papers\.papers\.nobody: there is no such package$"):
+    problem = r"^reobserve_papers\.papers\.nobody: there is no such package$"
+    with pytest.raises(InputError, match=problem):
         paper_module("reobserve_papers.papers.nobody", "plant")
     with pytest.raises(InputError, match=r"^reobserve_papers\.papers\.ilo: has no table$"):
         paper_module("reobserve_papers.papers.ilo", "table")
