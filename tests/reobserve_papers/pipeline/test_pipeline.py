@@ -68,8 +68,9 @@ def test_metrics_and_plots_do_not_load_numba(built: Project, tmp_path: Path) -> 
         figures = PARAMETER_FILES[paper].tree["figures"]
         studied = next(name for name in figures if "study" in figures[name])
         log = (built.folder / f"logs/{paper}/{studied}.metrics.log").read_text()
-        *words, _ = shlex.split(log.partition("\n")[0].removeprefix("+ "))
-        command = ("python", "-X", "importtime", "-m", *words, str(tmp_path / f"{paper}.csv"))
+        _, *words, _ = shlex.split(log.partition("\n")[0].removeprefix("+ "))
+        module = ("-m", "reobserve_papers", *words, str(tmp_path / f"{paper}.csv"))
+        command = ("python", "-X", "importtime", *module)
         loaded = built.run(*command).stderr
         assert "reobserve_papers.papers" in loaded
         assert not re.search(slow, loaded, re.MULTILINE), paper
