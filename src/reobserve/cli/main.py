@@ -43,6 +43,7 @@ COMMANDS = CommandTable(
             "design",
         ),
     },
+    epilog="The papers and their pipeline have a command of their own, reobserve-papers.",
 )  # fmt: skip
 
 
