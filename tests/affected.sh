@@ -25,6 +25,6 @@ while read -r file; do
         ;;
     config/papers/*) echo tests/reobserve_papers/parameters ;;
     config/claims/* | config/errata/*) echo tests/reobserve_papers/claims ;;
-    docs/*) echo tests/docs/test_pages.py tests/docs/test_hand_written.py tests/docs/test_outputs.py ;;
+    docs/*) echo tests/docs/test_pages.py tests/docs/test_hand_written.py tests/docs/test_outputs.py tests/docs/test_equations.py ;;
     esac
 done | sort -u

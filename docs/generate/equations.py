@@ -45,7 +45,7 @@ def equations(papers: Iterable[Paper]) -> str:
     """A table for each paper whose package has the name by which it is cited."""
     parts = []
     for paper in papers:
-        if (found := citations(paper.root, paper.name)) is None:
+        if (found := citations(paper.root, paper.parameters.package)) is None:
             continue
         title = f"[*{plain(paper.about['title'])}*](../findings/{paper.name}.md)"
         cited = f"{title}, cited in the code as {code(found.name)}."
@@ -60,10 +60,11 @@ def anchor(paper: str, place: str) -> str:
     return "-".join([paper, *re.findall(r"\w+", place.lower())])
 
 
-def citations(root: Path, paper: str) -> Citations | None:
-    """The citations of a paper in all packages of a project; None if it has no name there."""
-    file = next(root.glob(f"src/**/*papers/{paper}/__init__.py"), None)
-    about = (file and ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))) or ""
+def citations(root: Path, package: str) -> Citations | None:
+    """The citations in a project of the paper that a package names; None if it names none."""
+    file = root / "src" / package.replace(".", "/") / "__init__.py"
+    text = file.read_text(encoding="utf-8") if file.is_file() else ""
+    about = ast.get_docstring(ast.parse(text)) or ""
     name, colon, _ = about.partition(":")
     if not colon:
         return None

@@ -39,8 +39,8 @@ TELLING = {
 }
 
 
-def found_in(root: Path, paper: str) -> Citations:
-    found = citations(root, paper)
+def found_in(root: Path, package: str) -> Citations:
+    found = citations(root, package)
     assert found is not None
     return found
 
@@ -58,7 +58,7 @@ def mentioned(text: str) -> set[str]:
 
 @pytest.mark.parametrize("paper", FIVE)
 def test_no_equation_is_lost(paper: str) -> None:
-    found = found_in(ROOT, paper)
+    found = found_in(ROOT, f"reobserve_papers.papers.{paper}")
     assert {*found.code, *found.reasons} == known(paper)
     assert found.code.keys().isdisjoint(found.reasons), "cited, with a reason why no code does"
 
@@ -67,7 +67,7 @@ def test_no_equation_is_lost(paper: str) -> None:
 def test_reasons_name_what_there_is(paper: str) -> None:
     errata = read_yaml(ROOT / f"config/errata/{paper}.yaml")["errata"]
     claims = read_yaml(ROOT / f"config/claims/{paper}.yaml")["claims"]
-    for place, reason in found_in(ROOT, paper).reasons.items():
+    for place, reason in found_in(ROOT, f"reobserve_papers.papers.{paper}").reasons.items():
         assert reason, place
         assert mentioned(reason) <= known(paper), place
         for name in re.findall(r"`([\w.]+)`", reason):
@@ -78,7 +78,7 @@ def test_reasons_name_what_there_is(paper: str) -> None:
 
 @pytest.mark.parametrize("paper", FIVE)
 def test_code_cites_the_paper_in_one_form(paper: str) -> None:
-    name = found_in(ROOT, paper).name
+    name = found_in(ROOT, f"reobserve_papers.papers.{paper}").name
     first = re.split(r"[ ,]", name)[0]
     for file in (ROOT / "src").rglob("*.py"):
         text = " ".join(file.read_text(encoding="utf-8").split())
@@ -87,7 +87,7 @@ def test_code_cites_the_paper_in_one_form(paper: str) -> None:
 
 def test_all_places_in_docstrings_are_known() -> None:
     """Those without the name of a paper are of the papers that the module cites."""
-    names = {paper: found_in(ROOT, paper).name for paper in FIVE}
+    names = {paper: found_in(ROOT, f"reobserve_papers.papers.{paper}").name for paper in FIVE}
     for file in (ROOT / "src").rglob("*.py"):
         nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
         documented = [
@@ -149,7 +149,7 @@ def test_citations_of_any_package_are_found(tmp_path: Path) -> None:
         path = tmp_path / "src" / file
         path.parent.mkdir(parents=True)
         path.write_text(text)
-    found = found_in(tmp_path, "toy")
+    found = found_in(tmp_path, "one.papers.toy")
     assert found.name == "A & B 2001"
     f = ["other.a.b.f"]
     assert found.code == {

@@ -110,7 +110,7 @@ def test_every_command_shows_its_help(site: Site) -> None:
 @pytest.mark.parametrize("paper", FIVE)
 def test_every_equation_has_a_row_with_a_link_to_code(site: Site, paper: str) -> None:
     text = site.page("reference/equations")
-    found = citations(ROOT, paper)
+    found = citations(ROOT, f"reobserve_papers.papers.{paper}")
     assert found is not None
     for place, names in found.code.items():
         row = text.partition(f'id="{anchor(paper, place)}"')[2].partition("</tr>")[0]

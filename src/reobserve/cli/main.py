@@ -44,6 +44,7 @@ COMMANDS = CommandTable(
         ),
     },
     epilog="The papers and their pipeline have a command of their own, reobserve-papers.",
+    other="reobserve-papers",
 )  # fmt: skip
 
 

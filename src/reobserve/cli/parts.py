@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from reobserve.core.errors import one_line
+from reobserve.core.errors import one_line, shown
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,13 @@ class Command:
 
 @dataclass(frozen=True)
 class CommandTable:
-    """Sub-commands by name, and an epilog for the help that lists them."""
+    """Sub-commands by name, an epilog for the help that lists them, a program that has others."""
 
     text: str
     commands: Mapping[str, Command]
     title: str = "commands"
     epilog: str = ""
+    other: str = ""
 
 
 class Parser(argparse.ArgumentParser):
@@ -70,6 +71,10 @@ def add_commands(
     metavar = table.title.removesuffix("s").upper()
     group = parser.add_subparsers(title=table.title, metavar=metavar, required=True)
     typed = words[0] if words and words[0] in table.commands else None
+    if words and typed is None and not words[0].startswith("-"):
+        more = f"; {table.other} has others" if table.other else ""
+        known = ", ".join(table.commands)
+        parser.error(f"argument {metavar}: there is no {shown(words[0])}, only {known}{more}")
     for name, entry in table.commands.items():
         if typed is not None and name != typed:
             continue

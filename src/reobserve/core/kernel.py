@@ -6,10 +6,10 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -87,7 +87,7 @@ class FunctionPointer:
 
 def _cached(function: Callable[..., Any], decorator: Any, *arguments: Any, **options: Any) -> Any:
     """Apply a decorator of numba, with its cache in `_cache_folder` if that can be written."""
-    with _cache_in(_cache_folder((function.__module__ or "").partition(".")[0])) as cached:
+    with _cache_in(_cache_folder(_packages_behind(function))) as cached:
         try:
             return decorator(*arguments, cache=cached, **options)(function)
         except RuntimeError as error:  # numba found no folder for the module of this function
@@ -108,16 +108,41 @@ def _cache_in(folder: Path | None) -> Iterator[bool]:
         config.CACHE_DIR = before
 
 
+def _packages_behind(function: Callable[..., Any]) -> frozenset[str]:
+    """The top-level packages of a function and of the kernels that it calls, also indirectly."""
+    seen: dict[Any, None] = {}
+    waiting: list[Any] = [function]
+    while waiting:
+        one = waiting.pop()
+        if not isinstance(one, FunctionType) or one in seen:
+            continue
+        seen[one] = None
+        names = one.__code__.co_names
+        used = [one.__globals__.get(name) for name in names]
+        used += [
+            getattr(each, name, None)
+            for each in used
+            if isinstance(each, ModuleType)
+            for name in names
+        ]
+        with suppress(ValueError):  # a cell that is still empty
+            used += [cell.cell_contents for cell in one.__closure__ or ()]
+        waiting += [getattr(each, "py_func", getattr(each, "_function", None)) for each in used]
+    return frozenset((one.__module__ or "").partition(".")[0] for one in seen)
+
+
 @cache
-def _cache_folder(package: str) -> Path | None:
-    """The folder for the machine code of a package; None if no place can be written.
+def _cache_folder(packages: frozenset[str]) -> Path | None:
+    """The folder for the machine code of packages; None if no place can be written.
 
     numba looks at the file that defines a function, not at the functions it calls in other files.
     So the name of the folder is a digest of all modules with kernels, of the library and of the
-    package: an edit begins a new one.
+    packages: an edit begins a new one.
     """
     library = Path(__file__).parents[1]
-    folders = [library, *map(Path, getattr(sys.modules.get(package), "__path__", ()))]
+    folders = [library]
+    for package in sorted(packages):
+        folders += map(Path, getattr(sys.modules.get(package), "__path__", ()))
     whole = hashlib.sha256(numba.__version__.encode())
     for path in (
         path for folder in dict.fromkeys(folders) for path in sorted(folder.rglob("*.py"))

@@ -1,4 +1,4 @@
-"""Recorded data as a task of the bench: its methods are specifications of `reobserve estimate`.
+"""Recorded data as a task: its methods are specifications of `reobserve estimate`.
 
     title: Rate of turn from a compass
     training: [{file: heading.csv, since: 44, until: 46, segments: 2}]

@@ -1,4 +1,4 @@
-"""Tables of the bench: files of scores and of comparisons, and the summary."""
+"""Tables of a comparison: files of scores and of comparisons, and the summary."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The file of tuned settings of a method.
 
-`config/bench/tuned/TASK/METHOD.json` has for each training set the digest of what decides the
-search, and for each repeat the best settings, their objective on the training records, settings at
-an edge of their range, and errors on held-out records over evaluations.
+A folder has METHOD.json for each method of a task. It has for each training set the digest of what
+decides the search, and for each repeat the best settings, their objective on the training records,
+settings at an edge of their range, and errors on held-out records over evaluations.
 """
 
 from __future__ import annotations
@@ -86,9 +86,6 @@ def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
         for name in task.training:
             kept = found[method].training.get(name)
             if kept is None or kept.digest != task.digest(method, name):
-                problem = (
-                    f"training.{name} is not of what {task.file} states now: tune again "
-                    f"(reobserve-papers bench tune {task.file} {method} --output {folder})"
-                )
+                problem = f"training.{name} is not of what {task.file} states now: tune it again"
                 raise InputError(str(path), problem)
     return found

@@ -72,6 +72,8 @@ COMMANDS = CommandTable(
         )
         for name, (text, options, run) in _COMMANDS.items()
     },
+    epilog="Observers on recorded data have a command of their own, reobserve.",
+    other="reobserve",
 )
 
 

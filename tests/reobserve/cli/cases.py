@@ -38,9 +38,9 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def check_help(program: str, table: CommandTable, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check that the help fits a terminal and lists all commands, whatever word comes first."""
+    """Check that the help fits a terminal and lists all commands."""
     monkeypatch.setenv("COLUMNS", "80")
-    for words in ((), ("--help",), ("none",)):
+    for words in ((), ("--help",)):
         text = command_parser(program, table, words).format_help()
         assert len(text.splitlines()) <= 24
         assert all(f"    {name} " in text for name in table.commands)
@@ -53,3 +53,17 @@ def check_only_the_typed_is_built(program: str, table: CommandTable, typed: list
         assert set(sub_commands(built)) == {word} < set(sub_commands(whole))
         whole, built = sub_commands(whole)[word], sub_commands(built)[word]
     assert built.format_help() == whole.format_help()
+
+
+def check_unknown_command(
+    program: str, table: CommandTable, other: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Check that a command of the other program is refused with all there are, and where to look."""
+    with pytest.raises(SystemExit):
+        command_parser(program, table, [other])
+    said = capsys.readouterr().err.splitlines()[-1]
+    known = ", ".join(table.commands)
+    assert said.startswith(
+        f"{program}: error: argument COMMAND: there is no '{other}', only {known};"
+    )
+    assert said.endswith(f"; {table.other} has others")

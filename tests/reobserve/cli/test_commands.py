@@ -11,6 +11,7 @@ from tests.reobserve.cli.cases import (
     check_arguments,
     check_help,
     check_only_the_typed_is_built,
+    check_unknown_command,
     commands,
 )
 
@@ -30,3 +31,7 @@ def test_help_fits_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("typed", [["estimate"], ["export"]])
 def test_only_the_typed_command_is_built(typed: list[str]) -> None:
     check_only_the_typed_is_built(PROGRAM, COMMANDS, typed)
+
+
+def test_command_of_the_other_program_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    check_unknown_command(PROGRAM, COMMANDS, "stage", capsys)

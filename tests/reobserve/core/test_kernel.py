@@ -66,16 +66,18 @@ def test_edited_kernel_is_recompiled_in_its_callers(package: Path) -> None:
     assert run(package) == "1.0 0\n"
 
 
-def test_edited_kernel_of_another_package_is_recompiled_in_its_callers(package: Path) -> None:
-    own = package / "papers"
-    own.mkdir()
-    (own / "__init__.py").touch()
-    (own / "sums.py").write_text(
-        SUMS.format(other="").replace("reobserve.core. ", "papers.halves ")
-    )
+@pytest.mark.parametrize("called", ["papers", "others"])
+def test_edited_kernel_of_another_package_is_recompiled_in_its_callers(
+    package: Path, called: str
+) -> None:
+    for name in {"papers", called}:
+        (package / name).mkdir()
+        (package / name / "__init__.py").touch()
+    sums = SUMS.format(other="").replace("reobserve.core. ", f"{called}.halves ")
+    (package / "papers/sums.py").write_text(sums)
     program = RUN.replace("reobserve.core.sums", "papers.sums")
     for divisor, answer in ((2, "2.0 0\n"), (2, "2.0 1\n"), (4, "1.0 0\n")):
-        (own / "halves.py").write_text(HALF.format(divisor=divisor))
+        (package / called / "halves.py").write_text(HALF.format(divisor=divisor))
         assert run(package, program) == answer
 
 

@@ -12,7 +12,6 @@ from scipy.signal import cont2discrete, dlsim, tf2ss
 from scipy.stats import chi2, kstest
 
 from reobserve.detection.false_alarms import false_alarm_threshold
-from reobserve.detection.restarted_cusum import restarted_cusum
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.tuning.table import Results
 from reobserve.tuning.task import Condition
@@ -20,7 +19,6 @@ from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.plot import detection
 from reobserve_papers.bench.tasks import leak
 from tests import ROOT
-from tests.reobserve.detection.test_restarted_cusum import by_hand
 
 TASK = PackagedTask.read(ROOT / "config/bench/leak.yaml")
 PLANT: leak.Plant = TASK.plant_in("nominal")
@@ -71,17 +69,6 @@ def test_normalised_innovations_are_chi_squared() -> None:
         for one in leak.simulate(EXACT, condition, seed, PERIOD).healthy()
     ]
     assert kstest(np.concatenate(found), chi2(size).cdf).pvalue > 0.01
-
-
-def test_restarted_sum_agrees_with_matrix_recursion() -> None:
-    one, other = filters(PLANT, SETTINGS)
-    record = leak.simulate(replace(PLANT, share=(0.9, 1.0)), Condition("nominal"), 5, PERIOD)
-    y, u = record.measurements, record.inputs
-    found = restarted_cusum(one, other, y, u, one.init(np.zeros(4), leak.REST))
-    assert found == pytest.approx(by_hand(one, other, y, u, leak.REST), rel=1e-8, abs=1e-8)
-    onset = int(np.argmax(record.truth > 0))
-    assert (found[:onset] == 0).mean() > 0.5
-    assert found[-1] > 50
 
 
 def test_restart_shortens_delay_for_distant_models() -> None:

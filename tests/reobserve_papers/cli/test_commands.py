@@ -12,6 +12,7 @@ from tests.reobserve.cli.cases import (
     check_arguments,
     check_help,
     check_only_the_typed_is_built,
+    check_unknown_command,
     commands,
 )
 
@@ -31,3 +32,7 @@ def test_help_fits_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("typed", [["check"], ["stage", "plant"], ["bench", "score"]])
 def test_only_the_typed_command_is_built(typed: list[str]) -> None:
     check_only_the_typed_is_built(PROGRAM, COMMANDS, typed)
+
+
+def test_command_of_the_other_program_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    check_unknown_command(PROGRAM, COMMANDS, "estimate", capsys)

@@ -113,9 +113,9 @@ def copy_project(target: Path) -> Project:
 
 
 def copy_toy(target: Path) -> Project:
-    """The same with `toy`, a paper with every stage, as the only paper."""
+    """The same with `toy` as the only paper: it has every stage, and a package of its own."""
     toy, project = Path(__file__).parent / "toy", copy_project(target)
-    shutil.copytree(toy / "toy", target / "src/reobserve_papers/papers/toy")
+    shutil.copytree(toy / "toy", target / "src/toy_paper")
     shutil.copy(toy / "toy.yaml", target / "config/papers")
     (target / "workflow/report/toy").mkdir()
     shutil.copy(toy / "fig1.rst", target / "workflow/report/toy")

@@ -76,7 +76,7 @@ def test_sample_chunks_are_stale_after_their_inputs_change(toy: Project, in_one:
     toy.snakemake(ROBUSTNESS, "--config", *config)
     gain = "toy={observers: {slow: {gains: [0.9, 1.1]}}}"
     assert toy.stale(ROBUSTNESS, config=[*config, gain])["sample"] == 2
-    with edited(toy.folder / "src/reobserve_papers/papers/toy/study.py"):
+    with edited(toy.folder / "src/toy_paper/study.py"):
         stale = toy.stale(ROBUSTNESS, config=config)
     assert stale == {"study": 1, "sample": 2, "robustness": 1}
     assert toy.stale(ROBUSTNESS, config=config) == {}

@@ -237,7 +237,7 @@ def lines(data):
 
 LAYOUTS = {"lines": lines}
 """
-    plot = toy.folder / "src/reobserve_papers/papers/toy/plot.py"
+    plot = toy.folder / "src/toy_paper/plot.py"
     (toy.folder / "results/report.html").unlink()
     with edited(plot, plot.read_text(), refusing):
         assert toy.snakemake("results/toy/fig1.svg", check=False).returncode != 0
@@ -316,19 +316,19 @@ def test_recomputed_evidence_is_identical(toy: Project) -> None:
 @pytest.mark.parametrize(
     ("module", "stale"),
     [
-        ("papers/toy/design.py", FROM_DESIGN),
+        ("toy_paper/design.py", FROM_DESIGN),
         # The robustness evaluates in its own process, but starts from the study.
-        ("cli/stages/design.py", FROM_DESIGN),
-        ("papers/toy/table.py", {"table": 1, **REPORTED}),
-        ("cli/stages/table.py", {"table": 1, **REPORTED}),
-        ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
-        ("steps/compute.py", ALL),
+        ("reobserve_papers/cli/stages/design.py", FROM_DESIGN),
+        ("toy_paper/table.py", {"table": 1, **REPORTED}),
+        ("reobserve_papers/cli/stages/table.py", {"table": 1, **REPORTED}),
+        ("toy_paper/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
+        ("reobserve_papers/steps/compute.py", ALL),
     ],
 )
 def test_edited_design_stage_makes_its_dependents_stale(
     toy: Project, module: str, stale: dict[str, int]
 ) -> None:
-    with edited(toy.folder / "src/reobserve_papers" / module):
+    with edited(toy.folder / "src" / module):
         assert toy.stale() == stale
 
 

@@ -2,8 +2,9 @@
 
 from math import isfinite
 
+from toy_paper import design
+
 from reobserve.core.errors import InputError
-from reobserve_papers.papers.toy import design
 from reobserve_papers.parameters.check import Checks
 
 

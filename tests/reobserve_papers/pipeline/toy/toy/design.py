@@ -1,6 +1,7 @@
 """Stage design: s^2 + (a + l1) s + l2 = (s + pole)^2."""
 
-from reobserve_papers.papers.toy import keys
+from toy_paper import keys
+
 from reobserve_papers.parameters.job import read_job
 
 

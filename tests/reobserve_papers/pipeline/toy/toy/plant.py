@@ -1,8 +1,8 @@
 """Stage plant: the lag from rest under a constant disturbance, in closed form."""
 
 import numpy as np
+from toy_paper import keys
 
-from reobserve_papers.papers.toy import keys
 from reobserve_papers.parameters.job import read_job
 from reobserve_papers.signals.series import Channel, Series
 

@@ -1,8 +1,9 @@
 """Stage study: the gains of the design, multiplied."""
 
-from reobserve_papers.papers.toy import keys
-from reobserve_papers.papers.toy.metrics import late_error
-from reobserve_papers.papers.toy.observe import run as observed
+from toy_paper import keys
+from toy_paper.metrics import late_error
+from toy_paper.observe import run as observed
+
 from reobserve_papers.parameters.job import read_job
 
 

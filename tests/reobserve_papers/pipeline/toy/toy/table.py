@@ -1,7 +1,8 @@
 """Stage table: the gains as printed and as computed."""
 
+from toy_paper import keys
+
 from reobserve.core.files import NAME, NUMBER
-from reobserve_papers.papers.toy import keys
 from reobserve_papers.parameters.job import read_job
 
 HEADER = ("gain", "printed", "computed")

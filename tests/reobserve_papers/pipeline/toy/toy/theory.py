@@ -1,7 +1,8 @@
 """Stage theory: the distance of the poles of the design from a double pole, as a discriminant."""
 
+from toy_paper import keys
+
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.papers.toy import keys
 from reobserve_papers.parameters.job import read_job
 
 
