@@ -58,7 +58,7 @@ def check_only_the_typed_is_built(program: str, table: CommandTable, typed: list
 def check_unknown_command(
     program: str, table: CommandTable, other: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Check that a command of the other program is refused with all there are, and where to look."""
+    """Check that a command of the other program is refused, and where to look."""
     with pytest.raises(SystemExit):
         command_parser(program, table, [other])
     said = capsys.readouterr().err.splitlines()[-1]
