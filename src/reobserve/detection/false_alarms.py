@@ -47,7 +47,8 @@ def false_alarm_threshold(maxima: ArrayLike, false_alarm_probability: float) -> 
         raise InputError("false_alarm_probability", problem)
     place = math.ceil((1.0 - probability) * (len(found) + 1) - 1e-9)
     if place > len(found):
-        needed = math.ceil(1.0 / probability - 1e-9) - 1
+        least = 1.0 / probability - 1.0
+        needed = f"{math.ceil(least - 1e-9)}" if least < 1e15 else "more than 1e15"
         raise InputError(
             "false_alarm_probability",
             f"{probability:g} needs {needed} records without a fault or more, "

@@ -152,7 +152,11 @@ class Entry(Model):
 class _Branch(BaseModel):
     """A branch of entries, in addition to the declared keys."""
 
-    model_config = {**STRICT, "extra": "allow"}
+    model_config = {
+        **STRICT,
+        "extra": "allow",
+        "model_title_generator": lambda kind: kind.__name__.removesuffix("Branch"),
+    }
     __pydantic_extra__: dict[str, Entry]
 
     @classmethod

@@ -14,7 +14,7 @@ from reobserve.tuning.tuned_file import Cost, Repeat, TunedMethod, TunedOn
 MODULE = '''
 from dataclasses import dataclass
 import numpy as np
-from reobserve.tuning.task import Record
+from reobserve.tuning.task import TaskRecord
 from reobserve.core.errors import DivergenceError
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ def simulate(plant, condition, seed, period):
     draw = np.random.default_rng(seed)
     truth = np.full((11, 1), plant.level)
     off = condition.noise * plant.noise * draw.normal() + condition.model
-    return Record(period * np.arange(11.0), np.zeros((11, 0)), truth + off, truth)
+    return TaskRecord(period * np.arange(11.0), np.zeros((11, 0)), truth + off, truth)
 
 def share(plant, s, period, noise):
     """Measured times a share; its error is |share (1 + off) - 1|."""

@@ -101,7 +101,7 @@ def as_run(command: Command, built: str = "") -> str:
         whole = command.alone or len(rest) > 1 + rest.count("stage")
         return command.text if whole else shlex.join([*words, "--help"])
     elsewhere = (
-        words[:2] == ["source", ".venv/bin/activate"]
+        words[:2] in (["source", ".venv/bin/activate"], ["pip", "install"])
         or first == "git"  # a copy has no history
         or command.text.startswith(
             "cd motor; cc "

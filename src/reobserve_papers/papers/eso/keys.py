@@ -115,7 +115,7 @@ Design = Feasible | Optimised
 
 
 @dataclass(frozen=True)
-class ExtendedState:
+class Observer:
     """An extended state observer with the gains of a design."""
 
     algorithm: Literal["extended_state"]
@@ -185,7 +185,7 @@ class Parameters:
     plant: Plant
     scenarios: Mapping[str, Scenario]
     designs: Mapping[str, Annotated[Design, Field(discriminator="kind")]]
-    observers: Mapping[str, ExtendedState]
+    observers: Mapping[str, Observer]
     studies: Mapping[str, Designs]
     metrics: Metrics
     theory: Theory
