@@ -101,7 +101,7 @@ def test_gallery_figures_are_visible_and_link_to_their_section(
     assert len(first.get_attribute("alt") or "") > 20
     first.click()
     assert page.url.endswith("/gallery/delay/#fig1")
-    assert page.locator("#fig1").is_visible()
+    page.locator("#fig1").wait_for()  # until it is visible
     finish(opened, address)
 
 
