@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import reobserve
+import reobserve_papers
 from reobserve import InputError
 from reobserve_papers import replicate
 from reobserve_papers.golden.comparison import compare
@@ -141,15 +142,16 @@ def test_invalid_input_is_reported_in_one_sentence(
 def test_installed_package_has_its_parameter_files(tmp_path: Path) -> None:
     """As installed by the wheel; `tests/package` compares that with the checkout."""
     site = tmp_path / "site"
-    (site / "reobserve").mkdir(parents=True)
-    for path in Path(reobserve.__file__).parent.iterdir():
-        (site / "reobserve" / path.name).symlink_to(path)
-    (site / "reobserve/project").mkdir()
+    for package in (reobserve, reobserve_papers):
+        (site / package.__name__).mkdir(parents=True)
+        for path in Path(str(package.__file__)).parent.iterdir():
+            (site / package.__name__ / path.name).symlink_to(path)
+    (site / "reobserve_papers/project").mkdir()
     for name in ("config", "workflow"):
-        (site / "reobserve/project" / name).symlink_to(ROOT / name)
+        (site / "reobserve_papers/project" / name).symlink_to(ROOT / name)
     program = (
         "import reobserve_papers; found = reobserve_papers.replicate('lie', 'fig1'); "
-        "print(reobserve.__file__, len(found.numbers))"
+        "print(reobserve_papers.__file__, len(found.numbers))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": str(site)},
