@@ -36,6 +36,9 @@ def _basics() -> Iterator[Call]:
     yield Call("core.random_streams.held_normal", held, (20, 2, 3))
 
     def tuned(make: Any, ranges: Any, records: Any, score: Any, budget: Any, seed: Any) -> object:
+        # A type can be called, and what it raises when it is called is the caller's affair.
+        make = dict if isinstance(make, type) else make
+        score = (lambda *_: 1.0) if isinstance(score, type) else score
         return tune(make, ranges, records, score, budget, seed)
 
     yield Call(
