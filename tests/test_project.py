@@ -96,6 +96,11 @@ def test_no_module_is_deeper_than_a_part_of_a_part() -> None:
     assert max(len(path.relative_to(SOURCE).parts) for path in files(".")) <= 4
 
 
+def test_no_module_hides_the_function_replicate() -> None:
+    """Else whoever imports that module first finds it in place of the function."""
+    assert [path for path in files(".") if "replicate" in (path.stem, path.parent.name)] == []
+
+
 # Parts without tests of their own, and where they are tested instead.
 TESTED_ELSEWHERE = {
     "reobserve.__main__": "tests/reobserve/estimation",
