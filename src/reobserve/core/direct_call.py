@@ -30,6 +30,6 @@ def _call(_: Any, function: Any, arguments: Any) -> Any:
 # arguments.
 #
 # As ``function(*arguments)`` does, which numba compiles with what it takes to fetch the function
-# from Python and to raise what it raises; neither ever happens. But where anything may raise, numba
-# counts references to each array in use, which takes short loops about as long as their work.
+# from Python and to raise what it raises; neither ever happens. But it takes longer to compile and
+# to run, in an `allocating_kernel` most of all: numba counts references where anything may raise.
 call: Any = intrinsic(_call)

@@ -1,4 +1,4 @@
-"""Compilation of hot loops by numba: one decorator, so that every kernel has the same rules."""
+"""Compilation of hot loops by numba: three decorators, so that all kernels have the same rules."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-_MARKS = (b"@kernel", b"@inlined_kernel", b"intrinsic(_")  # in modules that hold compiled code
+# In modules that hold compiled code.
+_MARKS = (b"@kernel", b"@inlined_kernel", b"@allocating_kernel", b"intrinsic(_")
 
 # Division by zero gives inf or nan, as in numpy. Sums are never reordered and products never fused
 # (no ``fastmath``), so that stepping and batch runs are bitwise identical.
@@ -23,9 +24,31 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "nogil": 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
+def _uncounted() -> dict[str, Any]:
+    """The option by which numba counts no references to arrays; none if it does not know it."""
+    options = getattr(getattr(numba.njit(_uncounted), "targetdescr", None), "options", None)
+    return {"_nrt": False} if hasattr(options, "_nrt") else {}
+
+
+_UNCOUNTED = _uncounted()
+
+
 def kernel(function: Function) -> Function:
-    """Compile a function of scalars and arrays; the machine code is cached on disk."""
-    return cast(Function, _cached(function, numba.njit, **_OPTIONS))
+    """Compile a function of scalars and arrays; the machine code is cached on disk.
+
+    It makes no arrays and returns none: to count references to them, which their owners hold
+    anyway, may take a short loop longer than its work. See `allocating_kernel`.
+    """
+    return cast(Function, _cached(function, numba.njit, **_UNCOUNTED, **_OPTIONS))
+
+
+def allocating_kernel(function: Function) -> Function:
+    """Compile as `kernel` does a function that makes arrays or lists, or returns arrays.
+
+    Only another one may call it: nobody else would free what it returns.
+    """
+    counted = dict.fromkeys(_UNCOUNTED, True)
+    return cast(Function, _cached(function, numba.njit, **counted, **_OPTIONS))
 
 
 class InlinedKernel:
@@ -38,7 +61,7 @@ class InlinedKernel:
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
         options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        self._inlined = _cached(function, numba.njit, **options, **_OPTIONS)
+        self._inlined = _cached(function, numba.njit, **options, **_UNCOUNTED, **_OPTIONS)
         self._function = function
 
     @property
@@ -53,7 +76,7 @@ class InlinedKernel:
         code, closure = it.__code__, it.__closure__
         copy = FunctionType(code, it.__globals__, it.__name__, it.__defaults__, closure)
         copy.__module__, copy.__qualname__ = it.__module__, f"{it.__qualname__}.called"
-        return _cached(copy, numba.njit, **_OPTIONS)
+        return _cached(copy, numba.njit, **_UNCOUNTED, **_OPTIONS)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python."""

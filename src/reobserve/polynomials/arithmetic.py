@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel, kernel
 from reobserve.polynomials.monomials import Monomials
 
 Coefficients = NDArray[Any]
@@ -34,7 +34,7 @@ def any_numbers(function: Function) -> Function:
 
 
 @any_numbers
-@kernel
+@allocating_kernel
 def add_derivatives_along(
     basis: Monomials,
     p: Coefficients,
@@ -52,6 +52,7 @@ def add_derivatives_along(
     """
     first, products, block = basis.first, basis.products, basis.block
     lowered, exponents = basis.lowered, basis.exponents
+    # out_c += scale sum_i dp_c/dx_i v_i, of one degree;   d(x^m)/dx_i = m_i x^m / x_i
     for r in range(lowest, highest + 1):
         s = degree + 1 - r
         width = first[s + 1] - first[s]
@@ -89,6 +90,7 @@ def add_applied(
     first, products, block = basis.first, basis.products, basis.block
     n = len(v)
     width = first[degree_v + 1] - first[degree_v]
+    # out_c += sum_i M_ci v_i
     for c in range(len(out)):
         for i in range(n):
             for m in range(first[degree_m], first[degree_m + 1]):

@@ -53,9 +53,11 @@ def polynomials(source: PolynomialMap) -> Polynomials:
 @kernel
 def evaluate(p: Polynomials, x: Array, monomials: Array, out: Array) -> None:
     """Write the values at ``x`` to ``out``; ``monomials`` is a buffer, one number a monomial."""
+    # x^m = x^parent(m) x_variable(m), from x^0 = 1
     monomials[0] = 1.0
     for k in range(1, len(p.parent)):
         monomials[k] = monomials[p.parent[k]] * x[p.variable[k]]
+    # p_c(x) = sum_j coefficient_j x^term(j)
     for c in range(len(out)):
         total = 0.0
         for j in range(p.start[c], p.start[c + 1]):

@@ -89,6 +89,7 @@ def _extend(
         if order[row] < 2:
             continue
         a, b, out = table[parent[row]], table[factor[row]], table[row]
+        # out_d = sum_s a_(d-s) b_s: the parts of degree d, d - s and s of out = a b
         # A product of q components begins at degree q.
         for s in range(1, degree - order[row] + 2):
             r = degree - s

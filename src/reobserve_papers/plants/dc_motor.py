@@ -304,6 +304,7 @@ class ControlledMotor:
 def _run(transition: Array, forcing: Array, states: Array) -> int:
     """Fill ``states`` from the first row on; return the number of finite rows."""
     for k in range(len(forcing)):
+        # z(k+1) = Phi z(k) + forcing(k),   z = [x, v]
         total = 0.0
         for i in range(3):
             states[k + 1, i] = forcing[k, i]

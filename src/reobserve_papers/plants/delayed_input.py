@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.direct_call import call
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_floats, as_positive, as_scalar, as_vector
 from reobserve.core.value import for_loop
 from reobserve.systems.triangular import TriangularModel
@@ -184,7 +184,7 @@ def _values(control: Signal, origins: Array, before: bool) -> Array:
     return values
 
 
-@kernel
+@allocating_kernel
 def _simulate(
     drift: Any, input_gain: Any, parameters: Array, size: tuple[int, ...], inputs: Array,
     step: float, states: Array,
@@ -206,6 +206,7 @@ def _simulate(
         for stage in range(4):
             weight = 2.0 if stage in (1, 2) else 1.0
             ahead = step if stage == 2 else 0.5 * step
+            # x_i' = x_(i+1) + f_i(x), with G(y) u(t - tau) for x_(n+1): (1)
             call(drift, (x, parameters, f))
             call(input_gain, (y, parameters, gain))
             for i in range(n):
@@ -213,6 +214,7 @@ def _simulate(
                 slope = pushed + f[i]
                 total[i] += weight * slope
                 x[i] = states[k, i] + ahead * slope
+        # x(t + h) = x(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
         for i in range(n):
             x[i] = states[k, i] + step / 6.0 * total[i]
             if not np.isfinite(x[i]):

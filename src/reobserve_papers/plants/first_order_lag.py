@@ -36,9 +36,11 @@ def first_order_lag(rate: float = 1.0, gain: float = 1.0) -> TriangularModel:
 
 @vector_field
 def _drift(x: Array, parameters: Array, f: Array) -> None:
+    # f = -a x
     f[0] = -parameters[0] * x[0]
 
 
 @vector_field
 def _input_gain(y: Array, parameters: Array, G: Array) -> None:
+    # G = b
     G[0] = parameters[1]

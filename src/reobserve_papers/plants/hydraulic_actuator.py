@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError, shown
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_floats, as_positive, as_scalar, as_vector
 
 Array = NDArray[np.float64]
@@ -266,7 +266,7 @@ def _switched(alone: Array, mode: NDArray[np.int64]) -> Array:
     return motion
 
 
-@kernel
+@allocating_kernel
 def _simulate(
     A: Array,
     B: Array,
@@ -285,9 +285,11 @@ def _simulate(
     state, moved = np.zeros(n), np.zeros(n)
     for k in range(len(control)):
         now = mode[k]
+        # x += (J_before - J_now) u: x + J u goes on as it was, with the jumps J
         if k > 0 and mode[k - 1] != now:
             for a in range(n):
                 state[a] += (jumps[mode[k - 1], a] - jumps[now, a]) * control[k - 1]
+        # x(k+1) = A x(k) + B u(k)
         for a in range(n):
             total = B[now, a] * control[k]
             for b in range(n):
@@ -295,6 +297,7 @@ def _simulate(
             moved[a] = total
         for a in range(n):
             state[a] = moved[a]
+        # motion = scales (x + shares u)
         for a in range(ORDER):
             motion[k + 1, a] = scales[a] * (state[a] + shares[now, a] * control[k])
     return motion

@@ -53,10 +53,12 @@ def pendulum(gravity: float, length: float, mass: float, friction: float) -> Tri
 
 @vector_field
 def _drift(x: Array, parameters: Array, f: Array) -> None:
+    # f = [0, -(g/l) sin x1 - (k/m) x2]
     f[0] = 0.0
     f[1] = -parameters[0] * math.sin(x[0]) - parameters[1] * x[1]
 
 
 @vector_field
 def _input_gain(y: Array, parameters: Array, G: Array) -> None:
+    # G = 1 / (m l^2)
     G[0] = parameters[2]

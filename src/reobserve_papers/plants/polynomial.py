@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_floats, as_positive, as_vector
 from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
 from reobserve.systems.polynomial import PolynomialSystem
@@ -63,13 +63,14 @@ class PolynomialPlant:
         return values
 
 
-@kernel
+@allocating_kernel
 def _simulate(f: Polynomials, step: float, states: Array) -> int:
     """Fill ``states`` from its first row; return the last index with a finite state."""
     n = states.shape[1]
     buffer = np.empty(len(f.parent))
     k1, k2, k3, k4, x = (np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
     for k in range(len(states) - 1):
+        # k1 = f(x),   k2 = f(x + h/2 k1),   k3 = f(x + h/2 k2),   k4 = f(x + h k3)
         evaluate(f, states[k], buffer, k1)
         for i in range(n):
             x[i] = states[k, i] + 0.5 * step * k1[i]
@@ -80,6 +81,7 @@ def _simulate(f: Polynomials, step: float, states: Array) -> int:
         for i in range(n):
             x[i] = states[k, i] + step * k3[i]
         evaluate(f, x, buffer, k4)
+        # x(t + h) = x(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
         for i in range(n):
             after = states[k, i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
             if not np.isfinite(after):

@@ -85,6 +85,7 @@ def _simulate(
     half = 0.5 * step
     for k in range(len(rate) - 1):
         start, middle, end = row(torque_start, k), row(torque_middle, k), row(torque_end, k)
+        # J w' = -w x J w + torque,   w(t + h) = w(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
         k1 = acceleration(inertia, inverse, w, start)
         k2 = acceleration(inertia, inverse, ahead(w, k1, half), middle)
         k3 = acceleration(inertia, inverse, ahead(w, k2, half), middle)

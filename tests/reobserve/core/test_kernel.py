@@ -126,3 +126,60 @@ def test_inlined_functions_can_be_called_from_python(package: Path) -> None:
     (package / "reobserve/core/halves.py").write_text(INLINED.format(divisor=2))
     assert run(package, CALLED) == "1.5 2.5\n2.0 0\n"
     assert run(package, CALLED) == "1.5 2.5\n2.0 1\n", "both from the cache"
+
+
+MAKES = """
+from reobserve.core.kernel import allocating_kernel, inlined_kernel, kernel
+import numpy as np
+
+@kernel
+def twice(x, out):
+    for i in range(len(x)):
+        out[i] = 2 * x[i]
+
+@inlined_kernel
+def shifted(x, out):
+    for i in range(1, len(x)):
+        out[i] = x[i - 1]
+
+@allocating_kernel
+def total(x):
+    out, moved = np.empty(len(x)), np.zeros(len(x))
+    twice(x, out)
+    shifted(out, moved)
+    return moved.sum()
+"""
+MADE = "import numpy as np; from reobserve.core.made import total; print(total(np.arange(4.0)))"
+FORGET = """
+import numba
+for one in numba.njit(lambda: 0).targetdescr.options.__mro__:
+    if "_nrt" in vars(one):
+        del one._nrt
+"""
+
+
+def test_kernels_allocate_only_where_it_is_said(package: Path) -> None:
+    (package / "reobserve/core/made.py").write_text(MAKES)
+    assert run(package, MADE) == "6.0\n"
+    hidden = MAKES.replace("@allocating_kernel", "@kernel")
+    (package / "reobserve/core/made.py").write_text(hidden)
+    refused = f"""
+import numba
+try:
+    {MADE}
+except numba.NumbaError:
+    print("refused")
+"""
+    assert run(package, refused) == "refused\n"
+
+
+def test_numba_that_always_counts_references_only_costs_time(package: Path) -> None:
+    (package / "reobserve/core/made.py").write_text(MAKES)
+    assert run(package, FORGET + MADE) == "6.0\n"
+    refused = """
+try:
+    numba.njit(_nrt=False)(lambda x: x)(1)
+except KeyError:
+    print("unknown")
+"""
+    assert run(package, FORGET + refused) == "unknown\n"

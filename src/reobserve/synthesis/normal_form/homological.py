@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel, kernel
 from reobserve.polynomials.monomials import Monomials
 
 Complex = NDArray[np.complex128]
@@ -112,7 +112,7 @@ def _rotations(Q: Complex) -> tuple[NDArray[np.int64], Complex, Complex]:
     )
 
 
-@kernel
+@allocating_kernel
 def _solve(
     basis: Monomials, right: Array, degree: int, forms: SchurForms
 ) -> tuple[Array, float, float]:
@@ -144,7 +144,7 @@ def _solve(
     return found, size, imaginary
 
 
-@kernel
+@allocating_kernel
 def _substitute(
     basis: Monomials, p: Complex, degree: int, pair: NDArray[np.int64], G: Complex
 ) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import FunctionPointer, kernel
+from reobserve.core.kernel import FunctionPointer, allocating_kernel, kernel
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 
 Array = NDArray[np.float64]
@@ -217,7 +217,7 @@ def _to_mode_end(
     return high
 
 
-@kernel
+@allocating_kernel
 def _run(law: Any, task: EstimatorInputs, rows: Array) -> int:
     """Fill ``rows`` from its first one; return how many are finite."""
     n = rows.shape[1]

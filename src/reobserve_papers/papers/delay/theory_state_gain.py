@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.synthesis.high_gain import high_gain
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
@@ -54,7 +54,7 @@ def simulate(job: Job, share: float, start: list[float], tau: float, end: float)
     return states
 
 
-@kernel
+@allocating_kernel
 def _simulate(inputs: Array, parameters: Array, gains: Array, step: float, states: Array) -> None:
     """Fill ``states`` by classical Runge-Kutta; ``inputs``: u(t - tau), u and u', at half steps."""
     g_over_l, friction, scale, share = parameters
