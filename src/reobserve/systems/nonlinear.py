@@ -5,6 +5,9 @@
 
 The functions are given in Python or as text. A model in continuous time, x' = f(x, u), is
 integrated over a sampling period with u held (`NonlinearModel.from_ode`).
+
+Parameters p of the functions are values at run time: compiled functions take them behind the
+input, as one vector v = [u, p].
 """
 
 from __future__ import annotations
@@ -18,12 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
-from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_floats, as_positive, as_scalar
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.matrices import as_floats, as_numbers, as_positive, as_scalar
 from reobserve.core.value import for_loop, read_only
 from reobserve.systems.linear import as_covariance
 from reobserve.systems.nonlinear_flow import Functions
-from reobserve.systems.nonlinear_text import text_jacobian, text_rows
+from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
 from reobserve.systems.signal_names import as_names
 from reobserve.systems.text_functions import compiled_rows
 from reobserve.systems.user_function import UserFunction
@@ -42,16 +45,19 @@ class NonlinearModel:
     f
         The next state: a function ``f(x, u)`` in Python that returns n numbers, or n texts, such as
         ``["angle + 0.01*rate", "rate - 0.1*sin(angle)"]``, in the grammar of
-        `reobserve.polynomials.grammar`. Without inputs it may be a function of x alone.
+        `reobserve.polynomials.grammar`. It may be a function of x alone, or ``f(x, u, p)``, where p
+        is the array of the values of ``parameters``, in their order; an argument that has a default
+        is never given p.
     h
-        The measurements: a function ``h(x, u)``, or of x alone, that returns m numbers; or m texts.
+        The measurements: a function ``h(x, u)``, of x alone, or ``h(x, u, p)``, that returns m
+        numbers; or m texts.
     Q
         Covariance of the process noise over a sampling period: a number, n numbers or (n, n);
         positive semidefinite.
     R
         Covariance of the measurement noise: a number, m numbers or (m, m); positive definite.
     F, H
-        The Jacobians df/dx, (n, n), and dh/dx, (m, n), as functions of x and u, or as rows of
+        The Jacobians df/dx, (n, n), and dh/dx, (m, n), as functions like f and h, or as rows of
         texts. Left out, those of texts are derived symbolically, and those of Python functions by
         central differences of fourth order, good to about twelve digits (``scale``). The unscented
         filter uses none.
@@ -61,13 +67,16 @@ class NonlinearModel:
         Names of the signals, which texts are written in and runs are labelled with. Texts need
         those of states and of inputs; other names may be left out.
     parameters
-        Values of further names in texts.
+        Values by name: of further names in texts, and of p in Python functions. They are read at
+        run time, so that a model with other values compiles nothing.
     scale
         Typical sizes of the states, one number or n, for the steps of differences.
     sampling_period
         [s]; left out, time is counted in samples.
     substeps
         Left at 0, f is the next state. `from_ode` sets the number of Runge-Kutta steps.
+    density
+        Left out; `from_ode` sets the spectral density of the noise.
 
     Raises
     ------
@@ -78,8 +87,10 @@ class NonlinearModel:
     Notes
     -----
     Python functions are compiled by numba where it can, so that global variables keep the values
-    they have at the first use. Other functions are called from Python, some microseconds a call,
-    with the same results; the model's text, ``repr(model)``, and `uncompiled` say which.
+    they have at the model's first use. Code is compiled once a process: a model of the same texts,
+    or of a function of which nothing that it names has changed, is made in less than a millisecond.
+    Other functions are called from Python, some microseconds a call, with the same results; the
+    model's text, ``repr(model)``, and `uncompiled` say which.
     """
 
     f: Any
@@ -99,6 +110,7 @@ class NonlinearModel:
     scale: Array = 1.0  # type: ignore[assignment]
     sampling_period: float = 1.0
     substeps: int = 0
+    density: Array | None = None
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
@@ -109,6 +121,7 @@ class NonlinearModel:
             state_names: Sequence[str] | None = ..., input_names: Sequence[str] | None = ...,
             output_names: Sequence[str] | None = ..., parameters: Mapping[str, float] | None = ...,
             scale: ArrayLike = ..., sampling_period: float = ..., substeps: int = ...,
+            density: ArrayLike | None = ...,
         ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -140,13 +153,16 @@ class NonlinearModel:
         put(self, "scale", read_only(_as_scale(self.scale, self.states)))
         put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         put(self, "substeps", as_whole("substeps", self.substeps, 0, 10_000))
+        if self.density is not None:
+            put(self, "density", read_only(as_covariance("density", self.density, self.states)))
         _ = self._definitions  # refuses what is no function now and not at the first step
 
     @classmethod
     def from_ode(
-        cls, f: Function, h: Function, Q: ArrayLike, R: ArrayLike,
+        cls, f: Function, h: Function, Q: ArrayLike | None = None, R: ArrayLike = None,  # type: ignore[assignment]
         F: JacobianFunction | None = None, H: JacobianFunction | None = None, *,
-        sampling_period: float, substeps: int = 1, **options: Any,
+        density: ArrayLike | None = None, sampling_period: float, substeps: int = 1,
+        **options: Any,
     ) -> NonlinearModel:  # fmt: skip
         """The model of x' = f(x, u), y = h(x, u), with u held over each sampling period.
 
@@ -156,7 +172,11 @@ class NonlinearModel:
         Parameters
         ----------
         Q
-            Covariance of the noise that a sampling period adds to the state, not its density.
+            Covariance of the noise that a sampling period adds to the state.
+        density
+            In place of Q: spectral density of white noise on x', in units of Q per second; a
+            number, n numbers or (n, n). With it filters take samples at any times. The noise of a
+            period T is density times T, which is exact for short periods.
         sampling_period
             [s].
         substeps
@@ -167,10 +187,28 @@ class NonlinearModel:
         Raises
         ------
         InputError
-            As the class.
+            As the class; or if both Q and the density are given, or none.
         """
         steps = as_whole("substeps", substeps, 1, 10_000)
-        return cls(f, h, Q, R, F, H, sampling_period=sampling_period, substeps=steps, **options)
+        if (Q is None) == (density is None):
+            problem = "is given beside Q" if density is not None else "is left out, and so is Q"
+            raise InputError("density", f"{problem}; must be exactly one of both")
+        if density is not None:
+            Q = as_positive("sampling_period", sampling_period) * as_floats("density", density)
+        return cls(
+            f, h, Q, R, F, H, sampling_period=sampling_period, substeps=steps, density=density,  # type: ignore[arg-type]
+            **options,
+        )  # fmt: skip
+
+    @property
+    def continuous(self) -> bool:
+        """Whether it is of a differential equation, which can be integrated over any time."""
+        return self.substeps > 0
+
+    @cached_property
+    def steps(self) -> Array | None:
+        """The length [s] of Runge-Kutta steps; None where f is the next state."""
+        return np.array([self.sampling_period / self.substeps]) if self.substeps else None
 
     def __repr__(self) -> str:
         numbers = {"state": self.states, "input": self.inputs, "output": self.outputs}
@@ -189,6 +227,52 @@ class NonlinearModel:
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the q parameters, in the order of their values; () if there are none."""
+        return tuple(self.parameters or ())
+
+    @cached_property
+    def parameter_values(self) -> Array:
+        """Values of the parameters, shape (q,), read-only."""
+        return read_only(np.array([*(self.parameters or {}).values()], dtype=np.float64))
+
+    def parameters_by_row(self, given: Mapping[str, ArrayLike] | None, rows: int) -> Array:
+        """Values for a run: shape (1, q) if they are the same in all rows, else (rows, q).
+
+        Parameters
+        ----------
+        given
+            By name a number, or an array of shape (rows,). Parameters that are left out keep the
+            values of the model.
+        rows
+            Of the run.
+
+        Raises
+        ------
+        InputError
+            If a name is unknown, or a value has another shape or is not finite.
+        """
+        if given is not None and not isinstance(given, Mapping):
+            raise InputError("parameters", f"{shown(given)} must be numbers by name")
+        columns: dict[str, Any] = dict(self.parameters or {})
+        for name, value in (given or {}).items():
+            place = f"parameters.{name}"
+            if name not in columns:
+                raise InputError(place, f"is no parameter of the model{nearest(name, columns)}")
+            columns[name] = column = as_numbers(place, value)
+            if column.shape not in ((), (rows,)):
+                problem = f"has shape {column.shape}, must be one number or ({rows},)"
+                raise InputError(place, problem)
+            for row in np.flatnonzero(~np.isfinite(column)):
+                where = f"{place}[{row}]" if column.ndim else place
+                raise InputError(where, f"{column.flat[row]:g} must be a finite number")
+        varying = any(np.ndim(column) for column in columns.values())
+        found = np.empty((rows if varying else 1, len(columns)))
+        for i, column in enumerate(columns.values()):
+            found[:, i] = column
+        return found
+
+    @property
     def uncompiled(self) -> dict[str, str]:
         """Functions that are called from Python, by name, and why numba cannot compile them."""
         return {name: why for name, (_, why) in self._pointers.items() if why}
@@ -198,28 +282,29 @@ class NonlinearModel:
         return (*(self.state_names or ()), *(self.input_names or ()))
 
     @cached_property
-    def _definitions(self) -> dict[str, UserFunction | list[str]]:
+    def _definitions(self) -> dict[str, UserFunction | tuple[str, ...]]:
         """What is to be compiled, by name: functions of Python, or expressions as Python code."""
         n, p, m = self.states, self.inputs, self.outputs
         shapes: dict[str, tuple[int, ...]] = {"f": (n,), "h": (m,), "F": (n, n), "H": (m, n)}
-        found: dict[str, UserFunction | list[str]] = {}
+        found: dict[str, UserFunction | tuple[str, ...]] = {}
         for name, shape in shapes.items():
             given = getattr(self, name)
             if given is None:
                 continue
             if callable(given):
-                found[name] = UserFunction(name, given, n, p, shape)
+                values = tuple((self.parameters or {}).values())
+                found[name] = UserFunction(name, given, n, p, shape, values)
             else:
-                found[name] = text_rows(name, given, shape, *self._text_names)
+                found[name] = text_rows(name, given, shape, self._text_names)
         return found
 
     @property
-    def _text_names(self) -> tuple[Sequence[str], Sequence[str], Mapping[str, float]]:
+    def _text_names(self) -> Names:
         if self.state_names is None:
             raise InputError("state_names", "are left out, must name what the texts are of")
         if self.input_names is None and self.inputs:
             raise InputError("input_names", "are left out, must name what the texts are of")
-        return self.state_names, self.input_names or (), self.parameters or {}
+        return Names(self.state_names, self.input_names or (), self.parameter_names)
 
     @cached_property
     def _pointers(self) -> dict[str, tuple[Any, str]]:
@@ -236,7 +321,7 @@ class NonlinearModel:
         found: dict[str, Any] = {name: given[name][0] for name in ("F", "H") if name in given}
         for name, function in (("f", self.f), ("h", self.h)):
             if name.upper() not in found and isinstance(function, tuple):
-                rows = text_jacobian(name, function, *self._text_names)
+                rows = text_jacobian(name, function, self._text_names)
                 found[name.upper()] = compiled_rows(rows)
         return found
 
@@ -252,11 +337,8 @@ class NonlinearModel:
 
     def _functions(self, jacobians: Mapping[str, Any]) -> Functions:
         f, h = self._pointers["f"][0], self._pointers["h"][0]
-        return Functions(
-            f, jacobians.get("F", f), h, jacobians.get("H", h), "F" in jacobians, "H" in jacobians,
-            self.substeps, self.sampling_period / max(self.substeps, 1),
-            for_loop(self.scale),
-        )  # fmt: skip
+        F, H = (jacobians.get(name) for name in "FH")
+        return Functions(f, F, h, H, self.substeps, for_loop(self.scale))
 
     def raise_problem(self) -> None:
         """Raise what a function raised when a loop called it, if one did.

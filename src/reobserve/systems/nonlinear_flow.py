@@ -17,20 +17,31 @@ Array = NDArray[np.float64]
 class Functions(NamedTuple):
     """A nonlinear model as compiled loops read it.
 
-    ``f``, ``F``, ``h`` and ``H`` are pointers to functions ``(x, u, out)``; a Jacobian that is not
-    ``given`` is found by differences. ``substeps`` is 0 where f is the step itself, else the number
-    of Runge-Kutta steps of length ``step`` [s]. ``scale``, (n,), are typical sizes of the states.
+    ``f``, ``F``, ``h`` and ``H`` are pointers to functions ``(x, u, out)``; a Jacobian that is None
+    is found by differences. ``substeps`` is the number of Runge-Kutta steps in a sampling period;
+    ``scale``, (n,), are typical sizes of the states.
     """
 
     f: Any
     F: Any
     h: Any
     H: Any
-    F_given: bool
-    H_given: bool
     substeps: int
-    step: float
     scale: Array
+
+
+class NonlinearRows(NamedTuple):
+    """A nonlinear model as compiled loops read it, with what may be given by row.
+
+    ``steps`` are the lengths [s] of the Runge-Kutta steps that lead to each row, None where f is
+    the next state. Q, (., n, n), leads to the row, R, (., m, m), is its own. The last of each holds
+    for all later rows.
+    """
+
+    functions: Functions
+    steps: Any
+    Q: Array
+    R: Array
 
 
 class FlowWork(NamedTuple):
@@ -67,15 +78,14 @@ def new_flow_work(states: int, outputs: int) -> FlowWork:
 
 @inlined_kernel
 def jacobian(
-    function: Any, derivative: Any, given: bool, scale: Array, x: Array, u: Array, flat: Array,
-    work: FlowWork,
-) -> None:  # fmt: skip
+    function: Any, derivative: Any, scale: Array, x: Array, u: Array, flat: Array, work: FlowWork
+) -> None:
     """Write the Jacobian of a function, row by row: given, or by central differences.
 
     f'(x) = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d) + O(d^4), with d between 1/1000 and
     1/500 of the larger of |x| and its scale: about twelve digits where f is smooth on that scale.
     """
-    if given:
+    if derivative is not None:
         call(derivative, (x, u, flat))
         return
     n = len(x)
@@ -92,6 +102,7 @@ def jacobian(
             point[j] = x[j] + times * d
             call(function, (point, u, work.values[side, :rows]))
         point[j] = x[j]
+        # df/dx_j = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d)
         for i in range(rows):
             near = work.values[0, i] - work.values[1, i]
             far = work.values[2, i] - work.values[3, i]
@@ -99,15 +110,20 @@ def jacobian(
 
 
 @inlined_kernel
-def move(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -> None:
-    """Write x(k+1): f(x, u), or the solution of x' = f(x, u) by Runge-Kutta steps."""
-    n = len(x)
-    if functions.substeps == 0:
+def move(
+    functions: Functions, steps: Any, k: int, x: Array, u: Array, out: Array, work: FlowWork
+) -> None:
+    """Write the state of row k: f(x, u), or the solution of x' = f(x, u) by Runge-Kutta steps."""
+    if steps is None:
+        # x(k) = f(x(k-1), u(k-1))
         call(functions.f, (x, u, out))
         return
-    h, point, slope, total = functions.step, work.point, work.slope, work.total
+    # x = x + h/6 (s1 + 2 s2 + 2 s3 + s4)
+    n, h = len(x), steps[min(k, len(steps) - 1)]
+    point, slope, total = work.point, work.slope, work.total
     for i in range(n):
         out[i] = x[i]
+    # x(t + h) = x(t) + h/6 (k1 + 2 k2 + 2 k3 + k4),   k_s = f(x + a_s h k_(s-1), u)
     for _ in range(functions.substeps):
         for stage in range(4):
             ahead = (0.0, 0.5 * h, 0.5 * h, h)[stage]
@@ -124,23 +140,25 @@ def move(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -
 
 
 @inlined_kernel
-def move_and_derive(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -> None:
-    """Write x(k+1), and its Jacobian A with respect to x(k) into ``work.A``.
+def move_and_derive(
+    functions: Functions, steps: Any, k: int, x: Array, u: Array, out: Array, work: FlowWork
+) -> None:
+    """Write the state of row k, and its Jacobian A with respect to the row before to ``work.A``.
 
-    Along Runge-Kutta steps S = dx/dx(k) goes by S' = F(x, u) S, stage by stage.
+    Along Runge-Kutta steps S = dx/dx(k-1) goes by S' = F(x, u) S, stage by stage.
     """
-    n = len(x)
-    if functions.substeps == 0:
-        jacobian(
-            functions.f, functions.F, functions.F_given, functions.scale, x, u, work.A_flat, work
-        )
+    if steps is None:
+        # A = df/dx, x(k) = f(x(k-1), u(k-1))
+        jacobian(functions.f, functions.F, functions.scale, x, u, work.A_flat, work)
         call(functions.f, (x, u, out))
         return
-    h, slope, total = functions.step, work.slope, work.total
+    n, h = len(x), steps[min(k, len(steps) - 1)]
+    slope, total = work.slope, work.total
     for i in range(n):
         out[i] = x[i]
         for j in range(n):
             work.sensitivity[i, j] = 1.0 if i == j else 0.0
+    # x' = f(x, u),   S' = F(x, u) S,   S = I at the start; A = S at the end
     for _ in range(functions.substeps):
         clear(slope, total, work.slopes, work.totals)
         for stage in range(4):
@@ -148,9 +166,8 @@ def move_and_derive(functions: Functions, x: Array, u: Array, out: Array, work: 
             weight = (1.0, 2.0, 2.0, 1.0)[stage]
             advance(out, work.sensitivity, ahead, slope, work.slopes, work.stage_point, work.stage)
             jacobian(
-                functions.f, functions.F, functions.F_given, functions.scale, work.stage_point, u,
-                work.A_flat, work,
-            )  # fmt: skip
+                functions.f, functions.F, functions.scale, work.stage_point, u, work.A_flat, work
+            )
             call(functions.f, (work.stage_point, u, slope))
             multiply(work.A, work.stage, work.slopes)
             advance(total, work.totals, weight, slope, work.slopes, total, work.totals)

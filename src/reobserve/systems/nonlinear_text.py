@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.systems.text_functions import python_code, read_expression
 
 _MOST_OPERATIONS = 4000  # of a function or its Jacobian: compiling takes some milliseconds for each
+_MOST_KEPT = 256  # functions and Jacobians whose code is kept
 
 
-def text_rows(
-    name: str, texts: Any, shape: tuple[int, ...], states: Sequence[str], inputs: Sequence[str],
-    parameters: Mapping[str, float],
-) -> list[str]:  # fmt: skip
+class Names(NamedTuple):
+    """Names that texts are written in; in code parameters stand behind the inputs."""
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+
+def text_rows(name: str, texts: Any, shape: tuple[int, ...], names: Names) -> tuple[str, ...]:
     """The code of each text in n texts, or in m rows of n texts, row by row.
 
     Raises
@@ -30,24 +37,27 @@ def text_rows(
     if not good or not all(isinstance(one, str) for row in rows for one in row):
         wanted = " rows of ".join(map(str, shape))
         raise InputError(name, f"{shown(texts)} must be a function, or {wanted} texts")
-    places = [
+    places = tuple(
         f"{name}[{i}]" if len(shape) == 1 else f"{name}[{i}][{j}]"
         for i in range(count if len(shape) > 1 else shape[0])
         for j in range(shape[-1] if len(shape) > 1 else 1)
-    ]
-    flat = [one for row in rows for one in row]
-    symbols, written, values = _symbols(states, inputs, parameters)
+    )
+    package("sympy", "read expressions")
+    return _rows(places, tuple(one for row in rows for one in row), names)
+
+
+@lru_cache(maxsize=_MOST_KEPT)
+def _rows(places: tuple[str, ...], texts: tuple[str, ...], names: Names) -> tuple[str, ...]:
+    symbols, written = _symbols(names)
     found = [
         read_expression(place, text, symbols, list(symbols))
-        for place, text in zip(places, flat, strict=True)
+        for place, text in zip(places, texts, strict=True)
     ]
-    return _codes(places, [one.xreplace(values) for one in found], written, flat)
+    return _codes(places, found, written, texts)
 
 
-def text_jacobian(
-    name: str, texts: Sequence[str], states: Sequence[str], inputs: Sequence[str],
-    parameters: Mapping[str, float],
-) -> list[str]:  # fmt: skip
+@lru_cache(maxsize=_MOST_KEPT)
+def text_jacobian(name: str, texts: tuple[str, ...], names: Names) -> tuple[str, ...]:
     """The code of the derivatives of each text by each state, row by row.
 
     Raises
@@ -55,32 +65,61 @@ def text_jacobian(
     InputError
         If they have more operations than can be compiled in some seconds.
     """
-    symbols, written, values = _symbols(states, inputs, parameters)
+    symbols, written = _symbols(names)
     found, places = [], []
     for i, text in enumerate(texts):
         expression = read_expression(f"{name}[{i}]", text, symbols, list(symbols))
-        for state in states:
-            found.append(expression.diff(symbols[state]).xreplace(values))
+        for state in names.states:
+            found.append(_derivative(expression, symbols[state]))
             places.append(f"d {name}[{i}] / d {state}")
     return _codes(places, found, written)
 
 
-def _symbols(
-    states: Sequence[str], inputs: Sequence[str], parameters: Mapping[str, float]
-) -> tuple[dict[str, Any], dict[Any, str], dict[Any, Any]]:
-    """Symbols by name, how the code writes those of states and inputs, and the others' values."""
-    sympy = package("sympy", "read expressions")
-    symbols = {name: sympy.Symbol(name, real=True) for name in (*states, *inputs, *parameters)}
-    written = {symbols[name]: f"x[{i}]" for i, name in enumerate(states)}
-    written |= {symbols[name]: f"parameters[{i}]" for i, name in enumerate(inputs)}
-    values = {symbols[name]: sympy.Float(value, 17) for name, value in parameters.items()}
-    return symbols, written, values
+def _derivative(expression: Any, x: Any) -> Any:
+    """The derivative by x, with e b' b**(e - 1) for that of b**e where e is not of x.
+
+    sympy writes e b' b**e / b, which is nan at b = 0.
+    """
+    import sympy
+
+    power = _power()
+    pairs = expression.replace(
+        lambda one: one.is_Pow and not one.exp.is_number and not one.exp.has(x),
+        lambda one: power(*one.args),
+    )
+    return pairs.diff(x).replace(power, sympy.Pow)
+
+
+@cache
+def _power() -> Any:
+    """Powers with another derivative by the base than those of sympy."""
+    import sympy
+
+    class Power(sympy.Function):  # type: ignore[misc]
+        is_real = True
+
+        def fdiff(self, argindex: int = 1) -> Any:
+            base, exponent = self.args
+            return exponent * Power(base, exponent - 1)
+
+    return Power
+
+
+def _symbols(names: Names) -> tuple[dict[str, Any], dict[Any, str]]:
+    """Symbols by name, and how the code writes them."""
+    import sympy
+
+    behind = (*names.inputs, *names.parameters)
+    symbols = {name: sympy.Symbol(name, real=True) for name in (*names.states, *behind)}
+    written = {symbols[name]: f"x[{i}]" for i, name in enumerate(names.states)}
+    written |= {symbols[name]: f"parameters[{i}]" for i, name in enumerate(behind)}
+    return symbols, written
 
 
 def _codes(
     places: Sequence[str], expressions: Sequence[Any], written: Mapping[Any, str],
     texts: Sequence[str] | None = None,
-) -> list[str]:  # fmt: skip
+) -> tuple[str, ...]:  # fmt: skip
     codes, operations = [], 0
     for i, (place, expression) in enumerate(zip(places, expressions, strict=True)):
         code, more = python_code(place, expression, written, texts[i] if texts else "")
@@ -89,4 +128,4 @@ def _codes(
             problem = f"has {more} operations, in all there must be {_MOST_OPERATIONS} or fewer"
             raise InputError(place, problem)
         codes.append(code)
-    return codes
+    return tuple(codes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from reobserve.core.errors import InputError, shown
@@ -64,9 +65,11 @@ def python_code(
     return code, int(expression.count_ops())
 
 
-def compiled_rows(rows: Sequence[str]) -> Any:
+@lru_cache(maxsize=256)
+def compiled_rows(rows: tuple[str, ...]) -> Any:
     """Compile ``field(x, parameters, out)``, which writes the values of n expressions.
 
+    The same rows are compiled once a process.
     Rows must come from `python_code`: they hold numbers, variables and functions of math alone.
     """
     body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))

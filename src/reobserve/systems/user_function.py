@@ -1,4 +1,6 @@
-"""Functions of a user's own, ``f(x, u)`` in Python, as compiled loops call them.
+"""Functions of a user's own, ``f(x, u, p)`` in Python, as compiled loops call them.
+
+Loops hand them x and one vector of the inputs u and, behind them, the parameters p.
 
 What numba can compile is compiled. Anything else is called back from the compiled loop, some
 microseconds a call; the loop and its results are the same.
@@ -12,7 +14,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numba
@@ -22,6 +24,7 @@ from numba.extending import is_jitted
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, one_line, shown
+from reobserve.core.frozen_function import FrozenFunction
 
 Array = NDArray[np.float64]
 
@@ -32,15 +35,17 @@ _POINTER = ctypes.c_void_p
 
 @dataclass(frozen=True, eq=False)
 class UserFunction:
-    """A function ``(x, u)`` or ``(x,)`` that returns numbers of one shape.
+    """A function ``(x,)``, ``(x, u)`` or ``(x, u, p)`` that returns numbers of one shape.
 
     ``shape`` is () for one number, (n,) or (m, n). Where one number is asked for, a list of one
-    will do, and the other way round.
+    will do, and the other way round. It is called with x and u if it can be, else with x, else with
+    x, u and p: an argument that has a default is never p.
 
     Raises
     ------
     InputError
-        If it is no such function, or returns something else at x = (1, ..., 1), u = (1, ..., 1).
+        If it is no such function, or returns something else at x = (1, ..., 1), u = (1, ..., 1)
+        and p = ``parameters``, its values.
     """
 
     name: str
@@ -48,12 +53,13 @@ class UserFunction:
     states: int
     inputs: int
     shape: tuple[int, ...]
+    parameters: tuple[float, ...] = ()
     problems: list[BaseException] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
         if not callable(self.function) or isinstance(self.function, type):
             raise InputError(self.name, f"{shown(self.function)} must be a function of x and u")
-        self._check(np.ones(self.states), np.ones(self.inputs))
+        self._check(np.ones(self.states), np.array([*[1.0] * self.inputs, *self.parameters]))
 
     @property
     def _python(self) -> Callable[..., Any]:
@@ -61,34 +67,38 @@ class UserFunction:
         return given.py_func if is_jitted(given) else given
 
     @cached_property
-    def _takes_input(self) -> bool:
-        """Whether it is called with x and u; `InputError` if with neither one nor two."""
-        for arguments in ((0, 0), (0,)):
+    def _arguments(self) -> int:
+        """How many of x, u and p it is called with."""
+        for count in (2, 1, 3):
             try:
-                inspect.signature(self._python).bind(*arguments)
+                inspect.signature(self._python).bind(*range(count))
             except TypeError:
                 continue
             except ValueError:  # a built-in function that does not tell
                 pass
-            return len(arguments) == 2
-        raise InputError(self.name, "must be a function of x and u, or of x alone")
+            if count == 3 and not self.parameters:
+                raise InputError(self.name, "takes p, but the model has no parameters")
+            return count
+        problem = "must be a function of x and u, or of x alone"
+        raise InputError(self.name, problem + (", or of x, u and p" if self.parameters else ""))
 
-    def _check(self, x: Array, u: Array) -> None:
-        before = x.copy(), u.copy()
+    def _check(self, x: Array, v: Array) -> None:
+        before = x.copy(), v.copy()
         with suppress(ArithmeticError, _DomainError):  # it may be defined elsewhere
-            self(x, u)
-        if not (np.array_equal(x, before[0]) and np.array_equal(u, before[1])):
-            raise InputError(self.name, "changes the arrays it is given, must leave x and u alone")
+            self(x, v)
+        if not (np.array_equal(x, before[0]) and np.array_equal(v, before[1])):
+            names = "x, u and p" if self._arguments == 3 else "x and u"
+            raise InputError(self.name, f"changes the arrays it is given, must leave {names} alone")
 
-    def __call__(self, x: Array, u: Array) -> Array:
-        """The value, an array of the shape.
+    def __call__(self, x: Array, v: Array) -> Array:
+        """The value at x and v = [u, p], an array of the shape.
 
         Raises
         ------
         InputError
             If it raises anything but an arithmetic error, or returns something else.
         """
-        arguments = (x, u) if self._takes_input else (x,)
+        arguments = (x, v[: self.inputs], v[self.inputs :])[: self._arguments]
         try:
             with np.errstate(all="ignore"):
                 value = self._python(*arguments)
@@ -115,31 +125,18 @@ class UserFunction:
         return array.astype(np.float64).reshape(self.shape)
 
     def compiled(self) -> tuple[Any, str]:
-        """A function pointer ``(x, u, out)`` for compiled loops, and why numba refused, or ""."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                return self._by_numba(), ""
-            except Exception as error:
-                lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-                reason = next((one for one in lines if not one.startswith("Failed in")), "")
-                return self._called_back(), one_line(reason or type(error).__name__, 160)
-
-    def _by_numba(self) -> Any:
-        given: Any = self.function
-        inner: Any = given if is_jitted(given) else numba.njit(error_model="numpy")(given)
-        takes_input = self._takes_input
-        signature = (_VECTOR, _VECTOR) if takes_input else (_VECTOR,)
-        inner.compile(signature)
-        kind = inner.overloads[signature].signature.return_type
-        writer = _writer(inner, kind, takes_input, len(self.shape))
-        return numba.cfunc(_SIGNATURE, error_model="numpy")(writer)
+        """A function pointer ``(x, v, out)`` for compiled loops, and why numba refused, or ""."""
+        inputs = self.inputs if self.parameters else None
+        frozen = FrozenFunction(self.function)
+        pointer, refusal = _by_numba(frozen, self._arguments, inputs, len(self.shape))
+        return (self._called_back() if refusal else pointer), refusal
 
     def _called_back(self) -> Any:
-        number, sizes = ctypes.c_double, (self.states, self.inputs, int(np.prod(self.shape)))
+        behind = self.inputs + len(self.parameters)
+        number, sizes = ctypes.c_double, (self.states, behind, int(np.prod(self.shape)))
 
         def called(*addresses: int) -> None:
-            x, u, out = (
+            x, v, out = (
                 np.ctypeslib.as_array((number * size).from_address(address))
                 if size
                 else np.empty(0)
@@ -149,7 +146,7 @@ class UserFunction:
             if self.problems:
                 return
             try:
-                out[:] = self(x.copy(), u.copy()).ravel()
+                out[:] = self(x.copy(), v.copy()).ravel()
             except (ArithmeticError, _DomainError):  # as nan or inf where it is compiled
                 pass
             except BaseException as error:
@@ -157,8 +154,8 @@ class UserFunction:
 
         callback = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER)(called)
 
-        def write(x: Any, u: Any, out: Any) -> None:
-            callback(x.ctypes, u.ctypes, out.ctypes)
+        def write(x: Any, v: Any, out: Any) -> None:
+            callback(x.ctypes, v.ctypes, out.ctypes)
 
         pointer: Any = numba.cfunc(_SIGNATURE)(write)
         pointer.keeps = callback  # alive as long as the pointer
@@ -168,6 +165,26 @@ class UserFunction:
         """Raise what the function raised when a loop called it, if it did."""
         if self.problems:
             raise self.problems.pop()
+
+
+@lru_cache(maxsize=256)
+def _by_numba(
+    frozen: FrozenFunction, arguments: int, inputs: int | None, dimensions: int
+) -> tuple[Any, str]:
+    """A pointer, and why numba refused, or ""; the same function is compiled once a process."""
+    given, signature = frozen.function, (_VECTOR,) * arguments
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            inner: Any = given if is_jitted(given) else numba.njit(error_model="numpy")(given)
+            inner.compile(signature)
+            kind = inner.overloads[signature].signature.return_type
+            writer = _writer(_of_vectors(inner, arguments, inputs), kind, dimensions)
+            return numba.cfunc(_SIGNATURE, error_model="numpy")(writer), ""
+        except Exception as error:
+            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = next((one for one in lines if not one.startswith("Failed in")), "")
+            return None, one_line(reason or type(error).__name__, 160)
 
 
 class _DomainError(Exception):
@@ -186,31 +203,48 @@ def _wanted(shape: tuple[int, ...]) -> str:
     return f"{shape[0]} rows of {shape[1]} numbers"
 
 
-def _writer(inner: Any, kind: Any, takes_input: bool, dimensions: int) -> Callable[..., None]:
-    """The function ``(x, u, out)`` that writes what ``inner`` returns, a value of numba's kind.
+def _of_vectors(inner: Any, arguments: int, inputs: int | None) -> Any:
+    """``inner``, of x, u and p or fewer, as a function of x and v = [u, p]; None if v is u."""
+    if arguments == 1:
+
+        @numba.njit
+        def value(x: Any, v: Any) -> Any:
+            return inner(x)
+
+    elif arguments == 3:
+
+        @numba.njit
+        def value(x: Any, v: Any) -> Any:
+            return inner(x, v[:inputs], v[inputs:])
+
+    elif inputs is not None:
+
+        @numba.njit
+        def value(x: Any, v: Any) -> Any:
+            return inner(x, v[:inputs])
+
+    else:
+        value = inner
+    return value
+
+
+def _writer(value: Any, kind: Any, dimensions: int) -> Callable[..., None]:
+    """The function ``(x, v, out)`` that writes what ``value`` returns, of numba's kind.
 
     It is nan where the number of values is another one.
     """
-    if takes_input:
-        value = inner
-    else:
-
-        @numba.njit
-        def value(x: Any, u: Any) -> Any:
-            return inner(x)
-
     if isinstance(kind, types.Number | types.Boolean):
 
-        def write(x: Any, u: Any, out: Any) -> None:
+        def write(x: Any, v: Any, out: Any) -> None:
             out[:] = np.nan
             if len(out) == 1:
-                out[0] = value(x, u)
+                out[0] = value(x, v)
 
     elif dimensions == 2:
 
-        def write(x: Any, u: Any, out: Any) -> None:
+        def write(x: Any, v: Any, out: Any) -> None:
             out[:] = np.nan
-            found = value(x, u)
+            found = value(x, v)
             n = len(x)
             if len(found) * n == len(out):
                 for i in range(len(found)):
@@ -220,18 +254,18 @@ def _writer(inner: Any, kind: Any, takes_input: bool, dimensions: int) -> Callab
 
     elif isinstance(kind, types.BaseTuple):
 
-        def write(x: Any, u: Any, out: Any) -> None:
+        def write(x: Any, v: Any, out: Any) -> None:
             out[:] = np.nan
-            found = np.array(value(x, u))
+            found = np.array(value(x, v))
             if len(found) == len(out):
                 for i in range(len(out)):
                     out[i] = found[i]
 
     else:
 
-        def write(x: Any, u: Any, out: Any) -> None:
+        def write(x: Any, v: Any, out: Any) -> None:
             out[:] = np.nan
-            found = value(x, u)
+            found = value(x, v)
             if len(found) == len(out):
                 for i in range(len(out)):
                     out[i] = found[i]

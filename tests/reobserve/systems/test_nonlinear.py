@@ -159,6 +159,11 @@ def changes(x: Array, u: Array) -> Array:
     return x
 
 
+def changes_p(x: Array, u: Array, p: Array) -> Array:
+    p[0] = 2.0
+    return x
+
+
 def model(f: Any = as_list, h: Any = angle, **changed: Any) -> Callable[[], NonlinearModel]:
     return lambda: NonlinearModel(f, h, **{**SIZES, **changed})
 
@@ -176,6 +181,19 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (model(lambda x, u: x[7]), "f: raises IndexError: index 7 is out of bounds for axis 0 with"),
     (model(lambda: 1.0), "f: must be a function of x and u, or of x alone"),
     (model(changes), "f: changes the arrays it is given, must leave x and u alone"),
+    (
+        model(lambda: 1.0, parameters={"k": 1.0}),
+        "f: must be a function of x and u, or of x alone, or",
+    ),
+    (model(lambda x, u, p: x), "f: takes p, but the model has no parameters"),
+    (
+        model(lambda x, u, p: p[:1], parameters={"k": 1.0}),
+        "f: returns an array of shape (1,), must",
+    ),
+    (
+        model(changes_p, parameters={"k": 1.0}),
+        "f: changes the arrays it is given, must leave x, u and",
+    ),
     (model(3.0), "f: 3.0 must be a function of x and u, or a list of texts"),
     (model(F=lambda x, u: x), "F: returns an array of shape (2,), must return 2 rows of 2"),
     (model(H=[["1", "0"]]), "state_names: are left out, must name what the texts are of"),
