@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, shown
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_numbers, as_scalar
 
 Array = NDArray[np.float64]
@@ -95,9 +95,10 @@ def _as_record(name: str, value: ArrayLike) -> Array:
     return record
 
 
-@kernel
+@allocating_kernel
 def _cusum(increments: Array, start: float) -> Array:
     statistic, last = np.empty(len(increments)), start
+    # g(k) = max(0, g(k-1) + s(k))
     for k in range(len(increments)):
         if not math.isnan(increments[k]):
             last = max(0.0, last + increments[k])
@@ -105,7 +106,7 @@ def _cusum(increments: Array, start: float) -> Array:
     return statistic
 
 
-@kernel
+@allocating_kernel
 def _inflation_glr(distances: Array, outputs: int, lengths: NDArray[np.int64]) -> Array:
     """``totals`` are the sums of the first 0, 1, 2, ... distances that are not missing."""
     statistic, totals = np.empty(len(distances)), np.zeros(len(distances) + 1)
@@ -115,6 +116,7 @@ def _inflation_glr(distances: Array, outputs: int, lengths: NDArray[np.int64]) -
             taken += 1
             totals[taken] = totals[taken - 1] + distances[k]
             last = 0.0
+            # The maximum over n of [Q - n m - n m ln(Q / (n m))] / 2, or 0 where Q < n m
             for length in lengths:
                 if length <= taken:
                     expected = float(length * outputs)

@@ -115,6 +115,7 @@ def _slope(
     c: AdaptiveConstants, estimate: Triple, integral: Triple, rate: Triple, control: Triple
 ) -> Triple:
     """The derivative of w^."""
+    # w^' = J^-1 (-w^ x J w^ + (Lambda + B_f Kp) (w - w^) + B u + B_f z)
     a, b, d = product(
         c.injection, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
     )
@@ -126,6 +127,7 @@ def _slope(
 @kernel
 def _growth(c: AdaptiveConstants, estimate: Triple, rate: Triple) -> Triple:
     """The derivative of z."""
+    # z' = Gamma (w - w^)
     return product(
         c.integral_gain, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
     )
@@ -163,6 +165,7 @@ def _run(
             break
         middle, end = row(record.rate, 2 * k + 1), row(record.rate_before, 2 * k + 2)
         control_middle = row(record.control, 2 * k + 1)
+        # w^(t + h) = w^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4), and z likewise by l1 to l4
         k1 = _slope(c, w, z, start, row(record.control, 2 * k))
         l1 = _growth(c, w, start)
         w2 = ahead(w, k1, half)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.chandrupatla import next_trial
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.kernel import allocating_kernel, inlined_kernel, kernel
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,7 @@ def _add_gain(
 @kernel
 def _interpolate(model: Model, at: Array, theta: float, row: int, work: Work) -> None:
     """Write the inputs at the fraction ``theta`` of the step to a row, by a parabola."""
+    # p(theta) = 2 (theta - 1/2) (theta - 1) p0 + 4 theta (1 - theta) p1 + 2 theta (theta - 1/2) p2
     first = 2.0 * (theta - 0.5) * (theta - 1.0)
     middle = 4.0 * theta * (1.0 - theta)
     last = 2.0 * theta * (theta - 0.5)
@@ -71,6 +72,7 @@ def _interpolate(model: Model, at: Array, theta: float, row: int, work: Work) ->
 @kernel
 def _seen(order: int, delay: float, at: Array, row: int) -> float:
     """The factor xi^ of (10) for an estimate of the delay."""
+    # xi^ = G(y) sum over i = 1..m of (-1)^i tau^^(i-1) / i! u^(i): (10)
     total, factor = 0.0, -1.0
     for i in range(1, order + 1):
         total += factor * at[row, 1 + i]
@@ -82,6 +84,7 @@ def _seen(order: int, delay: float, at: Array, row: int) -> float:
 @kernel
 def _raw_rate(angle: float, xi: float, at: Array, row: int) -> float:
     """The rate of the delay before its projection."""
+    # tau^' = -gain_(n+1) (x^1 - y) / xi^
     rate: float = -at[row, at.shape[1] - 2] * (angle - at[row, 0]) / xi
     return rate
 
@@ -91,6 +94,7 @@ def _mode(delay: float, rate: float, xi: float, bounds: Bounds) -> tuple[int, bo
     """The mode that starts here, for a delay in its interval and its rate before projection."""
     low, high, threshold = bounds
     off = abs(xi) < threshold or xi == 0.0
+    # tau^' = 0 where tau^ = tau_max and tau^' > 0, or tau^ = tau_min and tau^' < 0: (11)
     held = 0
     if not off and delay == high and rate > 0.0:
         held = 1
@@ -106,6 +110,8 @@ def _margin(delay: float, rate: float, xi: float, bounds: Bounds, mode: Mode) ->
     Where xi^ changes its sign, the rate of the delay has a pole and changes its sign, too.
     """
     (low, high, threshold), (held, off, before) = bounds, mode
+    # off: threshold - |xi^|;   on: +-xi^ - threshold, with the sign of xi^ at the start, or if less
+    # free: tau^ - tau_min or tau_max - tau^;   held: +-tau^', + at the maximum
     if off > 0:
         return threshold - abs(xi)
     margin = (xi if before > 0.0 else -xi) - threshold
@@ -138,17 +144,20 @@ def _runge_kutta(
             total += factor * at[row, 1 + i]
             factor *= -x[n] / (i + 1)
         xi = at[row, gains + n + 1] * total
+        # x^i' = x^(i+1) + f_i(x^) - gain_i (x^1 - y), with xi^ tau^ + G(y) u for x^(n+1): (9)
         error = 0.0 if off == 2 else x[0] - at[row, 0]
         pushed = xi * x[n] + at[row, gains + n + 1] * at[row, 1]
         for i in range(n):
             slope = (x[i + 1] if i < n - 1 else pushed) + f[i] - at[row, gains + i] * error
             points[_SUM, i] += weight * slope
             x[i] = points[_FROM, i] + ahead * slope
+        # tau^' = -gain_(n+1) (x^1 - y) / xi^, zero where it is held or its gain is off
         slope = 0.0
         if held == 0 and off == 0:
             slope = -at[row, gains + n] * error / xi
         points[_SUM, n] += weight * slope
         x[n] = points[_FROM, n] + ahead * slope
+    # X^(t + h) = X^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
     for i in range(n + 1):
         points[_TO, i] = points[_FROM, i] + h / 6.0 * points[_SUM, i]
 
@@ -240,7 +249,7 @@ def run(
     )  # fmt: skip
 
 
-@kernel
+@allocating_kernel
 def _run(
     model: Model, size: Size, order: int, switched: int, bounds: Bounds, step: float,
     right: Array, left: Array, states: Array, switched_off: Array,
@@ -276,6 +285,7 @@ def _run(
             turns = holds and held == 0 and not off and rate != 0.0 and not rate * after >= 0.0
             if (turns or not holds) and change < MAX_CHANGES - 1:
                 above = _margin(points[_FROM, n], rate, xi, bounds, mode)
+                # Where a rate that changes linearly is zero: rate + part (after - rate) = 0.
                 part = rate / (rate - after) if turns else 0.5
                 end = _to_mode_end(
                     model, size, order, bounds, at, start, above, margin,

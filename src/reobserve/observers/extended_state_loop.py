@@ -7,7 +7,7 @@ from collections.abc import Sized
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.kernel import allocating_kernel, inlined_kernel
 from reobserve.observers.fixed_step import Samples
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def _take(y: Array, u: Array, k: int, known: Array) -> None:
         known[p + i] = u[k, i]
 
 
-@kernel
+@allocating_kernel
 def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows: Array) -> int:
     """Fill ``rows`` after the first; return the number of finite rows."""
     n, columns = len(size), y.right.shape[1] + u.right.shape[1]
@@ -57,6 +57,7 @@ def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows
         _take(y.right, u.right, 2 * k - 2, known[n:])
         _take(y.left, u.left, 2 * k, known[n + columns :])
         _take(y.right, u.right, 2 * k - 1, known[n + 2 * columns :])
+        # x(k) = known @ weights, known = [x(k-1), y and u at the start, the end and in the middle]
         for i in range(n):
             after[i] = 0.0
         for j in range(len(weights)):

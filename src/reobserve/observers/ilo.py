@@ -183,6 +183,7 @@ def constants(observer: ILO | SampledILO, injection: Matrix) -> IloConstants:
 @kernel
 def slope(c: IloConstants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
     """The right-hand side for w^; ``known`` is B u + B_f K1 v(t - tau) (Chen & Saif 2007, (3))."""
+    # w^' = J^-1 (-w^ x J w^ + injection (w - w^) + known)
     x, y, z = product(
         c.injection, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
     )
@@ -200,6 +201,7 @@ def known_torque(c: IloConstants, control: Triple, learned: Triple) -> Triple:
 @kernel
 def learn(c: IloConstants, learned: Triple, rate: Triple, estimate: Triple) -> Triple:
     """The law by which v learns (Chen & Saif 2007, (3))."""
+    # v(t) = K1 v(t - tau) + K2 (w(t) - w^(t))
     x, y, z = product(c.K2, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2])
     return (learned[0] + x, learned[1] + y, learned[2] + z)
 
@@ -225,6 +227,7 @@ def _run(
             row(record.rate, 2 * k + 1),
             row(record.rate_before, 2 * k + 2),
         )
+        # K1 v(t - tau), and B u + B_f K1 v(t - tau): at the start, the middle and the end
         learned_start = product(c.K1, past[0, 0], past[0, 1], past[0, 2])
         learned_middle = product(c.K1, past[1, 0], past[1, 1], past[1, 2])
         learned_end = product(c.K1, past[2, 0], past[2, 1], past[2, 2])
@@ -232,6 +235,7 @@ def _run(
         known_middle = known_torque(c, row(record.control, 2 * k + 1), learned_middle)
         known_end = known_torque(c, row(record.control_before, 2 * k + 2), learned_end)
 
+        # w^(t + h) = w^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
         k1 = slope(c, w, start, known_start)
         k2 = slope(c, ahead(w, k1, half), middle, known_middle)
         k3 = slope(c, ahead(w, k2, half), middle, known_middle)
@@ -239,12 +243,14 @@ def _run(
         after = rk4_sum(w, k1, k2, k3, k4, h)
 
         # Cubic Hermite interpolation of w^ inside the step keeps the delayed v of order 4.
+        # w^(t + h/2) = (w^(t) + w^(t + h)) / 2 + h/8 (w^'(t) - w^'(t + h))
         last = slope(c, after, end, known_end)
         between = (
             0.5 * (w[0] + after[0]) + 0.125 * h * (k1[0] - last[0]),
             0.5 * (w[1] + after[1]) + 0.125 * h * (k1[1] - last[1]),
             0.5 * (w[2] + after[2]) + 0.125 * h * (k1[2] - last[2]),
         )
+        # v(t) = K1 v(t - tau) + K2 (w(t) - w^(t)), in place of v(t - tau)
         past[0, 0], past[0, 1], past[0, 2] = learn(c, learned_start, start, w)
         past[1, 0], past[1, 1], past[1, 2] = learn(c, learned_middle, middle, between)
         past[2, 0], past[2, 1], past[2, 2] = learn(c, learned_end, end, after)

@@ -145,9 +145,11 @@ def _run(
             row(record.rate, 2 * k + 1),
             row(record.rate_before, 2 * k + 2),
         )
+        # v_k = K1 v_(k-1) + K2 (w(k tau) - w^(k tau))
         if phase == 0:
             v = learn(c, product(c.K1, v[0], v[1], v[2]), start, w)
         phase = phase + 1 if phase + 1 < delay else 0
+        # w^(t + h) = w^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4), with B u + B_f v_k known
         known_middle = known_torque(c, row(record.control, 2 * k + 1), v)
         k1 = slope(c, w, start, known_torque(c, row(record.control, 2 * k), v))
         k2 = slope(c, ahead(w, k1, half), middle, known_middle)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_word
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.small_systems import solve_in_place
 from reobserve.core.value import converter
 from reobserve.observers.fixed_step import Samples
@@ -93,7 +93,7 @@ class IdentityObserver(NormalFormObserver):
         return {"state": rows}
 
 
-@kernel
+@allocating_kernel
 def _run(  # noqa: PLR0912, see below
     law: IdentityDynamics,
     work: IdentityWork,
@@ -112,6 +112,7 @@ def _run(  # noqa: PLR0912, see below
     measured, slopes, x = np.empty((3, n)), np.empty((4, n)), np.empty(n)
     values = work.values
     for k in range(len(rows) - 1):
+        # l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):
             evaluate(law.injection, known[2 * k + j], work.monomials, measured[j])
         evaluate(law.injection, known_before[2 * k + 2], work.monomials, measured[2])
@@ -120,15 +121,18 @@ def _run(  # noqa: PLR0912, see below
                 x[i] = rows[k, i]
                 if stage > 0:
                     x[i] += (step if stage == 3 else 0.5 * step) * slopes[stage - 1, i]
+            # x^' = f(x^) + L(x^) e,   e = l(h(x^)) - l(y) + beta(y, u): (11)
             evaluate(law.inner, x, work.monomials, values)
             for i in range(n):
                 values[n + i] -= measured[(stage + 1) // 2, i]
+            # L(x^) e = (dS/dx)^-1 e
             if law.kind == 1:
                 solve_in_place(values[2 * n :].reshape((n, n)), values[n : 2 * n])
                 for i in range(n):
                     slopes[stage, i] = values[i] + values[n + i]
                 continue
             matrix = values[2 * n :]
+            # L(x^) = dT/dz at z = S(x^)
             if law.kind == 2:
                 evaluate(law.outer, matrix, work.monomials, work.matrix)
                 matrix = work.matrix
@@ -136,6 +140,7 @@ def _run(  # noqa: PLR0912, see below
                 slopes[stage, i] = values[i]
                 for j in range(n):
                     slopes[stage, i] += matrix[i * n + j] * values[n + j]
+        # x^(t + h) = x^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
         for i in range(n):
             mean = slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i]
             after = rows[k, i] + step / 6.0 * mean

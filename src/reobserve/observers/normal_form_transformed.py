@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
@@ -76,7 +76,7 @@ class TransformedObserver(NormalFormObserver):
         return {"state": estimate, "coordinates": rows}
 
 
-@kernel
+@allocating_kernel
 def _run(
     transition: Array,
     weights: Array,
@@ -89,9 +89,11 @@ def _run(
     n = rows.shape[1]
     buffer, fed = np.empty(len(injection.parent)), np.empty((3, n))
     for k in range(len(rows) - 1):
+        # g = l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):
             evaluate(injection, known[2 * k + j], buffer, fed[j])
         evaluate(injection, known_before[2 * k + 2], buffer, fed[2])
+        # z(t + h) = e^(A h) z(t) - W0 g(t) - W1 g(t + h/2) - W2 g(t + h)
         for i in range(n):
             after = 0.0
             for c in range(n):
@@ -104,8 +106,9 @@ def _run(
     return len(rows)
 
 
-@kernel
+@allocating_kernel
 def _evaluate_rows(source: Polynomials, rows: Array, out: Array) -> None:
     buffer = np.empty(len(source.parent))
+    # x^ = T(z)
     for k in range(len(rows)):
         evaluate(source, rows[k], buffer, out[k])

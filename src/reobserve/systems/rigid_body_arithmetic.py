@@ -17,6 +17,7 @@ def row(samples: Matrix, k: int) -> Triple:
 @kernel
 def product(matrix: Matrix, x: float, y: float, z: float) -> Triple:
     """A 3 x 3 matrix times the vector (x, y, z)."""
+    # A [x, y, z]'
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
         matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
@@ -31,6 +32,7 @@ def acceleration(inertia: Matrix, inverse: Matrix, rate: Triple, torque: Triple)
     Chen & Saif 2007, (1) and after (1).
     """
     x, y, z = rate
+    # w' = J^-1 (torque - w x h),   h = J w
     hx, hy, hz = product(inertia, x, y, z)
     return product(
         inverse,
@@ -49,6 +51,7 @@ def ahead(rate: Triple, slope: Triple, step: float) -> Triple:
 @kernel
 def rk4_sum(rate: Triple, k1: Triple, k2: Triple, k3: Triple, k4: Triple, step: float) -> Triple:
     """The end of a classical fourth-order Runge-Kutta step with slopes k1 to k4."""
+    # w(t + h) = w(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
     weight = step / 6.0
     return (
         rate[0] + weight * (k1[0] + 2.0 * k2[0] + 2.0 * k3[0] + k4[0]),
