@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 
 Array = NDArray[np.float64]
@@ -43,7 +42,7 @@ def test_run(
     if isinstance(observer, ExtendedHighGainObserver):
         make = partial(_derivatives, period=observer.sampling_period)
     y, u = make(p, 0.21), make(m, 0.13)
-    if isinstance(observer, LinearFilter | AugmentedKalmanFilter | IMM):
+    if isinstance(observer, GaussianFilter | IMM):
         y = _simulated(observer, state, u)
         y[_LOST] = np.nan
         if observer.measurements > 1:
@@ -62,7 +61,7 @@ def _derivatives(columns: int, rate: float, period: float) -> Array:
     return np.round(0.1 * (rate / period) ** np.arange(columns) * np.sin(phase), 6)
 
 
-def _simulated(observer: LinearFilter | AugmentedKalmanFilter | IMM, state: Any, u: Array) -> Array:
+def _simulated(observer: GaussianFilter | IMM, state: Any, u: Array) -> Array:
     """Measurements of the model, of a bank of the first one."""
     first = observer.filters[0] if isinstance(observer, IMM) else observer
     A, B, C, D, _, R = first.model.arrays

@@ -59,3 +59,9 @@ def unpinned(environment: dict[str, str]) -> dict[str, str]:
     """The variables of an environment without those that choose code paths."""
     chosen = (*THREADS, KERNEL, ENABLED, DISABLED)
     return {name: value for name, value in environment.items() if name not in chosen}
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    available = getattr(os, "sched_getaffinity", None)
+    return len(available(0)) if available else os.cpu_count() or 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -111,3 +112,45 @@ def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> t
     factorials = np.cumprod([1.0, *range(1, degree + 1)])
     effects = held[:n, n:].reshape(n, degree + 1, p).transpose(1, 0, 2)
     return np.ascontiguousarray(held[:n, :n]), effects * factorials[:, None, None]
+
+
+def held_noise(A: ArrayLike, density: ArrayLike, period: float) -> Array:
+    """The covariance that white noise adds to the state of ``x' = A x + w`` over a period.
+
+        Q = int_0^T exp(A s) W exp(A' s) ds
+
+    By Van Loan's exponential (1978) over a fraction of the period, which is then doubled; so it
+    does not overflow where states decay fast.
+
+    Parameters
+    ----------
+    A
+        Shape (n, n) [1/s].
+    density
+        W, the spectral density of w, shape (n, n).
+    period
+        T [s].
+
+    Raises
+    ------
+    InputError
+        If the period is not positive, or takes the states beyond floating-point numbers.
+    """
+    from scipy.linalg import expm
+
+    state, noise = as_floats("A", A), as_floats("density", density)
+    n, length = len(state), as_positive("period", period)
+    doublings = max(0, math.frexp(2.0 * length * np.linalg.norm(state, 1))[1])
+    step = math.ldexp(length, -doublings)
+    # exp([-A W; 0 A'] h) = [. exp(-A h) Q(h); 0 exp(A' h)]
+    block: Array = expm(step * np.block([[-state, noise], [np.zeros((n, n)), state.T]]))
+    transition = block[n:, n:].T
+    found = transition @ block[:n, n:]
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        for _ in range(doublings):
+            # Q(2h) = Q(h) + exp(A h) Q(h) exp(A' h)
+            found = found + transition @ found @ transition.T
+            transition = transition @ transition
+    if not np.isfinite(found).all():
+        raise InputError("period", f"{period:g} s takes the states beyond floating-point numbers")
+    return 0.5 * (found + found.T)

@@ -62,6 +62,8 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
         raise InputError(name, f"{shown(value)} is not a number or an array of numbers")
     try:
         array = np.asarray(value)
+        if array.dtype is _DOUBLE and array.flags.carray:
+            return array
         if array.dtype.kind not in "iuf":
             raise TypeError
         return np.require(array, np.float64, ["C", "A", "W"])
@@ -282,8 +284,10 @@ def as_sample_rows(
     return as_samples(name, value, columns, rows=rows, like="y", missing=missing)
 
 
-def as_row(name: str, value: ArrayLike) -> Matrix:
+def as_row(name: str, value: ArrayLike | Any) -> Matrix:
     """One sample as a record of one row, for `as_samples`."""
+    if isinstance(value, float):
+        return np.array([[value]])
     try:
         return as_numbers(name, value).reshape(1, -1)
     except InputError:

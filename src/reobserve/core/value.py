@@ -41,6 +41,16 @@ class Value:
                 values[name] = view = value[...]
                 view.setflags(write=False)
 
+    @classmethod
+    def _made(cls, **values: Any) -> Self:
+        """One of values that are right: not converted or copied, arrays read-only."""
+        made = object.__new__(cls)
+        for value in values.values():
+            if type(value) is np.ndarray:
+                value.setflags(write=False)
+        made.__dict__.update(values)
+        return made
+
     def _set(self, name: str, value: Any) -> None:
         """Replace the value of a field while the object is made."""
         self.__dict__[name] = read_only(value) if type(value) is np.ndarray else value
@@ -52,6 +62,10 @@ class Value:
         for name, value in changed.items():
             other._set(name, value)
         return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a pickle holds: the fields, and nothing that was cached."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Copies and pickles, whose arrays are writable; what was cached is computed again."""

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from reobserve.core.kernel import kernel
 from reobserve.core.value import for_loop
-from reobserve.observers.gaussian_filter import KalmanState
+from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter_loop import Size, correct, new_work, predict
+from reobserve.observers.linear_steps import LinearWork, correct, new_linear_work, predict
 from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
@@ -33,44 +33,45 @@ def restarted_cusum(
     n, m = healthy.model.states, healthy.model.outputs
     mean, covariance = start.posterior.mean, start.posterior.covariance
     arrays = healthy.model.arrays, faulty.model.arrays
-    found: Array = _restarted(
-        (0,) * n, (0,) * m, *arrays, for_loop(y), for_loop(u), mean.copy(), covariance.copy()
-    )
-    return found
+    statistic = np.empty(len(y))
+    _restarted(
+        *arrays, for_loop(y), for_loop(u), mean.copy(), covariance.copy(), mean.copy(),
+        covariance.copy(), np.zeros(m), np.empty(m), new_linear_work(n, m), statistic,
+    )  # fmt: skip
+    return statistic
 
 
 @kernel
 def _restarted(
-    states: Size,
-    outputs: Size,
     healthy: ModelArrays,
     faulty: ModelArrays,
     measurements: Array,
     inputs: Array,
     mean: Array,
     covariance: Array,
-) -> Array:
-    n, m = len(states), len(outputs)
-    statistic, g = np.empty(len(measurements)), 0.0
-    work, factor, none = new_work(n, m), np.empty((m, m)), np.empty(0)
-    error, innovation = np.zeros(m), np.empty(m)
-    other, spread = mean.copy(), covariance.copy()
+    other: Array,
+    spread: Array,
+    error: Array,
+    innovation: Array,
+    work: LinearWork,
+    statistic: Array,
+) -> None:
+    A, B, C, D, Q, R = healthy
+    A1, B1, C1, D1, Q1, R1 = faulty
+    g = 0.0
     for k in range(len(measurements)):
+        y, u = measurements[k], inputs[k]
         if k > 0:
-            predict(states, healthy, inputs[k - 1], mean, covariance, mean, covariance, work)
-            predict(states, faulty, inputs[k - 1], other, spread, other, spread, work)
+            predict(A, B, Q, inputs[k - 1], mean, covariance, mean, covariance, work)
+            predict(A1, B1, Q1, inputs[k - 1], other, spread, other, spread, work)
+        # g = max(0, g + ln p1(y) - ln p0(y))
         ratio = correct(
-            states, outputs, faulty, None, none, measurements[k], inputs[k],
-            other, spread, error, innovation, factor, work,
-        ) - correct(
-            states, outputs, healthy, None, none, measurements[k], inputs[k],
-            mean, covariance, error, innovation, factor, work,
-        )  # fmt: skip
+            C1, D1, R1, None, error, y, u, other, spread, error, innovation, work
+        ) - correct(C, D, R, None, error, y, u, mean, covariance, error, innovation, work)
         g = max(0.0, g + ratio)
         statistic[k] = g
         if g == 0.0:
-            for a in range(n):
+            for a in range(len(mean)):
                 other[a] = mean[a]
-                for b in range(n):
+                for b in range(len(mean)):
                     spread[a, b] = covariance[a, b]
-    return statistic

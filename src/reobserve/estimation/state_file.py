@@ -26,7 +26,7 @@ from reobserve.systems.linear import as_covariance
 
 Array = NDArray[np.float64]
 
-SCHEMA = 3
+SCHEMA = 4
 _VALUES = 5_000_000
 _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON has none of them
 
@@ -57,7 +57,7 @@ class _State:
     """A state file; ``offset`` is the byte up to which a file was read."""
 
     format: Literal["reobserve estimate state"]
-    schema: Literal[3]
+    schema: Literal[4]
     specification: str
     offset: Annotated[int, within(0, 2**53)] | None
     observer: Any

@@ -11,11 +11,10 @@ and the noisier they are. A d that acts through E alone is seen one sample later
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from copy import copy
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,23 +22,38 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
-from reobserve.observers.contract import Record, Rows
-from reobserve.observers.gaussian_filter import KalmanState, NoiseByRow, as_covariances
-from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.gaussian_filter import KEPT, GaussianFilter
+from reobserve.observers.gaussian_state import FilterSteps, KalmanState
+from reobserve.observers.kalman import KALMAN, LINEAR, TAKES
+from reobserve.observers.linear_loop import FilterRows, PredictedRows
+from reobserve.observers.linear_steps import Gain
+from reobserve.observers.run import AxisNames
 from reobserve.synthesis.linear import undetectable_modes
-from reobserve.systems.linear import LinearModel, as_covariance
+from reobserve.systems.linear import (
+    LinearModel,
+    ModelRows,
+    as_covariance,
+    as_covariances,
+    as_matrices,
+)
+from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
 
+CROSS = "state_unknown_input_covariance"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AugmentedKalmanFilter(NoiseByRow):
+class AugmentedKalmanFilter(GaussianFilter):
     """The Kalman filter on the state and q unknown inputs.
 
     Its estimates are ``state``, shape (k, n), and ``unknown_input``, (k, q); ``variance`` and
     ``unknown_input_variance`` in their shapes; ``covariance``, (k, n, n), and
     ``unknown_input_covariance``, (k, q, q); and ``innovation``, ``innovation_covariance`` and
-    ``log_likelihood`` as those of `reobserve.observers.linear_filter.LinearFilter`.
+    ``log_likelihood`` as those of `reobserve.observers.kalman.KalmanFilter`. `run` and `step` take
+    what that filter takes, with matrices of the plant; ``keep`` may also name
+    ``state_unknown_input_covariance``, (k, n, q), and what it keeps before a measurement, and the
+    gain, are of [x, d].
 
     Parameters
     ----------
@@ -51,6 +65,8 @@ class AugmentedKalmanFilter(NoiseByRow):
         W, the covariance of what an unknown input gains a sample: a number, q numbers or (q, q).
     output_fault_matrix
         F, shape (m, q): what it adds to the measurement, zero if left out.
+    unknown_input_names
+        With which runs are labelled; left out, they are numbered.
 
     Raises
     ------
@@ -63,24 +79,15 @@ class AugmentedKalmanFilter(NoiseByRow):
     fault_matrix: Array
     random_walk: Array
     output_fault_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
-    sampling_period: float = field(init=False)
+    unknown_input_names: tuple[str, ...] | None = None
 
-    reads_between: ClassVar[bool] = False
-    reads_missing: ClassVar[bool] = True
+    steps: ClassVar[FilterSteps] = LINEAR
+    takes: ClassVar[tuple[str, ...]] = (*TAKES, "S")
+    keeps: ClassVar[tuple[str, ...]] = (*KEPT, CROSS)
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        (
-            "state",
-            "unknown_input",
-            "variance",
-            "unknown_input_variance",
-            "covariance",
-            "unknown_input_covariance",
-            "innovation",
-            "innovation_covariance",
-            "log_likelihood",
-        ),
-        "",
-    )
+        (*GaussianFilter.units, "unknown_input", "unknown_input_variance",
+         "unknown_input_covariance"), "",
+    )  # fmt: skip
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
@@ -90,6 +97,7 @@ class AugmentedKalmanFilter(NoiseByRow):
             fault_matrix: ArrayLike,
             random_walk: ArrayLike,
             output_fault_matrix: ArrayLike | None = ...,
+            unknown_input_names: Sequence[str] | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -106,8 +114,10 @@ class AugmentedKalmanFilter(NoiseByRow):
         put("fault_matrix", E)
         put("output_fault_matrix", F)
         put("random_walk", as_covariance("random_walk", self.random_walk, E.shape[1]))
+        names = as_names("unknown_input_names", self.unknown_input_names, E.shape[1])
+        put("unknown_input_names", names)
         put("sampling_period", model.sampling_period)
-        unobservable = undetectable_modes(self._kalman.model.A, self._kalman.model.C)
+        unobservable = undetectable_modes(self.whole.A, self.whole.C)
         if len(unobservable):
             raise InputError(
                 "fault_matrix",
@@ -116,33 +126,61 @@ class AugmentedKalmanFilter(NoiseByRow):
             )
 
     @property
-    def measurements(self) -> int:
-        """How many numbers a row of y has."""
-        return self.model.outputs
-
-    @property
-    def inputs(self) -> int:
-        """How many numbers a row of u has."""
-        return self.model.inputs
-
-    @property
     def unknown_inputs(self) -> int:
         """Their number q."""
         return int(self.fault_matrix.shape[1])
 
+    @property
+    def method(self) -> Gain:
+        """Kalman's gain, which the loops have built in."""
+        return KALMAN
+
     @cached_property
-    def _kalman(self) -> KalmanFilter:
-        """The filter of [x, d]."""
-        A, B, C, D, Q, R = self.model.arrays
+    def whole(self) -> LinearModel:
+        """The model of [x, d]."""
+        whole = self._given({name: getattr(self.model, name) for name in ModelRows._fields}, 1)
+        matrices = {name: matrix.reshape(matrix.shape[-2:]) for name, matrix in whole.items()}
+        return LinearModel(**matrices, check=False, sampling_period=self.sampling_period)
+
+    @cached_property
+    def component_names(self) -> Mapping[str, AxisNames]:
+        """Names of components of estimates."""
+        found, d = dict(super().component_names), self.unknown_input_names
+        if d is not None:
+            x = self.model.state_names
+            found |= {"unknown_input": (d,), "unknown_input_variance": (d,), CROSS: (x, d)}
+            found["unknown_input_covariance"] = (d, d)
+        return found
+
+    @property
+    def _all_names(self) -> tuple[str, ...] | None:
+        x, d = self.model.state_names, self.unknown_input_names
+        return None if x is None or d is None else x + d
+
+    def _given(self, given: Mapping[str, Any], rows: int) -> dict[str, Any]:
         n, q = self.fault_matrix.shape
-        whole = np.block([[A, self.fault_matrix], [np.zeros((q, n)), np.eye(q)]])
-        noise = np.block([[Q, np.zeros((n, q))], [np.zeros((q, n)), self.random_walk]])
-        model = LinearModel(
-            whole, np.vstack([B, np.zeros((q, B.shape[1]))]),
-            np.hstack([C, self.output_fault_matrix]), D, noise, R,
-            check=False, sampling_period=self.sampling_period,
-        )  # fmt: skip
-        return KalmanFilter(model)
+        zeros, found = np.zeros, dict(given)
+        # [A E; 0 I], [B; 0], [C F], diag(Q, W), [S; 0]
+        for name, right, below in (
+            ("A", self.fault_matrix, np.hstack([zeros((q, n)), np.eye(q)])),
+            ("B", None, zeros((q, self.model.inputs))),
+            ("C", self.output_fault_matrix, None),
+            ("Q", zeros((n, q)), np.hstack([zeros((q, n)), self.random_walk])),
+            ("S", None, zeros((q, self.model.outputs))),
+        ):
+            if name not in given:
+                continue
+            if name == "Q":
+                matrix = as_covariances(name, given[name], n, rows)
+            else:
+                own = (n, self.model.outputs) if name == "S" else getattr(self.model, name).shape
+                matrix = as_matrices(name, given[name], own, rows)
+            for axis, piece in ((2, right), (1, below)):
+                if piece is not None:
+                    more = np.broadcast_to(piece, (len(matrix), *piece.shape))
+                    matrix = np.concatenate([matrix, more], axis=axis)
+            found[name] = matrix if len(matrix) == rows else matrix[0]
+        return found
 
     def init(
         self,
@@ -158,7 +196,7 @@ class AugmentedKalmanFilter(NoiseByRow):
         Parameters
         ----------
         mean, covariance, u
-            Of the state, and the input, as `reobserve.observers.linear_filter.LinearFilter.init`.
+            Of the state, and the input, as `GaussianFilter.init`.
         unknown_input
             Its mean, shape (q,); left out, zeros.
         unknown_input_covariance
@@ -174,43 +212,24 @@ class AugmentedKalmanFilter(NoiseByRow):
         spread = np.zeros((n + q, n + q))
         spread[:n, :n] = as_covariance("covariance", covariance, n)
         spread[n:, n:] = as_covariance("unknown_input_covariance", unknown_input_covariance, q)
-        return self._kalman.init(np.concatenate([as_vector("mean", mean, n), d]), spread, u=u)
+        return super().init(np.concatenate([as_vector("mean", mean, n), d]), spread, u=u)
 
-    def _with_noise(self, Q: ArrayLike | None, R: ArrayLike | None, rows: int) -> Self:
-        """The same filter with other noise, for one record."""
-        if Q is None and R is None:
-            return self
-        noise, n, q = None, self.model.states, self.unknown_inputs
-        if Q is not None:
-            of_state = as_covariances("Q", Q, n, rows)
-            noise = np.zeros((len(of_state), n + q, n + q))
-            noise[:, :n, :n], noise[:, n:, n:] = of_state, self.random_walk
-            noise = noise if len(noise) == rows else noise[0]
-        other = copy(self)
-        vars(other)["_kalman"] = self._kalman._with_noise(noise, R, rows)
-        return other
-
-    def innovation_deviation(self, state: KalmanState) -> Array:
-        """As `reobserve.observers.linear_filter.LinearFilter.innovation_deviation`."""
-        return self._kalman.innovation_deviation(state)
-
-    def _checked(self, state: Any) -> KalmanState:
-        return self._kalman._checked(state)
-
-    def _fill(self, state: KalmanState, record: Record) -> Rows:
-        found, n = self._kalman._fill(state, record), self.model.states
-        whole, variance = found.estimates["state"], found.estimates["variance"]
-        covariance = found.estimates["covariance"]
-        estimates = {
-            "state": whole[:, :n],
-            "unknown_input": whole[:, n:],
-            "variance": variance[:, :n],
-            "unknown_input_variance": variance[:, n:],
-            "covariance": covariance[:, :n, :n],
-            "unknown_input_covariance": covariance[:, n:, n:],
-            **{
-                name: found.estimates[name]
-                for name in ("innovation", "innovation_covariance", "log_likelihood")
-            },
+    def _named(
+        self, rows: FilterRows, kept: PredictedRows | None, keep: Sequence[str]
+    ) -> dict[str, Array]:
+        n = self.model.states
+        cross = [CROSS] if CROSS in keep else []
+        found = super()._named(rows, kept, [name for name in keep if name != CROSS])
+        whole, variance, covariance = (
+            found.pop(name) for name in ("state", "variance", "covariance")
+        )
+        return {
+            "state": whole[..., :n],
+            "unknown_input": whole[..., n:],
+            "variance": variance[..., :n],
+            "unknown_input_variance": variance[..., n:],
+            "covariance": covariance[..., :n, :n],
+            "unknown_input_covariance": covariance[..., n:, n:],
+            **dict.fromkeys(cross, covariance[..., :n, n:]),
+            **found,
         }
-        return Rows(estimates, found.finite, found.state)

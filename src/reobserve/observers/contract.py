@@ -11,24 +11,27 @@ gains, with ``sampling_period`` by its name; its state is a value; `run` is one 
 the arithmetic of `step`, so that both give bitwise identical results.
 
 What a method needs between samples it has by a rule of its own, which each observer states; who
-knows more of it gives it as ``middle`` and ``before``.
+knows more of it gives it as ``middle`` and ``before``. Filters take more by name, such as matrices
+of their model for each row: `Observer.takes`.
+
+A record is an array (k, m); many records of equal length are (records, k, m), and their estimates
+have that axis, too.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_word
-from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.matrices import (
     all_finite,
-    as_numbers,
     as_positive,
     as_row,
     as_sample_rows,
@@ -36,6 +39,14 @@ from reobserve.core.matrices import (
 )
 from reobserve.core.value import Value, converter
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
+from reobserve.observers.record import (
+    Many,
+    ObserverState,
+    Record,
+    Rows,
+    depth_of,
+    stacked,
+)
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
 
 Array = NDArray[np.float64]
@@ -44,64 +55,7 @@ OnDivergence = Literal["raise", "return"]
 _UNEVEN = 0.01  # of the sampling period: how much longer or shorter the time between rows may be
 
 
-class ObserverState(Protocol):
-    """What every state has beside what its method remembers.
-
-    ``sample`` holds y and u of the last row that was taken, None before the first one; ``count``
-    sampling periods have passed since that first one.
-    """
-
-    @property
-    def sample(self) -> Array | None:
-        """The last row, shape (p + m,)."""
-
-    @property
-    def count(self) -> int:
-        """The number of sampling periods."""
-
-
 StateKind = TypeVar("StateKind", bound=ObserverState)
-AnyState = TypeVar("AnyState")
-
-
-class Record(NamedTuple):
-    """What an observer reads: k rows of y, (k, p), and of u, (k, m).
-
-    ``before`` are limits from the left where a record jumps at samples, ``middle`` the values
-    half a period before each row; each a pair of arrays like y and u, or of None.
-    """
-
-    y: Array
-    u: Array
-    before: tuple[Array | None, Array | None] = (None, None)
-    middle: tuple[Array | None, Array | None] = (None, None)
-
-
-class Rows(NamedTuple):
-    """What a compiled loop wrote: arrays by name with one row a sample.
-
-    ``finite`` rows are good, as the loop has it; ``state`` is the one after the last row, if all
-    of them are. ``before`` are limits from the left. An observer that reads missing measurements
-    may write nan for the estimates, and answers for its count of finite rows.
-    """
-
-    estimates: dict[str, Array]
-    finite: int
-    state: Any
-    before: dict[str, Array] = {}  # noqa: RUF012  # never written
-
-    @property
-    def good(self) -> int:
-        """How many rows are finite in all arrays, up to the first that is not.
-
-        A loop watches its state; what it reads from that may overflow a row earlier.
-        """
-        among = self.finite
-        for array in (*self.estimates.values(), *self.before.values()):
-            rows = array[:among]
-            if not all_finite(rows):
-                among = int(np.argmin(np.isfinite(rows).reshape(among, -1).all(axis=1)))
-        return among
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,6 +76,7 @@ class Observer(Value, ABC, Generic[StateKind]):
 
     reads_between: ClassVar[bool] = True  # whether there is a use for ``before`` and ``middle``
     reads_missing: ClassVar[bool] = False  # whether a nan may stand for what was not measured
+    takes: ClassVar[tuple[str, ...]] = ()  # what `run` and `step` take beside y and u, by name
 
     @property
     @abstractmethod
@@ -203,8 +158,10 @@ class Observer(Value, ABC, Generic[StateKind]):
         y: ArrayLike,
         u: ArrayLike | None = None,
         *,
+        time: float | None = None,
         before: Pair | None = None,
         middle: Pair | None = None,
+        **given: Any,
     ) -> tuple[StateKind, Estimate]:
         """Take one sample: the next state, and the estimates at it.
 
@@ -220,14 +177,15 @@ class Observer(Value, ABC, Generic[StateKind]):
         """
         record = self._read(
             as_row("y", y), None if u is None else as_row("u", u),
-            as_row_pair("before", before), as_row_pair("middle", middle),
+            as_row_pair("before", before), as_row_pair("middle", middle), given,
         )  # fmt: skip
         start = self._checked(state)
-        rows, time = self._fill(start, record), self._next_row(start) * self.sampling_period
+        times, record = self._timed(None if time is None else [time], start, record)
+        rows = self._fill(start, record)
         if not self._good(rows):
-            raise self._divergence(start, record, np.array([time]), 0)
+            raise self._divergence(start, record, rows, times, 0)
         values = {name: array[0] for name, array in rows.estimates.items()}
-        return rows.state, Estimate(time, values, self.units)
+        return rows.state, Estimate(float(times[0]), values, self._units_of(values))
 
     def run(
         self,
@@ -239,20 +197,24 @@ class Observer(Value, ABC, Generic[StateKind]):
         before: Pair | None = None,
         middle: Pair | None = None,
         on_divergence: OnDivergence = "raise",
+        **given: Any,
     ) -> Run[StateKind]:
         """Estimates at all samples of a record, by one compiled loop.
 
         Parameters
         ----------
         y
-            Measurements, shape (k, p), or (k,) where p is 1.
+            Measurements, shape (k, m), or (k,) where m is 1; nan where one is missing, if the
+            observer reads that. Many records at once are (records, k, m).
         u
-            Known inputs from each sample on, shape (k, m), or (k,); left out where there are none.
+            Known inputs from each sample on, shape (k, p), or (k,); left out where there are none.
+            Many records have one of these, or (records, k, p).
         state
             From `init`, or from an earlier run or step to go on with the sample after its last.
         time
             Of the samples [s], shape (k,), a sampling period apart; left out, it counts from 0 or
-            goes on from the state.
+            goes on from the state. Kalman filters, extended and unscented ones and banks of them
+            take any rising times if their models are from `from_ode` with a density of the noise.
         before
             y and u where a record jumps at samples: their limits from the left, in their shapes.
         middle
@@ -260,6 +222,8 @@ class Observer(Value, ABC, Generic[StateKind]):
             have no use.
         on_divergence
             ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
+        given
+            What the class says that it takes, by name.
 
         Raises
         ------
@@ -271,33 +235,57 @@ class Observer(Value, ABC, Generic[StateKind]):
             whether a shorter step would have helped.
         """
         loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
-        record = self._read(y, u, before, middle)
+        if np.ndim(y) == 3 if isinstance(y, np.ndarray) else depth_of(y) == 3:
+            for name, pair in (("before", before), ("middle", middle)):
+                if pair is not None:
+                    raise InputError(name, "must be left out with many records")
+            from reobserve.observers.many import run_many
+
+            return run_many(self, y, u, state, time, loud, given)
+        record = self._read(y, u, before, middle, given)
         start = self._start(record.y[0]) if state is None else self._checked(state)
-        times = self._times(time, start, len(record.y))
+        times, record = self._timed(time, start, record)
         rows = self._fill(start, record)
         good = self._good(rows)
-        missing = int(np.isnan(record.y[:good]).any(axis=1).sum()) if self.reads_missing else 0
+        missing = 0
+        if self.reads_missing and not all_finite(record.y):
+            missing = int(np.isnan(record.y[:good]).any(axis=1).sum())
         estimates, left, after, diverged_at = rows.estimates, rows.before, rows.state, None
         if good < len(times):
             if loud:
-                raise self._divergence(start, record, times, good)
+                raise self._divergence(start, record, rows, times, good)
             estimates = {name: array[:good] for name, array in estimates.items()}
             left = {name: array[:good] for name, array in left.items()}
             after, diverged_at = start, self._last_finite(start, times, good)
         return Run(
-            times[:good], estimates, self.units, after, diverged_at, left, missing,
+            times[:good], estimates, self._units_of(estimates), after, diverged_at, left, missing,
             self.component_names,
         )  # fmt: skip
+
+    def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Many:
+        """What the compiled loop writes for many records."""
+        pairs = zip(states, records, strict=True)
+        every = [self._fill(state, record) for state, record in pairs]
+        return Many(
+            stacked([rows.estimates for rows in every]), stacked([rows.before for rows in every]),
+            [self._good(rows) for rows in every], [rows.state for rows in every],
+            [rows.finding for rows in every],
+        )  # fmt: skip
+
+    def _units_of(self, estimates: Mapping[str, Any]) -> Mapping[str, str]:
+        """The units of these estimates; what was asked for beside the others has none."""
+        known = self.units
+        return known if len(known) == len(estimates) else {n: known.get(n, "") for n in estimates}
 
     def _good(self, rows: Rows) -> int:
         """How many rows are good; with missing measurements the loop alone can tell."""
         return rows.finite if self.reads_missing else rows.good
 
     def _divergence(
-        self, state: StateKind, record: Record, times: Array, good: int
+        self, state: StateKind, record: Record, rows: Rows, times: Array, good: int
     ) -> DivergenceError:
         """The error to raise where the rows of a record beyond the first ``good`` ones diverged."""
-        finding = self._finding(state, record, good, float(times[0]))
+        finding = rows.finding or self._finding(state, record, good, float(times[0]))
         return DivergenceError(type(self).__name__, self._last_finite(state, times, good), finding)
 
     def _last_finite(self, state: StateKind, times: Array, good: int) -> float:
@@ -307,11 +295,20 @@ class Observer(Value, ABC, Generic[StateKind]):
         return float(times[0]) - (0.0 if state.sample is None else self.sampling_period)
 
     def _read(
-        self, y: ArrayLike, u: ArrayLike | None, before: Pair | None, middle: Pair | None
+        self,
+        y: ArrayLike,
+        u: ArrayLike | None,
+        before: Pair | None,
+        middle: Pair | None,
+        given: Mapping[str, Any],
     ) -> Record:
         measured = self._read_measurements("y", y)
         rows = len(measured)
         known = self._read_inputs("u", u, rows)
+        if given:
+            given = self._known(given)
+        if before is None and middle is None:
+            return Record(measured, known, given=given)
         between = (("before", before), ("middle", middle))
         if not self.reads_between:
             for name, pair in between:
@@ -319,7 +316,16 @@ class Observer(Value, ABC, Generic[StateKind]):
                     problem = f"must be left out: {type(self).__name__} reads nothing in between"
                     raise InputError(name, problem)
         early, half = (self._read_pair(name, pair, rows) for name, pair in between)
-        return Record(measured, known, early, half)
+        return Record(measured, known, early, half, given)
+
+    def _known(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """What is given by name and not None."""
+        for name in given:
+            if name not in self.takes:
+                others = f", beside y and u it takes {', '.join(self.takes)}" if self.takes else ""
+                problem = f"is not taken by {type(self).__name__}{others}"
+                raise InputError(name, problem)
+        return {name: value for name, value in given.items() if value is not None}
 
     def _read_measurements(self, name: str, y: ArrayLike, rows: int | None = None) -> Array:
         return as_sample_rows(name, y, self.measurements, rows=rows, missing=self.reads_missing)
@@ -347,49 +353,38 @@ class Observer(Value, ABC, Generic[StateKind]):
         """How many sampling periods after the first row of all the next one stands."""
         return 0 if state.sample is None else state.count + 1
 
-    def _times(self, time: ArrayLike | None, state: StateKind, rows: int) -> Array:
-        """The times of the rows."""
+    @property
+    def _uneven_hint(self) -> str:
+        """How the observer takes uneven times, as the end of a sentence."""
+        return ""
+
+    @staticmethod
+    def _last_time(state: Any) -> float | None:
+        """The time [s] of the last sample, None where it is counted."""
+        found: float | None = getattr(state, "time", None)
+        return found
+
+    def _timed(
+        self, time: ArrayLike | None, state: StateKind, record: Record
+    ) -> tuple[Array, Record]:
+        """The times of the rows, and the record with them if they are not counted."""
+        rows, last = len(record.y), self._last_time(state)
         if time is None:
-            counted = self._next_row(state) + np.arange(rows, dtype=np.float64)
-            return counted * self.sampling_period
+            if last is None:
+                counted = self._next_row(state) + np.arange(rows, dtype=np.float64)
+                return counted * self.sampling_period, record
+            times = last + self.sampling_period * np.arange(1.0, rows + 1.0)
+            return times, record._replace(time=times)
         times = as_samples("time", time, None, rows=rows, like="y")
+        between = np.diff(times if last is None else np.concatenate([[last], times]))
         with np.errstate(over="ignore"):
-            off = np.abs(np.diff(times) - self.sampling_period)
+            off = np.abs(between - self.sampling_period)
         if off.size and off.max() > _UNEVEN * self.sampling_period:
-            row = int(np.argmax(off > _UNEVEN * self.sampling_period))
+            row = int(np.argmax(off > _UNEVEN * self.sampling_period)) + (last is None)
+            before = last if row == 0 else times[row - 1]
             raise InputError(
                 "time",
-                f"goes from {times[row]:.9g} to {times[row + 1]:.9g} s at row {row + 1}, must go "
-                f"on by the sampling period of {self.sampling_period:g} s",
+                f"goes from {before:.9g} to {times[row]:.9g} s at row {row}, must go "
+                f"on by the sampling period of {self.sampling_period:g} s{self._uneven_hint}",
             )
-        return times.copy()
-
-
-def check_state(
-    state: Any, kind: type[AnyState], problem: str, name: str = "state", **shapes: tuple[int, ...]
-) -> AnyState:
-    """A state whose arrays have these shapes, as compiled loops take them.
-
-    Raises
-    ------
-    InputError
-        If it is no such state, with ``problem`` if only its shapes are others, or not finite.
-    """
-    if not isinstance(state, kind):
-        raise InputError(name, f"{shown(state)} must be a state from init or from an earlier run")
-    changed: dict[str, Array] = {}
-    for part, shape in shapes.items():
-        given = getattr(state, part)
-        if part == "sample" and given is None:
-            continue
-        array = as_numbers(f"{name}.{part}", given, writable=False)
-        if array.shape != shape:
-            raise InputError(name, problem)
-        if not all_finite(array):
-            raise InputError(f"{name}.{part}", f"{shown(array)} has an entry that is not finite")
-        if array is not given:
-            changed[part] = array
-    count = getattr(state, "count", 0)
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:
-        raise InputError(f"{name}.count", f"{shown(count)} must be a whole number, 0 or more")
-    return replace(state, **changed) if changed else state  # type: ignore[type-var]
+        return times.copy(), record._replace(time=times)

@@ -29,9 +29,10 @@ from reobserve.core.arguments import as_kind, as_word
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_positive, as_positive_definite, as_scalar, as_vector
 from reobserve.core.value import Value, converter, for_loop
-from reobserve.observers.contract import Observer, Record, Rows, check_state
+from reobserve.observers.contract import Observer
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.observers.fixed_step import Steps
+from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
 from reobserve.systems.triangular import TriangularModel
@@ -53,7 +54,7 @@ class ExtendedHighGainState(Value):
 
     ``values`` are x^ and tau^ in one vector, shape (n + 1,); ``recent`` is u at the latest m + 1
     samples, the last one last; ``sample`` has y, u and all its derivatives, including those that
-    were computed; the rest is as in `reobserve.observers.contract.ObserverState`.
+    were computed; the rest is as in `reobserve.observers.record.ObserverState`.
     """
 
     values: Array

@@ -10,13 +10,18 @@ Jazwinski 1970, Stochastic Processes and Filtering Theory, theorem 8.1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-from reobserve.observers.nonlinear_filter import NonlinearFilter
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import FilterSteps
+from reobserve.observers.nonlinear_filter import NONLINEAR, TAKES
+from reobserve.systems.nonlinear import NonlinearModel
+from reobserve.systems.nonlinear_flow import Functions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedKalmanFilter(NonlinearFilter):
-    """The extended Kalman filter.
+class ExtendedKalmanFilter(GaussianFilter):
+    """The extended Kalman filter; its estimates are those of `GaussianFilter`.
 
     Parameters
     ----------
@@ -25,7 +30,17 @@ class ExtendedKalmanFilter(NonlinearFilter):
         found by differences.
     """
 
+    model: NonlinearModel
+
+    steps: ClassVar[FilterSteps] = NONLINEAR
+    takes: ClassVar[tuple[str, ...]] = TAKES
+
     @property
-    def weights(self) -> None:
+    def method(self) -> None:
         """None: it has no sigma points."""
         return
+
+    @property
+    def functions(self) -> Functions:
+        """The model's functions, with Jacobians."""
+        return self.model.functions

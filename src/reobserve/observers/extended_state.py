@@ -31,9 +31,10 @@ from reobserve.core.discretisation import interpolating_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
 from reobserve.core.value import Value, converter
-from reobserve.observers.contract import Observer, Rows, check_state
+from reobserve.observers.contract import Observer
 from reobserve.observers.extended_state_loop import run_observer
 from reobserve.observers.fixed_step import Steps
+from reobserve.observers.record import Rows, check_state
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ class EsoState(Value):
     """All the observer remembers: a value that may be stored, copied and stepped again.
 
     ``filtered`` is xz, shape (p,), and ``estimate`` x^, shape (N,), at the last row; the rest is as
-    in `reobserve.observers.contract.ObserverState`.
+    in `reobserve.observers.record.ObserverState`.
     """
 
     filtered: Array

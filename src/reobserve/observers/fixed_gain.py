@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.kernel import FunctionPointer
 from reobserve.core.matrices import as_floats, spectral_radius
-from reobserve.observers.gaussian_filter import KalmanState
-from reobserve.observers.linear_filter import LinearFilter
-from reobserve.observers.linear_filter_loop import gain_function
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import FilterSteps, KalmanState
+from reobserve.observers.kalman import LINEAR, TAKES
+from reobserve.observers.linear_steps import Gain, gain_function
 from reobserve.synthesis.linear import place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 
@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FixedGainObserver(LinearFilter):
-    """A prediction corrected by a constant gain; its estimates are those of `LinearFilter`.
+class FixedGainObserver(GaussianFilter):
+    """A prediction corrected by a constant gain; its estimates are those of `GaussianFilter`.
 
     Parameters
     ----------
@@ -46,7 +46,11 @@ class FixedGainObserver(LinearFilter):
         If the gain has another shape, or its error does not decay.
     """
 
+    model: LinearModel
     gain: Array
+
+    steps: ClassVar[FilterSteps] = LINEAR
+    takes: ClassVar[tuple[str, ...]] = TAKES
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
@@ -77,24 +81,15 @@ class FixedGainObserver(LinearFilter):
         poles = np.linalg.eigvals(self._error_transition)
         return poles[np.argsort(-np.abs(poles), kind="stable")]
 
-    @property
-    def gain_function(self) -> FunctionPointer:
-        """The gain as it was given."""
-        return _given_gain
-
-    @property
-    def gain_parameters(self) -> Array:
-        """The gain row by row."""
-        return self._parameters
-
     @cached_property
-    def _parameters(self) -> Array:
-        return self.gain.flatten()
+    def method(self) -> Gain:
+        """The gain as it was given, row by row."""
+        return Gain(_given_gain.compiled, self.gain.flatten())
 
     def init(
         self, mean: ArrayLike, covariance: ArrayLike = 0.0, *, u: ArrayLike | None = None
     ) -> KalmanState:
-        """As `LinearFilter.init`; a covariance is only for those who read the variance."""
+        """As `GaussianFilter.init`; a covariance is only for those who read the variance."""
         return super().init(mean, covariance, u=u)
 
 

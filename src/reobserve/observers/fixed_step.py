@@ -17,7 +17,8 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_numbers, as_row
 
 if TYPE_CHECKING:
-    from reobserve.observers.contract import Observer, OnDivergence, Record, StateKind
+    from reobserve.observers.contract import Observer, OnDivergence, StateKind
+    from reobserve.observers.record import Record
     from reobserve.observers.run import Run
 
 Array = NDArray[np.float64]

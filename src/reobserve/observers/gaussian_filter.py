@@ -2,6 +2,7 @@
 
 The first row of a record corrects the estimate that `init` was given; before each later row the
 filter predicts with the input of the row before, and corrects with that of the row itself.
+`predict` and `correct` are the two halves, which a bank of filters calls one by one.
 
 A nan in a row of measurements stands for a number that was not measured: its innovation is nan, and
 the run counts such rows. The other numbers of the row correct as if they alone were measured; over
@@ -10,211 +11,127 @@ a row of nothing but nan the filter predicts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_row, as_samples, as_vector
-from reobserve.core.value import Value, for_loop
-from reobserve.observers.contract import Observer, OnDivergence, Record, check_state
-from reobserve.observers.fixed_step import Pair
-from reobserve.observers.run import Estimate, Run
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.matrices import as_row, as_samples, as_vector
+from reobserve.core.value import for_loop
+from reobserve.observers.contract import Observer
+from reobserve.observers.gaussian_state import (
+    Correction,
+    FilterSteps,
+    Gaussian,
+    InRecord,
+    KalmanState,
+    Matrices,
+    check_posterior,
+    check_sample,
+    inputs_of_rows,
+    reached,
+    sample_before,
+)
+from reobserve.observers.linear_loop import FilterPosteriors, FilterRows, PredictedRows
+from reobserve.observers.many import in_threads, part
+from reobserve.observers.record import Many, Record, Rows, check_state
+from reobserve.observers.run import AxisNames, names_by_model
+from reobserve.observers.uneven_times import uneven_hint, uneven_times
 from reobserve.systems.linear import as_covariance
 
 Array = NDArray[np.float64]
 
+ROWS_FOR_THREADS = 10_000  # of all records: fewer are done before threads have started
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Gaussian(Value):
-    """Mean and covariance of the state as a filter estimates it.
 
-    ``mean``, shape (n,), and ``covariance``, (n, n), of the state; ``error`` is the filter's own a
-    posteriori output error e(k|k), shape (m,), which the SVSF needs a sample later.
-    """
-
-    mean: Array
-    covariance: Array
-    error: Array
+KEPT = PredictedRows._fields
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KalmanState(Value):
-    """All a filter remembers: a value that may be stored, copied and stepped again.
-
-    ``sample`` and ``count`` are as in `reobserve.observers.contract.ObserverState`; y may be nan.
-    ``process_noise`` is Q from that sample on, shape (n, n), or None for the model's.
-    """
-
-    posterior: Gaussian
-    sample: Array | None = None
-    count: int = 0
-    process_noise: Array | None = None
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Correction(Value):
-    """A posterior after a measurement, and how well it was predicted.
-
-    ``innovation`` e(k+1|k), shape (m,), its ``innovation_covariance`` S, shape (m, m), and the
-    ``log_likelihood`` of the measurement. What of it is missing has nan in the first two; where all
-    is, the third is zero.
-    """
-
-    posterior: Gaussian
-    innovation: Array
-    innovation_covariance: Array
-    log_likelihood: float
-
-
-class ModeFilter(Protocol):
-    """What an interacting multiple model asks of a filter, one of ours or a user's own."""
-
-    @property
-    def model(self) -> Any:
-        """What has ``states``, ``inputs`` and ``outputs``, numbers, and a ``sampling_period``."""
-
-    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
-        """The posterior a sample later, before its measurement; u is held over the step."""
-
-    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
-        """The predicted posterior after y, measured with the input u; a nan in y is missing."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Q and R of each row of a record, shapes (k, n, n) and (k, m, m); one of each may do."""
-
-    Q: Array
-    R: Array
-
-
-class NoiseByRow(Observer[KalmanState]):
-    """An observer that takes the covariances of its model's noise for each row of a record."""
-
-    def step(
-        self,
-        state: KalmanState,
-        y: ArrayLike,
-        u: ArrayLike | None = None,
-        *,
-        Q: ArrayLike | None = None,
-        R: ArrayLike | None = None,
-        before: Pair | None = None,
-        middle: Pair | None = None,
-    ) -> tuple[KalmanState, Estimate]:
-        """Take one sample: the next state, and the estimates at it.
-
-        The arguments are those of `run`, without the axis of samples. Stepping through a record
-        gives bitwise what `run` gives.
-
-        Raises
-        ------
-        InputError
-            As `run`.
-        DivergenceError
-            As `run`.
-        """
-        return Observer.step(self._with_noise(Q, R, 1), state, y, u, before=before, middle=middle)
-
-    def run(
-        self,
-        y: ArrayLike,
-        u: ArrayLike | None = None,
-        *,
-        state: KalmanState | None = None,
-        time: ArrayLike | None = None,
-        Q: ArrayLike | None = None,
-        R: ArrayLike | None = None,
-        before: Pair | None = None,
-        middle: Pair | None = None,
-        on_divergence: OnDivergence = "raise",
-    ) -> Run[KalmanState]:
-        """Estimates at all samples of a record, by one compiled loop.
-
-        Parameters
-        ----------
-        y
-            Measurements, shape (k, m), or (k,) where m is 1; nan where one is missing.
-        u
-            Known inputs, shape (k, p), or (k,); left out where there are none.
-        state
-            From `init`, or from an earlier run or step to go on with the sample after its last.
-        time
-            Of the samples [s], shape (k,), a sampling period apart; left out, it counts from 0 or
-            goes on from the state.
-        Q
-            Covariance of the process noise in place of the model's: as there, or one for each row,
-            shape (k, n, n). That of a row drives the step to the next one.
-        R
-            Covariance of the measurement noise in place of the model's: as there, or one for each
-            row, shape (k, m, m).
-        before, middle
-            To be left out: nothing between samples is read.
-        on_divergence
-            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
-
-        Raises
-        ------
-        InputError
-            If a shape is wrong, a number is not finite, the times are not a sampling period apart,
-            the state is of another observer, or a Python function of a nonlinear model returns
-            other shapes or raises.
-        DivergenceError
-            If an estimate is not finite, or a covariance is not positive definite; it gives the
-            time.
-        """
-        changed = Q is not None or R is not None
-        rows = len(self._read_measurements("y", y)) if changed else 0
-        return Observer.run(
-            self._with_noise(Q, R, rows), y, u, state=state, time=time, before=before,
-            middle=middle, on_divergence=on_divergence,
-        )  # fmt: skip
-
-    def _with_noise(self, Q: ArrayLike | None, R: ArrayLike | None, rows: int) -> Self:
-        """The same observer with other noise, for one record."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class GaussianFilter(NoiseByRow):
-    """A filter of mean and covariance; what derives from it has a ``model`` with Q and R.
+class GaussianFilter(Observer[KalmanState]):
+    """A filter of mean and covariance; what derives from it says by which steps it works.
 
     Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), with ``variance``,
     (k, n), on its diagonal, after each measurement; ``innovation``, (k, m), and
     ``innovation_covariance``, (k, m, m), nan where a measurement is missing; and
     ``log_likelihood``, (k,), of the measurement, zero where all of it is missing.
+
+    `run` and `step` take by name, in place of the model's and for this record:
+
+    A, B, C, D, Q, R
+        Matrices of a linear model, Q and R of any: as in the model, or one for each row, (k, ., .).
+        Those of row k in A, B and Q lead from row k to row k + 1; C, D and R are the row's own.
+    S
+        E[w v'], shape (n, m) or (k, n, m), of a Kalman filter on a linear model: the covariance of
+        the process noise from a row on with the measurement noise of that row.
+    parameters, dt
+        Of a nonlinear model: values of parameters by name, numbers or (k,); and the time [s] from
+        each row to the next one, (k,), which a model from `from_ode` takes.
+    keep
+        A list of what else the run shall hold: ``predicted_state``, (k, n), and
+        ``predicted_covariance``, (k, n, n), before each measurement, and ``gain``, (k, n, m).
+
+    Parameters
+    ----------
+    model
+        The model that it trusts, whose sampling period is the filter's.
+
+    Raises
+    ------
+    InputError
+        If it is a model of another kind.
     """
 
     model: Any
     sampling_period: float = field(init=False)
 
+    steps: ClassVar[FilterSteps]
+    keeps: ClassVar[tuple[str, ...]] = KEPT
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
-    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("state", "variance", "covariance", "innovation", "innovation_covariance",
-         "log_likelihood"), "",
-    )  # fmt: skip
+    units: ClassVar[Mapping[str, str]] = dict.fromkeys((*FilterRows._fields, "variance"), "")
+
+    def __post_init__(self) -> None:
+        period: float = as_kind("model", self.model, self.steps.model).sampling_period
+        object.__setattr__(self, "sampling_period", period)
 
     @property
+    def method(self) -> Any:
+        """What tells this filter from others by the same steps, as the compiled steps read it."""
+        raise NotImplementedError
+
+    @property
+    def whole(self) -> Any:
+        """The model of all that is estimated; the filter's own, but for unknown inputs."""
+        return self.model
+
+    @cached_property
     def measurements(self) -> int:
         """How many numbers a row of y has."""
         return int(self.model.outputs)
 
-    @property
+    @cached_property
     def inputs(self) -> int:
         """How many numbers a row of u has."""
         return int(self.model.inputs)
 
     @cached_property
-    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Tuples as long as there are states and outputs, for which loops are compiled."""
-        return (0,) * self.model.states, (0,) * self.model.outputs
+    def component_names(self) -> Mapping[str, AxisNames]:
+        """Names of components of estimates, for each axis of one, where the model has them."""
+        found, m = names_by_model(self.model), self.model.output_names
+        n = self._all_names
+        if n or m:
+            found |= {"predicted_state": (n,), "predicted_covariance": (n, n), "gain": (n, m)}
+        return found
+
+    @property
+    def _all_names(self) -> tuple[str, ...] | None:
+        return self.model.state_names  # type: ignore[no-any-return]
 
     def init(
         self, mean: ArrayLike, covariance: ArrayLike, *, u: ArrayLike | None = None
@@ -237,160 +154,236 @@ class GaussianFilter(NoiseByRow):
         InputError
             If one of them is not that.
         """
+        n, m = self.whole.states, self.whole.outputs
         posterior = Gaussian(
-            as_vector("mean", mean, self.model.states),
-            as_covariance("covariance", covariance, self.model.states),
-            np.zeros(self.model.outputs),
+            as_vector("mean", mean, n), as_covariance("covariance", covariance, n), np.zeros(m)
         )
-        return KalmanState(posterior, sample_before(u, self.model.outputs, self.model.inputs))
+        return KalmanState(posterior, sample_before(u, m, self.whole.inputs))
+
+    def predict(self, posterior: Gaussian, u: ArrayLike = ()) -> Gaussian:
+        """Time update with the input that is held over the step, shape (p,).
+
+        Gadsden et al. 2011, (11) and (12).
+
+        Raises
+        ------
+        InputError
+            If the input or the posterior has another size, or a Python function returns other
+            shapes.
+        DivergenceError
+            If the result is not finite; its time counts from there.
+        """
+        n, m = self.whole.states, self.whole.outputs
+        posterior = check_posterior("posterior", posterior, n, m)
+        control = as_vector("u", u, self.whole.inputs)
+        model, inputs, _ = self._in_record({}, np.empty((1, m)), np.array([[control, control]]))
+        mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self.steps.work(n, m)
+        good = self.steps.predict(
+            model, self.method, inputs[0], for_loop(posterior.mean)[None],
+            for_loop(posterior.covariance)[None], mean, *covariances, work,
+        )  # fmt: skip
+        self._raise_problem()
+        if not good:
+            cause = self.steps.causes[int(work.cause[0])] if self.steps.causes else ""
+            raise DivergenceError(type(self).__name__, 0.0, cause)
+        return Gaussian(mean[0], covariances[0, 0], posterior.error)
+
+    def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
+        """Measurement update of a predicted posterior (Gadsden et al. 2011, (13) to (19)).
+
+        Raises
+        ------
+        InputError
+            If y (nan: missing), its input or the posterior has another size, or a Python function
+            returns other shapes.
+        DivergenceError
+            If the covariance of the innovation is not positive definite, or the posterior leaves
+            the range of floating-point numbers; its time counts from there.
+        """
+        n, m = self.whole.states, self.whole.outputs
+        taken = as_samples("y", as_row("y", y), m, missing=True)[0]
+        control = as_vector("u", u, self.whole.inputs)
+        posterior = check_posterior("posterior", posterior, n, m)
+        if np.isnan(taken).all():
+            return Correction(posterior, np.full(m, np.nan), np.full((m, m), np.nan), 0.0)
+        model, inputs, _ = self._in_record({}, taken[None], np.array([[control, control]]))
+        after = FilterPosteriors(*(part[None].copy() for part in vars(posterior).values()))
+        rows, _, ends = self._filtered(model, inputs, taken[None, None], True, after)
+        if not ends[0, 0]:
+            finding = self.steps.causes.get(int(ends[0, 1]), "")
+            raise DivergenceError(type(self).__name__, 0.0, finding)
+        return Correction(
+            Gaussian(*(part[0] for part in after)), rows.innovation[0, 0],
+            rows.innovation_covariance[0, 0], float(rows.log_likelihood[0, 0]),
+        )  # fmt: skip
+
+    def innovation_deviation(self, state: KalmanState) -> Array:
+        """The standard deviations of the next row's innovation, shape (m,), if the model is right.
+
+        It raises what `predict` and `correct` do.
+        """
+        ahead = self.predict(self._checked(state).posterior, np.zeros(self.inputs))
+        one = self.correct(ahead, np.zeros(self.measurements), np.zeros(self.inputs))
+        return np.sqrt(np.diag(one.innovation_covariance))
+
+    def _raise_problem(self) -> None:
+        """Raise what a Python function of the model raised, if one did."""
+        if self.steps.causes:
+            self.model.raise_problem()
+
+    def _given(self, given: Mapping[str, Any], rows: int) -> Mapping[str, Any]:
+        """What is given by name for k rows, for the model of all that is estimated."""
+        return given
+
+    def _in_record(
+        self, given: Mapping[str, Any], y: Array, inputs: Array, held: Matrices | None = None,
+        periods: Array | None = None,
+    ) -> InRecord:  # fmt: skip
+        """The model over the rows of a record; ``periods`` lead to each of them, shape (k + 1,)."""
+        return self.steps.in_record(self, given, y, inputs, held or {}, periods)
+
+    def _timed(
+        self, time: ArrayLike | None, state: KalmanState, record: Record
+    ) -> tuple[Array, Record]:
+        """The times of the rows, even or as the model can follow them."""
+        if time is None and not record.given and state.held is None:
+            return super()._timed(time, state, record)
+        found = uneven_times(self.whole, time, state, record)
+        return super()._timed(time, state, record) if found is None else found
 
     @property
-    def _noise(self) -> Noise:
-        """The noise of the record in hand: the model's, unless `_with_noise` put another there."""
-        return vars(self).get("_given_noise") or Noise(
-            for_loop(self.model.Q)[None], for_loop(self.model.R)[None]
-        )
+    def _uneven_hint(self) -> str:
+        return uneven_hint(self.whole)
 
-    def _with_noise(self, Q: ArrayLike | None, R: ArrayLike | None, rows: int) -> Self:
-        """The same filter with other noise, for one record."""
-        if Q is None and R is None:
-            return self
-        own = self._noise
-        other = copy(self)
-        noise = Noise(
-            own.Q if Q is None else as_covariances("Q", Q, self.model.states, rows),
-            own.R if R is None else as_covariances("R", R, self.model.outputs, rows, definite=True),
-        )
-        object.__setattr__(other, "_given_noise", noise)
-        return other
+    def _filtered(
+        self, model: Any, inputs: Array, y: Array, fresh: bool, after: FilterPosteriors,
+        keep: Sequence[str] = (),
+    ) -> tuple[FilterRows, PredictedRows | None, NDArray[np.int64]]:  # fmt: skip
+        """Run the loop over records, (records, k, m); it moves the posteriors ``after``.
 
-    def _noise_of_rows(self, state: KalmanState) -> tuple[Array, Array]:
-        """Q of the row before a record, then of its rows, and R of its rows, as loops read them."""
-        held = self.model.Q if state.process_noise is None else state.process_noise
-        return np.concatenate([held[None], self._noise.Q]), self._noise.R
+        The last array, (records, 2), says how many rows are good, and why the loop stopped.
+        """
+        records, k, m = y.shape
+        n = after.means.shape[1]
+        rows = FilterRows(
+            np.empty((records, k, n)), np.empty((records, k, n, n)), np.empty((records, k, m)),
+            np.empty((records, k, m, m)), np.empty((records, k)),
+        )  # fmt: skip
+        kept = None
+        if keep and any(name in KEPT for name in keep):
+            kept = PredictedRows(
+                np.empty((records, k, n)), np.empty((records, k, n, n)),
+                np.empty((records, k, n, m)),
+            )  # fmt: skip
+        ends, method, spare = np.zeros((records, 2), np.int64), self.method, self._spare
 
-    def _after(self, state: KalmanState, record: Record, posterior: Gaussian) -> KalmanState:
-        """The state after a record that begins at another one."""
-        sample, steps = np.concatenate([record.y[-1], record.u[-1]]), len(record.y)
-        kept = None if "_given_noise" not in vars(self) else self._noise.Q[-1]
-        return KalmanState(posterior, sample, state.count + steps - (state.sample is None), kept)
+        def block(one: slice) -> None:
+            parts = [None if all_ is None else part(all_, one) for all_ in (after, rows, kept)]
+            work = self.steps.work(n, m)
+            self.steps.run(model, method, y[one], inputs[one], fresh, *parts, work, ends[one])
+
+        python = bool(getattr(self.whole, "uncompiled", ()))
+        if records > 1 and records * k >= ROWS_FOR_THREADS and not python:
+            in_threads(block, records)
+        else:
+            try:
+                work = spare.pop()
+            except IndexError:
+                work = self.steps.work(n, m)
+            self.steps.run(model, method, y, inputs, fresh, after, rows, kept, work, ends)
+            spare.append(work)
+        self._raise_problem()
+        return rows, kept, ends
+
+    @cached_property
+    def _spare(self) -> list[Any]:
+        """Scratch that no thread uses at the moment."""
+        return []
+
+    def _named(
+        self, rows: FilterRows, kept: PredictedRows | None, keep: Sequence[str]
+    ) -> dict[str, Array]:
+        """The estimates by their names."""
+        state, covariance, innovation, innovation_covariance, log_likelihood = rows
+        found = {
+            "state": state,
+            "variance": covariance.diagonal(axis1=-2, axis2=-1),
+            "covariance": covariance,
+            "innovation": innovation,
+            "innovation_covariance": innovation_covariance,
+            "log_likelihood": log_likelihood,
+        }
+        return found | {name: getattr(kept, name) for name in keep} if keep else found
+
+    def _kept(self, given: Mapping[str, Any]) -> Sequence[str]:
+        """Names of what else the run shall hold."""
+        names = given.get("keep", ())
+        names = tuple(names) if isinstance(names, list | tuple) else (names,)
+        for name in names:
+            if name not in self.keeps:
+                raise InputError("keep", f"{shown(name)} must be one of {', '.join(self.keeps)}")
+        return names
+
+    def _fill(self, state: KalmanState, record: Record) -> Rows:
+        given = self._given(record.given, len(record.y)) if record.given else record.given
+        keep = self._kept(given) if given else ()
+        y, posterior, fresh = record.y, state.posterior, state.sample is None
+        model, inputs, held = self._in_record(
+            given, y, inputs_of_rows(state.sample, record)[None], state.held, record.periods
+        )  # fmt: skip
+        after = FilterPosteriors(
+            posterior.mean[None].copy(), posterior.covariance[None].copy(),
+            posterior.error[None].copy(),
+        )  # fmt: skip
+        rows, kept, ends = self._filtered(model, inputs, y[None], fresh, after, keep)
+        found = self._named(
+            FilterRows(rows[0][0], rows[1][0], rows[2][0], rows[3][0], rows[4][0]),
+            None if kept is None else PredictedRows(kept[0][0], kept[1][0], kept[2][0]), keep,
+        )  # fmt: skip
+        last = reached(after, 0, state, record, held, self._sizes)
+        good, cause = ends[0].tolist()
+        return Rows(found, good, last, finding=self.steps.causes[cause] if cause else "")
+
+    @cached_property
+    def _sizes(self) -> tuple[int, int, int]:
+        return self.whole.states, self.whole.inputs, self.whole.outputs
 
     def _checked(self, state: Any) -> KalmanState:
+        if type(state) is KalmanState and vars(state).get("checked") == self._sizes:
+            return state
         given = check_state(state, KalmanState, "")
-        n, p, m = self.model.states, self.model.inputs, self.model.outputs
+        n, p, m = self._sizes
         posterior = check_posterior("state.posterior", given.posterior, n, m)
-        sample, noise = check_sample(given.sample, m, p), given.process_noise
-        if noise is not None:
-            noise = as_covariance("state.process_noise", noise, n)
-        elif posterior is given.posterior and sample is given.sample:
+        sample = check_sample(given.sample, m, p)
+        if given.held is not None and not isinstance(given.held, Mapping):
+            raise InputError("state.held", f"{shown(given.held)} must be matrices by name")
+        if posterior is given.posterior and sample is given.sample:
             return given
-        return KalmanState(posterior, sample, given.count, noise)
+        return KalmanState(posterior, sample, given.count, given.held, given.time)
 
-
-def new_rows(rows: int, states: int, outputs: int) -> tuple[Array, Array, Array, Array, Array]:
-    """Arrays for means, covariances, innovations, their covariances and log-likelihoods."""
-    k, n, m = rows, states, outputs
-    return (
-        np.empty((k, n)), np.empty((k, n, n)), np.empty((k, m)), np.empty((k, m, m)), np.empty(k),
-    )  # fmt: skip
-
-
-def named(rows: tuple[Array, Array, Array, Array, Array]) -> dict[str, Array]:
-    """The estimates of a filter by their names."""
-    means, covariances, innovations, spreads, log_likelihoods = rows
-    return {
-        "state": means,
-        "variance": covariances.diagonal(axis1=1, axis2=2),
-        "covariance": covariances,
-        "innovation": innovations,
-        "innovation_covariance": spreads,
-        "log_likelihood": log_likelihoods,
-    }
-
-
-def copies(posterior: Gaussian) -> tuple[Array, Array, Array]:
-    """The arrays of an estimate, for a loop to work in."""
-    return posterior.mean.copy(), posterior.covariance.copy(), posterior.error.copy()
-
-
-def inputs_of_rows(sample: Array | None, record: Record) -> Array:
-    """The input of the row before a record, then that of each row, shape (k + 1, p).
-
-    The first row of all has none before it; its own stands there, and is not read.
-    """
-    first = record.u[0] if sample is None else sample[record.y.shape[1] :]
-    return np.concatenate([first[None], record.u])
-
-
-def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | None:
-    """The sample of a state that stands a period before its first row; None if it does not.
-
-    Raises
-    ------
-    InputError
-        If u is not so many finite numbers.
-    """
-    if u is None:
-        return None
-    held = as_samples("u", as_row("u", u), inputs)[0]
-    return np.concatenate([np.full(outputs, np.nan), held])
-
-
-def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -> Gaussian:
-    """The posterior, of this size: compiled loops would read beyond its end.
-
-    Raises
-    ------
-    InputError
-        If it is of another size, or not finite.
-    """
-    shapes = [
-        getattr(getattr(posterior, part, None), "shape", ())
-        for part in ("mean", "covariance", "error")
-    ]
-    return check_state(
-        posterior, Gaussian,
-        f"has arrays of shapes {tuple(shapes)}, must be of {states} states, {outputs} outputs",
-        name, mean=(states,), covariance=(states, states), error=(outputs,),
-    )  # fmt: skip
-
-
-def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
-    """The sample of a state: y, of which any may be nan, and u.
-
-    Raises
-    ------
-    InputError
-        If it is of another size, or u is not finite.
-    """
-    if value is None:
-        return None
-    sample = as_numbers("state.sample", value, writable=False)
-    if sample.shape != (outputs + inputs,) or not all_finite(sample[outputs:]):
-        problem = f"{shown(value)} must be {outputs} measurements and {inputs} finite inputs"
-        raise InputError("state.sample", problem)
-    return sample
-
-
-def as_covariances(
-    name: str, value: ArrayLike, size: int, rows: int, *, definite: bool = False
-) -> Array:
-    """A covariance as `as_covariance` makes it, shape (1, n, n), or one for each row, (k, n, n).
-
-    Raises
-    ------
-    InputError
-        If it is neither; it names the first row that is not symmetric positive (semi)definite.
-    """
-    array = as_floats(name, value)
-    if array.ndim != 3:
-        return as_covariance(name, array, size, definite=definite)[None]
-    if array.shape != (rows, size, size):
-        wanted = (rows, size, size)
-        raise InputError(name, f"has shape {array.shape}, must be one covariance or {wanted}")
-    eigenvalues = np.linalg.eigvalsh(array)
-    least = np.zeros(rows) if definite else -1e-12 * np.maximum(eigenvalues[:, -1], 0.0)
-    low = eigenvalues[:, 0] <= 0 if definite else eigenvalues[:, 0] < least
-    for row in np.flatnonzero(low | (array != array.transpose(0, 2, 1)).any(axis=(1, 2))):
-        array[row] = as_covariance(f"{name}[{row}]", array[row], size, definite=definite)
-    return np.ascontiguousarray(array)
+    def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Many:
+        first, one = states[0], records[0]
+        alike = all(
+            (state.sample is None) == (first.sample is None) and state.held is first.held is None
+            for state in states
+        )
+        if not alike or one.periods is not None or "S" in one.given:
+            return super()._run_records(records, states)  # what leads to each row differs
+        given, fresh = self._given(one.given, len(one.y)), first.sample is None
+        pairs = zip(states, records, strict=True)
+        inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
+        y = np.array([record.y for record in records])
+        model, inputs, held = self._in_record(given, y[0], inputs)
+        keep = self._kept(given) if given else ()
+        after = FilterPosteriors(
+            np.array([state.posterior.mean for state in states]),
+            np.array([state.posterior.covariance for state in states]),
+            np.array([state.posterior.error for state in states]),
+        )
+        rows, kept, ends = self._filtered(model, inputs, y, fresh, after, keep)
+        causes = self.steps.causes
+        return Many(
+            self._named(rows, kept, keep), {}, ends[:, 0].tolist(),
+            [reached(after, r, states[r], records[r], held, self._sizes) for r in range(len(y))],
+            [causes[cause] if cause else "" for cause in ends[:, 1].tolist()],
+        )  # fmt: skip

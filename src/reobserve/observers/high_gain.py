@@ -19,11 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_positive, as_vector
 from reobserve.core.value import Value, converter, for_loop, read_only
-from reobserve.observers.contract import Observer, Rows, check_state
+from reobserve.observers.contract import Observer
 from reobserve.observers.fixed_step import Steps
+from reobserve.observers.record import Rows, check_state
 from reobserve.synthesis.high_gain import high_gain
 from reobserve.systems.triangular import TriangularModel
 
@@ -43,7 +44,7 @@ class HighGainRecord(NamedTuple):
 class HighGainState(Value):
     """The observer's state: a value that may be stored, copied and stepped again.
 
-    ``estimate`` is x^, shape (n,); the rest is as in `reobserve.observers.contract.ObserverState`.
+    ``estimate`` is x^, shape (n,); the rest is as in `reobserve.observers.record.ObserverState`.
     """
 
     estimate: Array
@@ -123,7 +124,7 @@ class HighGainObserver(Observer[HighGainState]):
         return Rows({"state": rows}, finite, after)
 
 
-@kernel
+@allocating_kernel
 def _run(
     drift: Any,
     input_gain: Any,
@@ -141,6 +142,7 @@ def _run(
         for j in range(2):
             measured[j], known[j] = record.output[2 * k + j], record.delayed_input[2 * k + j]
         measured[2], known[2] = record.output_before[2 * k + 2], record.input_before[2 * k + 2]
+        # G(y) at the start, the middle and the end of the step
         for j in range(3):
             call(input_gain, (measured[j : j + 1], parameters, driven[j : j + 1]))
         for stage in range(4):
@@ -149,6 +151,7 @@ def _run(
                 x[i] = rows[k, i]
                 if stage > 0:
                     x[i] += (step if stage == 3 else 0.5 * step) * slopes[stage - 1, i]
+            # x^i' = x^(i+1) + f_i(x^) - gain_i (x^1 - y), with G(y) u(t - tau_m) for x^(n+1): (36)
             call(drift, (x, parameters, f))
             error = x[0] - measured[place]
             for i in range(n):
@@ -156,6 +159,7 @@ def _run(
                 if i + 1 < n:
                     slopes[stage, i] += x[i + 1]
             slopes[stage, n - 1] += driven[place] * known[place]
+        # x^(t + h) = x^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
         for i in range(n):
             mean = slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i]
             after = rows[k, i] + step / 6.0 * mean

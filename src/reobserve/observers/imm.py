@@ -27,11 +27,12 @@ from reobserve.core.arguments import as_flag
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_probabilities, as_row_stochastic
 from reobserve.core.value import Value, for_loop
-from reobserve.observers.contract import Observer, Record, Rows, check_state
-from reobserve.observers.gaussian_filter import (
+from reobserve.observers.contract import Observer
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import (
     Gaussian,
+    Matrices,
     ModeFilter,
-    as_covariances,
     check_sample,
     inputs_of_rows,
     sample_before,
@@ -47,9 +48,11 @@ from reobserve.observers.imm_loop import (
     run_bank,
     update_probabilities,
 )
-from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.kalman import LINEAR
+from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
-from reobserve.systems.linear import ModelArrays
+from reobserve.observers.uneven_times import uneven_times
+from reobserve.systems.linear import ModelRows, as_covariances
 
 Array = NDArray[np.float64]
 
@@ -60,7 +63,9 @@ class ImmState(Value):
 
     Means (r, n), covariances (r, n, n) and a posteriori output errors (r, m) of all filters stand
     one behind the other, as the compiled loop takes them. ``sample`` and ``count`` are as in
-    `reobserve.observers.contract.ObserverState`; y may be nan.
+    `reobserve.observers.record.ObserverState`; y may be nan. ``held`` is what was given by row
+    and leads from that sample to the next, of each filter; ``time`` is that of the sample [s], or
+    None where it is counted.
     """
 
     means: Array
@@ -69,6 +74,8 @@ class ImmState(Value):
     log_probabilities: Array
     sample: Array | None = None
     count: int = 0
+    held: tuple[Matrices, ...] | None = None
+    time: float | None = None
 
     @property
     def posteriors(self) -> tuple[Gaussian, ...]:
@@ -85,6 +92,9 @@ class IMM(Observer[ImmState]):
     (23), with ``variance``, (k, n), on its diagonal; ``probability``, (k, r), which is mu;
     ``innovation``, (k, r, m), of each filter, nan where the measurement is missing; and
     ``log_likelihood``, (k,), of the measurement over all modes, zero where it is missing.
+
+    `run` and `step` of a bank of filters on linear models take A, B, C, D, Q, R and S by name, as
+    `GaussianFilter` has them, for all modes; or (k, r, ., .), one for each mode.
 
     Parameters
     ----------
@@ -111,6 +121,7 @@ class IMM(Observer[ImmState]):
 
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
+    takes: ClassVar[tuple[str, ...]] = (*ModelRows._fields, "S")
     units: ClassVar[Mapping[str, str]] = {
         "state": "", "variance": "", "covariance": "", "probability": "1", "innovation": "",
         "log_likelihood": "",
@@ -216,28 +227,83 @@ class IMM(Observer[ImmState]):
         if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
             raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
         sample = check_sample(given.sample, m, inputs)
+        if given.held is not None and len(given.held) != r:
+            raise InputError("state.held", f"{shown(given.held)} must be of {r} filters")
         if logarithms is given.log_probabilities and sample is given.sample:
             return given
         return replace(given, log_probabilities=logarithms, sample=sample)
+
+    def _timed(
+        self, time: ArrayLike | None, state: ImmState, record: Record
+    ) -> tuple[Array, Record]:
+        model = self.filters[0].model
+        able = self._linear and all(
+            one.model.density is not None or "Q" in record.given for one in self._linear
+        )
+        found = uneven_times(model, time, state, record) if able else None
+        return super()._timed(time, state, record) if found is None else found
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
         parts = state.means, state.covariances, state.errors, state.log_probabilities
         posteriors = Posteriors(*(part.copy() for part in parts))
-        inputs, fresh = inputs_of_rows(state.sample, record), state.sample is None
-        rows, bank = new_bank_rows(k, r, n, m), self._bank
-        if bank is None:
-            good = self._run_one_by_one(posteriors, record.y, inputs, fresh, rows)
+        inputs, fresh = inputs_of_rows(state.sample, record)[:, None], state.sample is None
+        rows, held = new_bank_rows(k, r, n, m), None
+        if not self._linear:
+            if record.given:
+                problem = "is taken by banks of filters of one kind on linear models alone"
+                raise InputError(next(iter(record.given)), problem)
+            good = self._run_one_by_one(posteriors, record.y, inputs[:, 0], fresh, rows)
         else:
-            function = self._linear[0].compiled_gain
+            model = self._model
+            if record.given or state.held is not None or record.periods is not None:
+                model, inputs, held = self._in_record(state, record, inputs)
             good = run_bank(
-                (0,) * n, (0,) * m, bank, function, posteriors, record.y, inputs, fresh,
+                Bank(model, self._parameters, for_loop(self.transition), self.mixing),
+                self._linear[0].method.function, posteriors, record.y, inputs, fresh,
                 new_bank_work(posteriors, self.mixing), rows,
             )  # fmt: skip
         variance = rows.covariance.diagonal(axis1=1, axis2=2)
         estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
-        last = np.concatenate([record.y[-1], record.u[-1]])
-        return Rows(estimates, good, ImmState(*posteriors, last, state.count + k - fresh))
+        reached = ImmState(
+            *posteriors, np.concatenate([record.y[-1], record.u[-1]]), state.count + k - fresh,
+            held, None if record.time is None else float(record.time[-1]),
+        )  # fmt: skip
+        return Rows(estimates, good, reached)
+
+    def _in_record(
+        self, state: ImmState, record: Record, inputs: Array
+    ) -> tuple[ModelRows, Array, tuple[Matrices, ...] | None]:
+        """The models of all modes by row, (., r, ...), their inputs, and what the state holds."""
+        found = []
+        for j, one in enumerate(self._linear):
+            given = {name: self._of_mode(name, value, j) for name, value in record.given.items()}
+            for name in given:
+                if name not in one.takes:
+                    problem = f"is not taken by {type(one).__name__}, which is a filter of the bank"
+                    raise InputError(name, problem)
+            before = None if state.held is None else state.held[j]
+            shared = inputs[None, :, 0]
+            found.append(one._in_record(given, record.y, shared, before, record.periods))
+        model = ModelRows(
+            *(
+                np.stack(np.broadcast_arrays(*matrices), axis=1)
+                for matrices in zip(*(one.model for one in found), strict=True)
+            )
+        )
+        held = tuple(one.held or {} for one in found)
+        many = np.stack([one.inputs[0] for one in found], axis=1)
+        return model, many, held if any(held) else None
+
+    def _of_mode(self, name: str, value: Any, mode: int) -> Any:
+        """What is given for one mode: for all of them, or (k, r, ., .)."""
+        if np.ndim(value) < 4:
+            return value
+        matrices = as_floats(name, value)
+        if matrices.shape[1] != len(self.filters):
+            problem = f"has shape {matrices.shape}, must be (k, {len(self.filters)}, ., .)"
+            raise InputError(name, problem)
+        return matrices[:, mode] if len(matrices) > 1 else matrices[0, mode]
 
     def _run_one_by_one(
         self,
@@ -248,12 +314,12 @@ class IMM(Observer[ImmState]):
         rows: BankRows,
     ) -> int:
         """The loop of `run_bank` with filters that are called: they may be anyone's."""
-        states, transition = (0,) * posteriors.means.shape[1], for_loop(self.transition)
+        transition = for_loop(self.transition)
         work = new_bank_work(posteriors, self.mixing)
         for k, y in enumerate(measurements):
             moves = k > 0 or not fresh
             if moves:
-                interact(states, transition, self.mixing, posteriors, work)
+                interact(transition, self.mixing, posteriors, work)
                 posteriors.log_probabilities[:] = work.mixed.log_probabilities
             for j, one in enumerate(self.filters):
                 parts = (work.mixed if moves else posteriors)[:3]
@@ -272,27 +338,34 @@ class IMM(Observer[ImmState]):
                 work.log_likelihoods[j] = after.log_likelihood
             whole = update_probabilities(posteriors.log_probabilities, work.log_likelihoods)
             rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
-            combine(states, posteriors, k, rows)
+            combine(posteriors, k, rows)
             if not all(np.isfinite(part[k]).all() for part in rows[:3]):
                 return k
         return len(measurements)
 
     @cached_property
-    def _linear(self) -> list[LinearFilter]:
+    def _linear(self) -> list[GaussianFilter]:
         """The filters, if one loop can run them all: one gain function, as many parameters."""
-        linear = [one for one in self.filters if isinstance(one, LinearFilter)]
-        alike = {(id(one.gain_function), len(one.gain_parameters)) for one in linear}
+        linear = [
+            one
+            for one in self.filters
+            if isinstance(one, GaussianFilter) and one.steps is LINEAR and one.whole is one.model
+        ]
+        alike = {(one.method.function, len(one.method.parameters)) for one in linear}
         return linear if len(linear) == len(self.filters) and len(alike) == 1 else []
 
     @cached_property
-    def _bank(self) -> Bank | None:
-        if not self._linear:
-            return None
+    def _model(self) -> ModelRows:
+        """The matrices of all modes, (1, r, ...)."""
         arrays = zip(*(one.model.arrays for one in self._linear), strict=True)
-        parameters = np.array([one.gain_parameters for one in self._linear])
-        model = ModelArrays(*map(np.array, arrays))
-        return Bank(model, parameters, for_loop(self.transition), self.mixing)
+        return ModelRows(*(np.array([matrices]) for matrices in arrays))
+
+    @cached_property
+    def _parameters(self) -> Array:
+        """Parameters of the gain of each filter, (r, .)."""
+        return np.array([one.method.parameters for one in self._linear])
 
 
 def _size(one: ModeFilter) -> tuple[int, int, int]:
-    return one.model.states, one.model.inputs, one.model.outputs
+    model = getattr(one, "whole", one.model)
+    return model.states, model.inputs, model.outputs

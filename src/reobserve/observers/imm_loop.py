@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import inlined_kernel, kernel
-from reobserve.observers import linear_filter_loop as linear
-from reobserve.systems.linear import ModelArrays
+from reobserve.observers import linear_steps as linear
+from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
 
@@ -24,9 +24,9 @@ LEAST = 1e-280  # a sum of probabilities above this has all its digits
 
 
 class Bank(NamedTuple):
-    """Matrices and parameters of all filters, (r, ...), and p_ij of the chain of modes."""
+    """Matrices of all filters by row, (., r, ...), their parameters, and p_ij of the chain."""
 
-    model: ModelArrays
+    model: ModelRows
     parameters: Array
     transition: Array
     mixing: bool
@@ -57,8 +57,7 @@ class BankWork(NamedTuple):
     weights: Array
     mixed: Posteriors
     log_likelihoods: Array
-    factor: Array
-    of_filter: linear.LinearFilterWork
+    of_filter: linear.LinearWork
 
 
 def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
@@ -69,8 +68,7 @@ def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
     if mixing:
         means, covariances = np.empty((r, n)), np.empty((r, n, n))
     mixed = Posteriors(means, covariances, errors, np.empty(r))
-    of_filter = linear.LinearFilterWork(*map(np.empty, ((n, n), n, (n, m), (n, m), m)))
-    return BankWork(np.empty((r, r)), mixed, np.empty(r), np.empty((m, m)), of_filter)
+    return BankWork(np.empty((r, r)), mixed, np.empty(r), linear.new_linear_work(n, m))
 
 
 def new_bank_rows(k: int, r: int, n: int, m: int) -> BankRows:
@@ -142,15 +140,14 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
 # mu(i|j) = p_ij mu_i / c_j,   c_j = sum_i p_ij mu_i
 # x0_j = sum_i mu(i|j) x_i,   P0_j = sum_i mu(i|j) (P_i + (x_i - x0_j) (x_i - x0_j)')
 @inlined_kernel
-def interact(
-    states: linear.Size, transition: Array, mixing: bool, posteriors: Posteriors, work: BankWork
-) -> None:
+def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: BankWork) -> None:
     """Mix the filters' posteriors, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
     weights, mixed = work.weights, work.mixed
     mixing_probabilities(transition, posteriors.log_probabilities, weights, mixed.log_probabilities)
     if not mixing:
         return
-    n, r, means = len(states), len(weights), posteriors.means
+    r, n = posteriors.means.shape
+    means = posteriors.means
     for j in range(r):
         for a in range(n):
             total = 0.0
@@ -169,15 +166,15 @@ def interact(
 # x_j = A_j x0_j + B_j u,   P_j = A_j P0_j A_j' + Q_j
 @inlined_kernel
 def predict(
-    states: linear.Size, model: ModelArrays, control: Array, posteriors: Posteriors, work: BankWork
+    model: ModelRows, k: int, controls: Array, posteriors: Posteriors, work: BankWork
 ) -> None:
-    """Time update of all filters, (11) and (12)."""
-    A, B, C, D, Q, R = model
-    mixed = work.mixed
+    """Time update of all filters to row k, (11) and (12)."""
+    A, B = model.A[min(k, len(model.A) - 1)], model.B[min(k, len(model.B) - 1)]
+    Q, mixed = model.Q[min(k, len(model.Q) - 1)], work.mixed
     linear.assign(posteriors.log_probabilities, mixed.log_probabilities)
     for j in range(len(A)):
         linear.predict(
-            states, ModelArrays(A[j], B[j], C[j], D[j], Q[j], R[j]), control, mixed.means[j],
+            A[j], B[j], Q[j], controls[min(j, len(controls) - 1)], mixed.means[j],
             mixed.covariances[j], posteriors.means[j], posteriors.covariances[j], work.of_filter,
         )  # fmt: skip
 
@@ -186,12 +183,11 @@ def predict(
 # L_j = N(e_j; 0, S_j),   mu_j = L_j c_j / c,   c = sum_j L_j c_j
 @inlined_kernel
 def correct(
-    states: linear.Size,
-    outputs: linear.Size,
     bank: Bank,
+    k: int,
     function: Callable[..., None] | None,
     measurement: Array,
-    control: Array,
+    controls: Array,
     posteriors: Posteriors,
     innovations: Array,
     work: BankWork,
@@ -200,19 +196,18 @@ def correct(
 
     Return the log-likelihood of the measurement, 0 if it is missing.
     """
-    A, B, C, D, Q, R = bank.model
-    log_likelihoods = work.log_likelihoods
+    C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
+    R, log_likelihoods = bank.model.R[min(k, len(bank.model.R) - 1)], work.log_likelihoods
     missing = linear.is_missing(measurement)
-    for j in range(len(A)):
+    for j in range(len(C)):
         if missing:
             linear.fill(innovations[j], math.nan)
             log_likelihoods[j] = 0.0
         else:
             log_likelihoods[j] = linear.correct(
-                states, outputs, ModelArrays(A[j], B[j], C[j], D[j], Q[j], R[j]), function,
-                bank.parameters[j], measurement, control, posteriors.means[j],
-                posteriors.covariances[j], posteriors.errors[j], innovations[j],
-                work.factor, work.of_filter,
+                C[j], D[j], R[j], function, bank.parameters[j], measurement,
+                controls[min(j, len(controls) - 1)], posteriors.means[j],
+                posteriors.covariances[j], posteriors.errors[j], innovations[j], work.of_filter,
             )  # fmt: skip
     whole = update_probabilities(posteriors.log_probabilities, log_likelihoods)
     return 0.0 if missing else whole
@@ -220,13 +215,14 @@ def correct(
 
 # x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
 @inlined_kernel
-def combine(states: linear.Size, posteriors: Posteriors, k: int, rows: BankRows) -> bool:
+def combine(posteriors: Posteriors, k: int, rows: BankRows) -> bool:
     """Write the estimates of row k; return whether they are finite.
 
     Gadsden et al. 2011, (22) and (23).
     """
     mean, covariance, probability = rows.state, rows.covariance, rows.probability
-    n, r, whole = len(states), len(posteriors.means), rows.log_likelihood[k]
+    r, n = posteriors.means.shape
+    whole = rows.log_likelihood[k]
     for j in range(r):
         probability[k, j] = math.exp(posteriors.log_probabilities[j])
         whole += probability[k, j]
@@ -250,8 +246,6 @@ def combine(states: linear.Size, posteriors: Posteriors, k: int, rows: BankRows)
 
 @kernel
 def run_bank(
-    states: linear.Size,
-    outputs: linear.Size,
     bank: Bank,
     function: Callable[..., None] | None,
     posteriors: Posteriors,
@@ -265,18 +259,17 @@ def run_bank(
 
     Gadsden et al. 2011, after (23).
 
-    ``inputs`` has a row more than the record: the input of the row before, then that of each row.
-    ``fresh`` posteriors are meant at the first row, which then corrects them as they stand; else
-    they are meant a period before.
+    ``inputs``, (k + 1, 1 or r, p), has a row more than the record: the input of the row before,
+    then that of each row; so have A, B and Q. ``fresh`` posteriors are meant at the first row,
+    which then corrects them as they stand; else they are meant a period before.
     """
     for k in range(len(measurements)):
         if k > 0 or not fresh:
-            interact(states, bank.transition, bank.mixing, posteriors, work)
-            predict(states, bank.model, inputs[k], posteriors, work)
+            interact(bank.transition, bank.mixing, posteriors, work)
+            predict(bank.model, k, inputs[k], posteriors, work)
         rows.log_likelihood[k] = correct(
-            states, outputs, bank, function, measurements[k], inputs[k + 1], posteriors,
-            rows.innovation[k], work,
-        )  # fmt: skip
-        if not combine(states, posteriors, k, rows):
+            bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k], work
+        )
+        if not combine(posteriors, k, rows):
             return k
     return len(measurements)

@@ -1,14 +1,74 @@
-"""The Kalman filter (Kalman 1960), in predictor-corrector form with Joseph's covariance."""
+"""The Kalman filter (Kalman 1960), in predictor-corrector form with Joseph's covariance.
+
+    x = A x + B u,              P = A P A' + Q
+    e = y - C x - D u,          S = C P C' + R
+    K = P C' S^-1,              x = x + K e
+    P = (I - K C) P (I - K C)' + K R K'
+
+The compiled loop is `reobserve.observers.linear_loop.run_linear`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
-from reobserve.observers.linear_filter import LinearFilter
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.observers.correlated_noise import TakenOut, uncorrelated
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import FilterSteps, InRecord, beside
+from reobserve.observers.linear_loop import predict_linear, run_linear
+from reobserve.observers.linear_steps import Gain, new_linear_work
+from reobserve.systems.linear import LinearModel, ModelRows
+
+Array = NDArray[np.float64]
+
+KALMAN = Gain(None, np.empty(0))
+TAKES = ("A", "B", "C", "D", "Q", "R", "keep")
+
+
+def linear_in_record(
+    filter: GaussianFilter,  # noqa: A002
+    given: Mapping[str, Any],
+    y: Array,
+    inputs: Array,
+    held: Mapping[str, Array],
+    periods: Array | None,
+) -> InRecord:
+    """The matrices of each row, and inputs with the known part of correlated noise behind them.
+
+    Raises
+    ------
+    InputError
+        If a matrix that is given has another shape, or is no covariance.
+    """
+    model: LinearModel = filter.whole
+    if not given and not held and periods is None:
+        return InRecord(model.rows, inputs, None)
+    matrices = {name: given[name] for name in given if name in ModelRows._fields}
+    found = model.by_row(matrices, len(y), held, periods)
+    after = {name: found[name][-1] for name in ("A", "B", "Q") if name in given}
+    before = [held[name] for name in TakenOut._fields if name in held]
+    if "S" in given or before:
+        open_end = periods is not None and "Q" not in given
+        found, taken = uncorrelated(found, given.get("S"), y, inputs[0], before, open_end)
+        if "S" in given:
+            after |= {name: part[-1] for name, part in taken._asdict().items()}
+        # x = A x + [B I] [u; J (y - D u)]
+        found["B"] = beside(found["B"], np.eye(model.states))
+        inputs = beside(inputs, taken.known)
+    matrices = {name: np.ascontiguousarray(matrix) for name, matrix in found.items()}
+    return InRecord(ModelRows(**matrices), inputs, after or None)
+
+
+LINEAR = FilterSteps(LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work, {})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KalmanFilter(LinearFilter):
+class KalmanFilter(GaussianFilter):
     """The linear filter of minimum variance: K = P C' S^-1.
 
     Parameters
@@ -17,7 +77,12 @@ class KalmanFilter(LinearFilter):
         The linear model that it trusts.
     """
 
+    model: LinearModel
+
+    steps: ClassVar[FilterSteps] = LINEAR
+    takes: ClassVar[tuple[str, ...]] = (*TAKES, "S")
+
     @property
-    def gain_function(self) -> None:
-        """None: the Kalman gain is the one that the loops have built in."""
-        return
+    def method(self) -> Gain:
+        """Kalman's gain, which the loops have built in."""
+        return KALMAN

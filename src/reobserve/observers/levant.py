@@ -27,7 +27,8 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive, as_vector
 from reobserve.core.value import Value, converter
-from reobserve.observers.contract import Observer, Record, Rows, check_state
+from reobserve.observers.contract import Observer
+from reobserve.observers.record import Record, Rows, check_state
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ class LevantState(Value):
     """The differentiator's state: a value that may be stored, copied and stepped again.
 
     ``derivatives`` holds z0 to zn, shape (n+1,), at the last sample, or at the first one if there
-    was none; the rest is as in `reobserve.observers.contract.ObserverState`.
+    was none; the rest is as in `reobserve.observers.record.ObserverState`.
     """
 
     derivatives: Array
@@ -176,6 +177,8 @@ def _run(law: LevantCoefficients, samples: Array, rows: Array) -> int:
         if error != 0.0:
             sign = 1.0 if error > 0.0 else -1.0
         size = abs(error)
+        # s_i = lambda_i L^(1/(n+1-i)) s_(i-1)^((n-i)/(n+1-i)), from s_(-1) = |z0 - u|: (37)
+        # z_i(k+1) = sum_j T^j/j! z_(i+j)(k) - T s_i sign(z0 - u)
         for i in range(lines):
             size = law.factors[i] * (size ** law.exponents[i] if i + 1 < lines else 1.0)
             moved = z[i]

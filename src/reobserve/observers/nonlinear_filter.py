@@ -1,38 +1,16 @@
-"""The base class of the extended and the unscented Kalman filter.
-
-The first row of a record corrects the posterior that `init` was given; before each later row the
-filter predicts with the input of the row before, and it corrects with the input of the row itself.
-`predict` and `correct` are the two halves, so that such filters can be modes of an `IMM`.
-
-A nan in a row of measurements stands for a number that was not measured, as in
-`reobserve.observers.linear_filter`.
-"""
+"""What the extended and the unscented Kalman filter have in common: their loop and its failures."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from reobserve.core.arguments import as_kind
-from reobserve.core.errors import DivergenceError
-from reobserve.core.matrices import as_row, as_samples, as_vector
+from reobserve.core.errors import InputError
 from reobserve.core.value import for_loop
-from reobserve.observers.contract import Record, Rows
-from reobserve.observers.gaussian_filter import (
-    Correction,
-    Gaussian,
-    GaussianFilter,
-    KalmanState,
-    check_posterior,
-    copies,
-    inputs_of_rows,
-    named,
-    new_rows,
-)
-from reobserve.observers.linear_filter_loop import write_innovation_covariance
-from reobserve.observers.nonlinear_filter_loop import correct, predict, run_filter
+from reobserve.observers.gaussian_state import FilterSteps, InRecord, beside
 from reobserve.observers.nonlinear_filter_work import (
     NO_INNOVATION,
     NO_OUTPUT,
@@ -41,12 +19,14 @@ from reobserve.observers.nonlinear_filter_work import (
     NO_STATE,
     new_filter_work,
 )
-from reobserve.observers.unscented_kalman_loop import Weights
+from reobserve.observers.nonlinear_steps import predict_nonlinear, run_nonlinear
+from reobserve.systems.linear import as_covariances
 from reobserve.systems.nonlinear import NonlinearModel
-from reobserve.systems.nonlinear_flow import Functions
+from reobserve.systems.nonlinear_flow import NonlinearRows
 
 Array = NDArray[np.float64]
 
+TAKES = ("Q", "R", "parameters", "dt", "keep")
 CAUSES = {
     NO_STATE: "f, or the covariance after it, is not finite at the next sample",
     NO_OUTPUT: "h is not finite at the next sample",
@@ -57,115 +37,84 @@ CAUSES = {
 }
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class NonlinearFilter(GaussianFilter):
-    """A filter on a nonlinear model; what derives from it says how it moves covariances.
+def by_row(
+    model: NonlinearModel,
+    given: Mapping[str, Any],
+    rows: int,
+    held: Mapping[str, Array],
+    periods: Array | None,
+) -> tuple[dict[str, Any], Array]:
+    """Q, R and the steps of a record of k rows, and values of the parameters behind its inputs.
 
-    Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), with ``variance``,
-    (k, n), on its diagonal, after each measurement; ``innovation``, (k, m), and
-    ``innovation_covariance``, (k, m, m), nan where a measurement is missing; and
-    ``log_likelihood``, (k,), of the measurement, zero where all of it is missing.
-
-    Parameters
-    ----------
-    model
-        The model that it trusts, whose sampling period is the filter's.
+    ``given`` are Q, R and parameters by name, ``held`` those that lead to the first row, where they
+    are not the model's. ``periods`` [s] lead to each row, (k + 1,), from the one before the record
+    on; None where all are the sampling period.
 
     Raises
     ------
     InputError
-        If it is no nonlinear model.
+        If what is given has another shape or is no covariance; or if periods differ where f is the
+        next state, or Q is that of one period.
     """
+    found: dict[str, Any] = {"Q": for_loop(model.Q)[None], "R": for_loop(model.R)[None]}
+    found["steps"] = model.steps
+    values = model.parameter_values[None]
+    if periods is not None:
+        if not model.continuous:
+            problem = "can only be given for a model of a differential equation, by from_ode"
+            raise InputError("dt", problem)
+        if model.density is None and "Q" not in given:
+            raise InputError(
+                "Q", "is the covariance of one sampling period; for other periods give "
+                "from_ode the density of the noise, or Q by row",
+            )  # fmt: skip
+        found["steps"] = periods / model.substeps
+        if model.density is not None:
+            found["Q"] = model.density * periods[:, None, None]
+    if "R" in given:
+        found["R"] = as_covariances("R", given["R"], model.outputs, rows, definite=True)
+    first = held.get("Q", model.Q)[None]
+    if "Q" in given:
+        read = as_covariances("Q", given["Q"], model.states, rows)
+        found["Q"] = np.concatenate([first, read])
+    elif "Q" in held:
+        found["Q"] = np.concatenate([first, found["Q"][0 if periods is None else 1 :]])
+    if "parameters" in given or "parameters" in held:
+        read = model.parameters_by_row(given.get("parameters", {}), rows)
+        before = held.get("parameters", model.parameter_values)
+        later = np.broadcast_to(read, (rows, read.shape[1]))
+        values = np.concatenate([before[None], later])
+    return found, values
 
-    model: NonlinearModel
 
-    def __post_init__(self) -> None:
-        period = as_kind("model", self.model, NonlinearModel).sampling_period
-        object.__setattr__(self, "sampling_period", period)
+def nonlinear_in_record(
+    filter: Any,  # noqa: A002
+    given: Mapping[str, Any],
+    y: Array,
+    inputs: Array,
+    held: Mapping[str, Array],
+    periods: Array | None,
+) -> InRecord:
+    """The noise and steps of each row, and inputs with the parameters behind them.
 
-    @property
-    def weights(self) -> Weights | None:
-        """Those of sigma points; None of the extended filter."""
-        raise NotImplementedError
+    Raises
+    ------
+    InputError
+        If what is given has another shape, or is no covariance.
+    """
+    found, values = by_row(filter.model, given, len(y), held, periods)
+    after = {}
+    if "Q" in given:
+        after["Q"] = found["Q"][-1]
+    if "parameters" in given:
+        after["parameters"] = values[-1]
+    if "dt" in given and periods is not None:
+        after["dt"] = periods[-1:]
+    if values.size:
+        inputs = beside(inputs, values)
+    return InRecord(NonlinearRows(filter.functions, **found), inputs, after or None)
 
-    @property
-    def functions(self) -> Functions:
-        """The model as the loop reads it."""
-        return self.model.functions
 
-    def predict(self, posterior: Gaussian, u: ArrayLike = ()) -> Gaussian:
-        """Time update with the input u of the sample that the posterior is of, shape (p,).
-
-        Raises
-        ------
-        InputError
-            If the input or the posterior has another size, or a Python function returns other
-            shapes.
-        DivergenceError
-            If the result is not finite or the covariance has no root; its time counts from there.
-        """
-        states, outputs = self._sizes
-        posterior = check_posterior("posterior", posterior, len(states), len(outputs))
-        mean, covariance = np.empty_like(posterior.mean), np.empty_like(posterior.covariance)
-        work = new_filter_work(len(states), len(outputs))
-        good = predict(
-            states, self.functions, self.weights, for_loop(self.model.Q),
-            as_vector("u", u, self.model.inputs), for_loop(posterior.mean),
-            for_loop(posterior.covariance), mean, covariance, work,
-        )  # fmt: skip
-        self.model.raise_problem()
-        if not good:
-            raise DivergenceError(type(self).__name__, 0.0, CAUSES[int(work.cause[0])])
-        return Gaussian(mean, covariance, posterior.error)
-
-    def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
-        """Measurement update of a predicted posterior; y and u are of the same sample.
-
-        Raises
-        ------
-        InputError
-            If y (nan: missing), u or the posterior has another size, or a Python function returns
-            other shapes.
-        DivergenceError
-            If the covariance of the innovation is not positive definite, or a result is not
-            finite; its time counts from there.
-        """
-        states, outputs = self._sizes
-        n, m = len(states), len(outputs)
-        taken = as_samples("y", as_row("y", y), m, missing=True)[0]
-        control = as_vector("u", u, self.model.inputs)
-        posterior = check_posterior("posterior", posterior, n, m)
-        innovation, spread = np.full(m, np.nan), np.full((m, m), np.nan)
-        if np.isnan(taken).all():
-            return Correction(posterior, innovation, spread, 0.0)
-        after = copies(posterior)
-        factor, work = np.empty((m, m)), new_filter_work(n, m)
-        log_likelihood = correct(
-            states, outputs, self.functions, self.weights, for_loop(self.model.R), taken, control,
-            after[0], after[1], innovation, factor, work,
-        )  # fmt: skip
-        self.model.raise_problem()
-        if np.isnan(log_likelihood):
-            raise DivergenceError(type(self).__name__, 0.0, CAUSES[int(work.cause[0])])
-        write_innovation_covariance(innovation, factor, spread)
-        return Correction(Gaussian(*after), innovation, spread, log_likelihood)
-
-    def _fill(self, state: KalmanState, record: Record) -> Rows:
-        return self._filtered(state, record)[0]
-
-    def _finding(self, state: KalmanState, record: Record, good: int, first: float) -> str:
-        return CAUSES.get(self._filtered(state, record)[1], "")
-
-    def _filtered(self, state: KalmanState, record: Record) -> tuple[Rows, int]:
-        """The rows, and why the loop stopped, a key of `CAUSES`, or 0."""
-        states, outputs = self._sizes
-        n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh = copies(state.posterior), state.sample is None
-        rows = new_rows(k, n, m)
-        good, cause = run_filter(
-            states, outputs, self.functions, self.weights, *self._noise_of_rows(state), record.y,
-            inputs_of_rows(state.sample, record), fresh, after[0], after[1], *rows,
-            np.empty((m, m)), new_filter_work(n, m),
-        )  # fmt: skip
-        self.model.raise_problem()
-        return Rows(named(rows), good, self._after(state, record, Gaussian(*after))), cause
+NONLINEAR = FilterSteps(
+    NonlinearModel, nonlinear_in_record, run_nonlinear, predict_nonlinear, new_filter_work, CAUSES
+)

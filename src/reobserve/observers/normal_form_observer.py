@@ -15,8 +15,9 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_vector
 from reobserve.core.value import Value, converter
-from reobserve.observers.contract import Observer, Rows, check_state
+from reobserve.observers.contract import Observer
 from reobserve.observers.fixed_step import Samples, Steps
+from reobserve.observers.record import Rows, check_state
 from reobserve.observers.run import Run
 from reobserve.synthesis.normal_form.convergence import convergence, warning
 from reobserve.synthesis.normal_form.design import NormalForm
@@ -33,7 +34,7 @@ class NormalFormState(Value):
     """All an observer remembers: a value that may be stored, copied and stepped again.
 
     ``values`` are x^ or, for the transformed form, z, shape (n,); the rest is as in
-    `reobserve.observers.contract.ObserverState`.
+    `reobserve.observers.record.ObserverState`.
     """
 
     values: Array

@@ -14,9 +14,9 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import Matrix, as_vector
 from reobserve.core.value import Value, converter
-from reobserve.observers import contract
-from reobserve.observers.contract import Observer, check_state
+from reobserve.observers.contract import Observer
 from reobserve.observers.fixed_step import Steps
+from reobserve.observers.record import Rows, check_state
 from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class RigidBodyState(Value):
     """All an observer remembers: a value that may be stored, copied and stepped again.
 
     ``rate`` is the estimate w^ [rad/s], shape (3,); ``memory`` belongs to the algorithm; the rest
-    is as in `reobserve.observers.contract.ObserverState`.
+    is as in `reobserve.observers.record.ObserverState`.
     """
 
     rate: Array
@@ -122,7 +122,7 @@ class RigidBodyObserver(Observer[RigidBodyState]):
             rate=(3,), memory=self._memory_shape, sample=(6,),
         )  # fmt: skip
 
-    def _integrate(self, state: RigidBodyState, steps: Steps) -> contract.Rows:
+    def _integrate(self, state: RigidBodyState, steps: Steps) -> Rows:
         y, u = steps
         out = RigidBodyRows(*np.empty((3, y.steps + 1, 3)))
         rate, memory = state.rate.copy(), state.memory.copy()
@@ -131,7 +131,7 @@ class RigidBodyObserver(Observer[RigidBodyState]):
         out.fault_before[0] = out.fault[0]  # the record has nothing before its first row
         after = RigidBodyState(rate, memory, state.sample, state.count + y.steps)
         estimates = {"rate": out.rate, "fault": out.fault}
-        return contract.Rows(estimates, finite, after, {"fault": out.fault_before})
+        return Rows(estimates, finite, after, {"fault": out.fault_before})
 
 
 def whole_steps(interval: float, step: float) -> int:

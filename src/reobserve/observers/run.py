@@ -53,20 +53,59 @@ class Run(Generic[StateKind]):
     the time [s] after which an estimate left the range of floating-point numbers; then k counts
     the rows up to it. ``state`` is the one to go on from, or after a divergence the one that the
     run started from. ``component_names`` name the components of estimates, a tuple for each axis,
-    where the model names its signals; an axis without names is None.
+    where the model names its signals; an axis without names is None. ``run["state_position"]`` is
+    the component of that name.
+
+    A run of many records has estimates (records, k, ...), nan from where one diverged, a tuple of
+    states, and in ``diverged_at`` and ``missing`` an entry each, nan where one did not diverge;
+    `record` is the run of one.
     """
 
     time: Array
     estimates: Mapping[str, Array]
     units: Mapping[str, str]
     state: StateKind
-    diverged_at: float | None = None
+    diverged_at: Any = None
     before: Mapping[str, Array] = field(default_factory=dict)
-    missing: int = 0
+    missing: Any = 0
     component_names: Mapping[str, AxisNames] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
+        if isinstance(name, str) and name not in self.estimates:
+            for whole in self.component_names:
+                shape = self.estimates[whole].shape if whole in self.estimates else ()
+                axes = shape[len(shape) - len(self.component_names[whole]) :]
+                for index in np.ndindex(axes if shape else (0,)):
+                    if "_".join((whole, *self.labels(whole, index))) == name:
+                        return self.estimates[whole][(..., *index)]
         return _named(self.estimates, name)
+
+    def record(self, number: int) -> Run[Any]:
+        """The run of one of many records, the first of which is 0.
+
+        Raises
+        ------
+        InputError
+            If it is a run of one record, or there is no such record.
+        """
+        states: Any = self.state
+        count = len(states) if type(states) is tuple else 0
+        if not isinstance(number, int | np.integer) or not 0 <= number < count:
+            raise InputError("number", f"{shown(number)} must be a record, below {count}")
+        last = None if self.diverged_at is None else float(self.diverged_at[number])
+        good = len(self) if last is None or np.isnan(last) else int((self.time <= last).sum())
+        if good == 1 and all(np.isnan(rows[number, 0]).all() for rows in self.estimates.values()):
+            good = 0  # it diverged at the first row, whose time stands for none before it
+        return Run(
+            self.time[:good],
+            {name: values[number, :good] for name, values in self.estimates.items()},
+            self.units,
+            states[number],
+            None if good == len(self) else last,
+            {name: values[number, :good] for name, values in self.before.items()},
+            int(self.missing[number]),
+            self.component_names,
+        )
 
     def __len__(self) -> int:
         return len(self.time)
@@ -77,8 +116,16 @@ class Run(Generic[StateKind]):
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {self[name].shape[1:]}" for name in self.estimates)
+        states: Any = self.state
+        if type(states) is tuple:
+            records = len(states)
+            return f"Run of {records} records of {len(self)} samples: {', '.join(self)}"
         ending = "" if self.diverged_at is None else f", diverged at {self.diverged_at:g} s"
         return f"Run of {len(self)} samples: {listed}{ending}"
+
+    def _refuse_many(self) -> None:
+        if type(self.state) is tuple:
+            raise InputError("run", "is of many records; take one of them, run.record(0)")
 
     def labels(self, name: str, index: tuple[int, ...]) -> list[str]:
         """What a component of an estimate is called along each axis: its name, or its number."""
@@ -94,6 +141,7 @@ class Run(Generic[StateKind]):
         Components are numbered from 1: ``fault_1``, or ``covariance_2_1`` of a matrix. Where the
         model names its signals, they have those names: ``state_position``.
         """
+        self._refuse_many()
         package("pandas", "make a data frame")
         import pandas as pd
 
@@ -112,6 +160,7 @@ class Run(Generic[StateKind]):
         InputError
             If there is no estimate of such a name, or matplotlib is not installed.
         """
+        self._refuse_many()
         from reobserve.observers.run_plot import plot
 
         return plot(self, list(self.estimates if names is None else names))

@@ -21,16 +21,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.kernel import FunctionPointer, inlined_kernel
+from reobserve.core.kernel import allocating_kernel, inlined_kernel
 from reobserve.core.matrices import as_floats, as_scalar, as_vector
-from reobserve.observers.linear_filter import LinearFilter
-from reobserve.observers.linear_filter_loop import gain_function
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import FilterSteps
+from reobserve.observers.kalman import LINEAR, TAKES
+from reobserve.observers.linear_steps import Gain, gain_function
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -39,7 +41,7 @@ INVERSES = ("pseudo", "weighted")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SmoothVariableStructureFilter(LinearFilter):
+class SmoothVariableStructureFilter(GaussianFilter):
     """The SVSF: a gain that switches with the innovation, smoothed within a boundary layer.
 
     Gadsden et al. 2011, (4) and (15).
@@ -63,9 +65,13 @@ class SmoothVariableStructureFilter(LinearFilter):
         than independent columns, so that no gain can bring every output error to zero.
     """
 
+    model: LinearModel
     boundary_layer: Array
     convergence_rate: float
     inverse: str = "pseudo"
+
+    steps: ClassVar[FilterSteps] = LINEAR
+    takes: ClassVar[tuple[str, ...]] = tuple(name for name in TAKES if name != "C")
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
@@ -101,21 +107,18 @@ class SmoothVariableStructureFilter(LinearFilter):
         self._set("boundary_layer", psi)
         object.__setattr__(self, "convergence_rate", gamma)
 
-    @property
-    def gain_function(self) -> FunctionPointer:
-        """The switching gain, with a right inverse of C (Gadsden et al. 2011, (15))."""
-        return _switching_gain if self.inverse == "pseudo" else _weighted_gain
-
     @cached_property
-    def _parameters(self) -> Array:
-        C = self.model.arrays.C
-        matrix = np.linalg.pinv(C) if self.inverse == "pseudo" else C
-        return np.concatenate([[self.convergence_rate], self.boundary_layer, matrix.ravel()])
+    def method(self) -> Gain:
+        """The switching gain, with a right inverse of C (Gadsden et al. 2011, (15)).
 
-    @property
-    def gain_parameters(self) -> Array:
-        """Gamma, psi, and the pseudo-inverse of C, or C itself, row by row."""
-        return self._parameters
+        Its parameters are gamma, psi, and the pseudo-inverse of C, or C itself, row by row.
+        """
+        C, pseudo = self.model.arrays.C, self.inverse == "pseudo"
+        matrix = np.linalg.pinv(C) if pseudo else C
+        function = _switching_gain if pseudo else _weighted_gain
+        rate = np.array([self.convergence_rate])
+        parameters = np.concatenate([rate, self.boundary_layer, matrix.ravel()])
+        return Gain(function.compiled, parameters)
 
 
 @inlined_kernel
@@ -138,7 +141,7 @@ def _switching_gain(
             gain[a, o] = parameters[1 + m + a * m + o] * share
 
 
-@inlined_kernel
+@allocating_kernel
 def _output_root(cross: Array, parameters: Array) -> Array:
     """The lower Cholesky factor of C P C'."""
     n, m = cross.shape

@@ -10,6 +10,7 @@ k), and that of the sigma points of the unscented one (Sarkka 2008).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,126 +19,169 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.matrices import as_sample_rows
-from reobserve.core.value import for_loop
-from reobserve.observers.gaussian_filter import as_covariances
+from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
+from reobserve.observers.correlated_noise import TakenOut
+from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.nonlinear_filter import NonlinearFilter
-from reobserve.observers.nonlinear_filter_loop import predict_rows
-from reobserve.observers.nonlinear_filter_work import new_filter_work
-from reobserve.observers.run import Run, names_by_model
+from reobserve.observers.linear_steps import blocks
+from reobserve.observers.run import Run
+from reobserve.observers.uneven_times import EVEN
+from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 from reobserve.observers.unscented_kalman_loop import take_root
 
 Array = NDArray[np.float64]
 
 
+SMOOTHED = (KalmanFilter, AugmentedKalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter)
+
+
 def rts_smoother(
-    filter: KalmanFilter | NonlinearFilter,  # noqa: A002  # as filterpy calls it
+    filter: GaussianFilter,  # noqa: A002  # as filterpy calls it
     run: Run[Any],
     u: ArrayLike | None = None,
     *,
-    Q: ArrayLike | None = None,
+    y: ArrayLike | None = None,
+    **given: Any,
 ) -> Run[Any]:
     """Estimates at all samples of a run, each from the whole record.
 
     Parameters
     ----------
     filter
-        The filter that made the run: a Kalman filter, extended or unscented Kalman filter.
+        The filter that made the run: a Kalman filter, an extended or unscented one, or one
+        augmented by unknown inputs.
     run
-        Its run, with ``state`` and ``covariance``; where measurements are missing, too.
+        Its run; where measurements are missing, too. That of an augmented filter needs ``keep`` of
+        ``state_unknown_input_covariance``.
     u
         The inputs of the run, shape (k, p), or (k,); left out where there are none.
-    Q
-        The process noise that was given to the run, if it was: one covariance, or one a row.
+    y
+        Its measurements, shape (k, m), if S was given to the run; else of no use.
+    given
+        What was given to the run by row: A, B, C, D, Q, R and S, parameters and dt. Times of the
+        run that are uneven are known.
 
     Returns
     -------
     Run
         With ``state``, (k, n), ``covariance``, (k, n, n), and ``variance``, (k, n), at the run's
-        times. Its last row is the run's own, and so is the state to go on from.
+        times, and those of unknown inputs. Its last row is the run's own, and so is the state to go
+        on from.
 
     Raises
     ------
     InputError
-        If the filter is another one, or the run or the inputs are not of it.
+        If the filter is another one, or the run, the inputs or what is given are not of it.
     DivergenceError
         If the prediction from a row is not finite, or its covariance is not positive semidefinite.
     """
-    if not isinstance(filter, KalmanFilter | NonlinearFilter):
+    if not isinstance(filter, SMOOTHED):
         raise InputError(
             "filter",
-            f"{shown(filter)} must be a Kalman filter, extended or unscented Kalman filter",
+            f"{shown(filter)} must be a Kalman filter, extended or unscented or augmented",
         )
-    n, k = filter.model.states, len(run) if isinstance(run, Run) else 0
-    shapes = {"state": (k, n), "covariance": (k, n, n)}
-    good = k and all(
-        name in run.estimates and run[name].shape == shape for name, shape in shapes.items()
-    )
-    if not good:
-        raise InputError(
-            "run", f"{shown(run)} must be a run of the filter, with state and covariance of {n} "
-            "states",
-        )  # fmt: skip
+    means, covariances = _filtered(filter, run)
+    k, m = len(means), filter.measurements
     if u is None and filter.inputs:
         raise InputError("u", f"is left out, must have shape {(k, filter.inputs)}")
     inputs = np.empty((k, 0)) if u is None else as_sample_rows("u", u, filter.inputs, rows=k)
-    if Q is None and run.state.process_noise is not None:
-        raise InputError("Q", "is left out, but was given to the run; give the same here")
-    noise = for_loop(filter.model.Q)[None] if Q is None else as_covariances("Q", Q, n, k)
-    means, covariances = run["state"], run["covariance"]
-    ahead = _predicted(filter, run, inputs, noise)
+    given = filter._known(given)
+    _check_given(run, given)
+    if "S" in given and y is None:
+        raise InputError("y", f"is left out, must have shape {(k, m)}: S was given")
+    measured = np.zeros((k, m)) if y is None else as_sample_rows("y", y, m, rows=k, missing=True)
+    before = np.concatenate([inputs[:1], inputs])[None]
+    model, held_inputs, _ = filter._in_record(
+        filter._given(given, k), measured, before, None, _periods(filter, run, given)
+    )
+    n = means.shape[1]
+    ahead = np.empty((k - 1, n)), np.empty((k - 1, n, n)), np.empty((k - 1, n, n))
+    rows = filter.steps.predict(
+        model, filter.method, held_inputs[0], means, covariances, *ahead,
+        filter.steps.work(n, m),
+    )  # fmt: skip
+    filter._raise_problem()
+    if rows < k - 1:
+        problem = "the prediction from there is not finite"
+        raise DivergenceError("rts_smoother", float(run.time[rows]), problem)
     smooth_means, smooth_covariances = means.copy(), covariances.copy()
-    row = _smooth(*ahead, smooth_means, smooth_covariances)
+    row = _smooth(*ahead, smooth_means, smooth_covariances, *blocks(((n, n),) * 3))
     if row >= 0:
         raise DivergenceError(
             "rts_smoother", float(run.time[row]), "going backwards it fails there"
         )
-    estimates = {
-        "state": smooth_means,
-        "variance": smooth_covariances.diagonal(axis1=1, axis2=2),
-        "covariance": smooth_covariances,
-    }
+    estimates = _by_name(filter, smooth_means, smooth_covariances)
     return Run(
         run.time, estimates, dict.fromkeys(estimates, ""), run.state, run.diverged_at,
-        missing=run.missing, component_names=names_by_model(filter.model),
+        missing=run.missing, component_names=filter.component_names,
     )  # fmt: skip
 
 
-def _predicted(
-    filter: KalmanFilter | NonlinearFilter,  # noqa: A002
-    run: Run[Any],
-    inputs: Array,
-    noise: Array,
-) -> tuple[Array, Array, Array]:
-    """From each row but the last: the mean, its covariance, and the cross-covariance with x(k)."""
-    means, covariances, n = run["state"][:-1], run["covariance"][:-1], filter.model.states
-    if isinstance(filter, KalmanFilter):
-        A, B = filter.model.A, filter.model.B
-        # x = A x + B u, cov(x(k), x(k+1)) = P A', P = A P A' + Q
-        crosses = covariances @ A.T
-        ahead = A @ crosses + (noise[:-1] if len(noise) > 1 else noise)
-        return means @ A.T + inputs[:-1] @ B.T, ahead, crosses
-    next_means, next_covariances = np.empty(means.shape), np.empty(covariances.shape)
-    crosses = np.empty(covariances.shape)
-    rows = predict_rows(
-        (0,) * n, filter.functions, filter.weights, noise, inputs,
-        np.ascontiguousarray(means), np.ascontiguousarray(covariances),
-        next_means, next_covariances, crosses, new_filter_work(n, filter.model.outputs),
-    )  # fmt: skip
-    filter.model.raise_problem()
-    if rows < len(means):
-        problem = "the prediction from there is not finite"
-        raise DivergenceError("rts_smoother", float(run.time[rows]), problem)
-    return next_means, next_covariances, crosses
+def _filtered(filter: GaussianFilter, run: Any) -> tuple[Array, Array]:  # noqa: A002
+    """Means and covariances of all that is estimated, (k, n) and (k, n, n)."""
+    n, whole = filter.model.states, filter.whole.states
+    wanted = {"state": (n,), "covariance": (n, n)}
+    if whole > n:
+        q = whole - n
+        wanted |= {"unknown_input": (q,), "unknown_input_covariance": (q, q), CROSS: (n, q)}
+    k = len(run) if isinstance(run, Run) else 0
+    for name, shape in wanted.items():
+        if not k or name not in run.estimates or run[name].shape != (k, *shape):
+            problem = (
+                f"{shown(run)} must be a run of the filter, with state and covariance of {n} states"
+            )
+            if k and name == CROSS:
+                problem = f'has no {CROSS}: run the filter with keep=["{CROSS}"]'
+            raise InputError("run", problem)
+    x, P = run["state"], run["covariance"]
+    if whole > n:
+        cross, rest = run[CROSS], run["unknown_input_covariance"]
+        x = np.concatenate([x, run["unknown_input"]], axis=1)
+        P = np.block([[P, cross], [cross.transpose(0, 2, 1), rest]])
+    return np.ascontiguousarray(x), np.ascontiguousarray(P)
+
+
+def _check_given(run: Run[Any], given: dict[str, Any]) -> None:
+    """Refuse to smooth a run without what was given to it."""
+    for held in run.state.held or {}:
+        name = "S" if held in TakenOut._fields else held
+        if name not in given:
+            raise InputError(name, "is left out, but was given to the run; give the same here")
+
+
+def _periods(filter: GaussianFilter, run: Run[Any], given: dict[str, Any]) -> Array | None:  # noqa: A002
+    """The times that lead to each row, where they differ."""
+    if run.state.time is None:
+        return None
+    period = filter.sampling_period
+    periods = np.concatenate([[period], np.diff(run.time)])
+    return None if np.abs(periods - period).max() <= EVEN * period else periods
+
+
+def _by_name(filter: GaussianFilter, means: Array, covariances: Array) -> dict[str, Array]:  # noqa: A002
+    """Smoothed estimates by their names."""
+    n, variances = filter.model.states, covariances.diagonal(axis1=1, axis2=2)
+    found = {
+        "state": means[:, :n],
+        "variance": variances[:, :n],
+        "covariance": covariances[:, :n, :n],
+    }
+    if means.shape[1] > n:
+        found["unknown_input"] = means[:, n:]
+        found["unknown_input_variance"] = variances[:, n:]
+        found["unknown_input_covariance"] = covariances[:, n:, n:]
+        found[CROSS] = covariances[:, :n, n:]
+    return found
 
 
 @kernel
 def _smooth(
-    next_means: Array, next_covariances: Array, crosses: Array, means: Array, covariances: Array
-) -> int:
+    next_means: Array, next_covariances: Array, crosses: Array, means: Array, covariances: Array,
+    root: Array, gain: Array, apart: Array,
+) -> int:  # fmt: skip
     """Smooth filtered means and covariances in place; return the row that fails, or -1."""
     n = means.shape[1]
-    root, gain, apart = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     for back in range(len(next_means)):
         k = len(next_means) - 1 - back
         if not take_root(next_covariances[k], root):
@@ -162,7 +206,7 @@ def _smooth(
                     covariances[k, a, b] += apart[a, i] * gain[b, i]
                 covariances[k, b, a] = covariances[k, a, b]
             total += covariances[k, a, a]
-        if not np.isfinite(total):
+        if not math.isfinite(total):
             return k
     return -1
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.contract import Observer, Record, StateKind
+from reobserve.observers.contract import Observer, StateKind
+from reobserve.observers.record import Record
 
 Array = NDArray[np.float64]
 
@@ -34,5 +35,5 @@ def unchecked_step(
     rows = observer._fill(state, record)
     if not observer._good(rows):
         time = np.array([observer._next_row(state) * observer.sampling_period])
-        raise observer._divergence(state, record, time, 0)
+        raise observer._divergence(state, record, rows, time, 0)
     return rows.state, rows.estimates

@@ -13,17 +13,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive, as_scalar
-from reobserve.observers.nonlinear_filter import NonlinearFilter
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import FilterSteps
+from reobserve.observers.nonlinear_filter import NONLINEAR, TAKES
 from reobserve.observers.unscented_kalman_loop import Weights
+from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.nonlinear_flow import Functions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class UnscentedKalmanFilter(NonlinearFilter):
-    """The unscented Kalman filter, which asks for no Jacobians.
+class UnscentedKalmanFilter(GaussianFilter):
+    """The unscented Kalman filter, without Jacobians; its estimates are those of `GaussianFilter`.
 
     Parameters
     ----------
@@ -44,9 +49,13 @@ class UnscentedKalmanFilter(NonlinearFilter):
         If ``alpha`` is not above 0 and up to 1, or n + ``kappa`` is not above 0.
     """
 
+    model: NonlinearModel
     alpha: float = 0.1
     beta: float = 2.0
     kappa: float = 0.0
+
+    steps: ClassVar[FilterSteps] = NONLINEAR
+    takes: ClassVar[tuple[str, ...]] = TAKES
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,11 +71,11 @@ class UnscentedKalmanFilter(NonlinearFilter):
 
     @property
     def functions(self) -> Functions:
-        """The model as the loop reads it."""
+        """The model's functions, without Jacobians."""
         return self.model.functions_alone
 
-    @property
-    def weights(self) -> Weights:
+    @cached_property
+    def method(self) -> Weights:
         """Those of the sigma points."""
         n, alpha_squared = self.model.states, self.alpha**2
         square = alpha_squared * (n + self.kappa)

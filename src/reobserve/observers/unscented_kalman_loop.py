@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_filter_loop import Size, assign, factor_innovation, kalman_gain
-from reobserve.observers.nonlinear_filter_work import NO_ROOT, FilterWork, correct_mean, innovate
+from reobserve.observers.linear_steps import assign, correct_mean, factor_innovation, kalman_gain
+from reobserve.observers.nonlinear_filter_work import NO_ROOT, FilterWork, innovate
 from reobserve.systems.nonlinear_flow import Functions, move
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def take_root(covariance: Array, root: Array) -> bool:
 @inlined_kernel
 def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterWork) -> bool:
     """Write the sigma points: x, x + c L_i, x - c L_i; false if P has no root."""
-    n = len(mean)
+    n = len(work.linear.states)
     if not take_root(covariance, work.root):
         work.cause[0] = NO_ROOT
         return False
@@ -120,19 +120,20 @@ def subtract(rows: Array, mean: Array) -> None:
 
 @inlined_kernel
 def predict_unscented(
-    functions: Functions, weights: Weights, Q: Array, u: Array, mean: Array, covariance: Array,
-    next_covariance: Array, work: FilterWork,
+    functions: Functions, weights: Weights, steps: Any, k: int, Q: Array, u: Array, mean: Array,
+    covariance: Array, next_covariance: Array, work: FilterWork,
 ) -> bool:  # fmt: skip
-    """Write x(k+1) to ``work.moved``, its covariance, and cov(x(k), x(k+1)) to ``work.cross``.
+    """Write x(k) to ``work.moved``, its covariance, and cov(x(k-1), x(k)) to ``work.cross``.
 
     False if P has no root.
     """
-    n = len(mean)
+    n = len(work.linear.states)
+    # X = x, x + c L_i, x - c L_i
     if not place_points(mean, covariance, weights, work):
         return False
     images = work.images[:, :n]
     for i in range(2 * n + 1):
-        move(functions, work.points[i], u, work.moved, work.flow)
+        move(functions, steps, k, work.points[i], u, work.moved, work.flow)
         assign(images[i], work.moved)
     # x = sum w f(X), P = sum w (f(X) - x) (f(X) - x)' + Q
     average_points(images, weights.each, work.moved)
@@ -147,14 +148,14 @@ def predict_unscented(
 
 @inlined_kernel
 def correct_unscented(
-    outputs: Size, functions: Functions, weights: Weights, R: Array, y: Array, u: Array,
-    mean: Array, covariance: Array, innovation: Array, factor: Array, work: FilterWork,
+    functions: Functions, weights: Weights, R: Array, y: Array, u: Array, mean: Array,
+    covariance: Array, innovation: Array, work: FilterWork,
 ) -> float:  # fmt: skip
     """Measurement update in place; return the log-likelihood, nan if it fails.
 
-    ``innovation`` and ``factor`` are written: e and the lower Cholesky factor of its covariance S.
+    ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``.
     """
-    n, m = len(mean), len(outputs)
+    n, m = len(work.linear.states), len(work.linear.outputs)
     linear, expected = work.linear, work.flow.values[0, :m]
     if not place_points(mean, covariance, weights, work):
         return math.nan
@@ -168,14 +169,15 @@ def correct_unscented(
         return math.nan
     # S = sum w (h(X) - y) (h(X) - y)' + R
     subtract(images, expected)
-    spread_of(images, weights, R, factor)
-    log_likelihood = factor_innovation(innovation, factor, linear.scaled)
+    spread_of(images, weights, R, linear.factor)
+    log_likelihood = factor_innovation(innovation, linear.factor, linear)
     # K = sum w (X - x) (h(X) - y)' S^-1
     cross_of(work.root, images, weights, linear.cross)
-    kalman_gain(outputs, factor, linear)
+    kalman_gain(linear)
     # x = x + K e
     subtract(points, mean)
-    correct_mean(mean, innovation, linear.gain)
+    correct_mean(mean, innovation, linear)
+    # P = sum w r r' + K R K'
     spread_after(R, weights, linear.gain, points, images, covariance)
     return log_likelihood
 

@@ -6,7 +6,7 @@ y(k)   = C x(k) + D u(k) + v(k)         v ~ N(0, R)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,13 +15,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
-from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.discretisation import held_noise, zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_matrix, as_positive, as_symmetric
 from reobserve.core.value import Value, for_loop
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
+
+
+class ModelRows(NamedTuple):
+    """The matrices of a model by row, (., n, n) and so on; the last holds for later rows."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    Q: Array
+    R: Array
+
+
+class Ode(NamedTuple):
+    """Matrices of x' = A x + B u and the spectral density of its noise, None if that is unknown."""
+
+    A: Array
+    B: Array
+    density: Array | None
 
 
 class ModelArrays(NamedTuple):
@@ -83,6 +102,7 @@ class LinearModel(Value):
     state_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    ode: Ode | None = field(default=None, init=False, repr=False)
 
     if TYPE_CHECKING:  # the parameters accept more types than the attributes have
 
@@ -136,10 +156,10 @@ class LinearModel(Value):
     @classmethod
     def from_ode(
         cls, A: ArrayLike, B: ArrayLike | None = None, C: ArrayLike = None,  # type: ignore[assignment]
-        D: ArrayLike | None = None, Q: ArrayLike = None, R: ArrayLike = None, *,  # type: ignore[assignment]
-        sampling_period: float, **options: Any,
+        D: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike = None, *,  # type: ignore[assignment]
+        density: ArrayLike | None = None, sampling_period: float, **options: Any,
     ) -> LinearModel:  # fmt: skip
-        """The model of x' = A x + B u, y = C x + D u, with u held over each sampling period.
+        """The model of x' = A x + B u + w, y = C x + D u, with u held over each sampling period.
 
         Parameters
         ----------
@@ -148,25 +168,119 @@ class LinearModel(Value):
         C, D, R, options
             As in the class.
         Q
-            Covariance of the noise that a sampling period adds to the state, not its density.
+            Covariance of the noise that a sampling period adds to the state.
+        density
+            In place of Q: spectral density of the white noise w, in units of Q per second; a
+            number, n numbers or (n, n). With it filters take samples at any times.
         sampling_period
             [s].
 
         Raises
         ------
         InputError
-            As the class.
+            As the class; or if both Q and the density are given.
         """
         period = as_positive("sampling_period", sampling_period)
         held = np.zeros((len(np.atleast_1d(A)), 0)) if B is None else B
         # Ad = exp(A T), Bd = int_0^T exp(A s) ds B
         Ad, Bd = zero_order_hold(A, held, period)
-        return cls(Ad, Bd, C, D, Q, R, sampling_period=period, check=False, **options)
+        ode = Ode(as_floats("A", A), as_floats("B", held), None)
+        if density is not None:
+            if Q is not None:
+                raise InputError("density", "is given beside Q, must be the only one of them")
+            noise = as_covariance("density", density, len(Ad))
+            ode, Q = ode._replace(density=noise), held_noise(ode.A, noise, period)
+        model = cls(Ad, Bd, C, D, Q, R, sampling_period=period, check=False, **options)  # type: ignore[arg-type]
+        model._set("ode", ode)
+        return model
 
     @cached_property
     def arrays(self) -> ModelArrays:
         """The matrices as compiled loops take them, which must not write to them."""
         return ModelArrays(*map(for_loop, (self.A, self.B, self.C, self.D, self.Q, self.R)))
+
+    @cached_property
+    def rows(self) -> ModelRows:
+        """The matrices, the same for all rows."""
+        return ModelRows(*(matrix[None] for matrix in self.arrays))
+
+    @property
+    def continuous(self) -> bool:
+        """Whether it is of a differential equation, which can be sampled over any time."""
+        return self.ode is not None
+
+    @property
+    def density(self) -> Array | None:
+        """The spectral density of its noise, if `from_ode` was given that."""
+        return None if self.ode is None else self.ode.density
+
+    def by_row(
+        self, given: Mapping[str, Any], rows: int, held: Mapping[str, Array], periods: Array | None
+    ) -> dict[str, Array]:
+        """The matrices of a record of k rows, of which some are given.
+
+        Parameters
+        ----------
+        given
+            A, B, C, D, Q or R by name: as in the model, or one for each row, (k, ., .). Row k of A,
+            B and Q leads from row k to row k + 1; C, D and R are those of the row.
+        rows
+            k.
+        held
+            A, B and Q that lead to the first row, where they are not the model's.
+        periods
+            The times [s] from each row to the next, shape (k + 1,) from the row before the record
+            on; None where all are the sampling period.
+
+        Returns
+        -------
+        dict
+            Matrices by name, those of A, B and Q from the row before the record on.
+
+        Raises
+        ------
+        InputError
+            If a matrix has another shape or is not finite, or no covariance.
+        """
+        found = self.rows._asdict()
+        if periods is not None:
+            found.update(self._sampled(periods, given))
+        for name in ("A", "B", "Q"):
+            first = held.get(name)
+            if first is not None and name not in given:
+                later = found[name][0 if periods is None else 1 :]
+                found[name] = np.concatenate([first[None], later])
+        for name, value in given.items():
+            own = getattr(self, name)
+            if name in "QR":
+                read = as_covariances(name, value, len(own), rows, definite=name == "R")
+            else:
+                read = as_matrices(name, value, own.shape, rows)
+            if name in ("A", "B", "Q"):
+                read = np.concatenate([held.get(name, own)[None], read])
+            found[name] = read
+        return found
+
+    def _sampled(self, periods: Array, given: Mapping[str, Any]) -> dict[str, Array]:
+        """A, B and Q over each of the periods, (k, ., .)."""
+        if self.ode is None:
+            raise InputError(
+                "time", "is uneven, which a model of discrete time cannot follow; make the model "
+                "by from_ode, or give A, B and Q by row",
+            )  # fmt: skip
+        if self.ode.density is None and "Q" not in given:
+            raise InputError(
+                "Q", "is the covariance of one sampling period; for uneven times give from_ode the "
+                "density of the noise, or Q by row",
+            )  # fmt: skip
+        different, place = np.unique(periods, return_inverse=True)
+        pairs = [zero_order_hold(self.ode.A, self.ode.B, period) for period in different]
+        found = {"A": np.array([A for A, _ in pairs])[place]}
+        found["B"] = np.array([B for _, B in pairs])[place]
+        if self.ode.density is not None:
+            noise = [held_noise(self.ode.A, self.ode.density, period) for period in different]
+            found["Q"] = np.array(noise)[place]
+        return found
 
     @property
     def states(self) -> int:
@@ -203,6 +317,46 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
         listed = ", ".join(f"{value:g}" for value in eigenvalues)
         raise InputError(name, f"must be positive {wanted}, its eigenvalues are {listed}")
     return matrix
+
+
+def as_covariances(
+    name: str, value: ArrayLike, size: int, rows: int, *, definite: bool = False
+) -> Array:
+    """A covariance as `as_covariance` makes it, shape (1, n, n), or one for each row, (k, n, n).
+
+    Raises
+    ------
+    InputError
+        If it is neither; it names the first row that is not symmetric positive (semi)definite.
+    """
+    array = as_floats(name, value)
+    if array.ndim != 3:
+        return as_covariance(name, array, size, definite=definite)[None]
+    if array.shape != (rows, size, size):
+        wanted = (rows, size, size)
+        raise InputError(name, f"has shape {array.shape}, must be one covariance or {wanted}")
+    eigenvalues = np.linalg.eigvalsh(array)
+    least = np.zeros(rows) if definite else -1e-12 * np.maximum(eigenvalues[:, -1], 0.0)
+    low = eigenvalues[:, 0] <= 0 if definite else eigenvalues[:, 0] < least
+    for row in np.flatnonzero(low | (array != array.transpose(0, 2, 1)).any(axis=(1, 2))):
+        array[row] = as_covariance(f"{name}[{row}]", array[row], size, definite=definite)
+    return np.ascontiguousarray(array)
+
+
+def as_matrices(name: str, value: ArrayLike, shape: tuple[int, ...], rows: int) -> Array:
+    """A matrix, shape (1, ., .), or one for each row, (k, ., .).
+
+    Raises
+    ------
+    InputError
+        If it is neither, or not finite.
+    """
+    array = as_floats(name, value)
+    if array.shape == shape:
+        return array[None]
+    if array.shape != (rows, *shape):
+        raise InputError(name, f"has shape {array.shape}, must be {shape} or {(rows, *shape)}")
+    return array
 
 
 def _check_discrete(A: Array) -> None:

@@ -72,6 +72,6 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
         rows.append(code)
     *rows, gain = rows
     return TextModel(
-        len(variables), compiled_rows(rows), compiled_rows([gain]), np.zeros(0),
+        len(variables), compiled_rows(tuple(rows)), compiled_rows((gain,)), np.zeros(0),
         tuple(rows), gain,
     )  # fmt: skip

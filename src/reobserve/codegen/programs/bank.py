@@ -9,10 +9,10 @@ from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs import linear
 from reobserve.codegen.programs.linear import Matrices
 from reobserve.core.errors import InputError
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.imm_loop import LEAST
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
 _LEAST = -1e300  # what stands for the logarithm of zero
@@ -72,7 +72,7 @@ def bank(observer: IMM, state: ImmState) -> Program:
     return program
 
 
-def _filters(observer: IMM) -> list[LinearFilter]:
+def _filters(observer: IMM) -> list[GaussianFilter]:
     kinds = KalmanFilter | SmoothVariableStructureFilter
     found = [one for one in observer.filters if isinstance(one, kinds)]
     alike = {(type(one), getattr(one, "inverse", "")) for one in found}
@@ -84,7 +84,7 @@ def _filters(observer: IMM) -> list[LinearFilter]:
     return list(found)
 
 
-def _models(program: Program, filters: list[LinearFilter]) -> dict[str, Name]:
+def _models(program: Program, filters: list[GaussianFilter]) -> dict[str, Name]:
     """The matrices of all modes, one behind the other; no B or D where all are zero."""
     stacks = {
         name: np.array([getattr(one.model.arrays, name) for one in filters])

@@ -13,10 +13,10 @@ from reobserve.codegen.expressions import Expression, Name, call
 from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.core.matrices import as_row
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
-from reobserve.observers.contract import ObserverState
 from reobserve.observers.fixed_gain import FixedGainObserver
-from reobserve.observers.gaussian_filter import KalmanState
+from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.record import ObserverState
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
 
@@ -102,7 +102,7 @@ def kalman(observer: KalmanFilter, state: KalmanState) -> Program:
 def augmented(observer: AugmentedKalmanFilter, state: KalmanState) -> Program:
     """The Kalman filter of the state and the unknown inputs, which it distinguishes."""
     title = "Kalman filter with unknown inputs"
-    return _filter(title, observer._kalman.model, state, split=observer.model.states)
+    return _filter(title, observer.whole, state, split=observer.model.states)
 
 
 def smooth(observer: SmoothVariableStructureFilter, state: KalmanState) -> Program:

@@ -159,7 +159,7 @@ class AugmentedKalmanDesign(FilterDesign):
         InputError
             If it comes to none.
         """
-        whole = self.observer._kalman.model
+        whole = self.observer.whole
         resting = FixedGainObserver(whole, steady_kalman_gain(whole))
         return {"poles": pairs(resting.poles), "spectral_radius": float(np.abs(resting.poles[0]))}
 

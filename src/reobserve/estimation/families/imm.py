@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from reobserve.core.errors import InputError, located
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
@@ -21,9 +21,9 @@ from reobserve.estimation.families.linear_system import (
     unobserved,
 )
 from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
 Array = FloatArray
@@ -148,7 +148,7 @@ class ImmDesign(FilterDesign):
     def observer(self) -> IMM:
         """The bank."""
         gains = self.gains
-        filters: list[LinearFilter] = []
+        filters: list[GaussianFilter] = []
         for system in self.system.systems.values():
             if gains.boundary_layer is None or gains.convergence_rate is None:
                 filters.append(KalmanFilter(system.model))
@@ -210,7 +210,7 @@ class ImmDesign(FilterDesign):
         return lines
 
 
-@kernel
+@allocating_kernel
 def _weighed(probability: Array, innovation: Array) -> Array:
     rows, modes, size = innovation.shape
     found = np.zeros((rows, size))

@@ -13,8 +13,8 @@ from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Example, pairs
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, decay_sentences
 from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.synthesis.linear import steady_kalman_gain
 
 Array = FloatArray
@@ -107,7 +107,7 @@ class KalmanDesign(FilterDesign):
         return cls(system=system, gains=gains)
 
     @cached_property
-    def observer(self) -> LinearFilter:
+    def observer(self) -> GaussianFilter:
         """The filter."""
         if self.gains is None:
             return KalmanFilter(self.system.model)

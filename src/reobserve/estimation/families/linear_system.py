@@ -107,7 +107,7 @@ class FilterDesign(Design):
 
     @property
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
-        """Those of `LinearFilter`."""
+        """Those of `GaussianFilter`."""
         return {
             "state": self.states, "variance": variances(self.states),
             "innovation": tuple(

@@ -15,7 +15,7 @@ from reobserve.estimation.families.kalman import MOTOR
 from reobserve.estimation.families.linear_system import FilterDesign, LinearSystem, decay_sentences
 from reobserve.estimation.families.poles import Poles, sampled_poles
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
-from reobserve.observers.gaussian_filter import KalmanState
+from reobserve.observers.gaussian_state import KalmanState
 
 Array = FloatArray
 

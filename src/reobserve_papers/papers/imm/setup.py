@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
@@ -131,7 +131,7 @@ def bank(
     return IMM(filters, transition, observer.mixing)
 
 
-def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> LinearFilter:
+def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> GaussianFilter:
     one = mode.sampled(observer.realisation, period, STATE_FREQUENCY)
     # A number stands for all states, or all outputs.
     noise = observer.process_noise, observer.measurement_noise

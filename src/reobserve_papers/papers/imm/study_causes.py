@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import FixedGainObserver
-from reobserve.observers.gaussian_filter import ModeFilter
+from reobserve.observers.gaussian_state import ModeFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter

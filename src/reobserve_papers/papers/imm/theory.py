@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.matrices import spectral_radius
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM, ImmState
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.systems.linear import LinearModel
 from reobserve_papers.metrics.metrics import Metric
@@ -105,7 +105,7 @@ def corrected_radius(model: LinearModel, inverse: str) -> float:
 def _corrections(job: Job, chosen: Observers) -> Iterator[Metric]:
     """The largest radius of all modes, for the first SVSF: layers do not matter."""
     name, body = next(_smooth(chosen))
-    filters = cast("list[LinearFilter]", bank(job.plant, body, job.theory.period).filters)
+    filters = cast("list[GaussianFilter]", bank(job.plant, body, job.theory.period).filters)
     radius = max(corrected_radius(one.model, body.inverse) for one in filters)
     yield Metric(name, "corrected_radius", radius, "1")
 

@@ -1,28 +1,29 @@
-"""Compiled loops of filters that correct a linear prediction by a gain times the innovation.
+"""Compiled steps of filters that correct a linear prediction by a gain times the innovation.
 
 The Kalman filter, the SVSF and other filters differ in the gain alone: a function made by
 `gain_function`, called through a pointer, so that these loops are compiled once for all of them.
-
-``states`` and ``outputs`` are tuples, as long as there are states and outputs. The length of a
-tuple is known to the compiler, which unrolls the loops over it: twice as fast, at the price of a
-second or two when a filter of a new size runs for the first time.
+They are compiled once for all sizes, too, but for those up to `UNROLLED`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import FunctionPointer, inlined_kernel, kernel
-from reobserve.systems.linear import ModelArrays
+from reobserve.core.kernel import FunctionPointer, inlined_kernel
 
 Array = NDArray[np.float64]
-Size = tuple[int, ...]
+
+_MARGIN = 64  # numbers, 512 bytes: more than processors fetch at once
+
+UNROLLED = (
+    4  # sizes up to this have loops of their own, twice as fast: 1 or 2 s of compilation each
+)
 
 HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
@@ -41,24 +42,50 @@ def gain_function(function: Callable[..., None]) -> FunctionPointer:
     return FunctionPointer(_SIGNATURE, function)
 
 
-class LinearFilterWork(NamedTuple):
-    """Scratch of one filter: products of shapes (n, n), (n,), (n, m), (n, m) and (m,)."""
+class Gain(NamedTuple):
+    """A gain function and its parameters; None for Kalman's gain, which the loops have built in."""
+
+    function: Any
+    parameters: Array
+
+
+class LinearWork(NamedTuple):
+    """Scratch: products of shapes (n, n), (n,), (n, m), (n, m), (m,); the factor of S, (m, m).
+
+    ``states`` and ``outputs`` have the lengths n and m: tuples up to `UNROLLED`, whose lengths the
+    compiler knows, and arrays beyond.
+    """
 
     square: Array
     moved: Array
     cross: Array
     gain: Array
     scaled: Array
+    factor: Array
+    states: Any
+    outputs: Any
 
 
-@inlined_kernel
-def new_work(states: int, outputs: int) -> LinearFilterWork:
-    """Scratch for `predict` and `correct`."""
-    tall = (states, outputs)
-    return LinearFilterWork(
-        np.empty((states, states)), np.empty(states), np.empty(tall), np.empty(tall),
-        np.empty(outputs),
-    )  # fmt: skip
+def new_linear_work(states: int, outputs: int) -> LinearWork:
+    """Scratch for one filter.
+
+    It is made in Python: to compile the allocation of arrays takes seconds. A margin keeps what
+    threads write apart, so that they do not wait for each other's memory.
+    """
+    n, m = states, outputs
+    shapes = (n, n), (n,), (n, m), (n, m), (m,), (m, m)
+    small = max(n, m) <= UNROLLED
+    sizes = ((0,) * n, (0,) * m) if small else (np.empty(n), np.empty(m))
+    return LinearWork(*blocks(shapes), *sizes)
+
+
+def blocks(shapes: Sequence[tuple[int, ...]]) -> Iterator[Array]:
+    """Arrays of these shapes in one piece of memory, with a margin on both sides."""
+    sizes = [math.prod(shape) for shape in shapes]
+    whole, end = np.empty(sum(sizes) + 2 * _MARGIN), _MARGIN
+    for shape, size in zip(shapes, sizes, strict=True):
+        yield whole[end : end + size].reshape(shape)
+        end += size
 
 
 @inlined_kernel
@@ -76,82 +103,94 @@ def assign(target: Array, source: Array) -> None:
 
 
 @inlined_kernel
+def assign_matrix(target: Array, source: Array) -> None:
+    """A copy of a matrix, as `fill`."""
+    for i in range(len(target)):
+        assign(target[i], source[i])
+
+
+@inlined_kernel
 def predict(
-    states: Size,
-    model: ModelArrays,
+    A: Array,
+    B: Array,
+    Q: Array,
     control: Array,
     mean: Array,
     covariance: Array,
     next_mean: Array,
     next_covariance: Array,
-    work: LinearFilterWork,
+    work: LinearWork,
 ) -> None:
     """Time update; what is read and what is written may be the same arrays.
 
     Gadsden et al. 2011, (1), (11) and (12).
     """
-    n = len(states)
+    n = len(work.states)
     square, moved = work.square, work.moved
+    # x = A x + B u
     for a in range(n):
         total = 0.0
         for p in range(len(control)):
-            total += model.B[a, p] * control[p]
+            total += B[a, p] * control[p]
         for b in range(n):
-            total += model.A[a, b] * mean[b]
+            total += A[a, b] * mean[b]
         moved[a] = total
+    # P = (A P) A' + Q
     for a in range(n):
         next_mean[a] = moved[a]
         for b in range(n):
             total = 0.0
             for i in range(n):
-                total += model.A[a, i] * covariance[i, b]
+                total += A[a, i] * covariance[i, b]
             square[a, b] = total
     for a in range(n):
         for b in range(a + 1):
-            total = model.Q[a, b]
+            total = Q[a, b]
             for i in range(n):
-                total += square[a, i] * model.A[b, i]
+                total += square[a, i] * A[b, i]
             next_covariance[a, b] = total
             next_covariance[b, a] = total
 
 
 @inlined_kernel
 def output_error(
-    states: Size, model: ModelArrays, measurement: Array, control: Array, mean: Array, error: Array
-) -> None:
+    C: Array, D: Array, measurement: Array, control: Array, mean: Array, error: Array,
+    work: LinearWork,
+) -> None:  # fmt: skip
     """Write the measurement minus what ``mean`` predicts.
 
     Gadsden et al. 2011, (2), (3), (6), (14) and (18).
     """
-    for o in range(len(measurement)):
+    # e = y - D u - C x
+    for o in range(len(work.outputs)):
         total = measurement[o]
-        for p in range(len(control)):
-            total -= model.D[o, p] * control[p]
-        for a in range(len(states)):
-            total -= model.C[o, a] * mean[a]
+        for p in range(D.shape[1]):
+            total -= D[o, p] * control[p]
+        for a in range(len(work.states)):
+            total -= C[o, a] * mean[a]
         error[o] = total
 
 
 @inlined_kernel
-def leave_out(o: int, factor: Array, scaled: Array) -> None:
+def leave_out(o: int, factor: Array, work: LinearWork) -> None:
     """Write a one of its own for an output into the factor of S."""
-    for q in range(len(scaled)):
+    for q in range(len(work.outputs)):
         factor[o, q] = factor[q, o] = 0.0
-    factor[o, o], scaled[o] = 1.0, 0.0
+    factor[o, o], work.scaled[o] = 1.0, 0.0
 
 
 @inlined_kernel
-def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
+def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> float:
     """Replace S by its lower Cholesky factor L; return the log-likelihood, nan if it has none.
 
     S is read from the lower triangle of ``factor``. A missing output, of which the innovation is
     nan, gets a row of its own with a one on the diagonal, and adds nothing to the likelihood.
     """
-    m = len(innovation)
+    m, scaled = len(work.outputs), work.scaled
     log_root, distance, taken = 0.0, 0.0, m
     for o in range(m):
         if math.isnan(innovation[o]):
-            leave_out(o, factor, scaled)
+            leave_out(o, factor, work)
             taken -= 1
             continue
         # L L' = S, row by row
@@ -179,13 +218,7 @@ def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
 
 @inlined_kernel
 def log_likelihood_of(
-    states: Size,
-    outputs: Size,
-    model: ModelArrays,
-    covariance: Array,
-    innovation: Array,
-    factor: Array,
-    work: LinearFilterWork,
+    C: Array, R: Array, covariance: Array, innovation: Array, work: LinearWork
 ) -> float:
     """Write P C' and the Cholesky factor of S; return the log-likelihood.
 
@@ -194,35 +227,38 @@ def log_likelihood_of(
     It is nan if S is not positive definite. A missing output, of which the innovation is nan, has
     a one of its own in S, which tells nothing and leaves the others alone.
     """
-    n, m = len(states), len(outputs)
-    cross, scaled = work.cross, work.scaled
+    n, m = len(work.states), len(work.outputs)
+    cross, factor = work.cross, work.factor
+    # P C'
     for a in range(n):
         for o in range(m):
             total = 0.0
             for b in range(n):
-                total += covariance[a, b] * model.C[o, b]
+                total += covariance[a, b] * C[o, b]
             cross[a, o] = total
-    # S = C P C' + R
+    # S = C (P C') + R
     for o in range(m):
         for q in range(o + 1):
-            total = model.R[o, q]
+            total = R[o, q]
             for a in range(n):
-                total += model.C[o, a] * cross[a, q]
+                total += C[o, a] * cross[a, q]
             factor[o, q] = total
-    return factor_innovation(innovation, factor, scaled)
+    return factor_innovation(innovation, factor, work)
 
 
 @inlined_kernel
-def kalman_gain(outputs: Size, factor: Array, work: LinearFilterWork) -> None:
-    """Solve K S = P C' by the Cholesky factor L of S: K L first, then K."""
-    m = len(outputs)
-    cross, gain = work.cross, work.gain
-    for a in range(len(cross)):
+def kalman_gain(work: LinearWork) -> None:
+    """Solve K S = P C' by the Cholesky factor L of S."""
+    cross, gain, factor = work.cross, work.gain, work.factor
+    n, m = len(work.states), len(work.outputs)
+    for a in range(n):
+        # (K L) L' = P C'
         for o in range(m):
             total = cross[a, o]
             for i in range(o):
                 total -= factor[o, i] * gain[a, i]
             gain[a, o] = total / factor[o, o]
+        # K L = (K L)
         for back in range(m):
             o = m - 1 - back
             total = gain[a, o]
@@ -232,30 +268,43 @@ def kalman_gain(outputs: Size, factor: Array, work: LinearFilterWork) -> None:
 
 
 @inlined_kernel
-def correct_covariance(
-    states: Size, outputs: Size, model: ModelArrays, covariance: Array, work: LinearFilterWork
-) -> None:
-    """In Joseph's form for any gain: with M = I - K C, first T = M P, then T M' + K R K'.
+def correct_mean(mean: Array, innovation: Array, work: LinearWork) -> None:
+    """Correct the mean; columns of K that belong to missing outputs become zero."""
+    # x = x + K e
+    gain = work.gain
+    for a in range(len(work.states)):
+        for o in range(len(work.outputs)):
+            if math.isnan(innovation[o]):
+                gain[a, o] = 0.0
+            else:
+                mean[a] += gain[a, o] * innovation[o]
+
+
+@inlined_kernel
+def correct_covariance(C: Array, R: Array, covariance: Array, work: LinearWork) -> None:
+    """Correct the covariance in Joseph's form, which holds for any gain.
 
     Gadsden et al. 2011, (17).
 
-    M itself is never formed, which saves two products of square matrices.
+    M = I - K C itself is never formed, which saves two products of square matrices.
     """
-    n, m = len(states), len(outputs)
     cross, gain, square = work.cross, work.gain, work.square
+    n, m = len(work.states), len(work.outputs)
+    # T = M P = P - K (P C')'
     for a in range(n):
         for b in range(n):
             total = covariance[a, b]
             for o in range(m):
                 total -= gain[a, o] * cross[b, o]
             square[a, b] = total
+    # P = M P M' + K R K' = T - (T C' - K R) K'
     for a in range(n):
         for o in range(m):
             total = 0.0
             for b in range(n):
-                total += square[a, b] * model.C[o, b]
+                total += square[a, b] * C[o, b]
             for q in range(m):
-                total -= gain[a, q] * model.R[q, o]
+                total -= gain[a, q] * R[q, o]
             cross[a, o] = total
     for a in range(n):
         for b in range(a + 1):
@@ -268,9 +317,9 @@ def correct_covariance(
 
 @inlined_kernel
 def correct(
-    states: Size,
-    outputs: Size,
-    model: ModelArrays,
+    C: Array,
+    D: Array,
+    R: Array,
     function: Callable[..., None] | None,
     parameters: Array,
     measurement: Array,
@@ -279,8 +328,7 @@ def correct(
     covariance: Array,
     error: Array,
     innovation: Array,
-    factor: Array,
-    work: LinearFilterWork,
+    work: LinearWork,
 ) -> float:
     """Measurement update in place; return the log-likelihood.
 
@@ -288,24 +336,24 @@ def correct(
 
     No function means the Kalman gain, which is compiled into the loop.
 
-    ``innovation`` and ``factor`` are written: e(k+1|k) and the lower Cholesky factor of S. Outputs
-    that are missing, nan, correct nothing; the others correct as if these alone were measured.
+    ``innovation`` is written, e(k+1|k), and so are the gain and the lower Cholesky factor of S in
+    ``work``. Outputs that are missing, nan, correct nothing; the others correct as if these alone
+    were measured.
     """
-    output_error(states, model, measurement, control, mean, innovation)
-    log_likelihood = log_likelihood_of(states, outputs, model, covariance, innovation, factor, work)
+    # e = y - C x - D u, S = C P C' + R
+    output_error(C, D, measurement, control, mean, innovation, work)
+    log_likelihood = log_likelihood_of(C, R, covariance, innovation, work)
+    # K = P C' S^-1, or another gain
     if function is None:
-        kalman_gain(outputs, factor, work)
+        kalman_gain(work)
     else:
-        call(function, (work.cross, factor, innovation, error, parameters, work.gain))
-    for a in range(len(states)):
-        for o in range(len(outputs)):
-            if math.isnan(innovation[o]):
-                work.gain[a, o] = 0.0
-            else:
-                mean[a] += work.gain[a, o] * innovation[o]
-    correct_covariance(states, outputs, model, covariance, work)
-    output_error(states, model, measurement, control, mean, work.scaled)
-    for o in range(len(outputs)):
+        call(function, (work.cross, work.factor, innovation, error, parameters, work.gain))
+    # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
+    correct_mean(mean, innovation, work)
+    correct_covariance(C, R, covariance, work)
+    # e(k|k) = y - C x - D u
+    output_error(C, D, measurement, control, mean, work.scaled, work)
+    for o in range(len(work.outputs)):
         if not math.isnan(innovation[o]):
             error[o] = work.scaled[o]
     return log_likelihood
@@ -321,9 +369,10 @@ def is_missing(measurement: Array) -> bool:
 
 
 @inlined_kernel
-def write_innovation_covariance(innovation: Array, factor: Array, out: Array) -> None:
-    """S = L L', nan where an output is missing."""
-    m = len(innovation)
+def write_innovation_covariance(innovation: Array, out: Array, work: LinearWork) -> None:
+    """Write S, nan where an output is missing."""
+    # S = L L'
+    m, factor = len(work.outputs), work.factor
     for o in range(m):
         for q in range(o + 1):
             total = 0.0
@@ -332,59 +381,3 @@ def write_innovation_covariance(innovation: Array, factor: Array, out: Array) ->
             if math.isnan(innovation[o]) or math.isnan(innovation[q]):
                 total = math.nan
             out[o, q] = out[q, o] = total
-
-
-@kernel
-def run_filter(
-    states: Size,
-    outputs: Size,
-    model: ModelArrays,
-    Q: Array,
-    R: Array,
-    function: Callable[..., None] | None,
-    parameters: Array,
-    measurements: Array,
-    inputs: Array,
-    fresh: bool,
-    mean: Array,
-    covariance: Array,
-    error: Array,
-    means: Array,
-    covariances: Array,
-    innovations: Array,
-    innovation_covariances: Array,
-    log_likelihoods: Array,
-) -> int:
-    """Filter a record: fill the last five arguments, and return the number of good rows.
-
-    ``inputs`` has a row more than the record: the input of the row before, then that of each row;
-    so has ``Q``, (., n, n). The last of ``Q`` and of ``R``, (., m, m), hold for all later rows.
-    A ``fresh`` posterior is meant at the first row, which then corrects it as it stands; else it is
-    meant a period before.
-    """
-    n, m = len(states), len(outputs)
-    factor, work = np.empty((m, m)), new_work(n, m)
-    for k in range(len(measurements)):
-        noisy = ModelArrays(
-            model.A, model.B, model.C, model.D, Q[min(k, len(Q) - 1)], R[min(k, len(R) - 1)]
-        )
-        if k > 0 or not fresh:
-            predict(states, noisy, inputs[k], mean, covariance, mean, covariance, work)
-        if is_missing(measurements[k]):
-            fill(innovations[k], math.nan)
-            log_likelihoods[k] = 0.0
-        else:
-            log_likelihoods[k] = correct(
-                states, outputs, noisy, function, parameters, measurements[k], inputs[k + 1],
-                mean, covariance, error, innovations[k], factor, work,
-            )  # fmt: skip
-        write_innovation_covariance(innovations[k], factor, innovation_covariances[k])
-        total = log_likelihoods[k]
-        for a in range(n):
-            means[k, a] = mean[a]
-            for b in range(n):
-                covariances[k, a, b] = covariance[a, b]
-            total += mean[a] + covariance[a, a]
-        if not math.isfinite(total):
-            return k
-    return len(measurements)

@@ -1,0 +1,184 @@
+"""Estimates by mean and covariance, the states of filters that make them, and their checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples
+from reobserve.core.value import Value
+from reobserve.observers.record import Record, check_state
+
+Array = NDArray[np.float64]
+Matrices = Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gaussian(Value):
+    """Mean and covariance of the state as a filter estimates it.
+
+    ``mean``, shape (n,), and ``covariance``, (n, n), of the state; ``error`` is the filter's own a
+    posteriori output error e(k|k), shape (m,), which the SVSF needs a sample later.
+    """
+
+    mean: Array
+    covariance: Array
+    error: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KalmanState(Value):
+    """All a filter remembers: a value that may be stored, copied and stepped again.
+
+    ``sample`` and ``count`` are as in `reobserve.observers.record.ObserverState`; y may be nan.
+    ``held`` is what was given by row and leads from that sample to the next, by name, or None;
+    ``time`` is that of the sample [s], or None where it is counted.
+    """
+
+    posterior: Gaussian
+    sample: Array | None = None
+    count: int = 0
+    held: Matrices | None = None
+    time: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Correction(Value):
+    """A posterior after a measurement, and how well it was predicted.
+
+    ``innovation`` e(k+1|k), shape (m,), its ``innovation_covariance`` S, shape (m, m), and the
+    ``log_likelihood`` of the measurement. What of it is missing has nan in the first two; where all
+    is, the third is zero.
+    """
+
+    posterior: Gaussian
+    innovation: Array
+    innovation_covariance: Array
+    log_likelihood: float
+
+
+class ModeFilter(Protocol):
+    """What an interacting multiple model asks of a filter, one of ours or a user's own."""
+
+    @property
+    def model(self) -> Any:
+        """What has ``states``, ``inputs`` and ``outputs``, numbers, and a ``sampling_period``."""
+
+    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
+        """The posterior a sample later, before its measurement; u is held over the step."""
+
+    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
+        """The predicted posterior after y, measured with the input u; a nan in y is missing."""
+
+
+class InRecord(NamedTuple):
+    """A record as the loops read it: the model by row, inputs with the one before, and ``held``."""
+
+    model: Any
+    inputs: Array
+    held: Matrices | None
+
+
+class FilterSteps(NamedTuple):
+    """The compiled steps of filters on one kind of model, and what such models take by row.
+
+    ``in_record`` finds the model of each row, ``run`` is the loop over records, ``predict`` that
+    over rows for the smoother; ``work`` makes the scratch of both, and ``causes`` say why they
+    stop.
+    """
+
+    model: type
+    in_record: Callable[..., InRecord]
+    run: Callable[..., None]
+    predict: Callable[..., int]
+    work: Callable[[int, int], Any]
+    causes: Mapping[int, str]
+
+
+def reached(
+    after: Any, r: int, state: KalmanState, record: Record, held: Matrices | None,
+    sizes: tuple[int, int, int],
+) -> KalmanState:  # fmt: skip
+    """The state after record r of those whose posteriors are ``after``, checked for these sizes."""
+    posterior = Gaussian._made(
+        mean=after.means[r], covariance=after.covariances[r], error=after.errors[r]
+    )
+    return KalmanState._made(
+        posterior=posterior, sample=np.concatenate([record.y[-1], record.u[-1]]),
+        count=state.count + len(record.y) - (state.sample is None), held=held,
+        time=None if record.time is None else float(record.time[-1]), checked=sizes,
+    )  # fmt: skip
+
+
+def beside(left: Array, right: Array) -> Array:
+    """Two arrays (., k, p) and (k, q), (1, q) or (p, q) side by side, in the order of rows.
+
+    `numpy.concatenate` may choose another order, for which loops would be compiled again.
+    """
+    found = np.empty((*left.shape[:-1], left.shape[-1] + right.shape[-1]))
+    found[..., : left.shape[-1]], found[..., left.shape[-1] :] = left, right
+    return found
+
+
+def inputs_of_rows(sample: Array | None, record: Record) -> Array:
+    """The input of the row before a record, then that of each row, shape (k + 1, p).
+
+    The first row of all has none before it; its own stands there, and is not read.
+    """
+    first = record.u[0] if sample is None else sample[record.y.shape[1] :]
+    return np.concatenate([first[None], record.u])
+
+
+def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | None:
+    """The sample of a state that stands a period before its first row; None if it does not.
+
+    Raises
+    ------
+    InputError
+        If u is not so many finite numbers.
+    """
+    if u is None:
+        return None
+    held = as_samples("u", as_row("u", u), inputs)[0]
+    return np.concatenate([np.full(outputs, np.nan), held])
+
+
+def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -> Gaussian:
+    """The posterior, of this size: compiled loops would read beyond its end.
+
+    Raises
+    ------
+    InputError
+        If it is of another size, or not finite.
+    """
+    shapes = [
+        getattr(getattr(posterior, part, None), "shape", ())
+        for part in ("mean", "covariance", "error")
+    ]
+    return check_state(
+        posterior, Gaussian,
+        f"has arrays of shapes {tuple(shapes)}, must be of {states} states, {outputs} outputs",
+        name, mean=(states,), covariance=(states, states), error=(outputs,),
+    )  # fmt: skip
+
+
+def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
+    """The sample of a state: y, of which any may be nan, and u.
+
+    Raises
+    ------
+    InputError
+        If it is of another size, or u is not finite.
+    """
+    if value is None:
+        return None
+    sample = as_numbers("state.sample", value, writable=False)
+    if sample.shape != (outputs + inputs,) or not all_finite(sample[outputs:]):
+        problem = f"{shown(value)} must be {outputs} measurements and {inputs} finite inputs"
+        raise InputError("state.sample", problem)
+    return sample

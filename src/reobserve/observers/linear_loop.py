@@ -1,0 +1,158 @@
+"""The compiled loop of filters on linear models, and what it writes."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.observers.linear_steps import (
+    Gain,
+    LinearWork,
+    assign_matrix,
+    correct,
+    fill,
+    is_missing,
+    predict,
+    write_innovation_covariance,
+)
+from reobserve.systems.linear import ModelRows
+
+Array = NDArray[np.float64]
+
+
+class FilterRows(NamedTuple):
+    """The estimates of filters by their names: (records, k, ...)."""
+
+    state: Array
+    covariance: Array
+    innovation: Array
+    innovation_covariance: Array
+    log_likelihood: Array
+
+
+class PredictedRows(NamedTuple):
+    """What filters keep if asked for: predictions and gains by their names, (records, k, ...)."""
+
+    predicted_state: Array
+    predicted_covariance: Array
+    gain: Array
+
+
+class FilterPosteriors(NamedTuple):
+    """Means (records, n), covariances (records, n, n) and output errors (records, m)."""
+
+    means: Array
+    covariances: Array
+    errors: Array
+
+
+@inlined_kernel
+def keep_prediction(mean: Array, covariance: Array, kept: PredictedRows, r: int, k: int) -> None:
+    """Write the predicted mean and covariance of a row, and no gain yet."""
+    for a in range(len(mean)):
+        kept.predicted_state[r, k, a] = mean[a]
+        for b in range(len(mean)):
+            kept.predicted_covariance[r, k, a, b] = covariance[a, b]
+        for o in range(kept.gain.shape[3]):
+            kept.gain[r, k, a, o] = 0.0
+
+
+@inlined_kernel
+def keep_row(
+    mean: Array, covariance: Array, innovation: Array, work: LinearWork, rows: FilterRows,
+    r: int, k: int,
+) -> float:  # fmt: skip
+    """Write the posterior of a row and S; return a sum that is finite if all of it is."""
+    write_innovation_covariance(innovation, rows.innovation_covariance[r, k], work)
+    total: float = rows.log_likelihood[r, k]
+    n = len(work.states)
+    for a in range(n):
+        rows.state[r, k, a] = mean[a]
+        for b in range(n):
+            rows.covariance[r, k, a, b] = covariance[a, b]
+        total += mean[a] + covariance[a, a]
+    return total
+
+
+@kernel
+def run_linear(
+    model: ModelRows,
+    gain: Gain,
+    measurements: Array,
+    inputs: Array,
+    fresh: bool,
+    posteriors: FilterPosteriors,
+    rows: FilterRows,
+    kept: PredictedRows | None,
+    work: LinearWork,
+    ends: NDArray[np.int64],
+) -> None:
+    """Filter records: fill the rows, move the posteriors, count good rows.
+
+    ``inputs`` has a row more than a record: the input of the row before, then that of each row; so
+    have A, B and Q of the model. The last row of each matrix holds for all later ones. A ``fresh``
+    posterior is meant at the first row, which then corrects it as it stands; else it is meant a
+    period before. ``ends`` become the numbers of good rows, (records, 2).
+    """
+    A, B, C, D, Q, R = model
+    for r in range(len(measurements)):
+        mean, covariance = posteriors.means[r], posteriors.covariances[r]
+        error, ends[r, 0] = posteriors.errors[r], 0
+        for k in range(len(measurements[r])):
+            y, innovation = measurements[r, k], rows.innovation[r, k]
+            # x = A x + B u, P = A P A' + Q
+            if k > 0 or not fresh:
+                predict(
+                    A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
+                    inputs[r, k], mean, covariance, mean, covariance, work,
+                )  # fmt: skip
+            if kept is not None:
+                keep_prediction(mean, covariance, kept, r, k)
+            if is_missing(y):
+                fill(innovation, math.nan)
+                rows.log_likelihood[r, k] = 0.0
+            else:
+                # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
+                rows.log_likelihood[r, k] = correct(
+                    C[min(k, len(C) - 1)], D[min(k, len(D) - 1)], R[min(k, len(R) - 1)],
+                    gain.function, gain.parameters, y, inputs[r, k + 1], mean, covariance, error,
+                    innovation, work,
+                )  # fmt: skip
+                if kept is not None:
+                    assign_matrix(kept.gain[r, k], work.gain)
+            if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
+                break
+            ends[r, 0] = k + 1
+
+
+@kernel
+def predict_linear(
+    model: ModelRows, gain: Gain, inputs: Array, means: Array, covariances: Array,
+    next_means: Array, next_covariances: Array, crosses: Array, work: LinearWork,
+) -> int:  # fmt: skip
+    """Predict from each row to the next one; return how many rows could be.
+
+    ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
+    """
+    n = next_means.shape[1]
+    for k in range(len(next_means)):
+        # x = A x + B u, P = A P A' + Q
+        A = model.A[min(k + 1, len(model.A) - 1)]
+        B, Q = model.B[min(k + 1, len(model.B) - 1)], model.Q[min(k + 1, len(model.Q) - 1)]
+        predict(
+            A, B, Q, inputs[k + 1], means[k], covariances[k], next_means[k], next_covariances[k],
+            work,
+        )  # fmt: skip
+        # cov(x(k), x(k+1)) = P A' = (A P)'
+        total = 0.0
+        for a in range(n):
+            total += next_means[k, a] + next_covariances[k, a, a]
+            for b in range(n):
+                crosses[k, a, b] = work.square[b, a]
+        if not math.isfinite(total):
+            return k
+    return len(next_means)

@@ -1,0 +1,80 @@
+"""Runs of many records at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reobserve.core.code_paths import cores
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import all_finite
+from reobserve.observers.contract import Observer
+from reobserve.observers.record import Record, Rows, depth_of
+from reobserve.observers.run import Run
+
+
+def in_threads(block: Callable[[slice], None], records: int) -> None:
+    """Call a function for parts of many records, on all cores."""
+    threads = min(records, cores())
+    cuts = np.linspace(0, records, threads + 1).astype(int).tolist()
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(block, map(slice, cuts[:-1], cuts[1:])))
+
+
+def part(arrays: Any, one: slice) -> Any:
+    """A named tuple of arrays for a part of the records."""
+    return type(arrays)(*[array[one] for array in arrays])
+
+
+def run_many(
+    observer: Observer[Any], y: Any, u: Any, state: Any, time: ArrayLike | None, loud: bool,
+    given: Mapping[str, Any],
+) -> Run[Any]:  # fmt: skip
+    """Run many records: a run with that axis, of which the state is a tuple of states."""
+    count, alone = len(y), u is None or depth_of(u) < 3
+    if not count:
+        raise InputError("y", "has no record, must have one or more")
+    for name, each in (("u", u if not alone else y), ("state", state)):
+        if isinstance(each, list | tuple | np.ndarray) and len(each) != count:
+            raise InputError(name, f"is of {len(each)} records, must be of {count} like y")
+    records: list[Record] = []
+    states: list[Any] = []
+    times = np.empty(0)
+    for r in range(count):
+        with located(f"record {r}"):
+            one = observer._read(y[r], u if alone else u[r], None, None, given)
+            start = state[r] if isinstance(state, list | tuple) else state
+            start = observer._start(one.y[0]) if start is None else observer._checked(start)
+            own, one = observer._timed(time, start, one)
+            if records and not np.array_equal(own[0], times[0]):
+                raise InputError("state", "is at another time than that of record 0")
+            times = own
+            if records and len(one.y) != len(records[0].y):
+                problem = f"has {len(one.y)} rows, must have {len(records[0].y)} like record 0"
+                raise InputError("y", problem)
+        records.append(one)
+        states.append(start)
+    found, diverged_at = observer._run_records(records, states), np.full(count, np.nan)
+    for r, good in enumerate(found.goods):
+        if good < len(times):
+            if loud:
+                with located(f"record {r}"):
+                    rows = Rows({}, good, None, finding=found.findings[r])
+                    raise observer._divergence(states[r], records[r], rows, times, good)
+            diverged_at[r] = observer._last_finite(states[r], times, good)
+            found.states[r] = states[r]
+            for values in (*found.estimates.values(), *found.before.values()):
+                if values.flags.writeable:  # else a view of another one
+                    values[r, good:] = np.nan
+    missing = [
+        0 if all_finite(one.y) else int(np.isnan(one.y).any(axis=1).sum()) for one in records
+    ]
+    return Run(
+        times, found.estimates, observer._units_of(found.estimates), tuple(found.states),
+        diverged_at if np.isfinite(diverged_at).any() else None, found.before,
+        np.array(missing), observer.component_names,
+    )  # fmt: skip
