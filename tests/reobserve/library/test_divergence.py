@@ -16,7 +16,6 @@ from scipy.signal import place_poles
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers import halving
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.contract import Rows
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fixed_step import Samples, Steps, run_on_halves
@@ -27,6 +26,7 @@ from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.record import Rows
 from reobserve.observers.unchecked import unchecked_step
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import filterpy.kalman
 import mpmath
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.gaussian_filter import Correction, Gaussian, KalmanState
-from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import LinearFilter
-from reobserve.observers.linear_filter_loop import gain_function
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import Correction, FilterSteps, Gaussian, KalmanState
+from reobserve.observers.kalman import LINEAR, KalmanFilter
+from reobserve.observers.linear_steps import Gain, gain_function
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
@@ -74,7 +74,7 @@ def reported(*runs: Run[KalmanState]) -> dict[str, Array]:
     }
 
 
-def both(one: LinearFilter, posterior: Gaussian, y: Any, u: Any) -> Correction:
+def both(one: GaussianFilter, posterior: Gaussian, y: Any, u: Any) -> Correction:
     """Prediction and correction, with an input held over the step."""
     return one.correct(one.predict(posterior, u), y, u)
 
@@ -367,7 +367,7 @@ def test_gain_is_continuous_at_the_edge_of_the_layer() -> None:
 # --- Steps, runs and resuming -------------------------------------------------------------------
 
 
-def by_steps(one: LinearFilter, z: Array, state: KalmanState, u: Array) -> dict[str, Array]:
+def by_steps(one: GaussianFilter, z: Array, state: KalmanState, u: Array) -> dict[str, Array]:
     rows = []
     for measurement, control in zip(z, u, strict=True):
         state, estimate = one.step(state, measurement, control)
@@ -381,7 +381,7 @@ def by_steps(one: LinearFilter, z: Array, state: KalmanState, u: Array) -> dict[
 
 @pytest.mark.parametrize("before", [True, False], ids=["a period before", "at the first row"])
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
-def test_stepping_and_split_runs_are_bitwise_identical(made: LinearFilter, before: bool) -> None:
+def test_stepping_and_split_runs_are_bitwise_identical(made: GaussianFilter, before: bool) -> None:
     z, u = motion_record(120)
     z[40, 1] = z[41] = np.nan
     start = made.init(np.zeros(5), 1.0, u=u[0] if before else None)
@@ -400,7 +400,7 @@ def test_stepping_and_split_runs_are_bitwise_identical(made: LinearFilter, befor
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
 def test_first_row_corrects_and_later_rows_predict_with_the_previous_input(
-    made: LinearFilter,
+    made: GaussianFilter,
 ) -> None:
     z, u = motion_record(9)
     start = made.init(np.linspace(0, 1, 5), 1.0)
@@ -420,7 +420,7 @@ def test_first_row_corrects_and_later_rows_predict_with_the_previous_input(
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
-def test_missing_measurements_are_bridged_by_prediction(made: LinearFilter) -> None:
+def test_missing_measurements_are_bridged_by_prediction(made: GaussianFilter) -> None:
     z, u = motion_record(60)
     z[20:30] = np.nan
     start = made.init(np.zeros(5), 1.0)
@@ -447,12 +447,12 @@ def test_missing_measurements_are_bridged_by_prediction(made: LinearFilter) -> N
 def test_partial_measurement_corrects_like_a_reduced_model(kind: str, lost: list[int]) -> None:
     """A filter whose model has only these outputs gives the same result."""
 
-    def made(outputs: list[int]) -> LinearFilter:
+    def made(outputs: list[int]) -> GaussianFilter:
         model = replace(
             MOTION, C=MOTION.C[outputs], D=MOTION.D[outputs],
             R=MOTION.R[np.ix_(outputs, outputs)],
         )  # fmt: skip
-        chosen: LinearFilter = svsf(model, [PSI[o] for o in outputs])
+        chosen: GaussianFilter = svsf(model, [PSI[o] for o in outputs])
         return KalmanFilter(model) if kind == "KF" else chosen
 
     z, u = motion_record(20)
@@ -521,19 +521,17 @@ def _shared_gain(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OwnFilter(LinearFilter):
+class OwnFilter(GaussianFilter):
     """A user-defined filter whose gain is part of a matrix."""
 
     matrix: Array
     share: float
 
-    @property
-    def gain_function(self) -> Any:
-        return _shared_gain
+    steps: ClassVar[FilterSteps] = LINEAR
 
     @property
-    def gain_parameters(self) -> Array:
-        return self.share * self.matrix.ravel()
+    def method(self) -> Gain:
+        return Gain(_shared_gain.compiled, self.share * self.matrix.ravel())
 
 
 def test_user_defined_gain_runs_in_the_compiled_loop() -> None:
@@ -642,7 +640,7 @@ def test_time_varying_noise_agrees_with_filterpy() -> None:
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(NORMAL), svsf(NORMAL, 1.0)], ids=["KF", "SVSF"])
-def test_time_varying_noise_is_identical_by_steps_and_runs(made: LinearFilter) -> None:
+def test_time_varying_noise_is_identical_by_steps_and_runs(made: GaussianFilter) -> None:
     z, u = simulated(NORMAL, square_wave(40, 7)) + 0.1 * ripple(40), square_wave(40, 7)
     z[5] = np.nan
     Q, R = changing_noise(40)

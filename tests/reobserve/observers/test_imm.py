@@ -13,10 +13,10 @@ from filterpy.kalman import KalmanFilter as FilterpyKalmanFilter
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError
-from reobserve.observers.gaussian_filter import Correction, Gaussian
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import Correction, Gaussian
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
@@ -247,7 +247,7 @@ LAWS = {
 
 
 def bank_of(kind: str, *, mixing: bool = True) -> IMM:
-    filters: list[LinearFilter] = [*(kalmans(MOTION) if kind != "SVSF" else svsfs(MOTION))]
+    filters: list[GaussianFilter] = [*(kalmans(MOTION) if kind != "SVSF" else svsfs(MOTION))]
     if kind == "mixed":
         filters[1] = svsfs(MOTION)[1]
     return IMM(filters, STICKY, mixing)
@@ -283,7 +283,7 @@ def test_bank_of_one_is_bitwise_identical_to_its_filter(
     z, u = motion_record(150)
     z[70:75] = np.nan
     one = bank_of(kind).filters[0]
-    assert isinstance(one, LinearFilter)
+    assert isinstance(one, GaussianFilter)
     bank = IMM([one], [[1.0]], mixing)
     held = u[0] if before else None
     run = bank.run(z, u, state=bank.init(np.zeros(5), P0, u=held))
@@ -350,7 +350,7 @@ def test_first_row_updates_probabilities_without_prediction(kind: str) -> None:
 class UsersOwn:
     """The minimum interface that a bank needs of a filter."""
 
-    inner: LinearFilter
+    inner: GaussianFilter
 
     @property
     def model(self) -> LinearModel:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.observers.gaussian_filter import Gaussian
+from reobserve.observers.gaussian_state import Gaussian
 from reobserve.observers.imm import IMM
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smoother import rts_smoother
@@ -145,7 +145,7 @@ def _filters() -> Iterator[Call]:
     def predicted(mean: Any, covariance: Any, error: Any) -> object:
         return kalman.predict(Gaussian(mean, covariance, error), [1.0])
 
-    name = "observers.gaussian_filter.Gaussian"  # checked on use
+    name = "observers.gaussian_state.Gaussian"  # checked on use
     yield Call(name, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
     stay = [[0.9, 0.1], [0.1, 0.9]]
     bank = IMM(observers[:2], stay)
@@ -172,7 +172,7 @@ def _nonlinear_filters() -> Iterator[Call]:
     def made_of(
         f: Any, h: Any, Q: Any, R: Any, F: Any, H: Any, state_names: Any, input_names: Any,
         output_names: Any, parameters: Any, scale: Any, sampling_period: Any, substeps: Any,
-    ) -> object:  # fmt: skip
+    ) -> NonlinearModel:  # fmt: skip
         return NonlinearModel(
             f, h, Q, R, F, H, state_names=state_names, input_names=input_names,
             output_names=output_names, parameters=parameters, scale=scale,
@@ -196,6 +196,12 @@ def _nonlinear_filters() -> Iterator[Call]:
 
     name = "systems.nonlinear.NonlinearModel.from_ode"
     yield Call(name, integrated, (["w", "-a"], "a", 1e-4, 1e-2, 0.01, 2))
+
+    def by_row(parameters: Any) -> object:
+        return made_of(*texts, *names, 1.0, 0.01, 2).parameters_by_row(parameters, 3)
+
+    name = "systems.nonlinear.NonlinearModel.parameters_by_row"
+    yield Call(name, by_row, ({"g": [9.8, 9.81, 9.82]},))
     model = swing()
     y, u = np.sin(HALF)[:20, None], np.ones((20, 1))
     made: dict[str, tuple[Any, ...]] = {

@@ -1,0 +1,227 @@
+"""What filters refuse that is given by row, at uneven times or for many records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve import (
+    ExtendedKalmanFilter,
+    InputError,
+    KalmanFilter,
+    LinearModel,
+    NonlinearModel,
+    rts_smoother,
+    steady_kalman,
+)
+from tests.reobserve.observers.by_row import (
+    MODEL,
+    PENDULUM,
+    ROWS,
+    SPRING,
+    TIMES,
+    augmented,
+    bank,
+    kalman_bank,
+    random_rows,
+    record,
+    svsf,
+)
+
+MEANS = {2: [0.3, -0.2], 3: [0.3, -0.2, 0.1]}
+DISCRETE = NonlinearModel(
+    ["a + w/10", "w + u - v"], ["a", "w"], 0.1, 0.1, state_names=["a", "w"], input_names=["u", "v"]
+)
+NO_DENSITY = LinearModel.from_ode(
+    SPRING.ode.A, SPRING.ode.B, SPRING.C, Q=0.1, R=0.1, sampling_period=0.1  # type: ignore[union-attr]
+)  # fmt: skip
+NOT_POSITIVE = np.tile(np.eye(3), (ROWS, 1, 1))
+NOT_POSITIVE[6, 0, 0] = -1.0
+TOO_MUCH = np.zeros((ROWS, 3, 2))
+TOO_MUCH[4, 0, 0] = 0.15  # above sqrt(0.2 * 0.1)
+BACK = np.where(np.arange(ROWS) == 5, 0.3, TIMES)
+
+
+def kalman(model: LinearModel = MODEL) -> KalmanFilter:
+    return KalmanFilter(model)
+
+
+def extended(model: NonlinearModel = PENDULUM) -> ExtendedKalmanFilter:
+    return ExtendedKalmanFilter(model)
+
+
+REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
+    "A of other size": (
+        kalman, {"A": np.ones((ROWS, 2, 3))},
+        r"A: has shape \(9, 2, 3\), must be \(3, 3\) or \(9, 3, 3\)$",
+    ),
+    "C of fewer rows": (
+        kalman, {"C": np.ones((4, 2, 3))},
+        r"C: has shape \(4, 2, 3\), must be \(2, 3\) or \(9, 2, 3\)$",
+    ),
+    "Q of fewer rows": (
+        kalman, {"Q": np.tile(np.eye(3), (4, 1, 1))},
+        r"Q: has shape \(4, 3, 3\), must be one covariance or \(9, 3, 3\)$",
+    ),
+    "Q not positive": (
+        kalman, {"Q": NOT_POSITIVE},
+        r"Q\[6\]: must be positive semidefinite, its eigenvalues are -1, 1, 1$",
+    ),
+    "R zero": (
+        kalman, {"R": np.zeros((ROWS, 2, 2))},
+        r"R\[0\]: must be positive definite, its eigenvalues are 0, 0$",
+    ),
+    "D not finite": (kalman, {"D": np.full((ROWS, 2, 2), np.nan)}, r"D: .* not finite$"),
+    "S of other size": (
+        kalman, {"S": np.zeros((ROWS, 2, 3))},
+        r"S: has shape \(9, 2, 3\), must be \(3, 2\) or \(9, 3, 2\)$",
+    ),
+    "S beyond Q and R": (
+        kalman, {"S": TOO_MUCH},
+        r"S: is more than Q and R allow: with row 4 \[\[Q, S\], \[S', R\]\] is no covariance$",
+    ),
+    "A of the augmented state": (
+        augmented, {"A": np.zeros((ROWS, 4, 4))},
+        r"A: has shape \(9, 4, 4\), must be \(3, 3\) or \(9, 3, 3\)$",
+    ),
+    "unknown name": (
+        kalman, {"G": np.eye(3)},
+        r"G: is not taken by KalmanFilter, beside y and u it takes A, B, C, D, Q, R, keep, S$",
+    ),
+    "A of a nonlinear model": (
+        extended, {"A": np.eye(2)},
+        r"A: is not taken by ExtendedKalmanFilter, beside y and u it takes Q, R, parameters, dt,",
+    ),
+    "S for an SVSF": (svsf, {"S": np.zeros((3, 2))}, r"S: is not taken by Smooth"),
+    "C for an SVSF": (svsf, {"C": MODEL.C}, r"C: is not taken by SmoothVariableStructureFilter,"),
+    "S for a fixed gain": (
+        lambda: steady_kalman(MODEL), {"S": np.zeros((3, 2))},
+        r"S: is not taken by FixedGainObserver, beside y and u it takes A, B, C, D, Q, R, keep$",
+    ),
+    "S for SVSFs in a bank": (
+        lambda: bank(svsf(), svsf()), {"S": np.zeros((3, 2))},
+        r"S: is not taken by SmoothVariableStructureFilter, which is a filter of the bank$",
+    ),
+    "C for SVSFs in a bank": (
+        lambda: bank(svsf(), svsf()), {"C": MODEL.C},
+        r"C: is not taken by SmoothVariableStructureFilter, which is a filter of the bank$",
+    ),
+    "Q for a bank of EKFs": (
+        lambda: bank(extended(), extended()), {"Q": np.eye(2)},
+        r"Q: is taken by banks of filters of one kind on linear models alone$",
+    ),
+    "A of three modes": (
+        kalman_bank, {"A": np.zeros((ROWS, 3, 3, 3))},
+        r"A: has shape \(9, 3, 3, 3\), must be \(k, 2, ., .\)$",
+    ),
+    "uneven time in discrete time": (
+        kalman, {"time": TIMES},
+        r"time: goes from 0.2 to 0.35 s at row 3, must go on by the sampling period of 0.1 s; for "
+        r"other times make the model by from_ode, with the density of the noise$",
+    ),
+    "uneven time, no density": (
+        lambda: kalman(NO_DENSITY), {"time": TIMES},
+        r"time: goes from 0.2 to 0.35 s at row 3, must go on by the sampling period of 0.1 s; for "
+        r"other times give from_ode the density of the noise, or Q by row$",
+    ),
+    "uneven time of a bank": (
+        lambda: bank(kalman(SPRING), kalman(NO_DENSITY)), {"time": TIMES},
+        r"time: goes from 0.2 to 0.35 s at row 3, must go on by",
+    ),
+    "time going back": (
+        lambda: kalman(SPRING), {"time": BACK}, r"time: must increase, does not at row 5, of 0.3 s$"
+    ),
+    "time of fewer rows": (lambda: kalman(SPRING), {"time": TIMES[:4]}, r"time: has 4 rows"),
+    "dt and time": (
+        extended, {"time": TIMES, "dt": np.full(ROWS, 0.1)},
+        r"dt: is given beside time, must be the only one of them$",
+    ),
+    "dt in discrete time": (
+        lambda: extended(DISCRETE), {"dt": 0.2},
+        r"dt: can only be given for a model of a differential equation, by from_ode$",
+    ),
+    "dt not positive": (extended, {"dt": [0.1] * 8 + [0.0]}, r"dt: .* must be a positive time"),
+    "dt of fewer rows": (extended, {"dt": [0.1] * 4}, r"dt: .* must be a positive time, or 9 of"),
+    "dt of a linear model": (lambda: kalman(SPRING), {"dt": 0.2}, r"dt: is not taken by Kalman"),
+    "unknown parameter": (
+        extended, {"parameters": {"stifness": 1.0}},
+        r"parameters.stifness: is no parameter of the model; did you mean 'stiffness'\?$",
+    ),
+    "parameter of fewer rows": (
+        extended, {"parameters": {"stiffness": [1.0, 2.0]}},
+        r"parameters.stiffness: has shape \(2,\), must be one number or \(9,\)$",
+    ),
+    "unknown to be kept": (
+        kalman, {"keep": ["gains"]},
+        r"keep: 'gains' must be one of predicted_state, predicted_covariance, gain$",
+    ),
+    "number to be kept": (kalman, {"keep": 3}, r"keep: 3 must be one of predicted_state, "),
+    "keep in a bank": (kalman_bank, {"keep": "gain"}, r"keep: is not taken by IMM, beside y and u"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_is_given_is_refused(kind: str) -> None:
+    make, given, problem = REFUSED[kind]
+    one, (y, u) = make(), record()
+    model = one.filters[0].model if hasattr(one, "filters") else one.model
+    state = one.init(MEANS[model.states], 0.5)
+    with pytest.raises(InputError, match=f"^{problem}"):
+        one.run(y, u, state=state, **given)
+
+
+def test_models_refuse_noise_and_density_together() -> None:
+    ode, rest = ([[0.0]], [[1.0]], [[1.0]]), {"R": 1.0, "sampling_period": 0.1}
+    with pytest.raises(InputError, match=r"^density: is given beside Q, must be the only one"):
+        LinearModel.from_ode(*ode, Q=0.1, density=0.1, **rest)
+    with pytest.raises(InputError, match=r"^density: is given beside Q; must be exactly one of"):
+        NonlinearModel.from_ode(["-a"], ["a"], Q=0.1, density=0.1, state_names=["a"], **rest)
+    with pytest.raises(InputError, match=r"^density: is left out, and so is Q; must be exactly"):
+        NonlinearModel.from_ode(["-a"], ["a"], state_names=["a"], **rest)
+    with pytest.raises(InputError, match=r"^density: must be positive semidefinite"):
+        LinearModel.from_ode(*ode, density=-1.0, **rest)
+
+
+def test_records_of_other_lengths_are_refused() -> None:
+    one, (y, u) = kalman(), record()
+    state = one.init([0.0] * 3, 1.0)
+    with pytest.raises(InputError, match=r"^record 1\.u: has 9 rows, must have 5 like y"):
+        one.run([y, y[:5]], u, state=state)
+    with pytest.raises(InputError, match=r"^record 1\.y: has 5 rows, must have 9 like record 0$"):
+        one.run([y, y[:5]], [u, u[:5]], state=state)
+    with pytest.raises(InputError, match=r"^y: has no record, must have one or more$"):
+        one.run(np.empty((0, ROWS, 2)), u, state=state)
+    with pytest.raises(InputError, match=r"^u: is of 3 records, must be of 2 like y$"):
+        one.run([y, y], [u] * 3, state=state)
+    with pytest.raises(InputError, match=r"^state: is of 1 records, must be of 2 like y$"):
+        one.run([y, y], u, state=[state])
+    with pytest.raises(InputError, match=r"^record 1\.y: has shape \(9, 1\), must have one row or"):
+        one.run([y, y[:, :1]], u, state=state)
+    with pytest.raises(InputError, match=r"^before: must be left out with many records$"):
+        one.run([y, y], u, state=state, before=(y, None))
+
+
+def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:
+    one, (y, u), rows = kalman(), record(), random_rows()
+    run = one.run(y, u, state=one.init([0.0] * 3, 1.0), **rows)
+    without_s = {name: value for name, value in rows.items() if name != "S"}
+    with pytest.raises(InputError, match=r"^S: is left out, but was given to the run"):
+        rts_smoother(one, run, u, y=y, **without_s)
+    with pytest.raises(InputError, match=r"^A: is left out, but was given to the run"):
+        rts_smoother(one, run, u, y=y, S=rows["S"])
+    with pytest.raises(
+        InputError, match=r"^y: is left out, must have shape \(9, 2\): S was given$"
+    ):
+        rts_smoother(one, run, u, **rows)
+    with pytest.raises(InputError, match=r"^dt: is not taken by KalmanFilter"):
+        rts_smoother(one, run, u, dt=0.1)
+    bare = augmented()
+    run = bare.run(y, u, state=bare.init([0.0] * 3, 1.0))
+    with pytest.raises(InputError, match=r"has no state_unknown_input_covariance: run the filter"):
+        rts_smoother(bare, run, u)
+    many = one.run([y, y], u, state=one.init([0.0] * 3, 1.0))
+    with pytest.raises(InputError, match=r"^run: .* must be a run of the filter"):
+        rts_smoother(one, many, u)
