@@ -65,26 +65,26 @@ def compile_c(
 
     Of the choices of flags, the first that the compiler takes counts.
     """
-    compiler = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
-    if compiler is None:
-        return None
     with tempfile.TemporaryDirectory() as folder:
         built = Path(folder) / "peer.so"
         for flags in choices:
-            command = [
-                compiler,
-                *flags,
-                *_SHARED,
-                str(Path(__file__).with_name(source)),
-                "-o",
-                str(built),
-                "-lm",
-            ]
-            if subprocess.run(command, capture_output=True, check=False).returncode == 0:
+            command = build_c(source, flags, built)
+            if command is not None:
                 # The loaded library outlives its file.
-                shown = " ".join((Path(compiler).name, *flags))
-                return Compiled(ctypes.CDLL(str(built)), shown)
+                return Compiled(ctypes.CDLL(str(built)), command)
     return None
+
+
+def build_c(source: str, flags: Sequence[str], built: Path) -> str | None:
+    """Compile a source file beside this one to a file; the command, or None if that fails."""
+    compiler = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
+    if compiler is None:
+        return None
+    where = str(Path(__file__).with_name(source))
+    command = [compiler, *flags, *_SHARED, where, "-o", str(built), "-lm"]
+    if subprocess.run(command, capture_output=True, check=False).returncode:
+        return None
+    return " ".join((Path(compiler).name, *flags))
 
 
 def constants(parts: tuple[Any, ...]) -> _Constants:

@@ -18,6 +18,7 @@ from benchmarks.delay_scipy import MODEL, RHO, SLOPE, solve
 from benchmarks.report import Check, Row, Section, seconds
 from benchmarks.timing import interleaved
 from reobserve.core.random_streams import held_normal, random_stream
+from reobserve.core.value import for_loop
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_high_gain_loop import run as observer_loop
 from reobserve.observers.fixed_step import run_on_halves
@@ -25,6 +26,8 @@ from reobserve_papers.plants.delayed_input import DelayedInputPlant, _simulate, 
 from reobserve_papers.signals.inputs import Signal
 
 Array = NDArray[np.float64]
+
+_PARAMETERS = for_loop(MODEL.parameters)
 
 HORIZON, STEP = 120.0, 1e-3
 STEPS = round(HORIZON / STEP)
@@ -115,7 +118,7 @@ def _plant_against_c(section: Section, library: ctypes.CDLL, repeats: int) -> No
     )  # fmt: skip
     whole = partial(DelayedInputPlant(model).simulate, _START[0], control, _DELAY, STEP, STEPS)
     loop = partial(
-        _simulate, model.drift, model.input_gain, model.parameters, (0, 0), inputs, STEP, states
+        _simulate, model.drift, model.input_gain, _PARAMETERS, (0, 0), inputs, STEP, states
     )  # fmt: skip
     times_taken = interleaved({"loop": loop, "simulate": whole, "C": call}, repeats)
     ours, theirs = times_taken["loop"], times_taken["C"]
@@ -148,7 +151,7 @@ def _observer_against_c(
         pointer(off_by_c),
     )  # fmt: skip
     loop = partial(
-        observer_loop, MODEL.drift, MODEL.input_gain, MODEL.parameters, _ORDER, 1, limits, STEP,
+        observer_loop, MODEL.drift, MODEL.input_gain, _PARAMETERS, _ORDER, 1, limits, STEP,
         record, record, states, off,
     )  # fmt: skip
     times = interleaved(
@@ -258,7 +261,7 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
         states[0] = start.values
         right, left = records[number % len(samples)]
         observer_loop(
-            MODEL.drift, MODEL.input_gain, MODEL.parameters, _ORDER, 1, limits, _COARSE, right,
+            MODEL.drift, MODEL.input_gain, _PARAMETERS, _ORDER, 1, limits, _COARSE, right,
             left, states, off,
         )  # fmt: skip
         return float(states[-1, 2])

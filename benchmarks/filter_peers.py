@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.gaussian_filter import Correction, Gaussian
-from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import Correction, Gaussian
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ class OwnFilter:
 class CalledFilter:
     """A filter of the library in a wrapper, so that a bank has to call it from Python."""
 
-    inner: LinearFilter
+    inner: GaussianFilter
 
     @property
     def model(self) -> Any:

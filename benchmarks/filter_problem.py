@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.random_streams import random_stream
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
 
@@ -50,8 +50,8 @@ def models() -> list[LinearModel]:
 
 def banks() -> dict[str, IMM]:
     """A bank of Kalman filters and one of SVSFs, by the names of their C functions."""
-    kalman: list[LinearFilter] = [KalmanFilter(model) for model in models()]
-    switching: list[LinearFilter] = [
+    kalman: list[GaussianFilter] = [KalmanFilter(model) for model in models()]
+    switching: list[GaussianFilter] = [
         SmoothVariableStructureFilter(model, LAYER, CONVERGENCE_RATE) for model in models()
     ]
     return {

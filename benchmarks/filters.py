@@ -14,8 +14,9 @@ from benchmarks.filter_peers import CalledFilter, Found, OwnFilter, by_filterpy,
 from benchmarks.filter_problem import CONVERGENCE_RATE, LAYER, TRANSITION, banks, models, record
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
+from reobserve.core.value import for_loop
 from reobserve.observers.imm import IMM
-from reobserve.observers.imm_loop import Posteriors, new_bank_rows, new_bank_work, run_bank
+from reobserve.observers.imm_loop import Bank, Posteriors, new_bank_rows, new_bank_work, run_bank
 
 Array = NDArray[np.float64]
 Peer = Callable[[], Found]
@@ -80,8 +81,9 @@ def _against_c(
 
 def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
-    compiled, gain = bank._bank, bank._linear[0].compiled_gain
-    assert compiled is not None
+    gain = bank._linear[0].method.function
+    compiled = Bank(bank._model, bank._parameters, for_loop(bank.transition), bank.mixing)
+    held = u[:, None]
     rows = new_bank_rows(len(z), 3, 4, 1)
 
     def call() -> int:
@@ -90,7 +92,7 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
             np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0))
         )
         work = new_bank_work(posteriors, compiled.mixing)
-        return run_bank((0,) * 4, (0,), compiled, gain, posteriors, z, u, False, work, rows)
+        return run_bank(compiled, gain, posteriors, z, held, False, work, rows)
 
     return call
 
