@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.observers.gaussian_filter import Correction, Gaussian
+from reobserve.observers.gaussian_state import Correction, Gaussian
 from reobserve.observers.imm import IMM
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve_papers.metrics.study_table import StudyTable

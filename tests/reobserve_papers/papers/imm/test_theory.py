@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
-from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
 from reobserve_papers.metrics.metrics import lookup
@@ -179,7 +179,7 @@ def test_bank_prediction_is_the_markov_weighted_filter_prediction() -> None:
     bank = observe.build(settings, rules["period"])
     inputs = stacked_inputs(control)
     state = bank.init(np.zeros(5), 1.0, u=inputs[0] * [0.0, 1.0] + [control[0], 0.0])
-    models = [cast(LinearFilter, one).model for one in bank.filters]
+    models = [cast(GaussianFilter, one).model for one in bank.filters]
     squares, held = [], np.array([control[0], 0.0])
     for k in range(begin + 50):
         mu = np.exp(state.log_probabilities)
@@ -218,7 +218,7 @@ def test_only_a_priori_errors_leave_the_layers() -> None:
     control, leaking, healthy, begin = leak()
     layer = rules["layer_share"] * np.abs(leaking - healthy)[begin:].max(axis=0)
     settings = fixed_parameters("imm").settings("observe", "svsf")
-    model = cast(LinearFilter, observe.build(settings, rules["period"]).filters[0]).model
+    model = cast(GaussianFilter, observe.build(settings, rules["period"]).filters[0]).model
     one = SmoothVariableStructureFilter(model, layer, 0.1)
     run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
     late = slice((begin + len(leaking)) // 2, None)
