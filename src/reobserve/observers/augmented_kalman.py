@@ -51,7 +51,7 @@ class AugmentedKalmanFilter(GaussianFilter):
     ``unknown_input_variance`` in their shapes; ``covariance``, (k, n, n), and
     ``unknown_input_covariance``, (k, q, q); and ``innovation``, ``innovation_covariance`` and
     ``log_likelihood`` as those of `reobserve.observers.kalman.KalmanFilter`. `run` and `step` take
-    what that filter takes, with matrices of the plant; ``keep`` may also name
+    what that filter takes, with matrices of the plant, but no uneven times; ``keep`` may also name
     ``state_unknown_input_covariance``, (k, n, q), and what it keeps before a measurement, and the
     gain, are of [x, d].
 

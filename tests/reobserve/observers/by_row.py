@@ -38,6 +38,10 @@ SPRING = LinearModel.from_ode(
     [[0.0, 1.0], [-2.0, -0.4]], [[0.0, 0.0], [1.0, 0.3]], np.eye(2), [[0.0, 0.1], [0.2, 0.0]],
     R=0.05, density=[[0.2, 0.05], [0.05, 0.3]], sampling_period=0.1,
 )  # fmt: skip
+STIFF = LinearModel.from_ode(
+    [[0.0, 1.0], [-9.0, -0.4]], [[0.0, 0.0], [1.0, 0.3]], np.eye(2), [[0.0, 0.1], [0.2, 0.0]],
+    R=0.05, density=[[0.2, 0.05], [0.05, 0.3]], sampling_period=0.1,
+)  # fmt: skip
 PENDULUM = NonlinearModel.from_ode(
     ["rate", "-stiffness*sin(angle) - 0.4*rate + torque + 0.3*push"],
     ["angle + 0.1*push", "rate*stiffness/5"], R=0.05, density=[0.02, 0.3], sampling_period=0.1,
@@ -104,6 +108,10 @@ def kalman_bank() -> IMM:
     return bank(KalmanFilter(MODEL), KalmanFilter(OTHER))
 
 
+def spring_bank() -> IMM:
+    return bank(KalmanFilter(SPRING), KalmanFilter(STIFF))
+
+
 def nonlinear(kind: Any, **given: Any) -> Given:
     return Given(kind(PENDULUM), given, (0.3, -0.2))
 
@@ -121,6 +129,7 @@ GIVEN: dict[str, Callable[[], Given]] = {
     "SVSF": lambda: Given(svsf(), all_but("C", "S")),
     "fixed gain": lambda: Given(steady_kalman(MODEL), all_but("S")),
     "IMM": lambda: Given(kalman_bank(), all_but("S")),
+    "IMM, uneven": lambda: Given(spring_bank(), {"time": TIMES}, (0.3, -0.2)),
     "IMM by mode": lambda: Given(kalman_bank(), by_mode()),
     "IMM with S": lambda: Given(kalman_bank(), random_rows()),
     "IMM of SVSFs": lambda: Given(bank(svsf(), svsf(OTHER)), all_but("C", "S")),

@@ -23,9 +23,11 @@ from tests.reobserve.observers.by_row import (
     PENDULUM,
     ROWS,
     SPRING,
+    STIFF,
     TIMES,
     differing,
     record,
+    spring_bank,
 )
 
 Array = NDArray[np.float64]
@@ -112,6 +114,16 @@ def test_filter_and_smoother_agree_with_exact_matrices_by_row() -> None:
     smooth, exact = rts_smoother(one, run, u), rts_smoother(one, wanted, u, **given)
     for name in ("state", "covariance"):
         np.testing.assert_allclose(smooth[name], exact[name], rtol=1e-11, atol=1e-12)
+
+
+def test_bank_agrees_with_exact_matrices_of_each_mode_by_row() -> None:
+    one, (y, u) = spring_bank(), record()
+    modes = [sampled_rows(model, [*np.diff(TIMES), 0.1]) for model in (SPRING, STIFF)]
+    given = {name: np.stack([mode[name] for mode in modes], axis=1) for name in modes[0]}
+    state = one.init([0.3, -0.2], 0.5)
+    run, wanted = one.run(y, u, state=state, time=TIMES), one.run(y, u, state=state, **given)
+    for name in wanted:
+        np.testing.assert_allclose(run[name], wanted[name], rtol=1e-11, atol=1e-12)
 
 
 def test_matrices_by_row_stand_for_those_of_uneven_times() -> None:
