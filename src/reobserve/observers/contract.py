@@ -44,10 +44,13 @@ from reobserve.observers.record import (
     ObserverState,
     Record,
     Rows,
+    check_state,
     depth_of,
     stacked,
 )
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
+
+__all__ = ["Observer", "ObserverState", "OnDivergence", "Record", "Rows", "check_state"]
 
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]

@@ -31,6 +31,7 @@ from reobserve.observers.gaussian_state import (
     InRecord,
     KalmanState,
     Matrices,
+    ModeFilter,
     check_posterior,
     check_sample,
     inputs_of_rows,
@@ -43,6 +44,8 @@ from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
 from reobserve.systems.linear import as_covariance
+
+__all__ = ["KEPT", "Correction", "Gaussian", "GaussianFilter", "KalmanState", "ModeFilter"]
 
 Array = NDArray[np.float64]
 
