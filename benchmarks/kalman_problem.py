@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 import reobserve
 from benchmarks.compiled import build_c, pointer
 from reobserve.core.random_streams import random_stream
+from reobserve.observers import linear_steps
 
 Array = NDArray[np.float64]
 Found = tuple[Array, ...]
@@ -26,6 +27,7 @@ Jobs = dict[str, Callable[[], Found]]
 
 PERIOD = 0.05
 NAMES = ("state", "covariance", "innovation", "innovation_covariance", "log_likelihood")
+ROLLED = "loops of all sizes"
 FILTERS = {"KF": "linear", "EKF": "extended", "UKF": "unscented"}  # with their names in C
 _PROCESS, _MEASUREMENT = 1e-4, 1e-2
 
@@ -150,7 +152,27 @@ def filter_jobs(folder: Path, kind: str, n: int, rows: int) -> Jobs:
         return tuple(done[name] for name in NAMES)
 
     peers = libraries(folder, n).items()
-    return {"ours": run, **{name: c_filter(one, kind, n, y, u) for name, one in peers}}
+    jobs = {"ours": run, **{name: c_filter(one, kind, n, y, u) for name, one in peers}}
+    if n <= linear_steps.UNROLLED:
+        jobs[ROLLED] = rolled(kind, n, y, u)
+    return jobs
+
+
+def rolled(kind: str, n: int, y: Array, u: Array) -> Callable[[], Found]:
+    """A run of our filter by the loops that are compiled for all sizes."""
+    one, unrolled = our_filter(kind, n), linear_steps.UNROLLED
+    start = one.init(np.zeros(n), 1.0)
+    linear_steps.UNROLLED = 0  # scratch, which the filter keeps, says by which loops it is run
+    try:
+        one.run(y[:1], u[:1], state=start)
+    finally:
+        linear_steps.UNROLLED = unrolled
+
+    def run() -> Found:
+        done = one.run(y, u, state=start)
+        return tuple(done[name] for name in NAMES)
+
+    return run
 
 
 def smoother_jobs(folder: Path, kind: str, n: int, rows: int) -> Jobs:
