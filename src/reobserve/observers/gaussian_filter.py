@@ -32,8 +32,10 @@ from reobserve.observers.gaussian_state import (
     KalmanState,
     Matrices,
     ModeFilter,
+    check_held,
     check_posterior,
     check_sample,
+    check_time,
     inputs_of_rows,
     reached,
     sample_before,
@@ -358,11 +360,10 @@ class GaussianFilter(Observer[KalmanState]):
         n, p, m = self._sizes
         posterior = check_posterior("state.posterior", given.posterior, n, m)
         sample = check_sample(given.sample, m, p)
-        if given.held is not None and not isinstance(given.held, Mapping):
-            raise InputError("state.held", f"{shown(given.held)} must be matrices by name")
-        if posterior is given.posterior and sample is given.sample:
+        held, time = check_held(given.held, self), check_time(given.time)
+        if posterior is given.posterior and sample is given.sample and held is None:
             return given
-        return KalmanState(posterior, sample, given.count, given.held, given.time)
+        return KalmanState(posterior, sample, given.count, held, time)
 
     def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Many:
         first, one = states[0], records[0]

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples
+from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples, as_scalar
 from reobserve.core.value import Value
+from reobserve.observers.correlated_noise import TakenOut
 from reobserve.observers.record import Record, check_state
 
 Array = NDArray[np.float64]
@@ -165,6 +166,43 @@ def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -
         f"has arrays of shapes {tuple(shapes)}, must be of {states} states, {outputs} outputs",
         name, mean=(states,), covariance=(states, states), error=(outputs,),
     )  # fmt: skip
+
+
+def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices | None:
+    """What a state holds by name, as a filter takes it: loops would read beyond its end.
+
+    Raises
+    ------
+    InputError
+        If it is held for another filter, or is of another size or not finite.
+    """
+    if held is None:
+        return None
+    n, p, _ = observer._sizes
+    square, values = (n, n), getattr(observer.model, "parameter_values", ())
+    shapes = {"A": square, "B": (n, p), "Q": square, "parameters": (len(values),), "dt": (1,)}
+    shapes = {one: shape for one, shape in shapes.items() if one in observer.takes}
+    if "S" in observer.takes:
+        shapes |= dict(zip(TakenOut._fields, (square, square, (n,)), strict=True))
+    taken_out = set(TakenOut._fields)
+    if not isinstance(held, Mapping) or not held.keys() <= shapes.keys():
+        raise InputError(name, f"{shown(held)} must be matrices by name: {', '.join(shapes)}")
+    if held.keys() & taken_out and not held.keys() >= taken_out:
+        raise InputError(name, f"must have all of {', '.join(TakenOut._fields)}, or none")
+    found = {}
+    for one, value in held.items():
+        found[one] = array = as_numbers(f"{name}.{one}", value, writable=False)
+        if array.shape != shapes[one] or not all_finite(array):
+            problem = f"{shown(value)} must be finite, of shape {shapes[one]}"
+            raise InputError(f"{name}.{one}", problem)
+        if one == "dt" and array[0] <= 0:
+            raise InputError(f"{name}.dt", f"{shown(value)} must be a positive time")
+    return found
+
+
+def check_time(time: Any) -> float | None:
+    """The time [s] of a state's sample; `InputError` if it is no finite number and not None."""
+    return None if time is None else as_scalar("state.time", time)
 
 
 def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:

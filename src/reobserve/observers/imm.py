@@ -33,7 +33,9 @@ from reobserve.observers.gaussian_state import (
     Gaussian,
     Matrices,
     ModeFilter,
+    check_held,
     check_sample,
+    check_time,
     inputs_of_rows,
     sample_before,
 )
@@ -227,11 +229,19 @@ class IMM(Observer[ImmState]):
         if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
             raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
         sample = check_sample(given.sample, m, inputs)
-        if given.held is not None and len(given.held) != r:
-            raise InputError("state.held", f"{shown(given.held)} must be of {r} filters")
-        if logarithms is given.log_probabilities and sample is given.sample:
+        held: Any = given.held
+        if held is not None:
+            modes = self._linear
+            if type(held) is not tuple or len(held) != len(modes):
+                raise InputError("state.held", f"{shown(held)} must be of {len(modes)} filters")
+            held = tuple(
+                check_held(one, mode, f"state.held[{j}]") or {}
+                for j, (one, mode) in enumerate(zip(held, modes, strict=True))
+            )
+        time = check_time(given.time)
+        if logarithms is given.log_probabilities and sample is given.sample and held is None:
             return given
-        return replace(given, log_probabilities=logarithms, sample=sample)
+        return replace(given, log_probabilities=logarithms, sample=sample, held=held, time=time)
 
     def _timed(
         self, time: ArrayLike | None, state: ImmState, record: Record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -225,3 +226,37 @@ def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:
     many = one.run([y, y], u, state=one.init([0.0] * 3, 1.0))
     with pytest.raises(InputError, match=r"^run: .* must be a run of the filter"):
         rts_smoother(one, many, u)
+
+
+DAMAGED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
+    "no matrices": (kalman, {"held": 3}, r"state\.held: 3 must be matrices by name: A, B, Q, tran"),
+    "of another filter": (kalman, {"held": {"dt": [0.1]}}, r"state\.held: .* must be matrices by"),
+    "of other size": (
+        kalman, {"held": {"A": np.eye(2)}}, r"state\.held\.A: .* must be finite, of shape \(3, 3",
+    ),
+    "text": (kalman, {"held": {"A": "no"}}, r"state\.held\.A: 'no' is not a number or an array"),
+    "not finite": (
+        kalman, {"held": {"Q": np.full((3, 3), np.nan)}}, r"state\.held\.Q: .* must be finite",
+    ),
+    "part of what S takes out": (
+        kalman, {"held": {"known": np.zeros(3)}},
+        r"state\.held: must have all of transition, noise, known, or none$",
+    ),
+    "dt not positive": (extended, {"held": {"dt": [0.0]}}, r"state\.held\.dt: .* a positive time$"),
+    "of no bank": (kalman_bank, {"held": 3}, r"state\.held: 3 must be of 2 filters$"),
+    "of other size in a bank": (
+        kalman_bank, {"held": ({}, {"B": np.eye(3)})}, r"state\.held\[1\]\.B: .* must be finite",
+    ),
+    "time": (kalman, {"time": "now"}, r"state\.time: 'now' is not a number"),
+    "time not finite": (kalman_bank, {"time": np.nan}, r"state\.time: nan has an entry that"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", DAMAGED)
+def test_damaged_states_are_refused(kind: str) -> None:
+    make, changed, problem = DAMAGED[kind]
+    one, (y, u) = make(), record()
+    model = one.filters[0].model if hasattr(one, "filters") else one.model
+    state = replace(one.init(MEANS[model.states], 0.5, u=u[0]), **changed)
+    with pytest.raises(InputError, match=f"^{problem}"):
+        one.run(y, u, state=state)
