@@ -325,7 +325,7 @@ class GaussianFilter(Observer[KalmanState]):
         names = given.get("keep", ())
         names = tuple(names) if isinstance(names, list | tuple) else (names,)
         for name in names:
-            if name not in self.keeps:
+            if not isinstance(name, str) or name not in self.keeps:
                 raise InputError("keep", f"{shown(name)} must be one of {', '.join(self.keeps)}")
         return names
 

@@ -307,9 +307,9 @@ class IMM(Observer[ImmState]):
 
     def _of_mode(self, name: str, value: Any, mode: int) -> Any:
         """What is given for one mode: for all of them, or (k, r, ., .)."""
-        if np.ndim(value) < 4:
-            return value
         matrices = as_floats(name, value)
+        if matrices.ndim < 4:
+            return matrices
         if matrices.shape[1] != len(self.filters):
             problem = f"has shape {matrices.shape}, must be (k, {len(self.filters)}, ., .)"
             raise InputError(name, problem)

@@ -90,7 +90,8 @@ class Run(Generic[StateKind]):
         """
         states: Any = self.state
         count = len(states) if type(states) is tuple else 0
-        if not isinstance(number, int | np.integer) or not 0 <= number < count:
+        whole = isinstance(number, int | np.integer) and not isinstance(number, bool)
+        if not whole or not 0 <= number < count:
             raise InputError("number", f"{shown(number)} must be a record, below {count}")
         last = None if self.diverged_at is None else float(self.diverged_at[number])
         good = len(self) if last is None or np.isnan(last) else int((self.time <= last).sum())

@@ -181,16 +181,18 @@ class LinearModel(Value):
             As the class; or if both Q and the density are given.
         """
         period = as_positive("sampling_period", sampling_period)
-        held = np.zeros((len(np.atleast_1d(A)), 0)) if B is None else B
+        A = as_floats("A", A)
+        held = np.zeros((len(np.atleast_1d(A)), 0)) if B is None else as_floats("B", B)
         # Ad = exp(A T), Bd = int_0^T exp(A s) ds B
         Ad, Bd = zero_order_hold(A, held, period)
-        ode = Ode(as_floats("A", A), as_floats("B", held), None)
+        ode = Ode(A, held, None)
         if density is not None:
             if Q is not None:
                 raise InputError("density", "is given beside Q, must be the only one of them")
             noise = as_covariance("density", density, len(Ad))
             ode, Q = ode._replace(density=noise), held_noise(ode.A, noise, period)
-        model = cls(Ad, Bd, C, D, Q, R, sampling_period=period, check=False, **options)  # type: ignore[arg-type]
+        options = {"check": False, **options}
+        model = cls(Ad, Bd, C, D, Q, R, sampling_period=period, **options)  # type: ignore[arg-type]
         model._set("ode", ode)
         return model
 

@@ -260,3 +260,24 @@ def test_damaged_states_are_refused(kind: str) -> None:
     state = replace(one.init(MEANS[model.states], 0.5, u=u[0]), **changed)
     with pytest.raises(InputError, match=f"^{problem}"):
         one.run(y, u, state=state)
+
+
+def test_lists_of_other_kinds_are_refused() -> None:
+    one, (y, u) = kalman_bank(), record()
+    with pytest.raises(InputError, match=r"^A: .* is not a number or an array of numbers$"):
+        one.run(y, u, state=one.init(MEANS[3], 0.5), A=[[1.0, 2.0], [3.0]])
+    single = kalman()
+    state = single.init(MEANS[3], 0.5)
+    with pytest.raises(InputError, match=r"^keep: .* must be one of predicted_state"):
+        single.run(y, u, state=state, keep=np.eye(3))
+    with pytest.raises(InputError, match=r"^number: True must be a record, below 2$"):
+        single.run([y, y], u, state=state).record(True)
+    with pytest.raises(InputError, match=r"^A: .* is not a number or an array of numbers$"):
+        LinearModel.from_ode([[0.0], [1.0, 2.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=0.1)
+
+
+def test_models_of_equations_may_be_checked() -> None:
+    ode, rest = ([[-40.0, 40.0], [-40.0, -40.0]],), {"C": [[1.0, 0.0]], "Q": 1.0, "R": 1.0}
+    assert LinearModel.from_ode(*ode, **rest, sampling_period=0.05).check is False
+    with pytest.raises(InputError, match=r"^A: has the eigenvalue"):
+        LinearModel.from_ode(*ode, **rest, sampling_period=0.05, check=True)
