@@ -82,7 +82,8 @@ class NonlinearModel:
     ------
     InputError
         If a function returns another number of values; a text cannot be read; sizes do not fit; Q
-        or R is not symmetric positive (semi)definite; or the period or a scale is not positive.
+        or R is not symmetric positive (semi)definite; the period or a scale is not positive; or a
+        density is not that of Q.
 
     Notes
     -----
@@ -154,7 +155,11 @@ class NonlinearModel:
         put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         put(self, "substeps", as_whole("substeps", self.substeps, 0, 10_000))
         if self.density is not None:
-            put(self, "density", read_only(as_covariance("density", self.density, self.states)))
+            density = as_covariance("density", self.density, self.states)
+            if not np.allclose(self.Q, self.sampling_period * density, rtol=1e-9, atol=0.0):
+                problem = "times the sampling period is not Q: leave it out, or give it to from_ode"
+                raise InputError("density", problem)
+            put(self, "density", read_only(density))
         _ = self._definitions  # refuses what is no function now and not at the first step
 
     @classmethod

@@ -281,3 +281,11 @@ def test_models_of_equations_may_be_checked() -> None:
     assert LinearModel.from_ode(*ode, **rest, sampling_period=0.05).check is False
     with pytest.raises(InputError, match=r"^A: has the eigenvalue"):
         LinearModel.from_ode(*ode, **rest, sampling_period=0.05, check=True)
+
+
+@pytest.mark.parametrize("changed", [{"Q": 0.5}, {"density": 0.5}, {"sampling_period": 0.2}])
+def test_density_of_another_noise_is_refused(changed: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"^density: times the sampling period is not Q: leave it"):
+        replace(PENDULUM, **changed)
+    assert replace(PENDULUM, R=0.5).density is not None
+    assert replace(PENDULUM, Q=0.5, density=None).density is None
