@@ -140,7 +140,10 @@ class AugmentedKalmanFilter(GaussianFilter):
         """The model of [x, d]."""
         whole = self._given({name: getattr(self.model, name) for name in ModelRows._fields}, 1)
         matrices = {name: matrix.reshape(matrix.shape[-2:]) for name, matrix in whole.items()}
-        return LinearModel(**matrices, check=False, sampling_period=self.sampling_period)
+        found = LinearModel(**matrices, check=False, sampling_period=self.sampling_period)
+        found._set("state_names", self._all_names)
+        found._set("output_names", self.model.output_names)
+        return found
 
     @cached_property
     def component_names(self) -> Mapping[str, AxisNames]:

@@ -170,7 +170,8 @@ class IMM(Observer[ImmState]):
     @property
     def component_names(self) -> Mapping[str, AxisNames]:
         """Names of components of estimates, by the model of the first filter."""
-        found = names_by_model(self.filters[0].model)
+        one = self.filters[0]
+        found = names_by_model(getattr(one, "whole", one.model))
         if "innovation" in found:
             found["innovation"] = (None, *found["innovation"])
         return found

@@ -13,6 +13,7 @@ from filterpy.kalman import KalmanFilter as FilterpyKalmanFilter
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import Correction, Gaussian
 from reobserve.observers.imm import IMM, ImmState
@@ -530,3 +531,15 @@ def test_unreachable_mode_keeps_its_own_posterior() -> None:
     assert run.state.posteriors[1].mean == pytest.approx(expected.posterior.mean, rel=1e-13)
     covariance = expected.posterior.covariance
     assert run.state.posteriors[1].covariance == pytest.approx(covariance, rel=1e-13)
+
+
+def test_components_of_augmented_filters_have_the_names_of_both() -> None:
+    model = LinearModel(
+        [[0.9, 0.1], [0.0, 0.8]], None, np.eye(2), None, 0.1, 0.1,
+        state_names=["a", "b"], output_names=["c", "d"],
+    )  # fmt: skip
+    one = AugmentedKalmanFilter(model, [[1.0], [0.0]], 0.1, unknown_input_names=["force"])
+    bank = IMM([one, one], [[0.9, 0.1], [0.2, 0.8]])
+    run = bank.run(np.ones((3, 2)), state=bank.init(np.zeros(3), 1.0))
+    assert np.array_equal(run["state_force"], run["state"][:, 2])
+    assert {"covariance_force_a", "innovation_2_d"} < set(run.to_pandas())
