@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples, as_scalar
-from reobserve.core.value import Value
+from reobserve.core.value import Value, read_only
 from reobserve.observers.correlated_noise import TakenOut
 from reobserve.observers.record import Record, check_state
 
@@ -124,6 +124,11 @@ def beside(left: Array, right: Array) -> Array:
     found = np.empty((*left.shape[:-1], left.shape[-1] + right.shape[-1]))
     found[..., : left.shape[-1]], found[..., left.shape[-1] :] = left, right
     return found
+
+
+def as_held(last: Matrices) -> Matrices | None:
+    """Copies of what leads on from a record, which would else keep all its rows alive."""
+    return {name: read_only(array.copy()) for name, array in last.items()} or None
 
 
 def inputs_of_rows(sample: Array | None, record: Record) -> Array:

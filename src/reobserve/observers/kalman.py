@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from reobserve.observers.correlated_noise import TakenOut, uncorrelated
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.gaussian_state import FilterSteps, InRecord, beside
+from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
 from reobserve.observers.linear_loop import predict_linear, run_linear
 from reobserve.observers.linear_steps import Gain, new_linear_work
 from reobserve.systems.linear import LinearModel, ModelRows
@@ -61,7 +61,7 @@ def linear_in_record(
         found["B"] = beside(found["B"], np.eye(model.states))
         inputs = beside(inputs, taken.known)
     matrices = {name: np.ascontiguousarray(matrix) for name, matrix in found.items()}
-    return InRecord(ModelRows(**matrices), inputs, after or None)
+    return InRecord(ModelRows(**matrices), inputs, as_held(after))
 
 
 LINEAR = FilterSteps(LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work, {})

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.value import for_loop
-from reobserve.observers.gaussian_state import FilterSteps, InRecord, beside
+from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
 from reobserve.observers.nonlinear_filter_work import (
     NO_INNOVATION,
     NO_OUTPUT,
@@ -112,7 +112,7 @@ def nonlinear_in_record(
         after["dt"] = periods[-1:]
     if values.size:
         inputs = beside(inputs, values)
-    return InRecord(NonlinearRows(filter.functions, **found), inputs, after or None)
+    return InRecord(NonlinearRows(filter.functions, **found), inputs, as_held(after))
 
 
 NONLINEAR = FilterSteps(

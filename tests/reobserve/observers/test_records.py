@@ -298,3 +298,13 @@ def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
             nonlinear(kind, gain, noise, True)
     assert [len(loop.signatures) for loop in loops] == before
     assert min(before) > 0
+
+
+@pytest.mark.parametrize("kind", GIVEN)
+def test_states_hold_no_rows_but_the_last(kind: str) -> None:
+    one, (y, u) = GIVEN[kind](), record()
+    held = one.observer.run(y, u, state=one.state, **one.given).state.held or {}
+    for matrices in held if isinstance(held, tuple) else (held,):
+        for array in matrices.values():
+            assert not array.flags.writeable
+            assert array.base is None or array.base.size == array.size
