@@ -15,6 +15,7 @@ from reobserve.observers.record import Record
 Array = NDArray[np.float64]
 
 EVEN = 1e-9  # of the sampling period: by how much even times may differ
+DT_AND_TIME = 1e-6  # of the sampling period: how far times may be from those that dt led to
 
 
 def uneven_times(
@@ -41,6 +42,11 @@ def uneven_times(
             return None
         times = as_samples("time", time, None, rows=rows, like="y").copy()
         first = period if state.time is None else times[0] - state.time
+        if held is not None and abs(first - held[0]) > DT_AND_TIME * period:
+            problem = (
+                f"begins {first:.9g} s after the row before, from where dt was {held[0]:.9g} s"
+            )
+            raise InputError("time", problem)
         periods = np.concatenate([[first], np.diff(times)])
         if periods.min() <= 0:
             row = int(np.argmax(periods <= 0))

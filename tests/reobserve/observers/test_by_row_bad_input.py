@@ -289,3 +289,13 @@ def test_density_of_another_noise_is_refused(changed: dict[str, Any]) -> None:
         replace(PENDULUM, **changed)
     assert replace(PENDULUM, R=0.5).density is not None
     assert replace(PENDULUM, Q=0.5, density=None).density is None
+
+
+def test_times_that_dt_did_not_lead_to_are_refused() -> None:
+    one, (y, u) = extended(), record()
+    state = one.run(y, u, state=one.init(MEANS[2], 0.5), dt=0.2).state
+    with pytest.raises(InputError, match=r"^time: begins 0\.3 s after the row before, from where"):
+        one.run(y[:1], u[:1], state=state, time=[1.9])
+    led = one.run(y, u, state=state).state.posterior.mean
+    times = 1.8 + 0.1 * np.arange(ROWS)
+    assert np.allclose(one.run(y, u, state=state, time=times).state.posterior.mean, led, atol=1e-12)
