@@ -160,6 +160,10 @@ class AugmentedKalmanFilter(GaussianFilter):
         x, d = self.model.state_names, self.unknown_input_names
         return None if x is None or d is None else x + d
 
+    @property
+    def _uneven_hint(self) -> str:
+        return "; an augmented filter takes no other times"
+
     def _given(self, given: Mapping[str, Any], rows: int) -> dict[str, Any]:
         n, q = self.fault_matrix.shape
         zeros, found = np.zeros, dict(given)

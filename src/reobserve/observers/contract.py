@@ -295,6 +295,9 @@ class Observer(Value, ABC, Generic[StateKind]):
         """The time [s] up to which estimates are finite, perhaps that of the state's sample."""
         if good:
             return float(times[good - 1])
+        last = self._last_time(state)
+        if last is not None:
+            return last
         return float(times[0]) - (0.0 if state.sample is None else self.sampling_period)
 
     def _read(

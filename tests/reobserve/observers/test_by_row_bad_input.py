@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from reobserve import (
+    AugmentedKalmanFilter,
+    DivergenceError,
     ExtendedKalmanFilter,
     InputError,
     KalmanFilter,
@@ -131,6 +133,11 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
     "uneven time of a bank": (
         lambda: bank(kalman(SPRING), kalman(NO_DENSITY)), {"time": TIMES},
         r"time: goes from 0.2 to 0.35 s at row 3, must go on by",
+    ),
+    "uneven time of an augmented filter": (
+        lambda: AugmentedKalmanFilter(SPRING, [[1.0], [0.0]], 0.1), {"time": TIMES},
+        r"time: goes from 0.2 to 0.35 s at row 3, must go on by the sampling period of 0.1 s; an "
+        r"augmented filter takes no other times$",
     ),
     "time going back": (
         lambda: kalman(SPRING), {"time": BACK}, r"time: must increase, does not at row 5, of 0.3 s$"
@@ -299,3 +306,13 @@ def test_times_that_dt_did_not_lead_to_are_refused() -> None:
     led = one.run(y, u, state=state).state.posterior.mean
     times = 1.8 + 0.1 * np.arange(ROWS)
     assert np.allclose(one.run(y, u, state=state, time=times).state.posterior.mean, led, atol=1e-12)
+
+
+def test_divergence_before_the_first_row_has_the_time_of_the_state() -> None:
+    one, (y, u) = kalman(SPRING), record()
+    state, _ = one.step(one.init(MEANS[2], 0.5), y[0], u[0], time=0.2, A=1e200 * np.eye(2))
+    with pytest.raises(DivergenceError, match=r"is finite up to t = 0\.2 s and not after"):
+        one.step(state, y[1], u[1], time=5.0)
+    run = one.run([y[:1], y[1:2]], u[:1], state=state, time=[5.0], on_divergence="return")
+    assert run.diverged_at.tolist() == [0.2, 0.2]
+    assert [len(run.record(number)) for number in (0, 1)] == [0, 0]
