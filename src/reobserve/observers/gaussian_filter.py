@@ -355,6 +355,7 @@ class GaussianFilter(Observer[KalmanState]):
 
     def _checked(self, state: Any) -> KalmanState:
         if type(state) is KalmanState and vars(state).get("checked") == self._sizes:
+            check_held(state.held, self)  # which may be of a model with other parameters
             return state
         given = check_state(state, KalmanState, "")
         n, p, m = self._sizes

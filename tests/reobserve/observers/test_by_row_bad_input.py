@@ -316,3 +316,12 @@ def test_divergence_before_the_first_row_has_the_time_of_the_state() -> None:
     run = one.run([y[:1], y[1:2]], u[:1], state=state, time=[5.0], on_divergence="return")
     assert run.diverged_at.tolist() == [0.2, 0.2]
     assert [len(run.record(number)) for number in (0, 1)] == [0, 0]
+
+
+def test_states_that_hold_what_another_model_has_are_refused() -> None:
+    one, (y, u) = extended(), record()
+    state = one.run(y, u, state=one.init(MEANS[2], 0.5), parameters={"stiffness": 9.0}).state
+    with pytest.raises(InputError, match=r"^state\.held\.parameters: .* of shape \(0,\)$"):
+        extended(DISCRETE).run(y, u, state=state)
+    with pytest.raises(InputError, match=r"^state\.held: .* must be matrices by name: A, B, Q, tr"):
+        kalman(SPRING).run(y, u, state=state)
