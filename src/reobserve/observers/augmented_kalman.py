@@ -162,7 +162,7 @@ class AugmentedKalmanFilter(GaussianFilter):
 
     @property
     def _uneven_hint(self) -> str:
-        return "; an augmented filter takes no other times"
+        return "; for other times give from_ode the matrices of [x, d], for a Kalman filter"
 
     def _given(self, given: Mapping[str, Any], rows: int) -> dict[str, Any]:
         n, q = self.fault_matrix.shape

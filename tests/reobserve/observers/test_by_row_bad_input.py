@@ -136,8 +136,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
     ),
     "uneven time of an augmented filter": (
         lambda: AugmentedKalmanFilter(SPRING, [[1.0], [0.0]], 0.1), {"time": TIMES},
-        r"time: goes from 0.2 to 0.35 s at row 3, must go on by the sampling period of 0.1 s; an "
-        r"augmented filter takes no other times$",
+        r"time: goes from 0.2 to 0.35 s at row 3, must go on by the sampling period of 0.1 s; for "
+        r"other times give from_ode the matrices of \[x, d\], for a Kalman filter$",
     ),
     "time going back": (
         lambda: kalman(SPRING), {"time": BACK}, r"time: must increase, does not at row 5, of 0.3 s$"
