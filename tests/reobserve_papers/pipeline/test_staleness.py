@@ -296,6 +296,7 @@ LATE = {
     "reobserve.core.documents",  # imported for reading YAML, which few stages do
     "reobserve_papers.plotting.apart",  # when a figure is plotted in another process
     "reobserve.observers.halving",  # and on divergence, which does not occur in the build
+    "reobserve.observers.many",  # and for many records at once
     "reobserve.observers.run_plot",  # and when a run is plotted
 }
 
