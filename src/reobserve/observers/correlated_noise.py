@@ -76,8 +76,13 @@ def uncorrelated(
     A, Q = (found[name][np.minimum(every, len(found[name]) - 1)] for name in "AQ")
     for part, first in zip(taken, before, strict=False):
         part[0] = first
-    if len(before) and np.linalg.eigvalsh(Q[0] - taken.noise[0])[0] < -_ROUNDING * Q[0].max():
-        raise InputError("S", "of the row before is more than Q of this step and R allow")
+    if len(before):
+        # In units of the noise, so that what is allowed does not depend on those of the states.
+        sizes = np.sqrt(Q[0].diagonal())
+        sizes[sizes == 0.0] = 1.0
+        left = (Q[0] - taken.noise[0]) / np.outer(sizes, sizes)
+        if np.linalg.eigvalsh(left)[0] < -_ROUNDING:
+            raise InputError("S", "of the row before is more than Q of this step and R allow")
     if S is not None:
         crosses = as_matrices("S", S, (n, m), rows)
         _check(Q[1 : rows + (not open_end)], found["R"], crosses)

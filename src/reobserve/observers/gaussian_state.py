@@ -86,7 +86,7 @@ class InRecord(NamedTuple):
 
 
 class FilterSteps(NamedTuple):
-    """The compiled steps of filters on one kind of model, and what such models take by row.
+    """The compiled loops of filters on one kind of model.
 
     ``in_record`` finds the model of each row, ``run`` is the loop over records, ``predict`` that
     over rows for the smoother; ``work`` makes the scratch of both, and ``causes`` say why they

@@ -23,6 +23,7 @@ from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
 from reobserve.observers.correlated_noise import TakenOut
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_steps import blocks
 from reobserve.observers.run import Run
@@ -126,6 +127,10 @@ def _filtered(filter: GaussianFilter, run: Any) -> tuple[Array, Array]:  # noqa:
         q = whole - n
         wanted |= {"unknown_input": (q,), "unknown_input_covariance": (q, q), CROSS: (n, q)}
     k = len(run) if isinstance(run, Run) else 0
+    if k and type(run.state) is tuple:
+        raise InputError("run", "is of many records; take one of them, run.record(0)")
+    if k and not isinstance(run.state, KalmanState):
+        raise InputError("run", f"ends in {shown(run.state)}, must be a run of the filter")
     for name, shape in wanted.items():
         if not k or name not in run.estimates or run[name].shape != (k, *shape):
             problem = (

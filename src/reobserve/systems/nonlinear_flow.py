@@ -118,7 +118,6 @@ def move(
         # x(k) = f(x(k-1), u(k-1))
         call(functions.f, (x, u, out))
         return
-    # x = x + h/6 (s1 + 2 s2 + 2 s3 + s4)
     n, h = len(x), steps[min(k, len(steps) - 1)]
     point, slope, total = work.point, work.slope, work.total
     for i in range(n):

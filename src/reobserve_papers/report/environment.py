@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import subprocess
 from importlib import metadata
 from pathlib import Path
 
+from reobserve.core.code_paths import cores
 from reobserve_papers.steps.provenance import versions
 
 
 def environment(project: Path) -> dict[str, str]:
     """Return what the page says of its origin, by name."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     rows = {
         "commit": _commit(project),
         "operating system": _system(),
         "processor": _processor(),
-        "cores": str(cores or ""),
+        "cores": str(cores()),
         "Python": f"{platform.python_version()} ({platform.python_implementation()})",
     }
     return {name: value for name, value in rows.items() if value}

@@ -231,7 +231,7 @@ def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:
     with pytest.raises(InputError, match=r"has no state_unknown_input_covariance: run the filter"):
         rts_smoother(bare, run, u)
     many = one.run([y, y], u, state=one.init([0.0] * 3, 1.0))
-    with pytest.raises(InputError, match=r"^run: .* must be a run of the filter"):
+    with pytest.raises(InputError, match=r"^run: is of many records; take one of them, run.record"):
         rts_smoother(one, many, u)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
 
 from reobserve import (
+    IMM,
     ExtendedKalmanFilter,
     FixedGainObserver,
     InputError,
@@ -176,6 +177,9 @@ def test_invalid_smoother_input_is_refused() -> None:
     noisier = one.run(y, u, state=one.init([1.0, 0.0], 1.0), Q=2 * np.asarray(one.model.Q))
     with pytest.raises(InputError, match=r"^Q: is left out, but was given to the run"):
         rts_smoother(one, noisier, u)
+    bank = IMM([one, one], [[0.9, 0.1], [0.1, 0.9]])
+    with pytest.raises(InputError, match=r"^run: ends in .*ImmState.*, must be a run"):
+        rts_smoother(one, bank.run(y, u, state=bank.init([1.0, 0.0], 1.0)), u)
     gain = FixedGainObserver(LinearModel(A, B, C, D, Q=Q, R=R), [[0.5], [0.1]])
     with pytest.raises(InputError, match=r"^filter: .* must be a Kalman filter, extended or"):
         rts_smoother(gain, run, u)  # type: ignore[arg-type]
