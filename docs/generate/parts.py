@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from docs.generate import api, commands, configuration, evidence, findings, gallery, parameters
+from docs.generate.abilities import abilities
 from docs.generate.equations import equations
 from docs.generate.markdown import Page
 from docs.generate.modules import packages_and_modules
@@ -54,6 +55,7 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         "papers": lambda: findings.what_it_is_about(papers),
         "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),
         "figures": lambda: gallery.small(papers),
+        "abilities": abilities,
         "public names": lambda: api.public_names(library),
         "packages of the library": lambda: api.parts("reobserve"),
         "packages of the papers": lambda: api.parts("reobserve_papers"),

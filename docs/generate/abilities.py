@@ -1,0 +1,169 @@
+"""What each public observer can do, read from its class and the families, and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_type_hints
+
+import reobserve
+from docs.generate.markdown import code, plain, table, ticks
+from reobserve.estimation.families import FAMILIES, family
+from reobserve.observers.contract import Observer
+from reobserve.observers.smoother import SMOOTHED
+
+Kind = type[Observer[Any]]
+
+
+class Ability(NamedTuple):
+    """A column: its title, what it means, and whether an observer has it."""
+
+    title: str
+    means: str
+    known: Callable[[Kind], bool]
+
+
+def observers() -> dict[str, Kind]:
+    """The public observers by name."""
+    public = {name: getattr(reobserve, name) for name in reobserve.__all__}
+    return {
+        name: found
+        for name, found in public.items()
+        if isinstance(found, type) and issubclass(found, Observer)
+    }
+
+
+def exporting(kind: Kind) -> list[str]:
+    """The families with a program of an observer for export."""
+    return [name for name in FAMILIES if kind in family(name).programs]
+
+
+@cache
+def families(kind: Kind) -> tuple[str, ...]:
+    """The families that make an observer."""
+    return tuple(name for name in FAMILIES if kind in family(name).programs or kind in _made(name))
+
+
+def _made(name: str) -> tuple[Any, ...]:
+    """The observers of a family, as its property says."""
+    declared: Any = family(name).observer
+    hint = get_type_hints(declared.func if hasattr(declared, "func") else declared.fget)["return"]
+    return get_args(hint) or (hint,)
+
+
+def _units(kind: Any) -> Mapping[str, str]:
+    """The units of all estimates, which the class of a public observer holds."""
+    found: Mapping[str, str] = kind.units
+    return found
+
+
+ABILITIES = {
+    "nan": Ability(
+        "nan", "a nan in `y` is a measurement that is missing", lambda kind: kind.reads_missing
+    ),
+    "noise": Ability(
+        "noise by row", "`run(..., Q=, R=)`: covariances of this record, or of each row",
+        lambda kind: {"Q", "R"} <= {*kind.takes},
+    ),
+    "model": Ability(
+        "model by row", "`run(..., A=, B=, ...)` of linear models, `parameters=` of nonlinear ones",
+        lambda kind: bool({"A", "parameters"} & {*kind.takes}),
+    ),
+    "smoother": Ability(
+        "smoother", "`rts_smoother`: each row from the whole record",
+        lambda kind: issubclass(kind, SMOOTHED),
+    ),
+    "covariance": Ability(
+        "covariance", '`run["covariance"]` and `run["variance"]`',
+        lambda kind: "covariance" in _units(kind),
+    ),
+    "predicted": Ability(
+        "predicted state", '`run(..., keep=["predicted_state"])`: before it is corrected',
+        lambda kind: "predicted_state" in getattr(kind, "keeps", ()),
+    ),
+    "gain": Ability(
+        "gain", '`run(..., keep=["gain"])`: in each row',
+        lambda kind: "gain" in getattr(kind, "keeps", ()),
+    ),
+    "names": Ability(
+        "names", '`run["state_speed"]`, where the model names its signals',
+        lambda kind: kind.component_names is not Observer.component_names,
+    ),
+    "bank": Ability(
+        "bank", "a filter of an `IMM`",
+        lambda kind: hasattr(kind, "predict") and hasattr(kind, "correct"),
+    ),
+    "batch": Ability(
+        "many records", "`y` of shape (records, k, m), with the bits of each alone",
+        lambda kind: True,
+    ),
+    "specification": Ability(
+        "specification", "the kinds of `reobserve design` and `reobserve estimate`",
+        lambda kind: bool(families(kind)),
+    ),
+    "C": Ability("C", "`reobserve export`", lambda kind: bool(exporting(kind))),
+}  # fmt: skip
+
+# Why an observer lacks an ability: by its name, else as most do.
+MOST = ""
+REASONS: Mapping[str, Mapping[str, str]] = {
+    "nan": {
+        MOST: "Its steps need a value in each row; `reobserve estimate` fills gaps, as `missing` "
+        "says.",
+    },
+    "noise": {MOST: "Its gains do not follow from covariances of noise."},
+    "model": {
+        MOST: "Its gains, and what is proved of them, are those of one model.",
+        "LevantDifferentiator": "It has no model.",
+    },
+    "smoother": {
+        MOST: "It has no covariance.",
+        "IMM": "Its smoother is another algorithm; smooth the filter of one mode.",
+        "FixedGainObserver": "The smoother takes the gain of minimum variance.",
+        "SmoothVariableStructureFilter": "The smoother takes the gain of minimum variance.",
+    },
+    "covariance": {MOST: "It has no model of noise, but bounds or poles of its error."},
+    "predicted": {
+        MOST: "It makes no prediction apart from its correction.",
+        "IMM": "Each of its filters has its own.",
+    },
+    "gain": {
+        MOST: "Its gains are those it was made with.",
+        "IMM": "Each of its filters has its own.",
+    },
+    "names": {MOST: "Its model does not name signals; a specification does."},
+    "bank": {
+        MOST: "A bank mixes means and covariances: its filters have `predict` and `correct`.",
+        "IMM": "It is the bank.",
+    },
+    "specification": {MOST: "No kind makes it yet; it is called in Python."},
+    "C": {MOST: "No kind has a program for it yet."},
+}
+
+
+def reason(ability: str, name: str) -> str:
+    """Why an observer lacks an ability."""
+    among = REASONS[ability]
+    return among.get(name, among[MOST])
+
+
+def abilities() -> str:
+    """The table, what its columns mean, and the reasons of its empty cells."""
+    marks: dict[str, str] = {}
+    rows = [tuple(_row(name, kind, marks)) for name, kind in observers().items()]
+    titles = ("observer", *(one.title for one in ABILITIES.values()))
+    means = [(plain(one.title), ticks(one.means)) for one in ABILITIES.values()]
+    why = "".join(f"- *{mark}*: {ticks(text)}\n" for text, mark in marks.items())
+    return f"{table(titles, rows)}\n{table(('column', 'meaning'), means)}\n{why}"
+
+
+def _row(name: str, kind: Kind, marks: dict[str, str]) -> Iterator[str]:
+    yield f"[`{name}`][{kind.__module__}.{name}]"
+    for ability, one in ABILITIES.items():
+        if not one.known(kind):
+            mark = chr(ord("a") + len(marks))
+            yield f"*{marks.setdefault(reason(ability, name), mark)}*"
+        elif ability == "specification":
+            yield ", ".join(map(code, families(kind)))
+        else:
+            yield "yes"
