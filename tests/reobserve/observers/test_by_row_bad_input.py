@@ -167,7 +167,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
         r"keep: 'gains' must be one of predicted_state, predicted_covariance, gain$",
     ),
     "number to be kept": (kalman, {"keep": 3}, r"keep: 3 must be one of predicted_state, "),
-    "keep in a bank": (kalman_bank, {"keep": "gain"}, r"keep: is not taken by IMM, beside y and u"),
 }  # fmt: skip
 
 

@@ -42,7 +42,6 @@ from tests.reobserve.observers.by_row import (
     record,
     remembered,
 )
-from tests.reobserve.observers.cases import CASES
 
 Array = NDArray[np.float64]
 
@@ -85,23 +84,6 @@ def test_many_records_give_the_bits_of_each_alone(
             assert np.array_equal(b["state"][r], parts[1]["state"])
             assert parts[1].diverged_at is None
             assert [len(each) for each in parts] == [5, 4]
-
-
-@pytest.mark.parametrize("kind", ["sampled ILO", "high gain"])
-def test_other_observers_take_many_records(kind: str) -> None:
-    case = CASES[kind]()
-    y = case.y[:20].reshape(20, -1)
-    y = np.array([y, 0.5 * y])
-    u = (
-        None
-        if case.u is None
-        else case.u[:20].reshape(20, -1) * np.array([1.0, -1.0])[:, None, None]
-    )
-    run = case.observer.run(y, u, state=case.state)
-    for r in range(2):
-        alone = case.observer.run(y[r], None if u is None else u[r], state=case.state)
-        assert not differing(run.record(r).estimates, alone.estimates)
-        assert not differing(remembered(run.state[r]), remembered(alone.state))
 
 
 def test_records_are_one_run_with_an_axis_for_them() -> None:

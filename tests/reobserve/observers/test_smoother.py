@@ -15,7 +15,6 @@ from scipy.stats import multivariate_normal
 from reobserve import (
     IMM,
     ExtendedKalmanFilter,
-    FixedGainObserver,
     InputError,
     KalmanFilter,
     LinearModel,
@@ -180,6 +179,3 @@ def test_invalid_smoother_input_is_refused() -> None:
     bank = IMM([one, one], [[0.9, 0.1], [0.1, 0.9]])
     with pytest.raises(InputError, match=r"^run: ends in .*ImmState.*, must be a run"):
         rts_smoother(one, bank.run(y, u, state=bank.init([1.0, 0.0], 1.0)), u)
-    gain = FixedGainObserver(LinearModel(A, B, C, D, Q=Q, R=R), [[0.5], [0.1]])
-    with pytest.raises(InputError, match=r"^filter: .* must be a Kalman filter, extended or"):
-        rts_smoother(gain, run, u)  # type: ignore[arg-type]
