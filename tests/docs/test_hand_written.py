@@ -21,8 +21,8 @@ PROGRAMS = {"reobserve": library, "reobserve-papers": papers}
 # Those of the library, without the papers.
 LIBRARY = (
     "start/library.md", "start/coming-from.md", "tutorials/recorded-data.md",
-    "how-to/recorded-data.md", "how-to/tune-on-a-log.md", "how-to/export-to-c.md", "how-to/add-an-observer.md",
-    "explanation/proved-and-computed.md",
+    "how-to/recorded-data.md", "how-to/tune-on-a-log.md", "how-to/export-to-c.md",
+    "how-to/add-an-observer.md", "explanation/proved-and-computed.md",
 )  # fmt: skip
 
 any_page = pytest.mark.parametrize("page", sorted(PAGES.rglob("*.md")), ids=name)

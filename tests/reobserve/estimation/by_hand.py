@@ -14,6 +14,7 @@ from reobserve.estimation.quantities import conversion
 from reobserve.observers.run import Run
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.triangular_text import triangular_model
+from tests.reobserve.observers.cases import stated
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -146,3 +147,5 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     ),
     "kalman-steady": motor(lambda: ro.steady_kalman(motor_model())),
 }  # fmt: skip
+for more in stated("BY_HAND"):
+    BY_HAND |= more

@@ -152,17 +152,15 @@ def test_packages_used_for_types_are_imported_late() -> None:
 
 
 def test_public_names_are_listed_for_dir_and_type_checkers() -> None:
-    tree = ast.parse(Path(str(reobserve.__file__)).read_text(encoding="utf-8"))
-    typed = {
-        (str(node.module).removeprefix("reobserve."), alias.name)
-        for block in tree.body
-        if isinstance(block, ast.If)
-        for node in block.body
+    stub = Path(str(reobserve.__file__)).with_suffix(".pyi")
+    nodes = [
+        node
+        for node in ast.parse(stub.read_text(encoding="utf-8")).body
         if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    assert typed == {(module, name) for name, module in reobserve._HOME.items()}
-    assert sorted(reobserve.__all__) == sorted(reobserve._HOME)
+    ]
+    typed = [(node.module, one.name, one.asname) for node in nodes for one in node.names]
+    homes = reobserve._HOME.items()
+    assert sorted(typed) == sorted((f"reobserve.{home}", name, name) for name, home in homes)
     assert set(reobserve.__all__) <= set(dir(reobserve))
 
 

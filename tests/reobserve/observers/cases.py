@@ -1,18 +1,23 @@
-"""All observers with a record each; a new family adds its own here."""
+"""All observers with a record each, from the modules ``cases_*`` beside this one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 from tests.reobserve.observers.case import Case
-from tests.reobserve.observers.cases_delay import DELAY_CASES
-from tests.reobserve.observers.cases_filters import FILTER_CASES
-from tests.reobserve.observers.cases_nonlinear import NONLINEAR_CASES
-from tests.reobserve.observers.cases_rigid_body import RIGID_BODY_CASES
+
+
+def stated(name: str) -> Iterator[Any]:
+    """What the modules have under a name, those that have it."""
+    for path in sorted(Path(__file__).parent.glob("cases_*.py")):
+        module = import_module(f"{__package__}.{path.stem}")
+        if hasattr(module, name):
+            yield getattr(module, name)
+
 
 CASES: dict[str, Callable[[], Case]] = {
-    **RIGID_BODY_CASES,
-    **FILTER_CASES,
-    **NONLINEAR_CASES,
-    **DELAY_CASES,
+    name: make for cases in stated("CASES") for name, make in cases.items()
 }

@@ -86,7 +86,7 @@ def normal_form(kind: str) -> Case:
     return Case(observer, x[:, 0], None, observer.init(x[0]), truth, bounds, 0, 100.0)
 
 
-DELAY_CASES: dict[str, Callable[[], Case]] = {
+CASES: dict[str, Callable[[], Case]] = {
     "high gain": high_gain,
     "extended high gain": lambda: extended(False),
     "extended high gain, u alone": lambda: extended(True),

@@ -108,7 +108,7 @@ def extended_state() -> Case:
     return Case(observer, y, u, observer.init(), {"state": x, **faults}, bounds, 200, 10.0, 1.7e308)
 
 
-FILTER_CASES: dict[str, Callable[[], Case]] = {
+CASES: dict[str, Callable[[], Case]] = {
     "Kalman filter": kalman,
     "SVSF": variable_structure,
     "steady Kalman filter": steady,

@@ -118,7 +118,7 @@ def bank() -> Case:
     return _case(IMM(filters, [[0.99, 0.01], [0.01, 0.99]]), true_step, _both)
 
 
-NONLINEAR_CASES: dict[str, Callable[[], Case]] = {
+CASES: dict[str, Callable[[], Case]] = {
     "extended Kalman filter": extended,
     "unscented Kalman filter": unscented,
     "extended Kalman filter, functions": extended_called,

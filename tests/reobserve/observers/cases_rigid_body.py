@@ -64,7 +64,7 @@ def adaptive() -> Case:
     )
 
 
-RIGID_BODY_CASES: dict[str, Callable[[], Case]] = {
+CASES: dict[str, Callable[[], Case]] = {
     "sampled ILO": sampled_ilo,
     "continuous ILO": continuous_ilo,
     "adaptive": adaptive,

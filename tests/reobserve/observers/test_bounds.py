@@ -10,9 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
-from tests.reobserve.observers.cases_delay import DELAY_CASES
-from tests.reobserve.observers.cases_filters import FILTER_CASES
-from tests.reobserve.observers.cases_rigid_body import RIGID_BODY_CASES
+from tests.reobserve.observers import cases_delay, cases_filters, cases_rigid_body
 
 pytestmark = pytest.mark.nightly  # compiles all kernels once more
 
@@ -48,7 +46,11 @@ for name in sys.argv[1:]:
 print("all within bounds")
 """
 
-LOOPS = {"rigid bodies": RIGID_BODY_CASES, "filters": FILTER_CASES, "delays": DELAY_CASES}
+LOOPS = {
+    "rigid bodies": cases_rigid_body.CASES,
+    "filters": cases_filters.CASES,
+    "delays": cases_delay.CASES,
+}
 
 
 @pytest.mark.parametrize("family", LOOPS)

@@ -18,6 +18,7 @@ from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.rigid_body import RigidBody
+from tests.reobserve.observers.cases import stated
 from tests.reobserve.observers.small_plants import first_order_lag, pendulum
 
 from .call import COMPLEX, MISSING, Call, called, method
@@ -26,7 +27,7 @@ from .models import HALF, INERTIA, VAN_DER_POL, augmented, gains, linear_model, 
 
 def calls() -> Iterator[Call]:
     """All of them."""
-    for part in (_observers, _filters, _nonlinear_filters, _normal_forms):
+    for part in (_observers, _filters, _nonlinear_filters, _normal_forms, *stated("calls")):
         yield from part()
 
 
