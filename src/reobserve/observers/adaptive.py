@@ -1,8 +1,5 @@
 """Adaptive observer of a rigid body with a proportional-integral fault estimate.
 
-    J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f f^
-    f^ = z + Kp (w - w^),    z' = Gamma (w - w^)
-
 With Kp = 0 this is the classical adaptive observer, whose fault estimate is an integrator: the
 kind of law that Chen & Saif 2007 compare with in Fig. 4. They cite it and do not print it;
 what stands here is a reconstruction. With Gamma = K2 / tau and Kp = K2 / 2 it is the limit of
@@ -55,10 +52,18 @@ class AdaptiveConstants(NamedTuple):
 class AdaptiveObserver(RigidBodyObserver):
     """Fault estimation by an integrator, with or without a proportional part.
 
-    Chen & Saif 2007, Section 4, adaptive.
+        J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f f^
+        f^ = z + Kp (w - w^),    z' = Gamma (w - w^)
+
+    Chen & Saif 2007, Section 4, adaptive. `init` takes rate and fault; left out, a run starts from
+    the first measurement. `run` and `step` take y, the rate w [rad/s], and u [N m], both of shape
+    (k, 3). Estimates: ``rate``, w^ [rad/s], and ``fault``, f^ [N m], both (k, 3); `Run.before` has
+    limits of ``fault`` from the left.
 
     Parameters
     ----------
+    model
+        The observer's model of the rigid body.
     observer_gain
         Lambda [N m s/rad]: a number (times the identity), a diagonal or 3 x 3; symmetric
         positive definite.
@@ -66,11 +71,26 @@ class AdaptiveObserver(RigidBodyObserver):
         Gamma [N m/rad], likewise.
     proportional_gain
         Kp [N m s/rad], a number, a diagonal or 3 x 3; zero for the classical law.
+    sampling_period
+        [s], and the step of the method.
 
     Raises
     ------
     InputError
         If a shape is wrong, Lambda or Gamma is not positive definite or the step not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import AdaptiveObserver, RigidBody
+    >>> observer = AdaptiveObserver(
+    ...     RigidBody([36, 17, 26]), observer_gain=500.0, integral_gain=5000.0,
+    ...     proportional_gain=50.0, sampling_period=0.01,
+    ... )
+    >>> rate = np.outer(0.01 * np.arange(200), [0.5 / 36, 0, 0])  # 0.5 N m about the first axis
+    >>> run = observer.run(rate, np.zeros((200, 3)))
+    >>> print(run["fault"][-1, 0].round(2))
+    0.5
     """
 
     observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))

@@ -1,13 +1,4 @@
-"""A Kalman filter that estimates unknown inputs along with the state.
-
-    x(k+1) = A x(k) + B u(k) + E d(k) + w(k)
-    d(k+1) = d(k) + n(k)                            n ~ N(0, W)
-    y(k)   = C x(k) + D u(k) + F d(k) + v(k)
-
-Disturbances, faults and biases d are taken for random walks (Friedland 1969): the filter is that of
-`reobserve.observers.kalman` on the state [x, d]. The greater W, the faster its estimates follow,
-and the noisier they are. A d that acts through E alone is seen one sample later.
-"""
+"""A Kalman filter that estimates unknown inputs along with the state."""
 
 from __future__ import annotations
 
@@ -45,15 +36,22 @@ CROSS = "state_unknown_input_covariance"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AugmentedKalmanFilter(GaussianFilter):
-    """The Kalman filter on the state and q unknown inputs.
+    """Kalman filter on the state and q unknown inputs: disturbances, faults and biases d.
 
-    Its estimates are ``state``, shape (k, n), and ``unknown_input``, (k, q); ``variance`` and
-    ``unknown_input_variance`` in their shapes; ``covariance``, (k, n, n), and
-    ``unknown_input_covariance``, (k, q, q); and ``innovation``, ``innovation_covariance`` and
-    ``log_likelihood`` as those of `reobserve.observers.kalman.KalmanFilter`. `run` and `step` take
-    what that filter takes, with matrices of the plant, but no uneven times; ``keep`` may also name
-    ``state_unknown_input_covariance``, (k, n, q), and what it keeps before a measurement, and the
-    gain, are of [x, d].
+        x(k+1) = A x(k) + B u(k) + E d(k) + w(k)
+        d(k+1) = d(k) + n(k)                            n ~ N(0, W)
+        y(k)   = C x(k) + D u(k) + F d(k) + v(k)
+
+    The unknown inputs are taken for random walks (Friedland 1969): the filter is `KalmanFilter` on
+    the state [x, d]. The greater W, the faster its estimates follow, and the noisier they are. A d
+    that acts through E alone is seen one sample later.
+
+    `init` takes mean and covariance of x and of d; `run` and `step` take what `KalmanFilter` takes,
+    with matrices of the plant, but no uneven times. Estimates, in units of the model: ``state``, x,
+    shape (k, n), ``variance``, (k, n), and ``covariance``, (k, n, n); ``unknown_input``, d, (k, q),
+    ``unknown_input_variance``, (k, q), and ``unknown_input_covariance``, (k, q, q); ``innovation``,
+    (k, m), ``innovation_covariance``, (k, m, m), and ``log_likelihood``, (k,). ``keep`` may also
+    name ``state_unknown_input_covariance``, (k, n, q); its predictions and the gain are of [x, d].
 
     Parameters
     ----------
@@ -73,6 +71,15 @@ class AugmentedKalmanFilter(GaussianFilter):
     InputError
         If the shapes do not fit, W is no covariance, or a mode of [x, d] that does not decay is
         unobservable: two unknown inputs, say, that do the same.
+
+    Examples
+    --------
+    >>> from reobserve import AugmentedKalmanFilter, LinearModel
+    >>> model = LinearModel([[0.9]], C=[[1]], Q=1e-4, R=1e-4)
+    >>> observer = AugmentedKalmanFilter(model, fault_matrix=[[1]], random_walk=1e-3)
+    >>> run = observer.run([0, 0, 0, 0, 0.2, 0.38, 0.54, 0.69], state=observer.init([0], 0.1))
+    >>> print(run["unknown_input"][-1, 0].round(1))
+    0.2
     """
 
     model: LinearModel

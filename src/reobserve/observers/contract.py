@@ -168,8 +168,9 @@ class Observer(Value, ABC, Generic[StateKind]):
     ) -> tuple[StateKind, Estimate]:
         """Take one sample: the next state, and the estimates at it.
 
-        The arguments are those of `run`, without the axis of samples. Stepping through a record
-        gives bitwise what `run` gives.
+        ``state`` is the one from `init` or from the sample before; y, u, time, before, middle and
+        what is given by name are those of `run`, without the axis of samples. Stepping through a
+        record gives bitwise what `run` gives.
 
         Raises
         ------

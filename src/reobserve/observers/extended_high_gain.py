@@ -1,14 +1,5 @@
 """Extended high-gain observer of state and input delay (Lechappe et al. 2018, (9) to (11)).
 
-    X^' = Lambda_ext(xi^) X^ + f_ext(X^) + g_ext(y) u(t) - lambda(xi^)^-1 S^-1 C^T (x^1 - y)
-    xi^ = G(y) sum over i = 1..m of (-1)^i tau^^(i-1) / i! u^(i)(t)                          (10)
-
-The last state is the delay: row n has xi^ tau^ + G(y) u, the Taylor expansion of the delayed input
-up to order m, and the gain of the delay is divided by xi^. (The printed (34) lacks the C^T.)
-The rate of the delay is projected (11): at a bound of its interval the delay is held while its rate
-points outwards. Where |xi^| is below a threshold the delay is nearly unobservable, and gains are
-switched off: that of the delay alone, or all of them.
-
 The right-hand side differs between held and free, on and off. A step in which the mode changes is
 therefore split at that instant, and each part is a step of the classical Runge-Kutta method. This
 keeps the order of the method, and the delay inside its interval, also between samples. Inside a
@@ -65,18 +56,22 @@ class ExtendedHighGainState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
-    """The observer for a model of any size and any Taylor order.
+    """Extended high-gain observer of state and input delay, of any size and any Taylor order.
 
-    Lechappe et al. 2018, (9) to (12), (34), (35), after (36) and Lemma 1.
+        X^' = Lambda_ext(xi^) X^ + f_ext(X^) + g_ext(y) u(t) - lambda(xi^)^-1 S^-1 C^T (x^1 - y)
+        xi^ = G(y) sum over i = 1..m of (-1)^i tau^^(i-1) / i! u^(i)(t)                      (10)
 
-    It takes y, and u with its derivatives up to order m: rows of m + 1 numbers, or u alone. From u
-    alone it computes the derivatives by the past samples, see
-    `reobserve.observers.row_derivatives`. The input is assumed to be smooth: between rows u, its
-    derivatives and y are interpolated linearly.
+    Lechappe et al. 2018, (9) to (12), (34), (35), after (36) and Lemma 1. (The printed (34) lacks
+    the C^T.) The last state is the delay: row n has xi^ tau^ + G(y) u, the Taylor expansion of the
+    delayed input up to order m, and the gain of the delay is divided by xi^. The rate of the delay
+    is projected (11): at a bound of its interval the delay is held while its rate points outwards.
 
-    Its estimates are ``state``, x^, shape (k, n), ``delay``, tau^ [s], shape (k,), and
-    ``switched_off``, shape (k,): the share of the period before the row in which gains were
-    switched off, 0 in the first row of a record.
+    `init` takes the state and the delay. `run` and `step` take y, shape (k,), and u with its
+    derivatives up to order m, (k, m + 1), or u alone: then the derivatives are computed by the past
+    samples, see `reobserve.observers.row_derivatives`. The input is assumed to be smooth: between
+    rows u, its derivatives and y are interpolated linearly. Estimates: ``state``, x^, shape (k, n),
+    in units of the model, ``delay``, tau^ [s], (k,), and ``switched_off`` [1], (k,): the share of
+    the period before the row in which gains were switched off, 0 in the first row of a record.
 
     Parameters
     ----------
@@ -89,7 +84,8 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
     delay_bounds
         The known interval of the delay [s].
     threshold
-        Gains are switched off where |xi^| is below it; 0 for never.
+        Gains are switched off where |xi^| is below it, as the delay is nearly unobservable there;
+        0 for never.
     switched
         Which gains are switched off: ``delay`` or ``all``.
     initial_matrix
@@ -108,6 +104,18 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
     -----
     SwitchedOffWarning
         If the gain was off for the whole record of a run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import ExtendedHighGainObserver
+    >>> from reobserve.systems.triangular_text import triangular_model
+    >>> lag = triangular_model(["x"], drift=["-x"], input_gain="1")
+    >>> observer = ExtendedHighGainObserver(lag, 3.0, 1, (0.0, 1.0), sampling_period=0.02)
+    >>> time = 0.02 * np.arange(600)
+    >>> run = observer.run(time - 1.6, time, state=observer.init([-1.6], 0.3))  # u = t, 0.6 s late
+    >>> print(run["delay"][-1].round(3), run["switched_off"][-1])
+    0.6 0.0
     """
 
     model: TriangularModel = field(metadata=converter(as_kind, TriangularModel))

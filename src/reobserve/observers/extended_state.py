@@ -1,19 +1,12 @@
 """PI and PD/PI extended state observer (Indriawati, Agustinah & Jazidie, (8) and (6)).
 
-It estimates the state, actuator faults and sensor faults of a linear plant at once. With the plant
-augmented by the filter xz' = Az (y - xz) and by the faults, and with x^ for [x, xz, fa, fs]
-
-    x^' = A~ x^ + B~ u + L (Y - C~ x^) + Ld (Y' - C~ x^'),    Y = xz;
-
-Ld = 0 is the PI observer. The measured y is never differentiated: the observer runs the filter
-itself, and knows Y' = Az (y - xz). With Eo = I + Ld C~ and Ao = A~ - L C~ it is
+The measured y is never differentiated: the observer runs the filter itself, and knows
+Y' = Az (y - xz). With Eo = I + Ld C~ and Ao = A~ - L C~ it is
 
     xz' = Az (y - xz),    Eo x^' = Ao x^ + B~ u + (L - Ld Az) xz + Ld Az y,
 
 linear in y and u and sampled exactly. With zeta = Eo x^ - Ld xz the second line is
 zeta' = Ao x^ + B~ u + L xz, the same in other coordinates.
-
-The errors of the estimates do not contain u: whatever controls the plant, they are the same.
 """
 
 from __future__ import annotations
@@ -59,15 +52,20 @@ class EsoState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExtendedStateObserver(Observer[EsoState]):
-    """The observer, sampled exactly for what its record says of y and u.
+    """Extended state observer of the state, actuator faults and sensor faults, sampled exactly.
 
-    Indriawati, Agustinah & Jazidie, (3), (6), (8) and (37).
+        x^' = A~ x^ + B~ u + L (Y - C~ x^) + Ld (Y' - C~ x^'),    xz' = Az (y - xz),    Y = xz
 
-    Its estimates are ``state``, shape (k, n), ``actuator_fault``, (k, r), and ``sensor_fault``,
-    (k, q). Between samples y goes in straight lines and u is held, or both are what ``before`` and
-    ``middle`` say: parabolas that may jump at samples. For y and u that are smooth in between, the
-    error of the estimates falls with the square of the sampling period where straight lines are
-    read, and with its fourth power where parabolas are.
+    Indriawati, Agustinah & Jazidie, (3), (6), (8) and (37). x^ is [x, xz, fa, fs], of the plant
+    augmented by the filter xz and by the faults; Ld = 0 is the PI observer. The errors of the
+    estimates do not contain u: whatever controls the plant, they are the same.
+
+    `init` takes the estimate x^ and filtered, xz; left out, a run starts from zeros. `run` and
+    `step` take y, shape (k, p), and u, (k, m). Between samples y goes in straight lines and u is
+    held, or both are what ``before`` and ``middle`` say: parabolas that may jump at samples. For
+    smooth y and u the error falls with the square of the sampling period, and with its fourth power
+    where parabolas are read. Estimates, in units of the system: ``state``, x, shape (k, n),
+    ``actuator_fault``, fa, (k, r), and ``sensor_fault``, fs, (k, q).
 
     Parameters
     ----------
@@ -83,6 +81,19 @@ class ExtendedStateObserver(Observer[EsoState]):
     InputError
         If gains have the wrong shape, Eo is singular, an eigenvalue of Eo^-1 Ao is not in the left
         half plane, or the period is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import ExtendedStateObserver
+    >>> from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+    >>> system = AugmentedSystem(A=[[-1]], B=[[1]], C=[[1]], Dd=[[1]], Dw=[[1]], Fa=[[1]],
+    ...                          Fs=np.zeros((1, 0)))  # x' = -x + u + fa, y = x
+    >>> gains = Gains(L=[[5], [3], [5]], Ld=np.zeros((3, 1)))
+    >>> observer = ExtendedStateObserver(system, gains, sampling_period=0.05)
+    >>> run = observer.run(np.zeros(400), np.full(400, 0.5))  # it stands still: fa = -u
+    >>> print(run["actuator_fault"][-1].round(3))
+    [-0.5]
     """
 
     system: AugmentedSystem = field(metadata=converter(as_kind, AugmentedSystem))

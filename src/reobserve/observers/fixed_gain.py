@@ -1,11 +1,4 @@
-"""A linear observer of constant gain: Luenberger's, by poles, or the steady Kalman filter.
-
-    x-(k) = A x^(k-1) + B u(k-1)
-    x^(k) = x-(k) + L [y(k) - C x-(k) - D u(k)]
-
-Its error moves by (I - L C) A a sample. It computes a covariance like any linear filter:
-where Q and R are not known, its estimates do not depend on them.
-"""
+"""A linear observer of constant gain: Luenberger's, by poles, or the steady Kalman filter."""
 
 from __future__ import annotations
 
@@ -31,19 +24,40 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FixedGainObserver(GaussianFilter):
-    """A prediction corrected by a constant gain; its estimates are those of `GaussianFilter`.
+    """Linear observer of constant gain L: a prediction and its correction.
+
+        x-(k) = A x^(k-1) + B u(k-1)
+        x^(k) = x-(k) + L [y(k) - C x-(k) - D u(k)]
+
+    The error is multiplied by (I - L C) A each sample. `luenberger` and `steady_kalman` find L. The
+    covariance is that of any linear filter with this gain; the other estimates do not depend on Q
+    and R.
+
+    `init` takes the mean of x; `run` and `step` take y, shape (k, m), nan where missing, and u,
+    (k, p), and by name what `KalmanFilter` takes, without S. Estimates, in units of the model:
+    ``state``, x^, shape (k, n), ``covariance``, (k, n, n), and its diagonal ``variance``, (k, n);
+    ``innovation``, (k, m), ``innovation_covariance``, (k, m, m), and ``log_likelihood``, (k,).
 
     Parameters
     ----------
     model
-        The linear model that it trusts.
+        The linear model of the plant.
     gain
         L, shape (n, m).
 
     Raises
     ------
     InputError
-        If the gain has another shape, or its error does not decay.
+        If the gain has another shape, or the error does not decay.
+
+    Examples
+    --------
+    >>> from reobserve import FixedGainObserver, LinearModel
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
+    >>> observer = FixedGainObserver(model, [[0.5], [1.0]])
+    >>> run = observer.run([0.0, 0.11, 0.19, 0.29], state=observer.init([0, 0]))
+    >>> print(observer.poles.round(2), run["state"][-1].round(3))
+    [0.7+0.1j 0.7-0.1j] [0.221 0.373]
     """
 
     model: LinearModel
@@ -89,17 +103,35 @@ class FixedGainObserver(GaussianFilter):
     def init(
         self, mean: ArrayLike, covariance: ArrayLike = 0.0, *, u: ArrayLike | None = None
     ) -> KalmanState:
-        """As `GaussianFilter.init`; a covariance is only for those who read the variance."""
+        """The state before the first row, from what `GaussianFilter.init` takes.
+
+        The ``covariance`` is only for those who read the variance; ``mean`` and ``u`` are as there.
+        """
         return super().init(mean, covariance, u=u)
 
 
 def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
-    """The observer whose error has these poles [1], inside the unit circle.
+    """The Luenberger observer whose error has these poles [1], inside the unit circle.
+
+    Parameters
+    ----------
+    model
+        The linear model of the plant.
+    poles
+        n eigenvalues of (I - L C) A, complex ones in conjugate pairs.
 
     Raises
     ------
     InputError
         If the poles cannot be placed, `reobserve.synthesis.linear.place`; or they are not stable.
+
+    Examples
+    --------
+    >>> from reobserve import LinearModel, luenberger
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
+    >>> print(luenberger(model, poles=[0.5, 0.6]).gain.round(3))
+    [[0.7]
+     [2. ]]
     """
     A, _, C, _, _, _ = as_kind("model", model, LinearModel).arrays
     # The corrected estimate depends on the state through C A: (I - L C) A = A - L (C A).
@@ -107,12 +139,27 @@ def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
 
 
 def steady_kalman(model: LinearModel) -> FixedGainObserver:
-    """The Kalman filter with the gain that it comes to, from the first row on.
+    """The Kalman filter with its steady gain, from the first row on.
+
+        P = A P A' + Q - A L C P A',    L = P C' (C P C' + R)^-1
+
+    Parameters
+    ----------
+    model
+        The linear model of the plant.
 
     Raises
     ------
     InputError
         If there is no such gain, `reobserve.synthesis.linear.steady_kalman_gain`.
+
+    Examples
+    --------
+    >>> from reobserve import LinearModel, steady_kalman
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
+    >>> print(steady_kalman(model).gain.round(3))
+    [[0.159]
+     [0.092]]
     """
     return FixedGainObserver(model, steady_kalman_gain(as_kind("model", model, LinearModel)))
 

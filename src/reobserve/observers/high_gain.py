@@ -1,10 +1,7 @@
 """Standard high-gain observer of a system with an input delay (Lechappe et al. 2018, (36)).
 
-    x^' = Lambda x^ + f(x^) + (0, ..., 0, G(y))^T u(t - tau_m) - S^-1 C^T (x^1 - y)
-
-It estimates the state alone and assumes a constant delay tau_m. The paper prints S^-1 without C^T,
-here and in (34), which gives a matrix instead of a vector. With C^T the gain is the first column of
-S^-1, with the entries binom(n, i) rho^i.
+The paper prints S^-1 without C^T, here and in (34), which gives a matrix instead of a vector. With
+C^T the gain is the first column of S^-1, with the entries binom(n, i) rho^i.
 """
 
 from __future__ import annotations
@@ -54,12 +51,16 @@ class HighGainState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HighGainObserver(Observer[HighGainState]):
-    """The standard observer, integrated by the classical Runge-Kutta method.
+    """High-gain observer for a constant delay tau_m, by the classical Runge-Kutta method.
 
-    Lechappe et al. 2018, (36).
+        x^' = Lambda x^ + f(x^) + (0, ..., 0, G(y))^T u(t - tau_m) - S^-1 C^T (x^1 - y)
 
-    It takes y and the input at the plant: in row k, u(t_k - tau_m). Its estimate is ``state``, x^,
-    shape (k, n). The integration is stable only for rho times the sampling period below 2.78.
+    Lechappe et al. 2018, (36). It estimates the state alone. The integration is stable only for rho
+    times the sampling period below 2.78.
+
+    `init` takes the state. `run` and `step` take y, shape (k,), and u, the input at the plant: in
+    row k, u(t_k - tau_m), shape (k,). Estimates: ``state``, x^, shape (k, n), in units of the
+    model.
 
     Parameters
     ----------
@@ -74,6 +75,18 @@ class HighGainObserver(Observer[HighGainState]):
     ------
     InputError
         If ``rho`` or the period is not positive, or rho^n is beyond floating-point numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import HighGainObserver
+    >>> from reobserve.systems.triangular_text import triangular_model
+    >>> lag = triangular_model(["x"], drift=["-x"], input_gain="1")
+    >>> observer = HighGainObserver(lag, rho=5.0, sampling_period=0.02)
+    >>> time = 0.02 * np.arange(100)
+    >>> run = observer.run(time - 1, time, state=observer.init([0.0]))  # x = t - 1 for u = t
+    >>> print(time[-1], run["state"][-1].round(3))
+    1.98 [0.978]
     """
 
     model: TriangularModel = field(metadata=converter(as_kind, TriangularModel))

@@ -1,10 +1,7 @@
 """Iterative learning observer of a rigid body, learning continuously (Chen & Saif 2007, (3)).
 
-    J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v(t)
-    v(t)  = K1 v(t - tau) + K2 [w(t) - w^(t)]
-
-v, the ILO input, estimates the fault torque. Here v is updated at every instant from its value
-one interval earlier; `reobserve.observers.ilo_sampled` updates it once an interval.
+The ILO input v is updated at every instant from its value one interval earlier;
+`reobserve.observers.ilo_sampled` updates it once an interval.
 """
 
 from __future__ import annotations
@@ -60,13 +57,19 @@ class IloConstants(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ILO(RigidBodyObserver):
-    """The law with v learning at every instant: a delay system, by the method of steps.
+    """Iterative learning observer with v learning at every instant: a delay system.
 
-    Chen & Saif 2007, (3).
+        J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v(t)
+        v(t)  = K1 v(t - tau) + K2 [w(t) - w^(t)]
 
-    The integration is of order 4 in ``sampling_period``, at the jumps of v at multiples of tau,
-    too: the values of v at the start, the middle and the end of each step are kept apart, and the
-    middle comes from cubic Hermite interpolation of w^.
+    Chen & Saif 2007, (3). v, the ILO input, estimates the fault torque. The method of steps is of
+    order 4 in ``sampling_period``, at the jumps of v at multiples of tau, too: the values of v at
+    the start, the middle and the end of each step are kept apart, and the middle comes from cubic
+    Hermite interpolation of w^.
+
+    `init` takes rate and fault; left out, a run starts from the first measurement. `run` and `step`
+    take y, the rate w [rad/s], and u [N m], both of shape (k, 3). Estimates: ``rate``, w^ [rad/s],
+    and ``fault``, v [N m], both (k, 3); `Run.before` has limits of ``fault`` from the left.
 
     Parameters
     ----------
@@ -89,6 +92,17 @@ class ILO(RigidBodyObserver):
         If a shape is wrong, Lambda is not positive definite, tau is not positive or no multiple
         of the step; K1 has a spectral radius above 1 or K2 destabilises, which is refused
         with the growth that it causes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import ILO, RigidBody
+    >>> observer = ILO(RigidBody([36, 17, 26]), K1=1.0, K2=50.0, observer_gain=500.0,
+    ...                update_interval=0.01, sampling_period=0.01)
+    >>> rate = np.outer(0.01 * np.arange(200), [0.5 / 36, 0, 0])  # 0.5 N m about the first axis
+    >>> run = observer.run(rate, np.zeros((200, 3)))
+    >>> print(run["fault"][-1, 0].round(2))
+    0.5
     """
 
     K1: Matrix = field(metadata=converter(as_matrix, 3))

@@ -45,7 +45,15 @@ from reobserve.systems.rigid_body_arithmetic import ahead, product, rk4_sum, row
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledILO(RigidBodyObserver):
-    """The law with v updated at multiples of tau and held (Chen & Saif 2007, (3)).
+    """Iterative learning observer with v updated at multiples of tau and held in between.
+
+        J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v_k,    k tau <= t < (k + 1) tau
+        v_k = K1 v_(k-1) + K2 [w(k tau) - w^(k tau)]
+
+    Chen & Saif 2007, (3). `init` takes rate and fault; left out, a run starts from the first
+    measurement. `run` and `step` take y, the rate w [rad/s], and u [N m], both of shape (k, 3).
+    Estimates: ``rate``, w^ [rad/s], and ``fault``, v [N m], both (k, 3); `Run.before` has limits of
+    ``fault`` from the left, which differ at updates.
 
     Parameters
     ----------
@@ -68,6 +76,17 @@ class SampledILO(RigidBodyObserver):
         If a shape is wrong, Lambda is not positive definite, tau is not positive or no multiple
         of the step; v and w - w^ grow from one update to the next, which is refused with
         the largest K2 for which they do not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import RigidBody, SampledILO
+    >>> observer = SampledILO(RigidBody([36, 17, 26]), K1=1.0, K2=500.0, observer_gain=500.0,
+    ...                       update_interval=0.01, sampling_period=0.01)
+    >>> rate = np.outer(0.01 * np.arange(200), [0.5 / 36, 0, 0])  # 0.5 N m about the first axis
+    >>> run = observer.run(rate, np.zeros((200, 3)))
+    >>> print(run["fault"][-1, 0].round(2))
+    0.5
     """
 
     K1: Matrix = field(metadata=converter(as_matrix, 3))

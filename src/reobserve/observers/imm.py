@@ -88,15 +88,19 @@ class ImmState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IMM(Observer[ImmState]):
-    """A bank of filters and a Markov chain of modes (Gadsden et al. 2011, after (23)).
+    """Bank of filters and a Markov chain of modes (Gadsden et al. 2011, (7) to (23), after (23)).
 
-    Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), those of (22) and
-    (23), with ``variance``, (k, n), on its diagonal; ``probability``, (k, r), which is mu;
-    ``innovation``, (k, r, m), of each filter, nan where the measurement is missing; and
-    ``log_likelihood``, (k,), of the measurement over all modes, zero where it is missing.
+        mu(i|j) = p_ij mu_i / c_j,    c_j = sum_i p_ij mu_i        by which filters are mixed
+        mu_j proportional to L_j c_j,    L_j the likelihood of the measurement in mode j
+        x = sum_j mu_j x_j,    P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
 
-    `run` and `step` of a bank of filters on linear models take A, B, C, D, Q, R and S by name, as
-    `GaussianFilter` has them, for all modes; or (k, r, ., .), one for each mode.
+    `init` takes mean, covariance and probabilities. `run` and `step` take y, shape (k, m), nan
+    where missing, and u, (k, p); of a bank of filters on linear models, by name, also A, B, C, D,
+    Q, R and S, as `GaussianFilter` has them, for all modes, or (k, r, ., .), one for each mode.
+    Estimates, in units of the models: ``state``, x, shape (k, n), ``covariance``, P, (k, n, n), and
+    its diagonal ``variance``, (k, n); ``probability``, mu, (k, r); ``innovation``, (k, r, m), of
+    each filter, nan where missing; and ``log_likelihood``, (k,), of the measurement over all modes,
+    zero where missing.
 
     Parameters
     ----------
@@ -114,6 +118,16 @@ class IMM(Observer[ImmState]):
     InputError
         If there is no filter, two differ in their numbers of states, inputs or outputs or in their
         sampling periods, or the transition has a negative entry or a row that does not sum to one.
+
+    Examples
+    --------
+    >>> from reobserve import IMM, KalmanFilter, LinearModel
+    >>> models = [LinearModel([[a]], C=[[1]], Q=1e-4, R=1e-2) for a in (0.9, 0.5)]
+    >>> bank = IMM([KalmanFilter(one) for one in models], [[0.99, 0.01], [0.01, 0.99]])
+    >>> run = bank.run([1.0, 0.9, 0.8, 0.4, 0.2, 0.1], state=bank.init([1.0], 0.1))
+    >>> print(run["probability"][[2, 5]].round(2))
+    [[1.   0.  ]
+     [0.01 0.99]]
     """
 
     filters: tuple[ModeFilter, ...]

@@ -1,10 +1,5 @@
 """The Kalman filter (Kalman 1960), in predictor-corrector form with Joseph's covariance.
 
-    x = A x + B u,              P = A P A' + Q
-    e = y - C x - D u,          S = C P C' + R
-    K = P C' S^-1,              x = x + K e
-    P = (I - K C) P (I - K C)' + K R K'
-
 The compiled loop is `reobserve.observers.linear_loop.run_linear`.
 """
 
@@ -69,12 +64,37 @@ LINEAR = FilterSteps(LinearModel, linear_in_record, run_linear, predict_linear, 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KalmanFilter(GaussianFilter):
-    """The linear filter of minimum variance: K = P C' S^-1.
+    """Kalman filter, the linear filter of minimum variance (Kalman 1960).
+
+        x = A x + B u,              P = A P A' + Q
+        e = y - C x - D u,          S = C P C' + R
+        K = P C' S^-1,              x = x + K e
+        P = (I - K C) P (I - K C)' + K R K'
+
+    `init` takes the mean and the covariance of x. `run` and `step` take y, shape (k, m), nan where
+    a measurement is missing, and u, (k, p); by name also A, B, C, D, Q, R, S and ``keep``, see
+    `GaussianFilter`. Estimates, in units of the model: ``state``, x, shape (k, n), ``covariance``,
+    P, (k, n, n), and its diagonal ``variance``, (k, n), after each measurement; ``innovation``, e,
+    (k, m), ``innovation_covariance``, S, (k, m, m), and ``log_likelihood``, (k,).
 
     Parameters
     ----------
     model
-        The linear model that it trusts.
+        The linear model of the plant.
+
+    Raises
+    ------
+    InputError
+        If the model is of another kind.
+
+    Examples
+    --------
+    >>> from reobserve import KalmanFilter, LinearModel
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
+    >>> kalman = KalmanFilter(model)
+    >>> run = kalman.run([0.0, 0.11, float("nan"), 0.29], state=kalman.init([0, 0], 1.0))
+    >>> print(run["state"][-1].round(2), run["variance"][-1].round(3))
+    [0.26 0.79] [0.008 0.178]
     """
 
     model: LinearModel

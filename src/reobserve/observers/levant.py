@@ -1,13 +1,5 @@
 """Robust exact differentiator of any order n (Levant 2003; Lechappe et al. 2018, (37)).
 
-    z0' = v0,   v0 = -lambda0 L^(1/(n+1)) |z0 - u|^(n/(n+1)) sign(z0 - u) + z1
-    zi' = vi,   vi = -lambdai L^(1/(n+1-i)) |zi - v(i-1)|^((n-i)/(n+1-i)) sign(zi - v(i-1)) + z(i+1)
-    zn' = -lambdan L sign(zn - v(n-1))
-
-If the derivative of order n + 1 of u is bounded by L, then z0 to zn reach u and its derivatives in
-finite time, for lambdas that are large enough and lambdan above 1. The error of zi is of the order
-L T^(n+1-i) for samples at a period T, and L^(i/(n+1)) eps^((n+1-i)/(n+1)) for noise bounded by eps.
-
 The paper prints the last line without L, which is correct for a bound of 1 only: with L = 0.11 the
 gain of the last line is then nine times too large for the other lines.
 """
@@ -63,14 +55,22 @@ class LevantState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LevantDifferentiator(Observer[LevantState]):
-    """The differentiator for samples at a fixed period, in its homogeneous discretisation.
+    """Robust exact differentiator for samples at a fixed period, in its homogeneous discretisation.
 
-    Lechappe et al. 2018, (37) and (38).
+        z0' = v0,   v0 = -lambda0 L^(1/(n+1)) |z0 - u|^(n/(n+1)) sign(z0 - u) + z1
+        zi' = vi,   vi = -lambdai L^(1/(n+1-i)) |zi - v(i-1)|^((n-i)/(n+1-i)) sign(zi - v(i-1))
+                         + z(i+1)
+        zn' = -lambdan L sign(zn - v(n-1))
 
-    Its measurement is u, the signal to differentiate; it has no known input and uses no values
-    between samples. Its estimate is ``derivatives``, shape (k, n+1), columns z0 to zn. A row
-    depends on the samples before its own only. The first row is the initial state: without one, the
-    first sample and derivatives of zero.
+    Levant 2003; Lechappe et al. 2018, (37) and (38). If the derivative of order n + 1 of u is
+    bounded by L, then z0 to zn reach u and its derivatives in finite time, for lambdas that are
+    large enough and lambdan above 1. The error of zi is of the order L T^(n+1-i) for samples at a
+    period T, and L^(i/(n+1)) eps^((n+1-i)/(n+1)) for noise bounded by eps.
+
+    `init` takes derivatives, n + 1 of them; left out, a run starts from the first sample and zeros.
+    `run` and `step` take y, the signal u to differentiate, shape (k,), and no known input.
+    Estimates: ``derivatives``, z0 to zn, shape (k, n+1), [unit of u / s^i]. The first row is the
+    initial state, and a later one depends on the samples before its own only.
 
     Parameters
     ----------
@@ -91,6 +91,15 @@ class LevantDifferentiator(Observer[LevantState]):
     InputError
         If the order is not a whole number above zero, L, the period or one of the lambdas is not
         positive, there are not n + 1 lambdas, or none are given for an order above 5.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import LevantDifferentiator
+    >>> observer = LevantDifferentiator(L=1.0, order=2, sampling_period=0.01)
+    >>> run = observer.run(np.sin(0.01 * np.arange(1000)))
+    >>> print(run["derivatives"][-1].round(2), np.cos(9.99).round(2))
+    [-0.54 -0.84  0.53] -0.84
     """
 
     L: float = field(metadata=converter(as_positive))

@@ -38,9 +38,10 @@ def normal_form_observer(
     inputs: Sequence[Any] = (),
     higher: Sequence[Any] | None = None,
 ) -> NormalFormObserver:
-    """The observer of a system given by expressions, in either form.
+    """The normal-form observer of a system x' = f(x), y = h(x) given by expressions.
 
-    Thomas, Kwatny & Chang, (9) to (11).
+    Thomas, Kwatny & Chang, (9) to (11). Its error is linear in the coordinates z = S(x): it moves
+    as e' = A e, where A = F + L0 H has the poles.
 
     Known inputs may enter the dynamics wherever the errors stay linear for it: see
     `reobserve.synthesis.normal_form.known_inputs`, and ``degree``, up to which that is checked.
@@ -78,6 +79,14 @@ def normal_form_observer(
     ------
     InputError
         That says what of the system, the poles or the injection cannot be used, and why.
+
+    Examples
+    --------
+    >>> from reobserve import normal_form_observer
+    >>> observer = normal_form_observer(["w", "-sin(a) - w/10"], ["a"], ["a", "w"],
+    ...                                 poles=[-1.5, -2], order=2, sampling_period=0.02)
+    >>> print(observer.run([0.3, 0.3, 0.3])["state"][-1].round(3))
+    [0.039 0.018]
     """
     as_word("form", form, FORMS)
     order = as_whole("order", order, 0)

@@ -1,10 +1,5 @@
 """Identity form of a normal-form observer (Thomas, Kwatny & Chang, (11) and (12)).
 
-    x^' = f(x^) + L(x^) (l(h(x^)) - l(y) + beta(y, u)),      l(y) = L0 y + ...
-
-beta injects known inputs, see `reobserve.synthesis.normal_form.known_inputs`; without any it is
-none.
-
 The paper prints y - h(x^) in (11); with A = F + L0 H the error then obeys F - L0 H, so the sign
 here is that of (8). A truncated gain is read in one of the three ways that
 `reobserve.synthesis.normal_form.gain` lists.
@@ -55,11 +50,45 @@ class IdentityWork(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentityObserver(NormalFormObserver):
-    """The identity form, integrated by the classical Runge-Kutta method.
+    """Normal-form observer in identity form, integrated by the classical Runge-Kutta method.
 
-    Thomas, Kwatny & Chang, (11), (12) and Remark 3.12.
+        x^' = f(x^) + L(x^) (l(h(x^)) - l(y) + beta(y, u)),      l(y) = L0 y + ...
 
-    ``gain`` is one of series, jacobian and composed; `InputError` if it is another.
+    Thomas, Kwatny & Chang, (11), (12) and Remark 3.12. beta injects known inputs, see
+    `reobserve.synthesis.normal_form.known_inputs`; without any it is none. `normal_form_observer`
+    makes one from expressions.
+
+    `init` takes the state; left out, a run starts from x^ = 0. `run` and `step` take y, shape (k,
+    p), and u, (k, m), if there are known inputs. Estimates: ``state``, x^, shape (k, n), in units
+    of the system.
+
+    Parameters
+    ----------
+    normal_form
+        The series, of a degree above the order.
+    order
+        The degree up to which the gain L is kept; 0 is the constant gain.
+    gain
+        Meaning of a truncated gain: ``series``, ``jacobian`` or ``composed``.
+    sampling_period
+        [s], and the step of the method.
+
+    Raises
+    ------
+    InputError
+        If the order is not below the degree of the normal form, the period not positive, or there
+        is no such gain.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import normal_form_observer
+    >>> observer = normal_form_observer(["w", "-sin(a) - w/10"], ["a"], ["a", "w"],
+    ...                                 poles=[-1.5, -2], order=2, sampling_period=0.02)
+    >>> time = 0.02 * np.arange(500)
+    >>> run = observer.run(0.3 * np.exp(-time / 20) * np.cos(0.99 * time))  # the angle a
+    >>> print(type(observer).__name__, run["state"][-1].round(2))
+    IdentityObserver [-0.16  0.09]
     """
 
     gain: str = field(default="series", metadata=converter(as_word, GAINS))

@@ -44,10 +44,10 @@ class NormalFormState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NormalFormObserver(Observer[NormalFormState]):
-    """An observer that measures y of a system, knows its inputs if there are any, and estimates x.
+    """Base class of normal-form observers, which estimate x from y and known inputs.
 
-    Its estimate is ``state``, x^, shape (k, n). Without a state a run
-    starts from x^ = 0, the equilibrium about which the series are expanded.
+    Its estimate is ``state``, x^, shape (k, n). Without a state a run starts from x^ = 0, the
+    equilibrium about which the series are expanded.
 
     Parameters
     ----------

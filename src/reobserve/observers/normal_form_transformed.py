@@ -1,11 +1,8 @@
 """Transformed form of a normal-form observer (Thomas, Kwatny & Chang, (9), (10) and (12)).
 
-    z' = A z - l(y) + beta(y, u),      x^ = T(z)
-
-beta injects known inputs, see `reobserve.synthesis.normal_form.known_inputs`; without any it is
-none. The dynamics are linear, so they are not integrated but discretised exactly, for an injection
+The dynamics are linear, so they are not integrated but discretised exactly, for an injection
 that runs through its three samples of a step as a parabola; that has order 4, as Simpson's rule
-has. The start is z = S(x^).
+has.
 """
 
 from __future__ import annotations
@@ -29,11 +26,43 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TransformedObserver(NormalFormObserver):
-    """The transformed form with T up to the degree ``order + 1``.
+    """Normal-form observer in transformed form, with T up to the degree ``order + 1``.
 
-    Thomas, Kwatny & Chang, (6), (7), (9), (10), (12) and Remark 3.12.
+        z' = A z - l(y) + beta(y, u),      x^ = T(z)
 
-    Its estimates are ``state``, x^, and ``coordinates``, z, both of shape (k, n).
+    Thomas, Kwatny & Chang, (6), (7), (9), (10), (12) and Remark 3.12. beta injects known inputs,
+    see `reobserve.synthesis.normal_form.known_inputs`; without any it is none. The start is z =
+    S(x^). `normal_form_observer` makes one from expressions.
+
+    `init` takes the state x^; left out, a run starts from x^ = 0. `run` and `step` take y, shape
+    (k, p), and u, (k, m), if there are known inputs. Estimates: ``state``, x^, in units of the
+    system, and ``coordinates``, z, both of shape (k, n).
+
+    Parameters
+    ----------
+    normal_form
+        The series, of a degree above the order.
+    order
+        The degree up to which the gain L is kept; 0 is the constant gain.
+    sampling_period
+        [s], and the step of the method.
+
+    Raises
+    ------
+    InputError
+        If the order is not below the degree of the normal form, or the period not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import normal_form_observer
+    >>> observer = normal_form_observer(["w", "-sin(a) - w/10"], ["a"], ["a", "w"],
+    ...                                 poles=[-1.5, -2], order=2, sampling_period=0.02,
+    ...                                 form="transformed")
+    >>> time = 0.02 * np.arange(500)
+    >>> run = observer.run(0.3 * np.exp(-time / 20) * np.cos(0.99 * time))  # the angle a
+    >>> print(type(observer).__name__, run["state"][-1].round(2))
+    TransformedObserver [-0.16  0.09]
     """
 
     units: ClassVar[Mapping[str, str]] = {"state": "", "coordinates": ""}

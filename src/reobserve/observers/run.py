@@ -25,6 +25,14 @@ class Estimate:
 
     ``time`` [s]; ``estimates`` by name, each a number or an array of its own shape; ``units`` by
     the same names, empty where the observer has no names. ``estimate["fault"]`` is one of them.
+
+    Examples
+    --------
+    >>> from reobserve import LevantDifferentiator
+    >>> observer = LevantDifferentiator(L=1.0, order=1, sampling_period=0.1)
+    >>> state, estimate = observer.step(observer.init([0.5, 1.0]), y=0.5)
+    >>> print(list(estimate), estimate["derivatives"])
+    ['derivatives'] [0.5 1. ]
     """
 
     time: float
@@ -59,6 +67,15 @@ class Run(Generic[StateKind]):
     A run of many records has estimates (records, k, ...), nan from where one diverged, a tuple of
     states, and in ``diverged_at`` and ``missing`` an entry each, nan where one did not diverge;
     `record` is the run of one.
+
+    Examples
+    --------
+    >>> from reobserve import KalmanFilter, LinearModel
+    >>> model = LinearModel([[0.9]], C=[[1]], Q=1e-4, R=1e-2, state_names=["level"])
+    >>> kalman = KalmanFilter(model)
+    >>> run = kalman.run([1.0, 0.9, 0.8], state=kalman.init([1.0], 0.1))
+    >>> print(len(run), "variance" in run, run["state_level"].round(3))
+    3 True [1.    0.9   0.807]
     """
 
     time: Array
@@ -81,7 +98,7 @@ class Run(Generic[StateKind]):
         return _named(self.estimates, name)
 
     def record(self, number: int) -> Run[Any]:
-        """The run of one of many records, the first of which is 0.
+        """The run of one of many records, by its ``number``; the first is 0.
 
         Raises
         ------
@@ -129,7 +146,15 @@ class Run(Generic[StateKind]):
             raise InputError("run", "is of many records; take one of them, run.record(0)")
 
     def labels(self, name: str, index: tuple[int, ...]) -> list[str]:
-        """What a component of an estimate is called along each axis: its name, or its number."""
+        """The names of a component along each axis, or its numbers.
+
+        Parameters
+        ----------
+        name
+            Of the estimate.
+        index
+            Of the component, a number for each axis.
+        """
         axes = self.component_names.get(name, (None,) * len(index))
         return [
             str(1 + place) if names is None else names[place]
@@ -154,7 +179,7 @@ class Run(Generic[StateKind]):
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
 
     def plot(self, names: Iterable[str] | None = None) -> Any:
-        """A matplotlib figure of the estimates over time, one panel each; see `run_plot`.
+        """A matplotlib figure of the estimates ``names`` over time, one panel each; see `run_plot`.
 
         Raises
         ------

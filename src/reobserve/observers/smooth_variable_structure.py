@@ -1,15 +1,5 @@
 """Smooth variable structure filter with a covariance (Gadsden et al. 2011, (11) to (18)).
 
-    K = C^+ diag((|e(k+1|k)| + gamma |e(k|k)|) o sat(e(k+1|k) / psi)) diag(e(k+1|k))^-1
-
-Since sat(e / psi) / e = 1 / max(|e|, psi), the gain is
-
-    K = C^+ diag((|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi))
-
-which does not divide by an innovation that may be zero. Outside the boundary layer the a posteriori
-output error of a square, regular C is -sign(e(k+1|k)) gamma |e(k|k)|: it contracts by gamma a
-sample. Far inside it the gain vanishes, and the filter is the open-loop model.
-
 The paper prints (15) without the pseudo-inverse, which only fits as many outputs as states. With
 fewer outputs there are other right inverses of C. The pseudo-inverse corrects what the outputs see
 and depends on the coordinates of the state; that weighted by the covariance, P C' (C P C')^-1, is
@@ -42,14 +32,26 @@ INVERSES = ("pseudo", "weighted")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SmoothVariableStructureFilter(GaussianFilter):
-    """The SVSF: a gain that switches with the innovation, smoothed within a boundary layer.
+    """Filter whose gain switches with the innovation, smoothed within a boundary layer (SVSF).
 
-    Gadsden et al. 2011, (4) and (15).
+        K = C^+ diag((|e(k+1|k)| + gamma |e(k|k)|) o sat(e(k+1|k) / psi)) diag(e(k+1|k))^-1
+          = C^+ diag((|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi))
+
+    Gadsden et al. 2011, (4) and (15). The second form divides by no innovation that may be zero.
+    Outside the boundary layer the a posteriori output error of a square, regular C is
+    -sign(e(k+1|k)) gamma |e(k|k)|: it contracts by gamma a sample. Far inside it the gain vanishes,
+    and the filter is the open-loop model.
+
+    `init` takes mean and covariance; `run` and `step` take y, shape (k, m), nan where missing, and
+    u, (k, p), and by name A, B, D, Q, R and ``keep``, see `GaussianFilter`. Estimates, in units of
+    the model: ``state``, shape (k, n), ``covariance``, (k, n, n), and its diagonal ``variance``,
+    (k, n); ``innovation``, e(k+1|k), (k, m), ``innovation_covariance``, (k, m, m), and
+    ``log_likelihood``, (k,).
 
     Parameters
     ----------
     model
-        The linear model that it trusts; its Q and R enter the covariance and the likelihood, and
+        The linear model of the plant; its Q and R enter the covariance and the likelihood, and
         not the gain.
     boundary_layer
         psi: one width for all outputs, or m widths [units of the outputs].
@@ -63,6 +65,15 @@ class SmoothVariableStructureFilter(GaussianFilter):
     InputError
         If psi is not positive, gamma not in [0, 1), there is no such inverse, or C has more rows
         than independent columns, so that no gain can bring every output error to zero.
+
+    Examples
+    --------
+    >>> from reobserve import LinearModel, SmoothVariableStructureFilter
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
+    >>> svsf = SmoothVariableStructureFilter(model, boundary_layer=0.5, convergence_rate=0.1)
+    >>> run = svsf.run([0.0, 0.11, 0.19, 0.29], state=svsf.init([0.2, 1.0], 1.0))
+    >>> print(run["state"][-1].round(3))
+    [0.356 1.   ]
     """
 
     model: LinearModel

@@ -1,12 +1,4 @@
-"""The fixed-interval smoother of Rauch, Tung and Striebel (1965), for runs of Kalman filters.
-
-    G(k) = cov(x(k), x(k+1)) P(k+1|k)^-1
-    x_s(k) = x(k|k) + G (x_s(k+1) - x(k+1|k))
-    P_s(k) = P(k|k) + G (P_s(k+1) - P(k+1|k)) G'
-
-The cross-covariance is P A' of the Kalman filter and of the extended one (at the estimate of row
-k), and that of the sigma points of the unscented one (Sarkka 2008).
-"""
+"""The fixed-interval smoother of Rauch, Tung and Striebel (1965), for runs of Kalman filters."""
 
 from __future__ import annotations
 
@@ -47,6 +39,14 @@ def rts_smoother(
 ) -> Run[Any]:
     """Estimates at all samples of a run, each from the whole record.
 
+        G(k) = cov(x(k), x(k+1)) P(k+1|k)^-1
+        x_s(k) = x(k|k) + G (x_s(k+1) - x(k+1|k))
+        P_s(k) = P(k|k) + G (P_s(k+1) - P(k+1|k)) G'
+
+    The fixed-interval smoother of Rauch, Tung and Striebel (1965). The cross-covariance is P A' of
+    the Kalman filter and of the extended one (at the estimate of row k), and that of the sigma
+    points of the unscented one (Sarkka 2008).
+
     Parameters
     ----------
     filter
@@ -76,6 +76,17 @@ def rts_smoother(
         If the filter is another one, or the run, the inputs or what is given are not of it.
     DivergenceError
         If the prediction from a row is not finite, or its covariance is not positive semidefinite.
+
+    Examples
+    --------
+    >>> from reobserve import KalmanFilter, LinearModel, rts_smoother
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
+    >>> kalman = KalmanFilter(model)
+    >>> run = kalman.run([0.02, 0.11, 0.19, 0.29], state=kalman.init([0, 0], 1.0))
+    >>> smoothed = rts_smoother(kalman, run)
+    >>> print(run["variance"][0, 1].round(2), smoothed["variance"][0, 1].round(2))
+    1.0 0.17
+
     """
     if not isinstance(filter, SMOOTHED):
         raise InputError(

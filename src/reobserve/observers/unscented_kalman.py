@@ -1,13 +1,4 @@
-"""The unscented Kalman filter with scaled sigma points (Wan & van der Merwe 2000).
-
-    X_0 = x,   X_i = x + c L_i,   X_(n+i) = x - c L_i,   P = L L',   c^2 = n + lambda
-    lambda = alpha^2 (n + kappa) - n
-    x = sum w_i f(X_i),   P = sum v_i (f(X_i) - x) (f(X_i) - x)' + Q
-
-The weights of all points but the first are 1 / (2 c^2); those of the first are lambda / c^2 in
-means and lambda / c^2 + 1 - alpha^2 + beta in covariances. The points are placed again after the
-prediction, and L is the lower Cholesky factor, as in filterpy.
-"""
+"""The unscented Kalman filter with scaled sigma points (Wan & van der Merwe 2000)."""
 
 from __future__ import annotations
 
@@ -28,12 +19,26 @@ from reobserve.systems.nonlinear_flow import Functions
 
 @dataclass(frozen=True, eq=False, repr=False)
 class UnscentedKalmanFilter(GaussianFilter):
-    """The unscented Kalman filter, without Jacobians; its estimates are those of `GaussianFilter`.
+    """Unscented Kalman filter with scaled sigma points, without Jacobians.
+
+        X_0 = x,   X_i = x + c L_i,   X_(n+i) = x - c L_i,   P = L L',   c^2 = n + lambda
+        lambda = alpha^2 (n + kappa) - n
+        x = sum w_i f(X_i),   P = sum v_i (f(X_i) - x) (f(X_i) - x)' + Q
+
+    The weights of all points but the first are 1 / (2 c^2); those of the first are lambda / c^2 in
+    means and lambda / c^2 + 1 - alpha^2 + beta in covariances (Wan & van der Merwe 2000). The
+    points are placed again after the prediction, and L is the lower Cholesky factor, as in
+    filterpy.
+
+    `init` takes mean and covariance; `run` and `step` take y, shape (k, m), nan where missing, and
+    u, (k, p), and by name what `ExtendedKalmanFilter` takes. Estimates, in units of the model:
+    ``state``, x, shape (k, n), ``covariance``, P, (k, n, n), and its diagonal ``variance``, (k, n);
+    ``innovation``, (k, m), ``innovation_covariance``, (k, m, m), and ``log_likelihood``, (k,).
 
     Parameters
     ----------
     model
-        The nonlinear model that it trusts.
+        The nonlinear model of the plant.
     alpha
         How far the points are spread, from above 0 to 1. Wan & van der Merwe name 0.001; filterpy's
         ``MerweScaledSigmaPoints`` has no default and uses 0.1 in its examples. Weights grow as
@@ -47,6 +52,18 @@ class UnscentedKalmanFilter(GaussianFilter):
     ------
     InputError
         If ``alpha`` is not above 0 and up to 1, or n + ``kappa`` is not above 0.
+
+    Examples
+    --------
+    >>> from reobserve import NonlinearModel, UnscentedKalmanFilter
+    >>> pendulum = NonlinearModel.from_ode(
+    ...     ["rate", "-9.81*sin(angle)"], ["angle"], Q=1e-6, R=1e-4,
+    ...     state_names=["angle", "rate"], sampling_period=0.1,
+    ... )
+    >>> observer = UnscentedKalmanFilter(pendulum)
+    >>> run = observer.run([0.3, 0.285, 0.243, 0.178, 0.095, 0.003], state=observer.init([0, 0], 1))
+    >>> print(run["state_rate"][-1].round(2))
+    -0.94
     """
 
     model: NonlinearModel
