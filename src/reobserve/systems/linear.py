@@ -1,8 +1,4 @@
-"""A linear model in discrete time with Gaussian noise, the model of Kalman filters.
-
-x(k+1) = A x(k) + B u(k) + w(k)         w ~ N(0, Q)
-y(k)   = C x(k) + D u(k) + v(k)         v ~ N(0, R)
-"""
+"""A linear model in discrete time with Gaussian noise, the model of Kalman filters."""
 
 from __future__ import annotations
 
@@ -56,7 +52,10 @@ class ModelArrays(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(Value):
-    """A linear model in discrete time; its arrays are read-only copies.
+    """A linear model in discrete time with Gaussian noise; its arrays are read-only copies.
+
+        x(k+1) = A x(k) + B u(k) + w(k)         w ~ N(0, Q)
+        y(k)   = C x(k) + D u(k) + v(k)         v ~ N(0, R)
 
     Parameters
     ----------
@@ -88,6 +87,16 @@ class LinearModel(Value):
         have a real part of zero or less, or one with a negative real part lies outside the unit
         circle. Sampling a real system gives neither, unless it turns more than a quarter of a
         circle in a sample.
+
+    Examples
+    --------
+    >>> from reobserve import LinearModel
+    >>> model = LinearModel([[1, 0.1], [0, 1]], [[0], [0.1]], [[1, 0]], Q=1e-4, R=1e-2)
+    >>> print(model.states, model.inputs, model.outputs)
+    2 1 1
+    >>> sampled = LinearModel.from_ode([[-1]], [[1]], [[1]], Q=0.01, R=0.1, sampling_period=0.1)
+    >>> print(sampled.A.round(3), sampled.B.round(3))  # of x' = -x + u
+    [[0.905]] [[0.095]]
     """
 
     # None where one is left out; arrays, once the model is constructed.

@@ -1,13 +1,7 @@
-"""A nonlinear model in discrete time with Gaussian noise.
+"""A nonlinear model in discrete time with Gaussian noise, the model of nonlinear filters.
 
-    x(k+1) = f(x(k), u(k)) + w(k)             w ~ N(0, Q)
-    y(k)   = h(x(k), u(k)) + v(k)             v ~ N(0, R)
-
-The functions are given in Python or as text. A model in continuous time, x' = f(x, u), is
-integrated over a sampling period with u held (`NonlinearModel.from_ode`).
-
-Parameters p of the functions are values at run time: compiled functions take them behind the
-input, as one vector v = [u, p].
+The functions are given in Python or as text. Parameters p of the functions are values at run time:
+compiled functions take them behind the input, as one vector v = [u, p].
 """
 
 from __future__ import annotations
@@ -38,7 +32,12 @@ JacobianFunction = Callable[..., Any] | Sequence[Sequence[str]]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NonlinearModel:
-    """A nonlinear model in discrete time.
+    """A nonlinear model in discrete time with Gaussian noise.
+
+        x(k+1) = f(x(k), u(k)) + w(k)             w ~ N(0, Q)
+        y(k)   = h(x(k), u(k)) + v(k)             v ~ N(0, R)
+
+    `from_ode` integrates x' = f(x, u) over a sampling period with u held.
 
     Parameters
     ----------
@@ -92,6 +91,16 @@ class NonlinearModel:
     or of a function of which nothing that it names has changed, is made in less than a millisecond.
     Other functions are called from Python, some microseconds a call, with the same results; the
     model's text, ``repr(model)``, and `uncompiled` say which.
+
+    Examples
+    --------
+    >>> from reobserve import NonlinearModel
+    >>> pendulum = NonlinearModel.from_ode(
+    ...     ["rate", "-9.81*sin(angle)"], ["angle"], Q=1e-6, R=1e-4,
+    ...     state_names=["angle", "rate"], sampling_period=0.1,
+    ... )
+    >>> print(pendulum.states, pendulum.inputs, pendulum.outputs)
+    2 0 1
     """
 
     f: Any

@@ -18,7 +18,7 @@ from reobserve.polynomials.maps import PolynomialMap
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialSystem(Value):
-    """An autonomous system with the origin as an equilibrium at which the output is zero.
+    """Autonomous system x' = f(x), y = h(x) with an equilibrium at the origin, where y = 0.
 
     Thomas, Kwatny & Chang, (1) and after (7).
 
@@ -33,6 +33,14 @@ class PolynomialSystem(Value):
     ------
     InputError
         If the sizes do not fit, or f or h is not zero at the origin.
+
+    Examples
+    --------
+    >>> from reobserve import PolynomialSystem
+    >>> pendulum = (["w", "-sin(a) - w/10"], ["a"], ["a", "w"])
+    >>> system = PolynomialSystem.from_expressions(*pendulum, degree=3)
+    >>> print(system.states, system.F.tolist())
+    2 [[0.0, 1.0], [-1.0, -0.1]]
     """
 
     dynamics: PolynomialMap = field(metadata=converter(as_kind, PolynomialMap))
@@ -66,7 +74,16 @@ class PolynomialSystem(Value):
         variables: Sequence[Any],
         degree: int,
     ) -> PolynomialSystem:
-        """From expressions of sympy, or text that it reads, expanded up to a degree.
+        """The system of expressions of sympy, or of text that it reads, expanded up to a degree.
+
+        Parameters
+        ----------
+        dynamics, output
+            f and h, n and p expressions.
+        variables
+            The n states: symbols, or their names.
+        degree
+            Of the polynomials.
 
         Raises
         ------

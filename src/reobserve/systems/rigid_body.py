@@ -14,12 +14,14 @@ from reobserve.core.value import Value, converter
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigidBody(Value):
-    """J w' = -w x J w + B u + B_f u_f (Chen & Saif 2007, (1) and (2)).
+    """Rotation of a rigid body under control and fault torques (Chen & Saif 2007, (1) and (2)).
+
+        J w' = -w x J w + B u + B_f u_f
 
     Parameters
     ----------
     inertia
-        J [kg m^2], 3 x 3, symmetric but for rounding, and positive definite.
+        J [kg m^2], a diagonal or 3 x 3, symmetric but for rounding, and positive definite.
     input_matrix, fault_matrix
         B and B_f [1]: a number (times the identity), a diagonal or 3 x 3.
 
@@ -27,6 +29,12 @@ class RigidBody(Value):
     ------
     InputError
         If a shape is wrong or J is not symmetric positive definite.
+
+    Examples
+    --------
+    >>> from reobserve import RigidBody
+    >>> RigidBody(inertia=[36.0, 17.0, 26.0])  # [kg m^2], a diagonal
+    RigidBody(inertia=diag(36, 17, 26), input_matrix=diag(1, 1, 1), fault_matrix=diag(1, 1, 1))
     """
 
     inertia: Matrix = field(metadata=converter(as_positive_definite, 3))

@@ -34,9 +34,13 @@ def _as_parameters(name: str, value: Any) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TriangularModel(Value):
-    """x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u(t - tau(t)), y = x1, Lambda the shift upwards.
+    """Chain of integrators with a delayed input (Lechappe et al. 2018, (1) and after (1)).
 
-    Lechappe et al. 2018, (1) and after (1).
+        x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u(t - tau(t)),    y = x1
+
+    Lambda is the shift upwards: x1' = x2 + f1(x1), and so on.
+
+    `reobserve.systems.triangular_text.triangular_model` makes one from text.
 
     Parameters
     ----------
@@ -53,6 +57,13 @@ class TriangularModel(Value):
     ------
     InputError
         If there are no states, a function was not compiled, or a parameter is not finite.
+
+    Examples
+    --------
+    >>> from reobserve.systems.triangular_text import triangular_model
+    >>> pendulum = triangular_model(["a", "w"], drift=["0", "-20*sin(a) - w/2"], input_gain="20")
+    >>> print(pendulum.states, pendulum.drift_code)
+    2 ('0', '-1/2*x[1] - 20*math.sin(x[0])')
     """
 
     states: int = field(metadata=converter(as_whole, 1))
