@@ -28,6 +28,14 @@ class InputError(ReobserveError, ValueError):
     problem
         What it is, and what is allowed: the rest of the sentence. Both are kept to one line and to
         some hundred characters, whatever of a user's text they repeat.
+
+    Examples
+    --------
+    >>> from reobserve import KalmanFilter
+    >>> KalmanFilter("model")
+    Traceback (most recent call last):
+        ...
+    reobserve.core.errors.InputError: model: 'model' must be of type LinearModel
     """
 
     def __init__(self, parameter: str, problem: str) -> None:
@@ -51,6 +59,16 @@ class DivergenceError(ReobserveError, ArithmeticError):
         The last time [s] at which its state was finite.
     finding
         What else is known: whether a shorter step would have done.
+
+    Examples
+    --------
+    >>> from reobserve import DivergenceError, KalmanFilter, LinearModel
+    >>> kalman = KalmanFilter(LinearModel([[1e200]], C=[[1]], Q=1, R=1))
+    >>> try:
+    ...     kalman.run([0.0, 0.0, 0.0], state=kalman.init([0.0], 1.0))
+    ... except DivergenceError as error:
+    ...     print(error.what, error.time)
+    KalmanFilter 0.0
     """
 
     def __init__(self, what: str, time: float, finding: str = "") -> None:

@@ -37,6 +37,13 @@ def false_alarm_threshold(maxima: ArrayLike, false_alarm_probability: float) -> 
     InputError
         If a statistic is nan, the probability is not between 0 and 1, or there are too few records
         for it.
+
+    Examples
+    --------
+    >>> from reobserve import false_alarm_threshold
+    >>> maxima = [3.1, 2.7, 4.0, 3.3, 2.9, 3.6, 3.0, 2.8, 3.2]  # of nine healthy records
+    >>> print(false_alarm_threshold(maxima, false_alarm_probability=0.2))
+    3.6
     """
     found = as_numbers("maxima", maxima)
     if found.ndim != 1 or np.isnan(found).any():

@@ -43,6 +43,12 @@ def cusum(increments: ArrayLike, start: float = 0.0) -> Array:
     ------
     InputError
         If an increment is infinite, or the start negative.
+
+    Examples
+    --------
+    >>> from reobserve.detection.innovation_tests import cusum
+    >>> print(cusum([-1.0, -0.5, 2.0, 1.0, -0.5]))
+    [0.  0.  2.  3.  2.5]
     """
     first = as_scalar("start", start)
     if first < 0:
@@ -73,6 +79,12 @@ def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Arr
     ------
     InputError
         If a distance is negative or infinite, or a number is not whole, less than 1 or huge.
+
+    Examples
+    --------
+    >>> from reobserve.detection.innovation_tests import inflation_glr
+    >>> print(inflation_glr([1.0, 0.8, 9.0, 8.0], outputs=1, lengths=[1, 2, 4]).round(2))
+    [0.   0.   2.9  5.36]
     """
     record = _as_record("distances", distances)
     if (record < 0).any():

@@ -164,6 +164,20 @@ def tune(
     InputError
         If a range, the budget, the seed or another argument cannot be used; a score is negative or
         no number; every choice fails on all records; or the log is of other arguments.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import FixedGainObserver, LinearModel, tune
+    >>> model = LinearModel([[1.0]], C=[[1]], Q=0, R=1)
+    >>> def score(observer, record):
+    ...     run = observer.run(record, state=observer.init([0]))
+    ...     return float(np.sqrt(np.mean(run["state"] ** 2)))
+    >>> records = np.random.default_rng(1).standard_normal((8, 100))  # noise, of a truth of zero
+    >>> found = tune(lambda settings: FixedGainObserver(model, [[settings["gain"]]]),
+    ...              {"gain": (0.01, 1.0)}, records, score, budget=20)
+    >>> print(found.edges)
+    {}
     """
     bounds = _as_ranges(ranges)
     budget = as_whole("budget", budget, 1, _MOST)
