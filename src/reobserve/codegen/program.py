@@ -213,16 +213,23 @@ class Program:
 
     def cholesky(self, L: Name, S: Name) -> None:
         """``L`` becomes the lower factor of a symmetric matrix, NAN if it is not definite."""
-        self._code(L, _CHOLESKY, L=L, S=S, m=S.shape[0])
+        self.code(L, _CHOLESKY, L=L, S=S, m=S.shape[0])
 
     def solve_right(self, K: Name, C: Name, L: Name) -> None:
         """``K`` becomes C (L L')^-1."""
         n, m = C.shape
-        self._code(K, _SOLVE_RIGHT, K=K, C=C, L=L, n=n, m=m, last=m - 1)
+        self.code(K, _SOLVE_RIGHT, K=K, C=C, L=L, n=n, m=m, last=m - 1)
 
     def solve_lower(self, w: Name, L: Name, e: Name) -> None:
         """``w`` becomes L^-1 e, for a lower triangular L."""
-        self._code(w, _SOLVE_LOWER, w=w, L=L, e=e, m=e.shape[0])
+        self.code(w, _SOLVE_LOWER, w=w, L=L, e=e, m=e.shape[0])
+
+    def code(self, target: Name, template: str, **parts: Name | int | float) -> None:
+        """Lines of C that assign a target; names and numbers take the places of a template."""
+        self._assigned(target)
+        space = "    " * self._depth
+        text = template.format(**parts)
+        self._block.lines += [f"{space}{line}\n" for line in text.splitlines()]
 
     def advance(self, counter: Name, period: int | None = None) -> None:
         """A counter goes on by one, and starts again at ``period``."""
@@ -270,12 +277,6 @@ class Program:
         yield
         self._depth -= 1
         self._block.lines.append(f"{space}}}\n")
-
-    def _code(self, target: Name, template: str, **parts: Name | int) -> None:
-        self._assigned(target)
-        space = "    " * self._depth
-        text = template.format(**parts)
-        self._block.lines += [f"{space}{line}\n" for line in text.splitlines()]
 
     def _assigned(self, target: Name) -> None:
         if target.name in self._locals:

@@ -62,13 +62,15 @@ def _derivatives(columns: int, rate: float, period: float) -> Array:
 
 
 def _simulated(observer: GaussianFilter | IMM, state: Any, u: Array) -> Array:
-    """Measurements of the model, of a bank of the first one."""
-    first = observer.filters[0] if isinstance(observer, IMM) else observer
-    A, B, C, D, _, R = first.model.arrays
-    x = (state.posteriors[0] if isinstance(observer, IMM) else state.posterior).mean[: len(A)]
-    noise = np.random.default_rng(ROWS).standard_normal((ROWS, len(C))) * np.sqrt(np.diag(R))
-    y = np.empty((ROWS, len(C)))
+    """Measurements as the filter predicts them, with noise; of a bank, as its first filter does."""
+    first: Any = observer
+    if isinstance(observer, IMM):
+        first = observer.filters[0]
+        state = first.init(state.means[0], state.covariances[0])
+    p = observer.measurements
+    noise = np.random.default_rng(ROWS).standard_normal((ROWS, p)) * np.sqrt(np.diag(first.model.R))
+    y = np.empty((ROWS, p))
     for k in range(ROWS):
-        y[k] = C @ x + D @ u[k] + noise[k]
-        x = A @ x + B @ u[k]
+        y[k] = noise[k] - first.step(state, np.zeros(p), u[k])[1]["innovation"]
+        state, _ = first.step(state, y[k], u[k])
     return y

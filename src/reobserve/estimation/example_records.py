@@ -211,6 +211,7 @@ PLANTS: Mapping[str, Callable[[], Simulated]] = {
     "satellite": satellite,
     "pendulum": pendulum,
     "driven_pendulum": driven_pendulum,
+    "swing": driven_pendulum,
     "lag": lag,
     "signal": signal,
     "motor": motor,

@@ -16,7 +16,7 @@ from reobserve.systems.nonlinear_flow import Functions, move
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
+ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
 
 
 class Weights(NamedTuple):
@@ -44,7 +44,7 @@ def take_root(covariance: Array, root: Array) -> bool:
         pivot = covariance[j, j]
         for i in range(j):
             pivot -= root[j, i] * root[j, i]
-        bound = _ROUNDING * covariance[j, j]
+        bound = ROUNDING * covariance[j, j]
         if not pivot >= -bound:  # nan, too
             return False
         singular = pivot <= 1e-4 * bound

@@ -331,13 +331,24 @@ class NonlinearModel:
     @cached_property
     def _jacobians(self) -> dict[str, Any]:
         """Pointers to the Jacobians that are given or can be derived from text."""
-        given = self._pointers
-        found: dict[str, Any] = {name: given[name][0] for name in ("F", "H") if name in given}
-        for name, function in (("f", self.f), ("h", self.h)):
-            if name.upper() not in found and isinstance(function, tuple):
-                rows = text_jacobian(name, function, self._text_names)
-                found[name.upper()] = compiled_rows(rows)
+        given, found = self._pointers, {}
+        for name in "FH":
+            code = self.code(name)
+            if name in given:
+                found[name] = given[name][0]
+            elif code is not None:
+                found[name] = compiled_rows(code)
         return found
+
+    def code(self, name: str) -> tuple[str, ...] | None:
+        """Expressions of f, h, F or H, row by row, as Python; None of functions in Python.
+
+        They are in ``x`` and ``parameters``, which holds the inputs, then the parameters.
+        """
+        function, known = getattr(self, name.lower()), self._definitions.get(name)
+        if known is None and isinstance(function, tuple):
+            return text_jacobian(name.lower(), function, self._text_names)
+        return known if isinstance(known, tuple) else None
 
     @cached_property
     def functions(self) -> Functions:

@@ -16,23 +16,25 @@ from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.record import ObserverState
+from reobserve.observers.linear_steps import HALF_LOG_TWO_PI
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
-
-_HALF_LOG_TWO_PI = 0.5 * float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """Those of a model as a program names them; for a bank, of one mode."""
+    """Those of a model as a program names them; for a bank, of one mode.
 
-    A: Name
+    Where the measurement is not C x + D u, ``expected`` is h(x, u), and C its Jacobian.
+    """
+
+    A: Name | None
     B: Name | None
     C: Name
     D: Name | None
     Q: Name | None
     R: Name | None
+    expected: Name | None = None
 
 
 def matrices(program: Program, model: LinearModel, *, noise: bool = True) -> Matrices:
@@ -51,7 +53,7 @@ def matrices(program: Program, model: LinearModel, *, noise: bool = True) -> Mat
 class Inputs:
     """The input of the row before, which for the first row is its own."""
 
-    def __init__(self, program: Program, model: LinearModel, state: ObserverState) -> None:
+    def __init__(self, program: Program, model: Any, state: Any) -> None:
         self.program, sample = program, state.sample
         self.started = program.counter("started", 0 if sample is None else 1)
         self.held: Name | None = None
@@ -149,12 +151,14 @@ def diagonal(program: Program, P: Name) -> Name:
 
 
 def predicted_mean(m: Matrices, x: Name, held: Name | None) -> Expression:
-    """A x + B u."""
-    return m.A @ x if held is None or m.B is None else m.A @ x + m.B @ held
+    """B u + A x, added in the order of the library."""
+    assert m.A is not None
+    return m.A @ x if held is None or m.B is None else m.B @ held + m.A @ x
 
 
 def predicted_covariance(m: Matrices, P: Name) -> Expression:
     """A P A' + Q."""
+    assert m.A is not None
     assert m.Q is not None
     return m.A @ P @ m.A.T + m.Q
 
@@ -165,16 +169,17 @@ def innovation(program: Program, m: Matrices, x: Name) -> tuple[Name, Name]:
     e = program.let(program.local("e", (p,)), _error(program, m, x))
     valid = program.local("valid", (p,))
     with program.for_each("row", p) as row:
-        program.flag(valid[row], f"!isnan({e[row]})")
+        program.flag(valid[row], f"!isnan({program.y[row]})")
         with program.when(f"{valid[row]} < 0.5"):
             program.let(e[row], ZERO)
     return e, valid
 
 
 def _error(program: Program, m: Matrices, x: Name) -> Expression:
-    """y - C x - D u."""
-    error = program.y - m.C @ x
-    return error if m.D is None else error - m.D @ program.u
+    """y - D u - C x, or y - h(x, u)."""
+    if m.expected is not None:
+        return program.y - m.expected
+    return program.y - m.C @ x if m.D is None else program.y - m.D @ program.u - m.C @ x
 
 
 def estimate_innovation(program: Program, e: Name) -> None:
@@ -227,33 +232,47 @@ def correct(
     assert m.R is not None
     n, p = x.shape[0], program.measurements
     e, valid = innovation(program, m, x)
-    # S = C P C' + R, with a row and column of the identity for what is missing
+    # S = C P C' + R
     PC = program.let(program.local("PC", (n, p)), P @ m.C.T)
     S = program.let(program.local("S", (p, p)), m.C @ PC + m.R)
-    with program.for_each("row", p) as row, program.when("valid[row] < 0.5"):
-        with program.for_each("column", p) as column:
-            program.let(S[row, column], ZERO)
-            program.let(S[column, row], ZERO)
-        program.let(S[row, row], ONE)
-    L, K = program.local("L", (p, p)), program.local("K", (n, p))
-    program.cholesky(L, S)
+    L = factor(program, S, valid)
+    K = program.local("K", (n, p))
     if switching is None:
         program.solve_right(K, PC, L)  # K = P C' S^-1
     else:
         assert error is not None
         _switching_gain(program, m, PC, e, error, switching, K)
-    with program.for_each("row", n) as row, program.for_each("column", p) as column:
-        program.let(K[row, column], K[row, column] * valid[column])
-    program.let(x, x + K @ e)
+    move(program, x, K, e, valid)
     # Joseph's form for any gain: T = (I - K C) P, then T (I - K C)' + K R K'.
     T = program.let(program.local("T", (n, n)), P - K @ PC.T)
     program.let(P, T - (T @ m.C.T - K @ m.R) @ K.T, symmetric=True)
-    log_likelihood = _log_likelihood(program, L, e, valid)
+    log_likelihood = log_likelihood_of(program, L, e, valid)
     if error is not None:
         after = program.let(program.local("after", (p,)), _error(program, m, x))
         with program.for_each("row", p) as row, program.when("valid[row] > 0.5"):
             program.let(error[row], after[row])
     return e, log_likelihood
+
+
+def factor(program: Program, S: Name, valid: Name) -> Name:
+    """The Cholesky factor of S with a row and column of the identity for what is missing."""
+    p = S.shape[0]
+    with program.for_each("row", p) as row, program.when("valid[row] < 0.5"):
+        with program.for_each("column", p) as column:
+            program.let(S[row, column], ZERO)
+            program.let(S[column, row], ZERO)
+        program.let(S[row, row], ONE)
+    L = program.local("L", (p, p))
+    program.cholesky(L, S)
+    return L
+
+
+def move(program: Program, x: Name, K: Name, e: Name, valid: Name) -> None:
+    """x + K e, with zeros in the columns of K that belong to missing measurements."""
+    n, p = K.shape
+    with program.for_each("row", n) as row, program.for_each("column", p) as column:
+        program.let(K[row, column], K[row, column] * valid[column])
+    program.let(x, x + K @ e)
 
 
 def _switching_gain(
@@ -277,12 +296,15 @@ def _switching_gain(
         program.let(K[row, column], K[row, column] * share[column])
 
 
-def _log_likelihood(program: Program, L: Name, e: Name, valid: Name) -> Name:
+def log_likelihood_of(program: Program, L: Name, e: Name, valid: Name) -> Name:
     """-|L^-1 e|^2 / 2 - sum of log L_ii - m/2 log 2 pi, over what was measured."""
     w, total = program.local("w", e.shape), program.local("log_likelihood")
+    distance, roots, taken = map(program.local, ("distance", "roots", "taken"))
     program.solve_lower(w, L, e)
-    program.let(total, ZERO)
+    for one in (distance, roots, taken):
+        program.let(one, ZERO)
     with program.for_each("row", e.shape[0]) as row:
-        one = -0.5 * (w[row] * w[row]) - call("log", L[row, row])
-        program.let(total, total + one - _HALF_LOG_TWO_PI * valid[row])
-    return total
+        program.let(distance, distance + w[row] * w[row])
+        program.let(roots, roots + call("log", L[row, row]))
+        program.let(taken, taken + valid[row])
+    return program.let(total, ZERO - 0.5 * distance - roots - taken * HALF_LOG_TWO_PI)

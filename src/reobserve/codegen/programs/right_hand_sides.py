@@ -5,15 +5,19 @@ from __future__ import annotations
 import ast
 import math
 import operator
+from collections.abc import Callable
 from typing import Any
 
-from reobserve.codegen.expressions import Expression, Name, Number, call, times
+from reobserve.codegen.expressions import Elementwise, Expression, Name, Number, call, times
 from reobserve.codegen.program import Program
 from reobserve.core.errors import InputError
 from reobserve.systems.triangular import TriangularModel
 from reobserve.systems.triangular_text import TextModel
 
-_WRITTEN_OUT = 4  # powers up to this one are products
+_WRITTEN_OUT = 16  # powers up to this one are products
+
+# What stands at an index of an array of the code, by its name.
+Entry = Callable[[str, int], Expression]
 _SIGNS: dict[type, Any] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
 }  # fmt: skip
@@ -42,32 +46,34 @@ def right_hand_sides(program: Program, model: TriangularModel) -> None:
         program.let(gain[0], expression(model.gain_code, y))
 
 
-def expression(code: str, x: Name) -> Expression:
-    """An expression of Python in ``x[0]``, ``x[1]`` and functions of ``math``, for a vector.
+def expression(code: str, x: Name | Entry) -> Expression:
+    """An expression of Python in arrays and functions of ``math``, for a vector or by `Entry`.
 
     Raises
     ------
     InputError
         If it has cases, as ``sinc`` has.
     """
-    return _made(ast.parse(code, mode="eval").body, x)
+    entry = (lambda _, index: x[index]) if isinstance(x, Name) else x
+    return _made(ast.parse(code, mode="eval").body, entry)
 
 
-def _made(part: ast.expr, x: Name) -> Expression:
+def _made(part: ast.expr, entry: Entry) -> Expression:
     if isinstance(part, ast.Constant):
         return Number(float(part.value))  # type: ignore[arg-type]
     if isinstance(part, ast.Attribute):
         return Number(float(getattr(math, part.attr)))
     if isinstance(part, ast.Subscript):
-        return x[int(ast.literal_eval(part.slice))]
+        assert isinstance(part.value, ast.Name)
+        return entry(part.value.id, int(ast.literal_eval(part.slice)))
     if isinstance(part, ast.UnaryOp):
-        inner = _made(part.operand, x)
+        inner = _made(part.operand, entry)
         return Number(-inner.value) if isinstance(inner, Number) else -inner
     if isinstance(part, ast.Call):
         assert isinstance(part.func, ast.Attribute)
-        return call(part.func.attr, *(_made(one, x) for one in part.args))
+        return call(part.func.attr, *(_made(one, entry) for one in part.args))
     if isinstance(part, ast.BinOp):
-        return _joined(part.op, _made(part.left, x), _made(part.right, x))
+        return _joined(part.op, _made(part.left, entry), _made(part.right, entry))
     raise InputError("observer", "of a model with sinc cannot be exported: write sin(x)/x")
 
 
@@ -75,10 +81,7 @@ def _joined(sign: ast.operator, left: Expression, right: Expression) -> Expressi
     if isinstance(sign, ast.Pow):
         power = right.value if isinstance(right, Number) else 0.0
         if isinstance(left, Name) and power in range(2, _WRITTEN_OUT + 1):
-            written: Expression = left
-            for _ in range(int(power) - 1):
-                written = times(written, left)
-            return written
+            return _power(left, int(power))
         return call("pow", left, right)
     if isinstance(left, Number) and isinstance(right, Number):
         return Number(_SIGNS[type(sign)](left.value, right.value))
@@ -88,3 +91,18 @@ def _joined(sign: ast.operator, left: Expression, right: Expression) -> Expressi
         return -product if negative else product
     joined: Expression = _SIGNS[type(sign)](left, right)
     return joined
+
+
+def _power(base: Expression, power: int) -> Expression:
+    """A product by squares, as numba compiles it."""
+    found: Expression | None = None
+    while power:
+        if power & 1:
+            found = base if found is None else _product(base, found)
+        base, power = _product(base, base), power >> 1
+    assert found is not None
+    return found
+
+
+def _product(left: Expression, right: Expression) -> Expression:
+    return Elementwise("{} * {}" if isinstance(right, Name) else "{} * ({})", (left, right))

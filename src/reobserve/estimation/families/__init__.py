@@ -22,6 +22,8 @@ FAMILIES = {
     "kalman": "kalman:KalmanDesign",
     "luenberger": "luenberger:LuenbergerDesign",
     "augmented-kalman": "augmented_kalman:AugmentedKalmanDesign",
+    "extended-kalman": "extended_kalman:ExtendedKalmanDesign",
+    "unscented-kalman": "unscented_kalman:UnscentedKalmanDesign",
     "svsf": "svsf:SvsfDesign",
     "imm": "imm:ImmDesign",
     "eso": "eso:EsoDesign",

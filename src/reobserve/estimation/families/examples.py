@@ -33,19 +33,23 @@ _MOTOR_COLUMNS = f"""\
   inputs:
     - {{column: voltage, unit: V}}
 """
-_MOTOR = f"""\
-{_MOTOR_COLUMNS}sampling:
+_SKIPPING = """\
+sampling:
   period: 0.01               # [s]
   missing: skip              # lost samples are predicted; of two sensors one may be lost
   gap: 0.1                   # [s]
   at_gap: coast              # keep predicting, with growing sigmas; or restart, or refuse
 """
+_MOTOR = f"{_MOTOR_COLUMNS}{_SKIPPING}"
+_SWING = (
+    f"{_TIME}    - {{column: angle, unit: deg}}\n  inputs:\n    - {{column: torque, unit: mN m}}\n"
+)
 # The columns of the records of plants, and the sampling.
 _RECORDS = {
     "satellite": _SATELLITE,
     "pendulum": f"{_TIME}    - {{column: angle, unit: deg}}\n{_EVEN.format(0.02, 0.2)}",
-    "driven_pendulum": f"{_TIME}    - {{column: angle, unit: deg}}\n"
-    f"  inputs:\n    - {{column: torque, unit: mN m}}\n{_EVEN.format(0.01, 0.1)}",
+    "driven_pendulum": f"{_SWING}{_EVEN.format(0.01, 0.1)}",
+    "swing": f"{_SWING}{_SKIPPING}",
     "lag": f'{_TIME}    - {{column: level, unit: "%"}}\n'
     f'  inputs:\n    - {{column: valve, unit: "%", model_unit: "1"}}\n{_EVEN.format(0.01, 0.1)}',
     "signal": f"{_TIME}    - {{column: voltage, unit: mV, model_unit: V}}\n"

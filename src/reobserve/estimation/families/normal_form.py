@@ -24,6 +24,7 @@ from reobserve.estimation.families.design import (
 from reobserve.estimation.families.linear_system import check_shape
 from reobserve.estimation.families.poles import Poles, stable_poles
 from reobserve.estimation.families.signals import NamedSignal, numbered
+from reobserve.estimation.families.text_model import check_texts
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
@@ -81,22 +82,12 @@ class NonlinearSystem(System):
     initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:
-        for name, signals in (("dynamics", self.states), ("output", self.measurements)):
-            given = getattr(self, name)
-            for key in given:
-                if key not in signals:
-                    raise InputError(f"{name}.{key}", f"is of no signal{nearest(key, signals)}")
-            for key in signals:
-                if key not in given:
-                    raise InputError(f"{name}.{key}", "is missing; each signal needs one")
+        check_texts(self)
         for key in self.injection or {}:
             if key not in self.states:
                 raise InputError(f"injection.{key}", f"is of no state{nearest(key, self.states)}")
         if self.initial_state is not None:
             as_vector("initial_state", self.initial_state, len(self.states))
-        for name in self.inputs:
-            if name in self.states:
-                raise InputError(f"inputs.{name}", "is the name of a state, too")
 
     def built(self, **chosen: Any) -> NormalFormObserver:
         """The observer with poles, or with an injection; raises as `normal_form_observer`."""

@@ -1,0 +1,41 @@
+"""Extended Kalman filter, from right-hand sides as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+from reobserve.estimation.families.design import Example
+from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign, TextSystem
+from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExtendedKalmanDesign(TextFilterDesign):
+    """An extended Kalman filter, whose Jacobians are derived from the texts."""
+
+    gains: None = None
+
+    about: ClassVar[str] = "extended Kalman filter"
+    example: ClassVar[str] = MODEL
+    programs: ClassVar = {ExtendedKalmanFilter: "nonlinear:extended"}
+    records: ClassVar = {
+        "extended-kalman": Example(
+            "swing",
+            "# Extended Kalman filter of a system x' = f(x, u), y = h(x, u) that is written as "
+            "text.\nobserver:\n  kind: extended-kalman\n" + RECORD,
+        ),
+    }  # fmt: skip
+
+    @classmethod
+    def find_gains(cls, system: TextSystem) -> None:
+        """None: the gain follows the covariance."""
+
+    @cached_property
+    def observer(self) -> ExtendedKalmanFilter:
+        """The filter, with its Jacobians."""
+        made = ExtendedKalmanFilter(self.system.model)
+        with self.system.naming():
+            _ = made.functions
+        return made

@@ -1,0 +1,187 @@
+"""A nonlinear model as YAML states it, as text, and what filters on one have in common."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from reobserve.core.errors import DivergenceError, InputError, nearest
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.estimation.families.design import Certificate, System
+from reobserve.estimation.families.linear_system import FilterDesign
+from reobserve.systems.nonlinear import NonlinearModel
+
+Array = FloatArray
+Texts = dict[str, str | float]
+
+SWING = """\
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # held from sample to sample
+measurements: {angle: rad}
+parameters: {stiffness: 9.81, friction: 0.5, gain: 4}
+dynamics:                   # x' = f(x, u), or x(k+1), of each state
+  angle: rate
+  rate: -stiffness*sin(angle) - friction*rate + gain*torque
+output:                     # y = h(x, u), of each measurement
+  angle: angle
+"""
+MODEL = f"""\
+# A pendulum whose angle is measured. Right-hand sides are text in states, inputs and parameters.
+time: continuous            # integrated over each sample; or discrete: they are the next state
+sampling_period: 0.01       # [s]
+substeps: 1                 # Runge-Kutta steps in a sampling period
+{SWING}\
+Q: [1.0e-9, 1.0e-6]         # variances of the process noise per sample
+R: 1.0e-6                   # of the noise of a measurement
+initial_state: [0.3, 0]
+initial_covariance: [0.01, 0.01]
+"""
+_INDENTED = re.sub(r"^", "  ", SWING, flags=re.MULTILINE).rstrip(" ")
+RECORD = f"""\
+  time: continuous           # x' = f(x, u), integrated over each sample; or discrete
+{_INDENTED}\
+  Q: [1.0e-10, 1.0e-7]       # variances of the process noise per sample
+  R: 3.0e-8                  # of the measurement
+  initial_state: [0.0, 0.0]
+  initial_covariance: 1.0
+"""
+
+
+def check_texts(system: Any) -> None:
+    """Refuse ``dynamics`` that are not of the states, ``output`` not of the measurements."""
+    for name, signals in (("dynamics", system.states), ("output", system.measurements)):
+        given = getattr(system, name)
+        for key in given:
+            if key not in signals:
+                raise InputError(f"{name}.{key}", f"is of no signal{nearest(key, signals)}")
+        for key in signals:
+            if key not in given:
+                raise InputError(f"{name}.{key}", "is missing; each signal needs one")
+    for name in system.inputs:
+        if name in system.states:
+            raise InputError(f"inputs.{name}", "is the name of a state, too")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TextSystem(System):
+    """x' = f(x, u) or x(k+1) = f(x(k), u(k)), by the word ``time``, with y = h(x, u), as text.
+
+    A model of continuous time is integrated by ``substeps`` Runge-Kutta steps in a sampling period,
+    1 if left out, with inputs held. ``Q`` and ``R`` are covariances of the noise of a sample, in
+    either time. ``parameters`` are further names in the texts, with their values.
+    """
+
+    time: Literal["continuous", "discrete"]
+    dynamics: Texts
+    output: Texts
+    parameters: dict[str, float] = field(default_factory=dict)
+    substeps: int | None = None
+    Q: Array
+    R: Array
+    initial_state: list[float] | None = None
+    initial_covariance: Array
+
+    def __post_init__(self) -> None:
+        for name in ("states", "measurements"):
+            if not getattr(self, name):
+                raise InputError(name, "are none, must be one or more")
+        check_texts(self)
+        for name in self.parameters:
+            if name in self.states or name in self.inputs:
+                kind = "a state" if name in self.states else "an input"
+                raise InputError(f"parameters.{name}", f"is the name of {kind}, too")
+        if self.substeps is not None and self.time == "discrete":
+            problem = "must be left out where time is discrete: nothing is integrated"
+            raise InputError("substeps", problem)
+        if self.initial_state is not None:
+            as_vector("initial_state", self.initial_state, len(self.states))
+
+    @property
+    def mean(self) -> Array:
+        """The initial state, zero where it is not stated, shape (n,)."""
+        n = len(self.states)
+        return np.zeros(n) if self.initial_state is None else np.array(self.initial_state)
+
+    @cached_property
+    def model(self) -> NonlinearModel:
+        """The model; raises `InputError` for the key that is wrong."""
+        given: Mapping[str, Any] = {
+            "f": [str(self.dynamics[name]) for name in self.states],
+            "h": [str(self.output[name]) for name in self.measurements],
+            "Q": self.Q, "R": self.R, "parameters": self.parameters,
+            "state_names": list(self.states), "input_names": list(self.inputs),
+            "output_names": list(self.measurements), "sampling_period": self.sampling_period,
+        }  # fmt: skip
+        with self.naming():
+            if self.time == "discrete":
+                return NonlinearModel(**given)
+            return NonlinearModel.from_ode(**given, substeps=self.substeps or 1)
+
+    @contextmanager
+    def naming(self) -> Iterator[None]:
+        """Let an `InputError` of a text name its key: ``f[0]`` is that of the first state."""
+        keys = {f"f[{i}]": f"dynamics.{name}" for i, name in enumerate(self.states)}
+        keys |= {f"h[{i}]": f"output.{name}" for i, name in enumerate(self.measurements)}
+        try:
+            yield
+        except InputError as error:
+            place = re.sub(r"[fh]\[\d+\]", lambda found: keys[found[0]], error.parameter)
+            raise error.renamed(place) from None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TextFilterDesign(FilterDesign):
+    """A filter on a model from text."""
+
+    system: TextSystem
+
+    about: ClassVar[str]  # what the filter is called
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """None: what a nonlinear model hides depends on where it is."""
+        return ()
+
+    def certify(self) -> Certificate:
+        """Standard deviations after two rows that are measured as predicted, inputs zero.
+
+        Raises
+        ------
+        InputError
+            If the model or the start is none, or no such step can be taken from there.
+        """
+        with self.keyed():
+            observer, state = self.observer, self.start()
+        y, u = np.zeros(observer.measurements), np.zeros(observer.inputs)
+        try:
+            for _ in range(2):
+                expected = -observer.step(state, y, u)[1]["innovation"]
+                state, found = observer.step(state, expected, u)
+        except DivergenceError as error:
+            problem = f"takes no step from there with inputs of zero: {error.finding}"
+            raise InputError("initial_state", problem) from None
+        sigma, spread = found["variance"], np.diag(found["innovation_covariance"])
+        certificate = {f"sigma_{one.name}": v for one, v in zip(self.states, sigma, strict=True)}
+        for one, value in zip(self.measurements, spread, strict=True):
+            certificate[f"innovation_sigma_{one.name}"] = value
+        return {name: float(np.sqrt(max(value, 0.0))) for name, value in certificate.items()}
+
+    def summary(self) -> list[str]:
+        """What was checked, and what cannot be."""
+        known = [
+            f"{one.name} {self.certificate[f'sigma_{one.name}']:.4g} {one.unit}"
+            for one in self.states
+        ]
+        kind = "integrated" if self.system.model.substeps else "discrete"
+        return [
+            f"{self.about}, {kind} model from text",
+            "checked: texts, covariances, and a step from the initial state with inputs of zero",
+            f"standard deviations after it: {', '.join(known)}",
+            "that it follows the plant is not certified: of a nonlinear model no gain proves it",
+        ]
