@@ -186,6 +186,7 @@ def estimate_stream(
     DivergenceError
         If the observer diverges.
     """
+    _check_not_smoothed(specification)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8")  # as in files
     place = "standard input" if data is None else str(data)
@@ -233,6 +234,12 @@ def estimate_stream(
         content = as_json(estimation.report, {"record": place})
         write_text(report, json.dumps(content, indent=1) + "\n")
     print(as_table(estimation.report, specification.sampling.period), file=sys.stderr)
+
+
+def _check_not_smoothed(specification: Specification) -> None:
+    if specification.smooth:
+        problem = "true is for whole records, as each estimate takes the rows after it, too; with "
+        raise InputError("smooth", f"{problem}--stream and --follow it must be false")
 
 
 def _tell_origin(report: DataReport) -> bool:

@@ -163,7 +163,7 @@ def _size(values: Array) -> float:
 
 
 def _run(estimation: Estimation, y: Array, u: Array) -> Any:
-    return estimation.observer.run(y, u, state=estimation.design.begin(y[0]))
+    return estimation.run(y, u, estimation.design.begin(y[0]))
 
 
 def _columns(estimation: Estimation, y: Array, u: Array) -> Array:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,12 +16,15 @@ from reobserve.estimation.alarms import alarms, start_up
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
 from reobserve.estimation.families.design import Design
-from reobserve.estimation.gaps import Gaps, Stretch
+from reobserve.estimation.gaps import Gaps, Stretch, joined
 from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
 from reobserve.estimation.outputs import Outputs, outputs
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.timestamps import Timestamps
+from reobserve.observers.contract import Observer
+from reobserve.observers.gaussian_filter import KEPT
+from reobserve.observers.run import Run
 
 Array = NDArray[np.float64]
 
@@ -69,6 +73,7 @@ class Estimation:
             if getattr(sampling, key) == word and not self.can_skip:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
+        self.whole = _whole(self.observer) if specification.smooth else None
         self.report = DataReport()
         self.timestamps = Timestamps(sampling, self.report, place)
         timed, width = self.layout.timed, self.layout.measurements
@@ -78,6 +83,7 @@ class Estimation:
         )
         self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip)
         self.state: Any = None
+        self.waiting: list[Stretch] = []  # for a smoother, up to the next start
         self.first_rows: FirstRows | None = None
         self.sample = self._sample(width, len(names) - width)
         self.outputs: Outputs = outputs(
@@ -92,10 +98,15 @@ class Estimation:
     def _sample(self, measurements: int, inputs: int) -> Any:
         """The estimates of a row of zeros: their shapes; it compiles what is to run."""
         y = np.zeros((1, measurements))
-        state = self.design.begin(y[0])
-        run = self.observer.run(y, np.zeros((1, inputs)), state=state)
+        run = self.run(y, np.zeros((1, inputs)), self.design.begin(y[0]))
         self.template = run.state
         return run.estimates
+
+    def run(self, y: Array, u: Array, state: Any) -> Run[Any]:
+        """The run of the observer over rows, smoothed if that is asked for."""
+        run: Any = self.observer.run if self.whole is None else self.whole
+        found: Run[Any] = run(y, u, state=state)
+        return found
 
     def _start_up(self, column: int) -> float:
         """How long [s] a column needs to forget how the observer started."""
@@ -142,12 +153,24 @@ class Estimation:
         )
 
     def _estimate(self, rows: Settled, final: bool) -> Estimated:
-        parts = [self._run(stretch) for stretch in self.gaps.feed(rows, final)]
+        stretches = self.gaps.feed(rows, final)
+        if self.whole is not None:
+            stretches = self._from_start_to_start(stretches, final)
+        parts = [self._run(stretch) for stretch in stretches]
         if not parts:
             return self._none()
         if len(parts) == 1:
             return parts[0]
         return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _from_start_to_start(self, stretches: list[Stretch], final: bool) -> list[Stretch]:
+        """Stretches from one start of the observer to the next, as far as they are complete."""
+        self.waiting += stretches
+        starts = [k for k, one in enumerate(self.waiting) if one.fresh]
+        ends = [*starts[1:], *([len(self.waiting)] if final and starts else [])]
+        found = [joined(self.waiting[start:end]) for start, end in zip(starts, ends, strict=False)]
+        self.waiting = self.waiting[ends[-1] :] if ends else self.waiting
+        return found
 
     def _run(self, stretch: Stretch) -> Estimated:
         if self.first_rows is not None:
@@ -161,7 +184,7 @@ class Estimation:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of blocks; `diagnostics` checks the whole
             with self.dated(float(stretch.time[0]), rows):
-                run = self.observer.run(stretch.y, stretch.u, state=self.state)
+                run = self.run(stretch.y, stretch.u, self.state)
         self.state = run.state
         return self.reported(stretch.time, stretch.y, run.estimates, stretch.status)
 
@@ -190,6 +213,31 @@ class Estimation:
         """Those of the results: time, estimates, residuals, alarms, status."""
         columns = [column.title for column in self.outputs.columns]
         return ["time [s]", *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
+
+
+def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
+    """Runs of an observer whose estimates are smoothed.
+
+    Raises
+    ------
+    InputError
+        If there is no smoother for it.
+    """
+    from reobserve.observers.smoother import SMOOTHED, rts_smoother
+
+    if not isinstance(observer, SMOOTHED):
+        raise InputError(
+            "smooth", "true is for the kinds kalman (with a varying gain), augmented-kalman, "
+            "extended-kalman and unscented-kalman; here it must be false",
+        )  # fmt: skip
+
+    def run(y: Array, u: Array, state: Any) -> Run[Any]:
+        crossed = [name for name in observer.keeps if name not in KEPT]
+        found = observer.run(y, u, state=state, keep=crossed)
+        smooth = rts_smoother(observer, found, u if observer.inputs else None)
+        return replace(found, estimates={**found.estimates, **smooth.estimates})
+
+    return run
 
 
 def _interpolation(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,6 +30,12 @@ class Stretch(NamedTuple):
     u: Array
     status: NDArray[np.int8]
     fresh: bool
+
+
+def joined(stretches: Sequence[Stretch]) -> Stretch:
+    """One stretch of several, from a start of the observer on."""
+    time, y, u, status = (np.concatenate(part) for part in list(zip(*stretches, strict=True))[:4])
+    return Stretch(time, y, u, status, True)
 
 
 @dataclass

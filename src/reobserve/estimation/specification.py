@@ -8,6 +8,7 @@ columns:                                                 of the record, with the
 sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
 estimates: {state: {angle: rad, rate: rad/s}}            names and units of what has none
 alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
+smooth: false                                            true: each estimate from the whole record
 """
 
 from __future__ import annotations
@@ -209,6 +210,8 @@ class Specification:
     """All of it.
 
     ``observer`` is read as a mapping: a kind, and the keys of its family, or of a design file.
+    ``smooth`` asks for estimates of which each takes the whole record, from a start of the observer
+    to the next, by `reobserve.observers.smoother.rts_smoother`; residuals stay the filter's.
     """
 
     observer: Any
@@ -216,6 +219,7 @@ class Specification:
     sampling: Sampling
     estimates: dict[str, dict[str, str]] = field(default_factory=dict)
     alarms: Annotated[tuple[Alarm, ...], Few, checked(_distinct_alarms)] = ()
+    smooth: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.observer, Mapping):

@@ -13,6 +13,7 @@ from reobserve.estimation.families import FAMILIES, family
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.fixed_gain import luenberger
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO
@@ -22,7 +23,9 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 from reobserve.systems.linear import LinearModel
+from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.triangular_text import triangular_model
 
@@ -55,6 +58,29 @@ def bank(*filters: Any, mixing: bool = True) -> Made:
     chain = [[0.95, 0.05, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]]
     made = IMM(filters, chain, mixing)
     return made, made.init([1.0, 2.0, 3.0], [1.0, 2.0, 1.0], [1.0, 0.0, 0.0])
+
+
+def swing(kind: Any, **chosen: Any) -> Made:
+    """Two outputs with correlated noise, one of which the input enters; powers and parameters."""
+    model = NonlinearModel(
+        ["a + w/20", "w - sin(a)/20 - friction*w**3 + u/(2 + a^4)"],
+        ["a*w + exp(-a) + u**2", "erf(w)*pi - (1 + w**2)**-2.5*tan(a/3)"],
+        Q=[[1e-4, 1e-5], [1e-5, 1e-3]], R=[[1e-3, 2e-4], [2e-4, 1e-2]], state_names=["a", "w"],
+        input_names=["u"], parameters={"friction": 0.01}, sampling_period=0.05,
+    )  # fmt: skip
+    made = kind(model, **chosen)
+    return made, made.init([0.5, 1.0], [0.01, 0.1])
+
+
+def turning(kind: Any, **chosen: Any) -> Made:
+    """A differential equation without input, in three substeps, in the middle of a record."""
+    model = NonlinearModel.from_ode(
+        ["w", "(1 - a**2)*w - a", "-b*a^5"], "a + b", Q=[1e-5, 1e-4, 1e-5], R=1e-2,
+        state_names=["a", "w", "b"], sampling_period=0.1, substeps=3,
+    )  # fmt: skip
+    made = kind(model, **chosen)
+    y = np.array([0.3, np.nan, 0.28, 0.31])
+    return made, made.run(y, state=made.init([0.2, 0.1, 0.1], 0.1)).state
 
 
 def switching(inverse: str, factor: float = 1.0) -> SmoothVariableStructureFilter:
@@ -115,6 +141,10 @@ CASES: dict[str, Callable[[], Made]] = {
         (made := AugmentedKalmanFilter(model(), [[0.0], [1.0], [0.0]], 0.01)),
         made.init([1.0, 2.0, 3.0], 1.0),
     ),
+    "ekf": lambda: swing(ExtendedKalmanFilter),
+    "ekf_turning": lambda: turning(ExtendedKalmanFilter),
+    "ukf": lambda: swing(UnscentedKalmanFilter, alpha=0.5, beta=1.0, kappa=1.0),
+    "ukf_turning": lambda: turning(UnscentedKalmanFilter),
     "svsf": lambda: filtering(switching("pseudo")),
     "svsf_weighted": lambda: filtering(switching("weighted")),
     "imm": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS)),

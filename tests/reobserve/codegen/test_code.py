@@ -81,6 +81,27 @@ def test_c_code_compiles_without_warning_and_agrees(name: str, folder: Path) -> 
     assert source.count("#include") == 2  # its own header, and that of mathematics
 
 
+# Filters whose sums are in the library's order, in C that fuses no products.
+EQUAL = (
+    "gain", "gain_free", "kalman", "kalman_before", "augmented", "svsf", "svsf_weighted",
+    "ekf_turning", "ukf_turning", "example-kalman", "example-extended-kalman",
+    "example-unscented-kalman",
+)  # fmt: skip
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
+@pytest.mark.parametrize("name", EQUAL)
+def test_c_code_of_filters_is_bitwise_equal_to_the_library(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(c_test, "_TOLERANCE", 0.0)
+    write(name, tmp_path)
+    command = c_test.COMPILE.format(name=name.replace("-", "_")).split()
+    assert ran(tmp_path, *command, "-O2", "-ffp-contract=off", "-o", "equal").returncode == 0
+    tested = ran(tmp_path, "./equal")
+    assert tested.returncode == 0, tested.stdout
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 def test_c_imm_probabilities_survive_underflowing_likelihoods(folder: Path) -> None:
     """All likelihoods are below the smallest float, so only their ratios are usable."""

@@ -81,6 +81,22 @@ def high_gain(columns: Columns) -> Run[Any]:
     return observer.run(y, u, state=observer.init([0.0, 0.0]))
 
 
+def swing(kind: Callable[[ro.NonlinearModel], Any]) -> Callable[[Columns], Run[Any]]:
+    """Of an angle in degrees and a torque in mN m."""
+
+    def run(columns: Columns) -> Run[Any]:
+        model = ro.NonlinearModel.from_ode(
+            ["rate", "-stiffness*sin(angle) - friction*rate + gain*torque"], ["angle"],
+            Q=[1e-10, 1e-7], R=3e-8, state_names=["angle", "rate"], input_names=["torque"],
+            parameters={"stiffness": 9.81, "friction": 0.5, "gain": 4.0}, sampling_period=PERIOD,
+        )  # fmt: skip
+        observer = kind(model)
+        y, u = read(columns, "deg", "rad", "angle"), read(columns, "mN m", "N m", "torque")
+        return observer.run(y, u, state=observer.init([0.0, 0.0], 1.0))
+
+    return run
+
+
 def extended_high_gain(columns: Columns) -> Run[Any]:
     model = triangular_model(["level"], ["-level"], "1")
     observer = ro.ExtendedHighGainObserver(model, 5.0, 2, (0.0, 1.5), 0.035, sampling_period=PERIOD)
@@ -133,6 +149,8 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "augmented-kalman-bias": motor(
         lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.0], [0.0]], 1e-4, [[1.0], [0.0]])
     ),
+    "extended-kalman": swing(ro.ExtendedKalmanFilter),
+    "unscented-kalman": swing(ro.UnscentedKalmanFilter),
     "svsf": motor(svsf),
     "imm-kalman": motor(
         lambda: ro.IMM([ro.KalmanFilter(motor_model(f)) for f in (10.0, 20.0)], STAYS)

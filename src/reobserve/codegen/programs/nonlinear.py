@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from reobserve.codegen.expressions import Expression, Name, Number, outer
+from reobserve.codegen.expressions import Expression, Name, Number, outer, times
 from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs import linear
 from reobserve.codegen.programs.right_hand_sides import expression
@@ -88,6 +88,9 @@ class _Filter:
     @contextmanager
     def substeps(self) -> Iterator[None]:
         """The Runge-Kutta steps of a sampling period."""
+        if self.model.substeps == 1:
+            yield
+            return
         with self.program.for_each("substep", self.model.substeps):
             yield
 
@@ -300,5 +303,5 @@ def _joseph(made: _Filter, points: _SigmaPoints, images: Name, K: Name) -> None:
     points.scatter(rows, P)
     with program.for_each("row", n) as a, program.for_each("column", f"{a} + 1") as b:
         with program.for_each("i", p) as i, program.for_each("j", p) as j:
-            program.let(P[a, b], P[a, b] + K[a, i] * made.R[i, j] * K[b, j])
+            program.let(P[a, b], P[a, b] + times(times(K[a, i], made.R[i, j]), K[b, j]))
         program.let(P[b, a], P[a, b])
