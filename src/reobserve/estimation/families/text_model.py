@@ -121,7 +121,8 @@ class TextSystem(System):
         with self.naming():
             if self.time == "discrete":
                 return NonlinearModel(**given)
-            return NonlinearModel.from_ode(**given, substeps=self.substeps or 1)
+            steps = 1 if self.substeps is None else self.substeps
+            return NonlinearModel.from_ode(**given, substeps=steps)
 
     @contextmanager
     def naming(self) -> Iterator[None]:
