@@ -129,6 +129,7 @@ $(TOOLS): $(STAMP) requirements-package.lock
 
 $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
 	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 on the PATH; install one or say make PYTHON=/path/to/python" >&2; exit 1; }
+	@test ! -L $(VENV) || { echo "make: $(VENV) is a link, and what it links to would be cleared; remove the link" >&2; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
 	PYTHON=$(BIN)/python sh workflow/envs/install.sh
 	@touch $@

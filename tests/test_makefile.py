@@ -1,0 +1,72 @@
+"""The set-up of the environment by make, with a stub in place of Python."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests import ROOT
+
+# What make asks of Python on the way to an environment; it clears as `python -m venv` does.
+STUB = """#!/bin/sh
+case "$1 $2 $3" in
+"-m venv --clear")
+    rm -rf "$4"/*
+    mkdir -p "$4/bin"
+    ;;
+*)
+    exit 2
+    ;;
+esac
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """What make needs to set up an environment, in a folder of its own."""
+    project = tmp_path / "project"
+    (project / "workflow/envs").mkdir(parents=True)
+    shutil.copy(ROOT / "Makefile", project)
+    for name in ("requirements.lock", "requirements-build.lock", "pyproject.toml"):
+        (project / name).touch()
+    (project / "workflow/envs/install.sh").write_text("exit 0\n")
+    stub = tmp_path / "python"
+    stub.write_text(STUB)
+    stub.chmod(0o755)
+    return project
+
+
+def make_env(folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = {name: text for name, text in os.environ.items() if not name.startswith("MAKE")}
+    command = ["make", "env", f"PYTHON={folder.parent / 'python'}"]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def test_environment_is_set_up_once(folder: Path) -> None:
+    assert make_env(folder).returncode == 0
+    assert (folder / ".venv/.installed").is_file()
+    assert "Nothing to be done" in make_env(folder).stdout
+
+
+def test_environment_that_is_a_link_is_refused_and_not_cleared(folder: Path) -> None:
+    other = folder.parent / "other"
+    other.mkdir()
+    (other / "kept").touch()
+    (folder / ".venv").symlink_to(other)
+    done = make_env(folder)
+    assert done.returncode
+    assert "make: .venv is a link, and what it links to would be cleared" in done.stderr
+    assert [path.name for path in other.iterdir()] == ["kept"]
+
+
+def test_link_to_an_environment_that_is_up_to_date_is_used(folder: Path) -> None:
+    assert make_env(folder).returncode == 0
+    (folder / ".venv").rename(folder.parent / "other")
+    (folder / ".venv").symlink_to(folder.parent / "other")
+    assert make_env(folder).returncode == 0
