@@ -225,7 +225,10 @@ ONE = Units(np.ones(3), np.ones(2), np.ones(2), 1.0)
 UNITS = {
     "small states": ONE._replace(x=np.full(3, 2.0**-10)),
     "large states": ONE._replace(x=np.full(3, 2.0**10)),
-    "all": Units(2.0 ** np.array([10, -7, 3]), 2.0 ** np.array([-5, 8]), 2.0 ** np.array([7, -9]), 2.0**-6),
+    "all": Units(
+        2.0 ** np.array([10, -7, 3]), 2.0 ** np.array([-5, 8]), 2.0 ** np.array([7, -9]),
+        2.0**-6,
+    ),
 }  # fmt: skip
 
 

@@ -7,7 +7,11 @@ from pathlib import Path
 import pytest
 
 from reobserve.tuning.table import Results
+from reobserve_papers.bench.commands import plot_command
 from reobserve_papers.bench.plot import evaluations, heat_map, levels
+from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
+from reobserve_papers.golden.bench import golden_table
+from tests import ROOT
 from tests.reobserve.tuning.toy import stated_results
 
 
@@ -56,3 +60,17 @@ def test_level_figure_marks_tuned_given_and_retuned_settings(results: Results) -
 def test_error_curve_shows_the_median_of_repeats(results: Results) -> None:
     (line, *_) = evaluations(results).axes[0].lines
     assert line.get_xydata().tolist() == [[10.0, 0.5], [25.0, 0.21], [40.0, 0.2]]
+
+
+@pytest.mark.parametrize("task", ["leak", "delay"])
+def test_figures_of_accepted_numbers_are_the_accepted_ones(task: str, tmp_path: Path) -> None:
+    """Two tasks that between them show all figures."""
+    accepted = {path.stem: path for path in (ROOT / "tests/reference/bench" / task).glob("*.png")}
+    drawn = {name: tmp_path / f"{name}.png" for name in accepted}
+    settings = ROOT / "config/bench/tuned" / task
+    stated, table = ROOT / f"config/bench/{task}.yaml", golden_table(ROOT, task)
+    plot_command(stated, table, settings, [*drawn.values()], None)
+    assert accepted
+    for name, path in accepted.items():
+        found = rms_difference(read_pixels(path), read_pixels(drawn[name]), f"{task} {name}")
+        assert found <= TOLERANCE, name

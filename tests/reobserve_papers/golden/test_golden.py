@@ -1,9 +1,11 @@
-"""The numbers of a build agree with the golden numbers."""
+"""The numbers and figures of a build agree with the golden numbers and the accepted figures."""
 
 from __future__ import annotations
 
 import pytest
 
+from reobserve_papers.figure_diff.comparison import figures
+from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
 from reobserve_papers.golden.comparison import compare_built
 from reobserve_papers.golden.files import golden_files
 from reobserve_papers.golden.values import part_names
@@ -31,3 +33,16 @@ def test_numbers_agree_with_golden_files(as_built: Project, paper: str, part: st
 @pytest.mark.parametrize("paper", PAPERS)
 def test_golden_files_belong_to_built_results(paper: str) -> None:
     assert set(golden_files(ROOT, paper)) == set(part_names(PARAMETER_FILES[paper].tree))
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_figures_agree_with_the_accepted_ones(as_built: Project, paper: str) -> None:
+    accepted = figures(ROOT / "tests/reference" / paper)
+    drawn = figures(as_built.folder / "results" / paper)
+    assert accepted.keys() == drawn.keys()
+    far = {}
+    for name, path in accepted.items():
+        off = rms_difference(read_pixels(path), read_pixels(drawn[name]), f"{paper} {name}")
+        if off > TOLERANCE:
+            far[name] = off
+    assert far == {}
