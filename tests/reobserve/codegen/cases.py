@@ -28,6 +28,7 @@ from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.triangular_text import triangular_model
+from tests.reobserve.estimation.by_hand import eso
 
 Array = NDArray[np.float64]
 Made = tuple[Any, Any]  # an observer, and a state or None
@@ -87,6 +88,10 @@ def switching(inverse: str, factor: float = 1.0) -> SmoothVariableStructureFilte
     return SmoothVariableStructureFilter(model(factor), [0.5, 1.5], 0.2, inverse)
 
 
+def started(made: Any, *values: float) -> Made:
+    return made, made.init(values)
+
+
 def gone_on(made: Any) -> Made:
     """A state in the middle of a record."""
     y = 0.2 * np.sin(np.arange(24.0)).reshape(8, 3)
@@ -107,6 +112,13 @@ def high_gain() -> Made:
     made = HighGainObserver(model, 6.0, sampling_period=0.01)
     y, u = (0.1 + 0.05 * np.sin(k * np.arange(8.0))[:, None] for k in (1.0, 2.0))
     return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
+
+
+def extended_state() -> Made:
+    """In the middle of a record."""
+    made = eso()
+    y, u = 0.2 * np.sin(np.arange(1.0, 17.0)).reshape(8, 2), np.ones((8, 1))
+    return made, made.run(y, u).state
 
 
 def extended(*, begun: bool = False, **chosen: Any) -> Made:
@@ -154,16 +166,21 @@ CASES: dict[str, Callable[[], Made]] = {
     "sampled_on": lambda: gone_on(SampledILO(BODY, 0.9, 200.0, 500.0, 0.03, sampling_period=0.01)),
     "continuous": lambda: (ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01), None),
     "continuous_on": lambda: gone_on(ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01)),
-    "adaptive": lambda: gone_on(AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01)),
+    "adaptive_on": lambda: gone_on(AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01)),
+    "adaptive": lambda: (AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01), None),
+    "extended_state_on": extended_state,
     "levant": lambda: (LevantDifferentiator(1.0, 3, sampling_period=0.01), None),
+    "levant_on": lambda: started(LevantDifferentiator(1.0, 3, sampling_period=0.01), 0.2, 1, 2, 3),
     "high_gain": high_gain,
     "extended": extended,
     "extended_all": lambda: extended(switched="all", begun=True),
     "extended_unswitched": lambda: extended(order=1, threshold=0.0),
     "extended_alone": alone,
     "identity": lambda: (pendulum(order=4), None),
+    "identity_on": lambda: started(pendulum(order=4), 0.2, -0.3),
     "constant": lambda: (pendulum(order=0), None),
     "transformed": lambda: (pendulum(order=4, form="transformed"), None),
+    "transformed_on": lambda: started(pendulum(order=4, form="transformed"), 0.2, -0.3),
 }  # fmt: skip
 
 

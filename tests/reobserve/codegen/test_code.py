@@ -48,6 +48,8 @@ def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
     columns = columns_of(name, observer)
     program = program_of(observer, state, columns)
     y, u, run = run_record(observer, state, columns)
+    assert np.all(y[0]), "where some observers start"
+    assert np.all(u[0])
     stepped, expected = state, {each: run[each] for each in program.estimates}
     if stepped is None:
         stepped = observer.run(y[:1], u[:1] if observer.inputs else None).state
@@ -64,6 +66,21 @@ def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
     (folder / f"{c}.c").write_text(c_code.source(program, c))
     (folder / f"{c}_test.c").write_text(c_test.test_source(program, c, y, u, expected))
     return observer, y, u, expected
+
+
+def test_each_observer_is_tested_with_each_start_that_it_takes() -> None:
+    """With a state, and without one where the observer starts from its first measurement."""
+    observers: dict[type, Any] = {}
+    starts: set[tuple[type, bool]] = set()
+    for observer, state in map(observer_of, NAMES):
+        observers[type(observer)] = observer
+        starts.add((type(observer), state is None))
+    for kind, observer in observers.items():
+        assert (kind, False) in starts, kind
+        if (kind, True) not in starts:
+            p, m = observer.measurements, observer.inputs
+            with pytest.raises(InputError, match=r"^state: must be given"):
+                observer.run(np.ones((2, p)), np.ones((2, m)) if m else None)
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.cli.main import main
 from reobserve.estimation.commands import estimate_file
-from reobserve.estimation.example_records import _followed
+from reobserve.estimation.example_records import PLANTS, _followed, followed
 from reobserve.estimation.families.examples import examples, simulated
 from tests.reobserve.estimation.by_hand import BY_HAND
 from tests.reobserve.estimation.records import read_results, specification, write_record
@@ -53,6 +53,22 @@ def test_driven_plant_is_integrated_to_fourth_order() -> None:
     grown = _followed(lambda t, x: x, np.array([1.0]), time)
     series = [1 + h + h**2 / 2 + h**3 / 6 + h**4 / 24 for h in np.diff(time)]
     assert grown[:, 0] == pytest.approx(np.cumprod([1.0, *series]), rel=1e-14)
+
+
+DERIVATIVES = {
+    "pendulum": {"angle": "rate"}, "driven_pendulum": {"angle": "rate"},
+    "lag": {"level": "level_rate", "valve": "valve_rate"}, "signal": {"v0": "v1", "v1": "v2"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_signals_that_are_derivatives_of_others_agree_with_differences(plant: str) -> None:
+    made, found = followed(plant), DERIVATIVES.get(plant, {})
+    assert {each for each in made.signals if each.endswith("rate")} <= set(found.values())
+    assert all(np.isfinite(values).all() for values in made.signals.values())
+    for name, rate in found.items():
+        by_differences = np.gradient(made.signals[name], made.time)
+        assert made.signals[rate][1:-1] == pytest.approx(by_differences[1:-1], abs=1e-4), rate
 
 
 @pytest.mark.parametrize("name", NAMES)
