@@ -97,7 +97,7 @@ def high_gain(size: int, rho: float) -> Array:
     size, rho = _as_size(size), as_positive("rho", rho)
     scale = _powers(size, rho, 1.0)
     with np.errstate(over="ignore"):
-        gain = np.array([comb(size, i + 1) for i in range(size)]) * scale
+        gain = np.array([float(comb(size, i + 1)) for i in range(size)]) * scale
     return _in_range(gain, rho)
 
 

@@ -114,6 +114,10 @@ def high_gain() -> Made:
     return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
 
 
+def adaptive() -> AdaptiveObserver:
+    return AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01)
+
+
 def extended_state() -> Made:
     """In the middle of a record."""
     made = eso()
@@ -166,8 +170,8 @@ CASES: dict[str, Callable[[], Made]] = {
     "sampled_on": lambda: gone_on(SampledILO(BODY, 0.9, 200.0, 500.0, 0.03, sampling_period=0.01)),
     "continuous": lambda: (ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01), None),
     "continuous_on": lambda: gone_on(ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01)),
-    "adaptive_on": lambda: gone_on(AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01)),
-    "adaptive": lambda: (AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01), None),
+    "adaptive": lambda: (adaptive(), None),
+    "adaptive_on": lambda: gone_on(adaptive()),
     "extended_state_on": extended_state,
     "levant": lambda: (LevantDifferentiator(1.0, 3, sampling_period=0.01), None),
     "levant_on": lambda: started(LevantDifferentiator(1.0, 3, sampling_period=0.01), 0.2, 1, 2, 3),
