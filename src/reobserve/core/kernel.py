@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
+
+from reobserve.core.kernel_cache import cache_in, own_folder
 
 # In modules that hold compiled code.
 _MARKS = (b"@kernel", b"@inlined_kernel", b"@allocating_kernel", b"intrinsic(_")
@@ -110,25 +112,13 @@ class FunctionPointer:
 
 def _cached(function: Callable[..., Any], decorator: Any, *arguments: Any, **options: Any) -> Any:
     """Apply a decorator of numba, with its cache in `_cache_folder` if that can be written."""
-    with _cache_in(_cache_folder(_packages_behind(function))) as cached:
+    with cache_in(_cache_folder(_packages_behind(function))) as cached:
         try:
             return decorator(*arguments, cache=cached, **options)(function)
         except RuntimeError as error:  # numba found no folder for the module of this function
             if "cannot cache" not in str(error):
                 raise
     return decorator(*arguments, **options)(function)
-
-
-@contextmanager
-def _cache_in(folder: Path | None) -> Iterator[bool]:
-    """Have numba cache in a folder what is decorated meanwhile; false if there is no folder."""
-    config: Any = numba.config
-    before = config.CACHE_DIR
-    config.CACHE_DIR = before if folder is None else str(folder)
-    try:
-        yield folder is not None
-    finally:
-        config.CACHE_DIR = before
 
 
 def _packages_behind(function: Callable[..., Any]) -> frozenset[str]:
@@ -174,16 +164,15 @@ def _cache_folder(packages: frozenset[str]) -> Path | None:
         if any(mark in source for mark in _MARKS):
             whole.update(source)
     chosen: Any = numba.config
-    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    places: list[Any] = (
-        [chosen.CACHE_DIR] if chosen.CACHE_DIR else [library / "__pycache__", caches]
-    )
-    for place in places:
-        folder = Path(place) / f"reobserve-kernels-{whole.hexdigest()[:16]}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    return None
+    if chosen.CACHE_DIR:
+        places = [Path(chosen.CACHE_DIR).absolute()]
+    else:
+        places = [library / "__pycache__", *_caches_of_user()]
+    name = f"reobserve-kernels-{whole.hexdigest()[:16]}"
+    return next(filter(None, (own_folder(place, name) for place in places)), None)
+
+
+def _caches_of_user() -> list[Path]:
+    """The user's folder for caches; none without a home. Relative ones are none (XDG says so)."""
+    found = (os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache"))
+    return [Path(one) for one in found if os.path.isabs(one)][:1]

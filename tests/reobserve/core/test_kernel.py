@@ -33,7 +33,7 @@ def package(tmp_path: Path) -> Path:
     import reobserve
 
     root = Path(reobserve.__file__).parent
-    for name in ("__init__.py", "core/__init__.py", "core/kernel.py"):
+    for name in ("__init__.py", "core/__init__.py", "core/kernel.py", "core/kernel_cache.py"):
         copy = tmp_path / "reobserve" / name
         copy.parent.mkdir(exist_ok=True, parents=True)
         copy.write_bytes((root / name).read_bytes())
@@ -53,6 +53,12 @@ def run(folder: Path, program: str = RUN, **environment: str) -> str:
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     return done.stdout
+
+
+def block_package(package: Path) -> None:
+    """Leave no place to write in the package; a file in place of a folder also stops root."""
+    for name in ("", "core/"):
+        (package / f"reobserve/{name}__pycache__").write_text("")
 
 
 def test_second_process_loads_cached_machine_code(package: Path) -> None:
@@ -82,9 +88,7 @@ def test_edited_kernel_of_another_package_is_recompiled_in_its_callers(
 
 
 def test_unwritable_cache_folder_only_costs_time(package: Path) -> None:
-    for name in ("", "core/"):
-        # A file in place of a folder also stops root.
-        (package / f"reobserve/{name}__pycache__").write_text("")
+    block_package(package)
     assert run(package) == "2.0 0\n"
     assert run(package) == "2.0 1\n", "from the cache folder of the user"
     (package / "blocked").write_text("")
@@ -95,7 +99,10 @@ def test_unwritable_cache_folder_only_costs_time(package: Path) -> None:
 
 def test_compilation_works_without_a_home_folder(package: Path) -> None:
     program = f"import os.path; os.path.expanduser = lambda path: path; {RUN}"
-    assert run(package, program) == "2.0 0\n"
+    block_package(package)
+    for caches in ("", "caches"):  # a relative folder is another one in each current folder
+        assert run(package, program, XDG_CACHE_HOME=caches) == "2.0 0\n"
+    assert [path.name for path in package.iterdir()] == ["reobserve"]
 
 
 def test_importing_the_library_does_not_change_warnings_or_other_caches() -> None:
@@ -183,3 +190,80 @@ except KeyError:
     print("unknown")
 """
     assert run(package, FORGET + refused) == "unknown\n"
+
+
+FUNCTION = """
+from reobserve.core.kernel import FunctionPointer, kernel
+from reobserve.core.sums import twice
+
+@kernel
+def eightfold(x):
+    return 4 * twice(x)
+
+def called(x):
+    return eightfold(x) + 1
+
+POINTER = FunctionPointer("float64(float64)", called)
+"""
+BOTH = (
+    "from reobserve.core.function import POINTER, eightfold; compiled = POINTER.compiled; "
+    "print(compiled.ctypes(1.0), eightfold(1.0), compiled.cache_hits, "
+    "len(eightfold.stats.cache_hits))"
+)
+
+
+def cached_files(folder: Path, ending: str) -> list[Path]:
+    return sorted(folder.rglob(f"reobserve-kernels-*/**/*.{ending}"))
+
+
+@pytest.fixture
+def cached(package: Path) -> Path:
+    """The package with a function and a kernel, both compiled and in the cache."""
+    (package / "reobserve/core/function.py").write_text(FUNCTION)
+    assert run(package, BOTH) == "9.0 8.0 0 0\n"
+    assert run(package, BOTH) == "9.0 8.0 1 1\n"
+    return package
+
+
+def overwritten(content: bytes) -> bytes:
+    """The same with zeros in the middle, as a file that was not written whole."""
+    third = len(content) // 3
+    return content[:third] + bytes(third) + content[2 * third :]
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_damaged_machine_code_is_compiled_again(cached: Path, ending: str) -> None:
+    damages = (lambda content: b"", lambda content: content[:99], overwritten, lambda _: b"x" * 999)
+    for damage in damages:
+        files = cached_files(cached, ending)
+        assert len(files) >= 2
+        for path in files:
+            path.write_bytes(damage(path.read_bytes()))
+        assert run(cached, BOTH) == "9.0 8.0 0 0\n"
+        assert run(cached, BOTH) == "9.0 8.0 1 1\n", "written anew"
+
+
+def test_machine_code_of_another_function_is_not_taken_for_its_own(cached: Path) -> None:
+    files = {path.name.split("-")[0]: path for path in cached_files(cached, "nbc")}
+    one, other = files["function.called"], files["function.eightfold"]
+    one.write_bytes(other.read_bytes())
+    assert run(cached, BOTH) == "9.0 8.0 0 1\n"
+
+
+def test_machine_code_that_cannot_be_kept_is_compiled_each_time(cached: Path) -> None:
+    for ending in ("nbi", "nbc"):
+        for path in cached_files(cached, ending):
+            path.unlink()
+            path.mkdir()
+    for _ in range(2):
+        assert run(cached, BOTH) == "9.0 8.0 0 0\n"
+
+
+@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() != 0, reason="only root can give it away")
+def test_machine_code_in_a_folder_of_another_user_is_not_loaded(cached: Path) -> None:
+    for folder in cached.rglob("reobserve-kernels-*"):
+        os.chown(folder, 2000, 2000)
+    assert run(cached, BOTH) == "9.0 8.0 0 0\n"
+    assert run(cached, BOTH) == "9.0 8.0 1 1\n", "from the cache folder of the user"
+    folders = [path.parent.name for path in cached.rglob("reobserve-kernels-*")]
+    assert sorted(folders) == [".cache", "__pycache__"]

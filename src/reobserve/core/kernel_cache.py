@@ -1,0 +1,111 @@
+"""The files in which numba keeps machine code: checked when they are read, written if they can be.
+
+numba takes what it finds. A file that a crash or a full disk has damaged would end every later
+program, or be called as if it were the code of the function.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numba
+
+
+class _CheckedFile:
+    """Files of one function; each result with its key and the digest of both."""
+
+    def __init__(self, file: Any) -> None:
+        self._file, self.flush = file, file.flush
+
+    def load(self, key: Any) -> Any:
+        """What was saved with a key; None if nothing was, or is no longer."""
+        found = self._file.load(key)
+        if found is None or hashlib.sha256(found[1]).digest() != found[0]:
+            return None
+        kept, data = pickle.loads(found[1])
+        return data if kept == key else None  # a damaged index names the file of another key
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save a result."""
+        content = self._file._dump((key, data))
+        self._file.save(key, (hashlib.sha256(content).digest(), content))
+
+
+class _Checked:
+    """What a cache of numba for one function does otherwise: nothing wrong with files is an error.
+
+    ``used`` is false if numba went elsewhere, as it does where it cannot write; what it finds
+    there is not to be trusted.
+    """
+
+    _cache_file: Any
+    used: bool
+
+    def load_overload(self, *what: Any) -> Any:
+        """The compiled function; None if it has to be compiled."""
+        with suppress(Exception):  # a damaged pickle raises whatever it likes
+            return super().load_overload(*what) if self.used else None  # type: ignore[misc]
+        return None
+
+    def save_overload(self, *what: Any) -> None:
+        """Save a compiled function, if that can be done; a damaged index is begun anew."""
+        for _ in range(2 * self.used):
+            with suppress(OSError):
+                try:
+                    return super().save_overload(*what)  # type: ignore[misc, no-any-return]
+                except OSError:
+                    return None
+                except Exception:
+                    self._cache_file.flush()
+        return None
+
+
+# numba's class of caches, of kernels and of functions with a signature.
+_CACHE: Any = getattr(type(numba.njit(_Checked.load_overload)), "enable_caching", None)
+_CACHE = getattr(_CACHE, "__globals__", {}).get("FunctionCache", _Checked)
+_INIT = _CACHE.__init__
+_CheckedCache = type("_CheckedCache", (_Checked, _CACHE), {}) if _CACHE is not _Checked else _CACHE
+
+
+@contextmanager
+def cache_in(folder: Path | None) -> Iterator[bool]:
+    """Have numba cache in a folder what is decorated meanwhile; false if there is no folder."""
+    if folder is None:
+        yield False
+        return
+
+    def checked(self: Any, function: Any) -> None:
+        _INIT(self, function)
+        self.used = Path(self.cache_path).is_relative_to(folder)
+        self._cache_file = _CheckedFile(self._cache_file)
+        self.__class__ = _CheckedCache
+
+    config: Any = numba.config
+    before = config.CACHE_DIR, _CACHE.__init__
+    config.CACHE_DIR, _CACHE.__init__ = str(folder), checked
+    try:
+        yield True
+    finally:
+        config.CACHE_DIR, _CACHE.__init__ = before
+
+
+def own_folder(place: Path, name: str) -> Path | None:
+    """A folder for code that this user alone has written; None if there can be none.
+
+    Who owns a folder may put any code into it. A place that is not absolute would be another one
+    in each current folder.
+    """
+    folder = place / name
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        owner = folder.stat().st_uid
+    except OSError:
+        return None
+    is_own = not hasattr(os, "getuid") or owner == os.getuid()
+    return folder if is_own and os.access(folder, os.W_OK) else None
