@@ -34,6 +34,7 @@ from pydantic import (  # noqa: E402
     ConfigDict,
     Discriminator,
     Field,
+    PlainValidator,
     Tag,
     TypeAdapter,
     ValidationError,
@@ -288,6 +289,16 @@ def checked(check: Callable[[str, Any], object]) -> AfterValidator:
     return AfterValidator(validate)
 
 
+def as_stated(check: Callable[[str, Any], object]) -> PlainValidator:
+    """`checked`, where the check is the only one: no other type is demanded before it."""
+
+    def validate(value: Any) -> Any:
+        check("", value)
+        return value
+
+    return PlainValidator(validate)
+
+
 def _distinct(place: str, value: list[Any]) -> None:
     if len(set(value)) < len(value):
         raise InputError(place, f"{shown(value)} must not name anything twice")
@@ -337,14 +348,18 @@ def array(*shape: int) -> AfterValidator:
     return checked(check)
 
 
-def matrix(size: int) -> AfterValidator:
-    """A number (times the identity), a diagonal or a square matrix."""
-    return checked(lambda place, value: as_matrix(place, value, size))
+# What `matrix` and `positive_definite` leave as it is stated.
+MatrixValue = float | list[float] | list[list[float]]
 
 
-def positive_definite(size: int) -> AfterValidator:
+def matrix(size: int) -> PlainValidator:
+    """A number (times the identity), a diagonal or a square matrix; a type `MatrixValue`."""
+    return as_stated(lambda place, value: as_matrix(place, value, size))
+
+
+def positive_definite(size: int) -> PlainValidator:
     """The same, and symmetric positive definite."""
-    return checked(lambda place, value: as_positive_definite(place, value, size))
+    return as_stated(lambda place, value: as_positive_definite(place, value, size))
 
 
 Positive = Annotated[float, Field(gt=0)]

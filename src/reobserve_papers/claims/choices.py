@@ -101,7 +101,7 @@ def find_choice(parameters: Parameters, pattern: str) -> Choice:
     """
     if pattern == SEED:
         return Choice((SEED,), ())
-    entries = dict(parameters.entries())
+    entries = parameters.by_key
     keys = tuple(key for key in entries if fnmatchcase(key, pattern))
     if not keys:
         raise InputError("depends_on", f"there is no {pattern!r}{nearest(pattern, entries)}")

@@ -26,11 +26,12 @@ the others up to date:
 A design is plain JSON data: gains and series that are computed once. Observers and studies that
 name one in the parameter file get it as a third argument.
 
-What studies, figures and records have in common, the keys of papers take from
+What studies and figures have in common, the keys of papers take from
 `reobserve_papers.parameters.job`. ``job`` is a `reobserve_papers.parameters.job.Job`: the
-parameter values that the step reads, see `reobserve_papers.parameters.settings`, with the
-types that the paper declares. A paper that is called by hand with plain values makes one of them:
-``job = read_job(keys.Parameters, settings)``.
+parameter values that the step reads, see `reobserve_papers.parameters.settings`, with the types
+that the paper declares. The last line of its keys names these types, ``Job = job.Job[Plant,
+Scenario, ...]``, so that mypy refuses a misspelled field in any step. A step that is called by hand
+with plain values is given ``read_job(keys.Parameters, settings)``.
 """
 
 from reobserve.core.extras import require

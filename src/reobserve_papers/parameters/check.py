@@ -17,7 +17,7 @@ from typing import Any
 from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError, ReobserveError, located
 from reobserve.estimation.quantities import check_unit
-from reobserve_papers.parameters.job import Job, StudyFigure, named, read_parameters
+from reobserve_papers.parameters.job import AnyJob, StudyFigure, named, read_parameters
 from reobserve_papers.parameters.names import SECTIONS, paper_part
 from reobserve_papers.parameters.parameters import Parameters
 
@@ -92,7 +92,7 @@ def check_units(parameters: Parameters) -> None:
 def check_stated(stated: Any, checks: Checks) -> None:
     """Build what a paper's typed parameters state; raises as `check_parameters`."""
     parts = ("plant", "observers", "designs", "metrics", "theory")
-    whole = Job(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
+    whole = AnyJob(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
     built: dict[str, object] = {}  # the designs
     checks.made("plant", whole)
     for one in _SECTIONS:
@@ -112,7 +112,7 @@ def check_stated(stated: Any, checks: Checks) -> None:
         checks.made("theory", whole, built)
 
 
-def _job(stated: Any, whole: Job, one: str, branch: Any) -> Job:
+def _job(stated: Any, whole: AnyJob, one: str, branch: Any) -> AnyJob:
     """What a job of the branch receives."""
     seen = {one: branch}
     if hasattr(branch, "scenario"):

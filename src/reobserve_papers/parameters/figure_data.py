@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 from reobserve_papers.metrics.metrics import Numbers
 from reobserve_papers.metrics.study_table import StudyTable
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import Series
+
+JobType = TypeVar("JobType")  # that of the paper, `keys.Job`
 
 
 @dataclass(frozen=True)
-class FigureData:
+class FigureData(Generic[JobType]):
     """The job of a figure with its records.
 
     Attributes
@@ -29,7 +31,7 @@ class FigureData:
         Its numbers, for those who draw.
     """
 
-    job: Job
+    job: JobType
     plant: Series
     estimates: Mapping[str, Series]
     study: StudyTable = field(default_factory=StudyTable)

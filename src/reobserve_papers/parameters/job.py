@@ -10,9 +10,11 @@ import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Annotated, Any, get_args, get_type_hints
+from types import UnionType
+from typing import Annotated, Any, Generic, get_args, get_type_hints, overload
 
 from pydantic import Tag
+from typing_extensions import TypeVar  # with defaults, as `typing` has it from 3.13 on
 
 from reobserve.core.errors import InputError, nearest
 from reobserve.core.validation import Names, checked, having, parse
@@ -24,26 +26,54 @@ from reobserve_papers.signals.inputs import Signal
 _SUBJECTS = ("theory", "observer", "table", "design")
 
 
+PlantType = TypeVar("PlantType")
+# A paper that has not a section leaves its type out.
+ScenarioType = TypeVar("ScenarioType", default=None)
+ObserverType = TypeVar("ObserverType", default=None)
+MetricsType = TypeVar("MetricsType", default=None)
+FigureType = TypeVar("FigureType", default=None)
+TheoryType = TypeVar("TheoryType", default=None)
+StudyType = TypeVar("StudyType", default=None)
+DesignType = TypeVar("DesignType", default=None)
+SearchType = TypeVar("SearchType", default=None)
+TableType = TypeVar("TableType", default=None)
+
+Kind = TypeVar("Kind")
+
+_ABSENT: Any = None  # what another kind of job reads
+
+
 @dataclass(frozen=True)
-class Job:
-    """The branches of a parameter file that one job receives, with the types its paper declares."""
+class Job(
+    Generic[
+        PlantType, ScenarioType, ObserverType, MetricsType, FigureType, TheoryType, StudyType,
+        DesignType, SearchType, TableType,
+    ]
+):  # fmt: skip
+    """The branches of a parameter file that one job receives, with the types its paper declares.
 
-    plant: Any
+    Each paper names its types once, ``Job = job.Job[Plant, Scenario, ...]`` among its keys. Which
+    branches there are depends on the step, see `reobserve_papers.parameters.settings`.
+    """
+
+    plant: PlantType
     seed: int = 0
-    scenario: Any = None
-    observer: Any = None
-    observers: Mapping[str, Any] = field(default_factory=dict)
-    design: Any = None
-    designs: Mapping[str, Any] = field(default_factory=dict)
-    study: Any = None
-    search: Any = None
-    table: Any = None
-    figure: Any = None
-    metrics: Any = None
-    theory: Any = None
+    scenario: ScenarioType = _ABSENT
+    observer: ObserverType = _ABSENT
+    observers: Mapping[str, ObserverType] = field(default_factory=dict)
+    design: DesignType = _ABSENT
+    designs: Mapping[str, DesignType] = field(default_factory=dict)
+    study: StudyType = _ABSENT
+    search: SearchType = _ABSENT
+    table: TableType = _ABSENT
+    figure: FigureType = _ABSENT
+    metrics: MetricsType = _ABSENT
+    theory: TheoryType = _ABSENT
 
 
-Settings = Mapping[str, Any] | Job
+# Of whichever paper.
+AnyJob = Job[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]
+Settings = Mapping[str, Any]  # plain values of the same branches, see `Parameters.settings`
 
 
 def signal(axes: int) -> Any:
@@ -85,12 +115,12 @@ AnyFigure = Annotated[
 ]
 
 
-def record_axis(job: Job) -> tuple[float, float]:
+def record_axis(job: AnyJob) -> tuple[float, float]:
     """Horizon and step of a plant's record [s], unless the paper's `record` says otherwise."""
     return job.plant.horizon, job.plant.step
 
 
-def read_job(keys: type, settings: Settings) -> Job:
+def read_job(keys: type, settings: Settings) -> AnyJob:
     """The settings of a job, checked and as types; see `Parameters.settings`.
 
     Raises
@@ -98,8 +128,6 @@ def read_job(keys: type, settings: Settings) -> Job:
     InputError
         With the key of what is missing, unknown or wrong, by the job's own name of the branch.
     """
-    if isinstance(settings, Job):
-        return settings
     kinds = _sections(keys)
     subject = next((name for name in _SUBJECTS if name in settings), None)
     branches = {}
@@ -112,7 +140,7 @@ def read_job(keys: type, settings: Settings) -> Job:
         if name in SECTIONS:
             kind = get_args(kind)[1]
         branches[name] = parse(kind, branch, "" if name == subject else name)
-    return Job(**branches)
+    return AnyJob(**branches)
 
 
 @cache
@@ -151,6 +179,14 @@ def declared_keys(parameters: Parameters) -> type:
         problem = f"{package!r}: there is no module {error.name}"
         raise InputError(f"{parameters.paper}.about.package", problem) from None
     return keys
+
+
+@overload
+def named(observers: Mapping[str, Any], name: str, kind: type[Kind]) -> Kind: ...
+
+
+@overload
+def named(observers: Mapping[str, Kind], name: str, kind: UnionType) -> Kind: ...
 
 
 def named(observers: Mapping[str, Any], name: str, kind: Any) -> Any:

@@ -11,6 +11,7 @@ import copy
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,11 @@ class Parameters:
     def entries(self) -> Iterator[tuple[str, Tree]]:
         """All entries with their dotted paths, in file order."""
         yield from _entries(self.tree, "")
+
+    @cached_property
+    def by_key(self) -> Mapping[str, Tree]:
+        """All entries by their dotted paths, listed once."""
+        return dict(self.entries())
 
     def settings(self, step: str, name: str = "") -> Tree:
         """The values that one run of a step depends on; see `parameters.settings.settings`.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -17,7 +15,6 @@ from reobserve.systems.rigid_body_arithmetic import acceleration, ahead, rk4_sum
 from reobserve_papers.signals.inputs import Array, Signal
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Satellite(RigidBody):
     """A rigid body under a control torque u and a fault torque u_f, both signals in N m.
 

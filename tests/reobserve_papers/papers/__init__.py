@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import read_yaml
+from reobserve_papers.parameters.job import declared_keys, read_job
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
@@ -13,6 +14,11 @@ def fixed_parameters(
 ) -> Parameters:
     """The parameters of a paper, with the `fixed` ones at the values that its tests state."""
     return Parameters.load(ROOT, paper, fixed(paper, overrides or {}), seed)
+
+
+def job_of(parameters: Parameters, step: str, name: str = "") -> Any:
+    """What a step of a paper gets: the settings that it reads, as the paper's types."""
+    return read_job(declared_keys(parameters), parameters.settings(step, name))
 
 
 def fixed(paper: str, overrides: dict[str, Any]) -> dict[str, Any]:

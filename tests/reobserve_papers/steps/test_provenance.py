@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
+from importlib.util import resolve_name
 from pathlib import Path
 
 import pytest
@@ -43,11 +45,53 @@ FILE, PACKAGE = Path("plant.py"), Path("plant/__init__.py")
             ["reobserve_papers.papers.ilo", "reobserve_papers.papers.ilo.lie"],
         ),
         ("x = 1", FILE, []),
+        (
+            "if TYPE_CHECKING:\n    import a\n\n    import b\nelse:\n    import c\nimport d",
+            FILE,
+            ["c", "d"],
+        ),
+        ("from a import (\n    b,  # not c\n    d as e,\n)", FILE, ["a", "a.b", "a.d"]),
     ],
 )
 def test_imported_names_are_found(statement: str, path: Path, names: list[str]) -> None:
-    (node,) = ast.parse(statement).body
-    assert list(provenance._names(node, MODULE, path)) == names
+    assert list(provenance._names(statement, MODULE, path)) == names
+
+
+def test_imports_are_those_that_python_parses() -> None:
+    """In all modules of the project, inside functions and in parentheses, too."""
+    files = [path for path in (ROOT / "src").rglob("*.py") if path.name != "__main__.py"]
+    assert len(files) > 400
+    for path in files:
+        module = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+        module = module.removesuffix(".__init__")
+        tree = ast.parse(path.read_bytes())
+        wanted = {name for node in running(tree) for name in imported(node, module, path)}
+        assert set(provenance._imports(module)) == wanted, module
+
+
+def running(node: ast.AST) -> Iterator[ast.stmt]:
+    """The statements below ``node`` that can run."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+            yield from running(ast.Module(child.orelse, []))
+            continue
+        if isinstance(child, ast.stmt):
+            yield child
+        yield from running(child)
+
+
+def imported(node: ast.stmt, module: str, path: Path) -> list[str]:
+    """The names that an import imports."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if not isinstance(node, ast.ImportFrom):
+        return []
+    base = "." * node.level + (node.module or "")
+    if node.level:
+        base = resolve_name(
+            base, module if path.name == "__init__.py" else module.rpartition(".")[0]
+        )
+    return [base, *(f"{base}.{alias.name}" for alias in node.names)]
 
 
 def test_closure_contains_direct_and_indirect_imports() -> None:

@@ -379,7 +379,7 @@ def test_invalid_lie_design_is_refused() -> None:
     table = parameters.settings("table", "table_coefficients")
     table["table"]["degree"] = 30
     with pytest.raises(InputError, match=r"^degree: 30 is beyond that of the design"):
-        table_rows(table, design)
+        table_rows(read_job(lie_keys.Parameters, table), design)
 
 
 def test_design_for_another_observer_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import parse
-from reobserve_papers.parameters.job import Job, declared_keys, read_job, record_axis
+from reobserve_papers.parameters.job import AnyJob, declared_keys, read_job, record_axis
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import ChannelShape, Series
 from reobserve_papers.steps.compute import Provenance, paper_module
@@ -66,7 +66,7 @@ def read_estimates(
     return found
 
 
-def _stated(parameters: Parameters, settings: dict[str, Any]) -> tuple[Any, Job]:
+def _stated(parameters: Parameters, settings: dict[str, Any]) -> tuple[Any, AnyJob]:
     """What the paper says of its files, and the settings of a job as it declares them."""
     with located(parameters.paper):
         return paper_module(parameters.package, "record"), read_job(

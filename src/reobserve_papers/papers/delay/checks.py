@@ -6,29 +6,27 @@ from collections.abc import Mapping
 
 from reobserve.core.errors import InputError
 from reobserve_papers.papers.delay import keys, observe, plant
-from reobserve_papers.papers.delay.study import SWEEPS
+from reobserve_papers.papers.delay.study import TUNED
 from reobserve_papers.papers.delay.theory_runs import NEEDED
 from reobserve_papers.parameters.check import Checks
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.grid import stride
 
-_TUNED = {name: kind for name, (kind, _, _) in SWEEPS.items()}
 
-
-def _observer(job: Job) -> None:
+def _observer(job: keys.Job) -> None:
     observe.build(job)
     stride(job.plant, job.observer.sampling_period)
 
 
-def _study(job: Job) -> None:
+def _study(job: keys.Job) -> None:
     """Check that the steps fit the grid and that the observers have a gain to vary."""
     if isinstance(job.study, keys.Tradeoff):
         stride(job.plant, job.study.sampling_period)
         for name in job.observers:
-            named(job.observers, name, (keys.Extended, keys.Standard))
+            named(job.observers, name, keys.HighGain)
 
 
-def _figure(job: Job) -> None:
+def _figure(job: keys.Job) -> None:
     """Check that observers are for the model of the scenario and have what the layout plots."""
     model, layout = job.scenario.model, job.figure.layout
     for name, observer in job.observers.items():
@@ -43,7 +41,7 @@ def _figure(job: Job) -> None:
         raise InputError("scenario", "must be of the pendulum, whose states are plotted")
 
 
-def _theory(job: Job, _: Mapping[str, object]) -> None:
+def _theory(job: keys.Job, _: Mapping[str, object]) -> None:
     stride(job.plant, job.theory.sampling_period)
     named(job.observers, "order2_noise", keys.Extended).levant()
 
@@ -56,5 +54,5 @@ CHECKS = Checks(
         "figure": _figure,
         "theory": _theory,
     },
-    about={keys.Tuning: _TUNED, keys.TuningFigure: _TUNED, keys.Theory: NEEDED},
+    about={keys.Tuning: TUNED, keys.TuningFigure: TUNED, keys.Theory: NEEDED},
 )

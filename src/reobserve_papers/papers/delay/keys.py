@@ -13,11 +13,12 @@ from reobserve.core.matrices import as_floats
 from reobserve.core.validation import (
     Count,
     Levels,
+    MatrixValue,
     NotNegative,
     Positive,
     Terms,
     Window,
-    checked,
+    as_stated,
     items,
     rising,
     vector,
@@ -31,6 +32,10 @@ MAX_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
 Scalar = Annotated[Terms, signal(1)]
 State = Annotated[list[float], items(1, 2)]
 Model = Literal["pendulum", "lag"]
+
+
+# Text is `algebraic`.
+InitialMatrix = MatrixValue | str
 
 
 def initial_matrix(place: str, value: Any) -> None:
@@ -92,7 +97,7 @@ class Extended:
     rho: Positive
     initial_estimate: State
     initial_delay: float
-    initial_matrix: Annotated[Any, checked(initial_matrix)]
+    initial_matrix: Annotated[InitialMatrix, as_stated(initial_matrix)]
     threshold: NotNegative
     switched: Literal["delay", "all"]
     derivatives: Literal["exact", "levant"]
@@ -161,6 +166,7 @@ class Relay:
     label: str = ""
 
 
+HighGain = Extended | Standard
 Estimator = LeastSquares | AdaptiveIdentification | Relay
 Observer = Extended | Standard | LeastSquares | AdaptiveIdentification | Relay
 
@@ -238,6 +244,9 @@ class TuningFigure(job.StudyFigure):
     layout: Literal["tuning"]
 
 
+Figure = DelayFigure | TradeoffFigure | TuningFigure
+
+
 @dataclass(frozen=True)
 class Parameters:
     """All sections."""
@@ -248,6 +257,7 @@ class Parameters:
     studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[
-        str, Annotated[DelayFigure | TradeoffFigure | TuningFigure, Field(discriminator="layout")]
-    ]
+    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
+
+
+Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Study]

@@ -20,6 +20,7 @@ import numpy as np
 
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.scoring import (
     constant_segments,
     errors,
@@ -93,7 +94,7 @@ MEANINGS = {
 }
 
 
-def measure(data: FigureData) -> Iterator[Metric]:
+def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The numbers of a figure; see `MEANINGS`."""
     plant = data.plant
     if data.study:  # the mean over the runs at each level
@@ -109,7 +110,7 @@ def measure(data: FigureData) -> Iterator[Metric]:
         yield from scores_of(name, _scores(data, name))
 
 
-def _scores(data: FigureData, name: str) -> Iterator[Score]:
+def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
     plant, estimate, rules = data.plant, data.estimates[name], data.job.metrics
     time, error = estimate.time, errors(plant, estimate)
     yield from rms_scores(rules, data.job.scenario.model, plant, estimate)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from reobserve_papers.papers.delay import keys
-from reobserve_papers.parameters.job import Job
 
 _AMPLITUDES = {
     "wrapped": "half a turn for the angle",
@@ -13,9 +12,9 @@ _AMPLITUDES = {
 }
 
 
-def note(job: Job) -> str:
+def note(job: keys.Job) -> str:
     """Gains, noise and steps of the observers of the pendulum."""
-    bodies = list(job.observers.values())
+    bodies = [body for body in job.observers.values() if isinstance(body, keys.HighGain)]
     steps = _each(f"{1000 * body.sampling_period:g} ms" for body in bodies)
     return (
         f"ρ = {_each(f'{body.rho:g}' for body in bodies)}. {gains(job)}. Runge-Kutta steps of "
@@ -23,7 +22,7 @@ def note(job: Job) -> str:
     )
 
 
-def gains(job: Job) -> str:
+def gains(job: keys.Job) -> str:
     """The initial gain, and the threshold below which it is switched off."""
     bodies = [body for body in job.observers.values() if isinstance(body, keys.Extended)]
     begun = _each(_beginning(body) for body in bodies)
@@ -35,7 +34,7 @@ def gains(job: Job) -> str:
     return f"{begun}; {parts} off where the estimated |ξ| < {bounds}"
 
 
-def noise(job: Job) -> str:
+def noise(job: keys.Job) -> str:
     """Size and kind of the noise."""
     plant, share = job.plant, job.scenario.noise_share
     if not share:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from reobserve.core.errors import InputError
@@ -21,12 +18,11 @@ from reobserve_papers.papers.delay.estimator_variable_structure import (
 )
 from reobserve_papers.papers.delay.record import UNITS
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
-from reobserve_papers.parameters.job import Job, Settings, read_job
 from reobserve_papers.signals.grid import stride
 from reobserve_papers.signals.series import Channel, Series
 
 
-def estimate(settings: Settings, plant: Series) -> Series:
+def estimate(job: keys.Job, plant: Series) -> Series:
     """Estimates of state and delay [s] at the ends of the observer's steps, if it has them.
 
     ``off`` is the share of each step for which the gain is switched off, up to the row's time.
@@ -38,18 +34,23 @@ def estimate(settings: Settings, plant: Series) -> Series:
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
-    observer = job.observer
-    every = stride(job.plant, observer.sampling_period)
-    channels = _RUNS[observer.algorithm](job, plant, every)
+    every = stride(job.plant, job.observer.sampling_period)
+    match job.observer:
+        case keys.Extended() as observer:
+            channels = _extended(job, observer, plant, every)
+        case keys.Standard() as observer:
+            channels = _standard(job, observer, plant, every)
+        case observer:
+            channels = _estimator(job, observer, plant, every)
     return Series(plant.time[:: 2 * every], channels, plant.events)
 
 
-def build_extended(job: Job) -> ExtendedHighGainObserver:
+def build_extended(job: keys.Job, observer: keys.Extended) -> ExtendedHighGainObserver:
     """The extended observer that an ``observers`` branch states; `InputError` if it cannot be."""
-    observer = job.observer
     model = build_model(job.plant, observer.model)
-    _check_start(job, model.states)
+    as_vector("initial_estimate", observer.initial_estimate, model.states)
+    _check_delay(job, observer.initial_delay)
+    start = observer.initial_matrix
     return ExtendedHighGainObserver(
         model,
         observer.rho,
@@ -57,20 +58,19 @@ def build_extended(job: Job) -> ExtendedHighGainObserver:
         delay_bounds(job.plant),
         observer.threshold,
         observer.switched,
-        None if observer.initial_matrix == "algebraic" else observer.initial_matrix,
+        None if isinstance(start, str) else start,
         sampling_period=observer.sampling_period,
     )
 
 
-def build_standard(job: Job) -> HighGainObserver:
+def build_standard(job: keys.Job, observer: keys.Standard) -> HighGainObserver:
     """The standard observer that an ``observers`` branch states; `InputError` if it cannot be."""
-    observer = job.observer
     model = build_model(job.plant, observer.model)
-    _check_start(job, model.states)
+    as_vector("initial_estimate", observer.initial_estimate, model.states)
     return HighGainObserver(model, observer.rho, sampling_period=observer.sampling_period)
 
 
-def build_estimator(job: Job) -> DelayEstimator:
+def build_estimator(job: keys.Job, observer: keys.Estimator) -> DelayEstimator:
     """The estimator of the delay alone that an ``observers`` branch states, for the scalar plant.
 
     Raises
@@ -78,7 +78,6 @@ def build_estimator(job: Job) -> DelayEstimator:
     InputError
         If a parameter is out of bounds.
     """
-    observer: keys.Estimator = job.observer
     rate, gain = map(float, build_model(job.plant, "lag").parameters)
     common = (rate, gain, delay_bounds(job.plant), observer.sampling_period)
     match observer:
@@ -94,27 +93,23 @@ def build_estimator(job: Job) -> DelayEstimator:
             return VariableStructureDelayEstimator(*common, observer.relay_gain, observer.relay_on)
 
 
-def build(settings: Settings) -> Any:
+def build(job: keys.Job) -> ExtendedHighGainObserver | HighGainObserver | DelayEstimator:
     """The observer of any branch, initial values checked; `InputError` if they are wrong."""
-    job = read_job(keys.Parameters, settings)
-    observer: keys.Observer = job.observer
-    if isinstance(observer, keys.Extended):
-        built = build_extended(job)
-        observer_inputs.check_derivatives(job, observer)
-        return built
-    if isinstance(observer, keys.Standard):
-        observer_inputs.check_mean_delay(job, observer.mean_delay)
-        return build_standard(job)
-    _check_start(job)
-    return build_estimator(job)
+    match job.observer:
+        case keys.Extended() as observer:
+            built = build_extended(job, observer)
+            observer_inputs.check_derivatives(job, observer)
+            return built
+        case keys.Standard() as observer:
+            observer_inputs.check_mean_delay(job, observer.mean_delay)
+            return build_standard(job, observer)
+        case observer:
+            _check_delay(job, observer.initial_delay)
+            return build_estimator(job, observer)
 
 
-def _check_start(job: Job, states: int = 0) -> None:
-    """Check the initial values of an observer with so many states."""
-    observer, (low, high) = job.observer, delay_bounds(job.plant)
-    if states:
-        as_vector("initial_estimate", observer.initial_estimate, states)
-    delay = getattr(observer, "initial_delay", low)
+def _check_delay(job: keys.Job, delay: float) -> None:
+    low, high = delay_bounds(job.plant)
     if not low <= delay <= high:
         raise InputError("initial_delay", f"{delay:g} s must be from {low:g} to {high:g} s")
 
@@ -122,9 +117,8 @@ def _check_start(job: Job, states: int = 0) -> None:
 Found = dict[str, Channel]
 
 
-def _extended(job: Job, plant: Series, every: int) -> Found:
-    observer = job.observer
-    built = build_extended(job)
+def _extended(job: keys.Job, observer: keys.Extended, plant: Series, every: int) -> Found:
+    built = build_extended(job, observer)
     y, y_before = observer_inputs.output(plant)
     u, u_before = observer_inputs.inputs(job, observer, plant)
     run = run_on_halves(
@@ -140,9 +134,8 @@ def _extended(job: Job, plant: Series, every: int) -> Found:
     }
 
 
-def _standard(job: Job, plant: Series, every: int) -> Found:
-    observer = job.observer
-    built = build_standard(job)
+def _standard(job: keys.Job, observer: keys.Standard, plant: Series, every: int) -> Found:
+    built = build_standard(job, observer)
     y, y_before = observer_inputs.output(plant)
     u, u_before = observer_inputs.delayed_input(job, plant, observer.mean_delay)
     run = run_on_halves(
@@ -152,9 +145,8 @@ def _standard(job: Job, plant: Series, every: int) -> Found:
     return {"state": Channel(run["state"], UNITS[observer.model][0])}
 
 
-def _estimator(job: Job, plant: Series, every: int) -> Found:
-    observer = job.observer
-    built = build_estimator(job)
+def _estimator(job: keys.Job, observer: keys.Estimator, plant: Series, every: int) -> Found:
+    built = build_estimator(job, observer)
     x = plant["state"]
     if built.measurements == 2:
         rate, gain = build_model(job.plant, "lag").parameters
@@ -163,10 +155,3 @@ def _estimator(job: Job, plant: Series, every: int) -> Found:
     start = built.start(float(x[0, 0]), observer.initial_delay)
     run = built.run(x[::every], past, control, start)
     return {"delay": Channel(run[:, 0].copy(), "s")}
-
-
-_RUNS: dict[str, Callable[[Job, Series, int], Found]] = {
-    "extended": _extended,
-    "standard": _standard,
-    **dict.fromkeys(("least_squares", "adaptive", "relay"), _estimator),
-}

@@ -9,7 +9,6 @@ from reobserve.core.errors import InputError
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import delay_bounds
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.series import Series
 
@@ -30,7 +29,7 @@ def output(plant: Series) -> Pair:
     return measured(plant, "measured", "state")
 
 
-def inputs(job: Job, observer: keys.Extended, plant: Series) -> Pair:
+def inputs(job: keys.Job, observer: keys.Extended, plant: Series) -> Pair:
     """The measured u with its derivatives up to the observer's order, shape (k, m + 1).
 
     The derivatives are exact, or come from a differentiator on the measured u.
@@ -51,13 +50,13 @@ def inputs(job: Job, observer: keys.Extended, plant: Series) -> Pair:
     return np.column_stack([u, rates]), np.column_stack([before, rates])
 
 
-def check_derivatives(job: Job, observer: keys.Extended) -> None:
+def check_derivatives(job: keys.Job, observer: keys.Extended) -> None:
     """Check the differentiator of an observer that has one; `InputError` names the problem."""
     if observer.derivatives == "levant":
         differentiator(job, observer)
 
 
-def _differentiated(job: Job, observer: keys.Extended, u: Array, plant: Series) -> Array:
+def _differentiated(job: keys.Job, observer: keys.Extended, u: Array, plant: Series) -> Array:
     """The estimates of u' and u'' at every sample of the plant, shape (k, 2).
 
     Between samples of the differentiator u' is extrapolated with u''.
@@ -75,7 +74,7 @@ def _differentiated(job: Job, observer: keys.Extended, u: Array, plant: Series) 
     return rates
 
 
-def differentiator(job: Job, observer: keys.Extended) -> LevantDifferentiator:
+def differentiator(job: keys.Job, observer: keys.Extended) -> LevantDifferentiator:
     """The differentiator (37) of an observer.
 
     Raises
@@ -90,7 +89,7 @@ def differentiator(job: Job, observer: keys.Extended) -> LevantDifferentiator:
     )
 
 
-def check_mean_delay(job: Job, mean: float) -> None:
+def check_mean_delay(job: keys.Job, mean: float) -> None:
     """Check a fixed delay [s]: above 0, at most the maximum, a multiple of the plant's step."""
     longest = delay_bounds(job.plant)[1]
     if not 0.0 < mean <= longest:
@@ -98,7 +97,7 @@ def check_mean_delay(job: Job, mean: float) -> None:
     multiple("mean_delay", mean, job.plant.step, "plant.step")
 
 
-def delayed_input(job: Job, plant: Series, delay: float) -> Pair:
+def delayed_input(job: keys.Job, plant: Series, delay: float) -> Pair:
     """The measured u a fixed delay [s] ago; before the start the input itself, without noise.
 
     Raises
@@ -118,7 +117,7 @@ def delayed_input(job: Job, plant: Series, delay: float) -> Pair:
     return right, left
 
 
-def past_and_present(job: Job, plant: Series, every: int) -> Pair:
+def past_and_present(job: keys.Job, plant: Series, every: int) -> Pair:
     """u and u' over the maximum delay before the start, and from the start on; shapes (k, 2).
 
     Raises

@@ -18,7 +18,6 @@ from reobserve_papers.papers.delay.setup import (
     grid,
     input_and_derivatives,
 )
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve_papers.signals.grid import noise_hold
 from reobserve_papers.signals.inputs import Signal
@@ -37,7 +36,7 @@ class Setup:
     noise_share: float
 
 
-def build(settings: Settings) -> Setup:
+def build(job: keys.Job) -> Setup:
     """The contents of a scenario, checked against the grid.
 
     Raises
@@ -45,7 +44,6 @@ def build(settings: Settings) -> Setup:
     InputError
         If a parameter or a signal cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     plant, scenario = job.plant, job.scenario
     steps, step = grid(plant)
     if plant.noise_period >= 2 * step:
@@ -69,7 +67,7 @@ def _from_zero(control: Signal) -> Signal:
     return Signal(control.axes, tuple(terms))
 
 
-def simulate(settings: Settings) -> Series:
+def simulate(job: keys.Job) -> Series:
     """Simulate state, delay, input and measurements over the horizon.
 
     ``state`` is x, ``delay`` tau [s], ``delayed_input`` u(t - tau); ``input`` is u and
@@ -86,7 +84,6 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     setup = build(job)
     plant, (steps, step) = job.plant, grid(job.plant)
 

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve_papers.metrics.responses import error_of
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.plot_states import BIN, upright
 from reobserve_papers.papers.delay.styles import style_of
 from reobserve_papers.parameters.figure_data import FigureData
@@ -23,7 +24,7 @@ from reobserve_papers.plotting.figures import (
 CLOSE = 4.0  # [s] before a jump, to show an oscillation
 
 
-def draw(data: FigureData) -> Figure:
+def draw(data: FigureData[keys.Job]) -> Figure:
     """Plot the estimates, the absolute errors, and the errors before a jump on a larger scale."""
     plant = data.plant
     figure, (delay, error, close) = new_figure((2.5, 2.0, 1.5), share_time=False)

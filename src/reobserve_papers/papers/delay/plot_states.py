@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.notes import note
 from reobserve_papers.papers.delay.scoring import errors, singular_instants, turned_over_at
 from reobserve_papers.papers.delay.styles import style_of
@@ -30,7 +31,7 @@ BELOW = 0.76  # share of a panel's height below its legend
 STRIP = 0.06  # height of the bars that show where a gain is off, as a share of the panel's
 
 
-def draw(data: FigureData) -> Figure:
+def draw(data: FigureData[keys.Job]) -> Figure:
     """Plot the delay, both states, and the errors of all three."""
     job, plant, estimates = data.job, data.plant, data.estimates
     figure, axes = new_figure((1.6, 1.2, 1.2, 1.35, 1.2, 1.2))
@@ -112,7 +113,7 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
         )  # fmt: skip
 
 
-def _mark_singular(first: Axes, others: tuple[Axes, ...], data: FigureData) -> None:
+def _mark_singular(first: Axes, others: tuple[Axes, ...], data: FigureData[keys.Job]) -> None:
     """Mark the zeros of u' by dotted lines, and the times with the gain off by bars."""
     instants = singular_instants(data.plant)
     for axes in (first, *others):

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from reobserve.core.arguments import as_kind
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.notes import noise
 from reobserve_papers.papers.delay.styles import style_of
@@ -20,9 +21,10 @@ _PANELS = (
 _KINDS = (("rho", "no noise", "none"), ("noise_rho", "noise", None))  # and how markers are filled
 
 
-def draw(data: FigureData) -> Figure:
+def draw(data: FigureData[keys.Job]) -> Figure:
     """Plot errors without noise, and with noise the mean and the range of the runs."""
     job, study = data.job, data.study
+    runs_with_noise = as_kind("study", job.study, keys.Tradeoff).runs
     figure, panels = new_figure((2.2, 2.0, 1.7), share_time=True)
     for axes, (quantity, unit, title) in zip(panels[:2], _PANELS, strict=True):
         for name, observer in job.observers.items():
@@ -51,14 +53,14 @@ def draw(data: FigureData) -> Figure:
     add_note(
         figure,
         f"{noise(job)}.\n"
-        f"{job.study.runs:g} runs with noise: means, and bands from minimum to maximum. Errors "
+        f"{runs_with_noise:g} runs with noise: means, and bands from minimum to maximum. Errors "
         f"where the delay varies, from {job.metrics.varying_from:g} to "
         f"{job.metrics.varying_until:g} s.",
     )
     return figure
 
 
-def _compare(axes: Axes, data: FigureData) -> None:
+def _compare(axes: Axes, data: FigureData[keys.Job]) -> None:
     """Plot the error of each order over that of the last one, and mark rho of the figure."""
     observers = {k: v for k, v in data.job.observers.items() if isinstance(v, keys.Extended)}
     *others, last = observers
@@ -96,7 +98,7 @@ def _compare(axes: Axes, data: FigureData) -> None:
     axes.legend(loc="lower left")
 
 
-def _m(data: FigureData, name: str) -> str:
+def _m(data: FigureData[keys.Job], name: str) -> str:
     """The short name of an observer: m = 1, m = 2 or standard."""
     label = str(data.job.observers[name].label)
     return label.rpartition(", ")[2] if ", " in label else label.split(maxsplit=1)[0]

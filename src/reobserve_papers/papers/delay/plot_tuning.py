@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.styles import style_of
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import add_note, blank, decades, few_ticks
@@ -22,7 +23,7 @@ _QUANTITIES = (
 )
 
 
-def draw(data: FigureData) -> Figure:
+def draw(data: FigureData[keys.Job]) -> Figure:
     """Plot one panel for each method; the dotted line is the tuning of Fig. 3."""
     job = data.job
     figure = blank(4.6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("jumps",)
@@ -14,7 +14,7 @@ UNITS = {
 }
 
 
-def plant(job: Job) -> dict[str, ChannelShape]:
+def plant(job: keys.Job) -> dict[str, ChannelShape]:
     """The channels of the plant's record; the measured ones are optional, for noise."""
     states, output, torque, rates = UNITS[job.scenario.model]
     size, inputs = states.count(",") + 1, rates.count(",") + 1
@@ -33,7 +33,7 @@ def plant(job: Job) -> dict[str, ChannelShape]:
     }
 
 
-def estimates(job: Job) -> dict[str, ChannelShape]:
+def estimates(job: keys.Job) -> dict[str, ChannelShape]:
     """The channels of an observer's estimates: of the state, the delay, or both."""
     observer = job.observer
     found = {"delay": ChannelShape("s", optional=True), "off": ChannelShape("1", optional=True)}

@@ -23,13 +23,13 @@ from reobserve_papers.papers.delay.observe import estimate
 from reobserve_papers.papers.delay.plant import simulate
 from reobserve_papers.papers.delay.scoring import constant_segments, errors, rms_scores
 from reobserve_papers.papers.delay.study_rows import HEADER
-from reobserve_papers.parameters.job import Job, Settings, named, read_job
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]
 
 
-def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
+def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
     """The rows of the study's method, with the columns of `HEADER`.
 
     Raises
@@ -37,12 +37,15 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     InputError
         If there is no such method or a setting cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
-    methods = {"tradeoff": tradeoff, "tuning": tuning}
-    return [dict(zip(HEADER, row, strict=True)) for row in methods[job.study.method](job, plant)]
+    match job.study:
+        case keys.Tradeoff() as study:
+            rows = tradeoff(job, study, plant)
+        case keys.Tuning() as study:
+            rows = tuning(job, study, plant)
+    return [dict(zip(HEADER, row, strict=True)) for row in rows]
 
 
-def tradeoff(job: Job, plant: Series) -> Iterator[Row]:
+def tradeoff(job: keys.Job, study: keys.Tradeoff, plant: Series) -> Iterator[Row]:
     """For each observer, rho and run: RMS errors of delay and states; run 0 is without noise.
 
     Run 1 has the noise of ``plant``.
@@ -52,7 +55,7 @@ def tradeoff(job: Job, plant: Series) -> Iterator[Row]:
     InputError
         If a setting cannot be used.
     """
-    study = job.study
+    observers = {k: v for k, v in job.observers.items() if isinstance(v, keys.HighGain)}
     for number in range(study.runs + 1):
         record = plant
         if number == 0:
@@ -60,27 +63,27 @@ def tradeoff(job: Job, plant: Series) -> Iterator[Row]:
             record = simulate(replace(job, scenario=quiet))
         elif number > 1:
             record = simulate(replace(job, seed=job.seed + number - 1))
-        for name, body in job.observers.items():
+        for name, body in observers.items():
             for rho in study.rhos:
                 changed = replace(body, rho=rho, sampling_period=study.sampling_period)
                 with located(f"observers.{name}"):
-                    found = estimate(Job(job.plant, observer=changed), record)
+                    found = estimate(keys.Job(job.plant, observer=changed), record)
                 sweep = "noise_rho" if number else "rho"
                 for quantity, value, unit in rms_scores(job.metrics, body.model, record, found):
                     if "start" not in quantity:
                         yield name, sweep, rho, number, quantity, value, unit
 
 
-# For each observer: its type, the varied parameter, and the key of the study's levels.
-SWEEPS: dict[str, tuple[type, str, str]] = {
-    "extended_lag": (keys.Extended, "rho", "rhos"),
-    "least_squares": (keys.LeastSquares, "forgetting", "forgetting"),
-    "adaptive": (keys.AdaptiveIdentification, "forgetting", "forgetting"),
-    "relay": (keys.Relay, "relay_gain", "relay_gains"),
+# The observers of the study of tuning, by name and type.
+TUNED: dict[str, type] = {
+    "extended_lag": keys.Extended,
+    "least_squares": keys.LeastSquares,
+    "adaptive": keys.AdaptiveIdentification,
+    "relay": keys.Relay,
 }
 
 
-def tuning(job: Job, plant: Series) -> Iterator[Row]:
+def tuning(job: keys.Job, study: keys.Tuning, plant: Series) -> Iterator[Row]:
     """RMS errors of the delay at rest (before each jump) and varying, by method and level.
 
     Raises
@@ -88,18 +91,36 @@ def tuning(job: Job, plant: Series) -> Iterator[Row]:
     InputError
         If an observer or a level cannot be used.
     """
-    study, observers, rules = job.study, job.observers, job.metrics
-    for name, (kind, parameter, levels) in SWEEPS.items():
-        stated = named(observers, name, kind)
-        for level in getattr(study, levels):
-            changed = {parameter: level}
-            if name == "adaptive":
-                # In proportion to the forgetting, including the tuning of Fig. 3.
-                changed["adaptation_gain"] = stated.adaptation_gain * level / stated.forgetting
+    for name, parameter, levels, observers in _tuned(job, study):
+        for level, observer in observers:
             with located(f"studies.tuning.{levels}, {name}"):
-                found = estimate(Job(job.plant, observer=replace(stated, **changed)), plant)
-            for quantity, value in _tuning_scores(rules, plant, found):
+                found = estimate(keys.Job(job.plant, observer=observer), plant)
+            for quantity, value in _tuning_scores(job.metrics, plant, found):
                 yield name, parameter, float(level), 0, quantity, value, "s"
+
+
+Levels = list[tuple[float, keys.Observer]]
+
+
+def _tuned(job: keys.Job, study: keys.Tuning) -> Iterator[tuple[str, str, str, Levels]]:
+    """For each method: the varied parameter, the key of its levels, and the observer at each."""
+    found: Levels
+    extended = named(job.observers, "extended_lag", keys.Extended)
+    found = [(level, replace(extended, rho=level)) for level in study.rhos]
+    yield "extended_lag", "rho", "rhos", found
+    squares = named(job.observers, "least_squares", keys.LeastSquares)
+    found = [(level, replace(squares, forgetting=level)) for level in study.forgetting]
+    yield "least_squares", "forgetting", "forgetting", found
+    stated = named(job.observers, "adaptive", keys.AdaptiveIdentification)
+    found = []
+    for level in study.forgetting:
+        # In proportion to the forgetting, including the tuning of Fig. 3.
+        gain = stated.adaptation_gain * level / stated.forgetting
+        found.append((level, replace(stated, forgetting=level, adaptation_gain=gain)))
+    yield "adaptive", "forgetting", "forgetting", found
+    relay = named(job.observers, "relay", keys.Relay)
+    found = [(level, replace(relay, relay_gain=level)) for level in study.relay_gains]
+    yield "relay", "relay_gain", "relay_gains", found
 
 
 def _tuning_scores(

@@ -13,10 +13,9 @@ from reobserve_papers.papers.delay import (
     theory_runs,
     theory_state_gain,
 )
-from reobserve_papers.parameters.job import Settings, read_job
 
 
-def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
+def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
     """The numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
@@ -26,7 +25,6 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
-    job = read_job(keys.Parameters, settings)
     ramp, sine = (theory_runs.record(job, terms) for terms in (job.theory.ramp, job.theory.sine))
     return [
         *theory_conditions.measure(job, ramp, sine),

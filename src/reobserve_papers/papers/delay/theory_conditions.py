@@ -12,8 +12,8 @@ from reobserve.core.random_streams import random_stream
 from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
 
@@ -25,7 +25,7 @@ DIFFERENCE = 1e-5  # of states and delay, for central differences
 
 
 @part
-def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
+def measure(job: keys.Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Metrics of the conditions and of the expansion.
 
     Lechappe et al. 2018, (3), (4), after (4), (6), Theorem 1, Assumptions 3 and 4.
@@ -40,11 +40,11 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
             yield from _remainder(job, signals, plant)
 
 
-def _signal(job: Job, name: str) -> Signal:
+def _signal(job: keys.Job, name: str) -> Signal:
     return Signal.parse(name, getattr(job.theory, name), 1)
 
 
-def _pendulum(job: Job) -> Iterator[Metric]:
+def _pendulum(job: keys.Job) -> Iterator[Metric]:
     model = build_model(job.plant, "pendulum")
     stream = random_stream(SEED, "delay", "theory", "conditions")
     cases = int(job.theory.cases)
@@ -90,7 +90,7 @@ def _determinant(model: TriangularModel, u: Signal, x: Array, t: float, tau: flo
     return float(np.linalg.det(np.array(columns).T))
 
 
-def _input(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
+def _input(job: keys.Job, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
     """Smoothness and bounds of an input (Assumption 4), and zeros of its rate (4)."""
     longest = delay_bounds(job.plant)[1]
     inside = {b for s in signals for b in s.breaks if -longest + 1e-9 < b <= plant.time[-1]}
@@ -105,7 +105,7 @@ def _input(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterato
     yield Metric(name, "singular_share", float(np.mean(still)), "1")
 
 
-def _remainder(job: Job, signals: list[Signal], plant: Series) -> Iterator[Metric]:
+def _remainder(job: keys.Job, signals: list[Signal], plant: Series) -> Iterator[Metric]:
     """Maximum of |gamma_m| of (6)."""
     time = np.linspace(0.0, plant.time[-1], 1201)
     values = [signal(time)[:, 0] for signal in signals]

@@ -15,7 +15,7 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.papers.delay import keys, noise
 from reobserve_papers.papers.delay.setup import input_and_derivatives
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
 
@@ -25,7 +25,7 @@ SEED = 0
 
 
 @part
-def measure(job: Job, sine: Series) -> Iterator[Metric]:
+def measure(job: keys.Job, sine: Series) -> Iterator[Metric]:
     """Errors of derivatives without and with noise."""
     body = named(job.observers, "order2_noise", keys.Extended).levant()
     period = body.sampling
@@ -48,7 +48,7 @@ def measure(job: Job, sine: Series) -> Iterator[Metric]:
 
 
 def _in_noise(
-    job: Job, body: keys.Levant, late: Any, signals: list[Signal], time: Array
+    job: keys.Job, body: keys.Levant, late: Any, signals: list[Signal], time: Array
 ) -> Iterator[Metric]:
     """Relative errors of the derivatives up to the third, of the input with the noise of Fig. 2."""
     truth = np.column_stack([s(time)[:, 0] for s in signals])

@@ -14,8 +14,9 @@ from reobserve.synthesis.high_gain import high_gain
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import window
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
 
@@ -25,17 +26,17 @@ FIGURES = ("order2", "order2_noise")  # the observers of Figs 1 and 2
 ORDERS = {1: "order1_noise", 2: "order2_noise"}  # those of Fig. 2, by m
 
 
-def measure(job: Job, ramp: Series) -> Iterator[Metric]:
+def measure(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     """Metrics: poles, the lag behind a varying delay, and the radius of (16)."""
     yield from _poles_and_lag(job, ramp)
     yield from _radii(job, ramp)
 
 
 @part
-def _poles_and_lag(job: Job, ramp: Series) -> Iterator[Metric]:
+def _poles_and_lag(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     g_over_l, friction, _ = build_model(job.plant, "pendulum").parameters
     for name in FIGURES:
-        rho = job.observers[name].rho
+        rho = named(job.observers, name, keys.Extended).rho
         for when, turn in (("", 1.0), ("_upright", -1.0)):
             poles = np.linalg.eigvals(error_matrix(rho, turn * g_over_l, friction))
             yield Metric(name, f"slow_pole{when}", float(np.max(poles.real)), "1/s")
@@ -49,7 +50,7 @@ def _poles_and_lag(job: Job, ramp: Series) -> Iterator[Metric]:
 
 
 @part
-def _radii(job: Job, ramp: Series) -> Iterator[Metric]:
+def _radii(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     """Ultimate bound of ||e|| in (16), by the linear error system with |xi| at the threshold.
 
     The larger one of the hanging and the upright pendulum, for the worst remainder and rate of the
@@ -62,7 +63,7 @@ def _radii(job: Job, ramp: Series) -> Iterator[Metric]:
     moving = ramp.time > max(ramp.events["jumps"], default=0.0)
     eta = float(np.max(np.abs(np.gradient(ramp["delay"][moving], ramp.time[moving]))))
     for m, name in ORDERS.items():
-        xi = job.observers[name].threshold
+        xi = named(job.observers, name, keys.Extended).threshold
         # G |gamma_m| by (7), and c_0 of (19)
         remainder = G * tau ** (m + 1) / factorial(m + 1) * U[m + 1]
         remainder += G * sum(tau**i / factorial(i) * U[i] for i in range(2, m + 1))

@@ -21,7 +21,7 @@ from reobserve_papers.papers.delay.plant import simulate
 from reobserve_papers.papers.delay.scoring import errors, peaks
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
 from reobserve_papers.papers.delay.theory_gains import FIGURES, ORDERS
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.grid import stride
 from reobserve_papers.signals.series import Series
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 SEED = 0
 
 
-def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
+def measure(job: keys.Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Metrics from runs on the records of the ramp and the sine, both without noise."""
     yield from _radius_on_the_ramp(job, ramp)
     yield from _random_starts(job, ramp)
@@ -46,51 +46,54 @@ NEEDED: dict[str, type] = {
 }
 
 
-def record(job: Job, terms: Any) -> Series:
+def record(job: keys.Job, terms: Any) -> Series:
     """The pendulum's record for an input, without noise."""
     start = job.theory.initial_state
-    return simulate(Job(job.plant, SEED, keys.Scenario("pendulum", start, terms, "continued", 0.0)))
+    return simulate(
+        keys.Job(job.plant, SEED, keys.Scenario("pendulum", start, terms, "continued", 0.0))
+    )
 
 
-def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Array, Array]:
-    """Times and error of the delay of an observer with some parameters changed.
+def _delay_error(
+    job: keys.Job, stated: keys.Extended, plant: Series, step: float | None = None
+) -> tuple[Array, Array]:
+    """Times and error of the delay of an observer, with the step of the theory if none is given.
 
     It uses the algebraic gain from the start: the error is evaluated only long after the dynamic
     gain has converged to it.
     """
-    step = job.theory.sampling_period
-    common = {"derivatives": "exact", "initial_matrix": "algebraic", "sampling_period": step}
-    body = replace(named(job.observers, name, keys.Extended), **(common | changes))
-    found = estimate(Job(job.plant, observer=body), plant)
+    step = job.theory.sampling_period if step is None else step
+    body = replace(stated, derivatives="exact", initial_matrix="algebraic", sampling_period=step)
+    found = estimate(keys.Job(job.plant, observer=body), plant)
     return found.time, errors(plant, found)["delay"]
 
 
 @part
-def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
-    step = job.observers["order2"].sampling_period
+def _radius_on_the_ramp(job: keys.Job, ramp: Series) -> Iterator[Metric]:
+    body = named(job.observers, "order2", keys.Extended)
     for rho in job.theory.rhos:
-        time, error = _delay_error(job, "order2", ramp, rho=rho, sampling_period=step)
+        time, error = _delay_error(job, replace(body, rho=rho), ramp, body.sampling_period)
         peak = float(np.max(np.abs(error[window(time, *job.metrics.radius)])))
         yield Metric.at("order2", ("delay_radius", peak, "s"), rho=rho)
 
 
 @part
-def _faster(job: Job, sine: Series) -> Iterator[Metric]:
+def _faster(job: keys.Job, sine: Series) -> Iterator[Metric]:
     """Remark 4.1: the ratio of the errors with and without a faster input and a shorter delay.
 
     For m = 2 and the gains of the figures, where the delay varies; one factor for both changes.
     """
-    factor, name = job.theory.faster, ORDERS[2]
+    factor, body = job.theory.faster, named(job.observers, ORDERS[2], keys.Extended)
     short = [_scaled(term, 1 / factor, ("size", "amplitude")) for term in job.plant.delay]
     quick = [_scaled(term, factor, ("frequency", "slope")) for term in job.theory.sine]
     changed = replace(job, plant=replace(job.plant, delay=short))
     fast = record(changed, quick)
-    step = job.observers[name].sampling_period
     span = job.metrics.varying_from, job.metrics.varying_until
-    for rho in dict.fromkeys(job.observers[of].rho for of in FIGURES):
+    for rho in dict.fromkeys(named(job.observers, of, keys.Extended).rho for of in FIGURES):
         found = []
         for plant in (sine, fast):
-            time, error = _delay_error(job, name, plant, rho=rho, sampling_period=step)
+            other = replace(body, rho=rho)
+            time, error = _delay_error(job, other, plant, body.sampling_period)
             if job.theory.accuracy == "relative":
                 error = error / plant["delay"][:: round((len(plant.time) - 1) / (len(time) - 1))]
             found.append(float(root_mean_square(error[window(time, *span)])))
@@ -103,7 +106,7 @@ def _scaled(term: dict[str, Any], factor: float, keys_: tuple[str, ...]) -> dict
 
 
 @part
-def _random_starts(job: Job, ramp: Series) -> Iterator[Metric]:
+def _random_starts(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     """Errors before the first jump from random initial estimates, gain of Fig. 1 (Theorem 2).
 
     The metric `projection` takes only the runs that reach a bound of the delay (Remark 3.2). The
@@ -135,19 +138,19 @@ def _random_starts(job: Job, ramp: Series) -> Iterator[Metric]:
 
 
 @part
-def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
+def _singular_peaks(job: keys.Job, sine: Series) -> Iterator[Metric]:
     for order, name in ORDERS.items():
-        stated = job.observers[name].threshold
+        stated = named(job.observers, name, keys.Extended)
         small = job.theory.small_threshold
-        for when, threshold in (("", stated), ("_small_threshold", small)):
-            time, error = _delay_error(job, name, sine, threshold=threshold)
+        for when, threshold in (("", stated.threshold), ("_small_threshold", small)):
+            time, error = _delay_error(job, replace(stated, threshold=threshold), sine)
             size, distance = peaks(sine, time, error)
             yield Metric(f"order_{order}", f"peak_delay_error{when}", size, "s")
             yield Metric(f"order_{order}", f"peak_distance{when}", distance, "1")
 
 
 @part
-def _mean_delay(job: Job, sine: Series) -> Iterator[Metric]:
+def _mean_delay(job: keys.Job, sine: Series) -> Iterator[Metric]:
     """Error of the average delay as an estimate."""
     mean = named(job.observers, "standard_noise", keys.Standard).mean_delay
     varying = job.metrics.varying_from, job.metrics.varying_until

@@ -13,7 +13,7 @@ from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import build_model, input_and_derivatives
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @part
-def measure(job: Job, ramp: Series) -> Iterator[Metric]:
+def measure(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     """Errors in the last seconds before the first jump of the delay."""
     end = min(ramp.events["jumps"], default=float(ramp.time[-1]))
     body = named(job.observers, "order2", keys.Extended)
@@ -34,7 +34,7 @@ def measure(job: Job, ramp: Series) -> Iterator[Metric]:
     yield Metric("state_gain", "late_rate_error", float(np.max(np.abs(rate))), "rad/s")
 
 
-def simulate(job: Job, share: float, start: list[float], tau: float, end: float) -> Array:
+def simulate(job: keys.Job, share: float, start: list[float], tau: float, end: float) -> Array:
     """Simulate pendulum and observer with G(x^): x, x^ and tau^ at steps, shape (k, 5).
 
     Lechappe et al. 2018, Remark 3.4.
@@ -45,7 +45,7 @@ def simulate(job: Job, share: float, start: list[float], tau: float, end: float)
     step = job.theory.sampling_period
     rho = named(job.observers, "order2", keys.Extended).rho
     signals = input_and_derivatives("ramp", Signal.parse("ramp", job.theory.ramp, 1), 1)
-    half = np.arange(2 * round(end / step) + 1) * (0.5 * step)
+    half = np.arange(2 * round(end / step) + 1, dtype=np.float64) * (0.5 * step)
     columns = (signals[0](half - tau), signals[0](half), signals[1](half))
     states = np.empty((len(half) // 2 + 1, 5))
     states[0] = [*job.theory.initial_state, *start]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from reobserve.core.errors import InputError, nearest
 from reobserve.synthesis.extended_state.system import AugmentedSystem
-from reobserve_papers.papers.eso import plant
+from reobserve_papers.papers.eso import keys, plant
 from reobserve_papers.papers.eso.scoring import check_rules
 from reobserve_papers.papers.eso.setup import augmented
 from reobserve_papers.parameters.check import Checks
-from reobserve_papers.parameters.job import Job
 
 
-def _observer(job: Job, _: AugmentedSystem) -> None:
+def _observer(job: keys.Job, _: AugmentedSystem) -> None:
     other = job.observer.compared_with
     if other and other not in job.observers:
         problem = f"{other!r} must be one of the observers{nearest(other, job.observers)}"

@@ -24,10 +24,9 @@ from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.setup import augmented
-from reobserve_papers.parameters.job import Settings, read_job
 
 
-def compute(settings: Settings) -> dict[str, Any]:
+def compute(job: keys.Job) -> dict[str, Any]:
     """Compute gains, solver, status, gamma, certificate and filter rate, as plain JSON values.
 
     Raises
@@ -35,7 +34,6 @@ def compute(settings: Settings) -> dict[str, Any]:
     InputError
         If a value cannot be used, the solver fails, or the certificate does not hold.
     """
-    job = read_job(keys.Parameters, settings)
     body = job.design
     return {"filter_rate": body.filter_rate, **design(job.plant, body).to_dict()}
 

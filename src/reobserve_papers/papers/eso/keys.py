@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -25,7 +25,8 @@ from reobserve_papers.parameters.job import signal
 Fault = Annotated[Terms, signal(1)]
 Pair = Annotated[list[float], vector(2)]
 Poles = Annotated[list[float], vector(3)]
-Column = Annotated[Any, array(2, 1)]
+Column = Annotated[list[list[float]], array(2, 1)]
+Square = Annotated[list[list[float]], array(2, 2)]
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 Solver = Literal["CLARABEL", "SCS"]
 Criterion = Literal["minimum_norm", "minimum_gamma"]
@@ -47,7 +48,7 @@ class Plant:
     reference: Fault
     pulse_width: Positive
     initial_state: Pair
-    disturbance_matrix: Annotated[Any, array(2, 2)]
+    disturbance_matrix: Square
     noise_matrix: Column
     sensor_matrix: Column
     horizon: Positive
@@ -65,7 +66,7 @@ class Scenario:
 
     actuator_fault: Fault
     sensor_fault: Fault
-    disturbance: Annotated[Any, array(2, 2)]  # minimum and maximum of each
+    disturbance: Square  # minimum and maximum of each
     noise_power: NotNegative
     title: str = ""
 
@@ -159,7 +160,7 @@ class Theory:
 
     fast_frequency: Positive  # of a sinusoidal fault [rad/s]
     settled_after: Positive  # a jump
-    disturbance: Annotated[Any, array(2, 2)]
+    disturbance: Square
     noise_power: Positive
     deviation_at: Literal["hold_ends", "time_average"]
 
@@ -178,6 +179,9 @@ class DesignsFigure(job.StudyFigure):
     layout: Literal["designs"]
 
 
+Figure = Faults | DesignsFigure
+
+
 @dataclass(frozen=True)
 class Parameters:
     """All sections."""
@@ -189,4 +193,7 @@ class Parameters:
     studies: Mapping[str, Designs]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Annotated[Faults | DesignsFigure, Field(discriminator="layout")]]
+    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
+
+
+Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Designs, Design]

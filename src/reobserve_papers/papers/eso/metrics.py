@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from reobserve_papers.metrics.metrics import Metric, scores_of
+from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.scoring import (
     check_rules,
     corrected_speed,
@@ -62,7 +63,7 @@ MEANINGS = {
 }
 
 
-def measure(data: FigureData) -> Iterator[Metric]:
+def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The numbers of a figure; see `MEANINGS`.
 
     Raises

@@ -10,11 +10,10 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.design import stored_design
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.series import Channel, Series
 
 
-def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserver:
+def build(job: keys.Job, design: Mapping[str, Any]) -> ExtendedStateObserver:
     """Construct the observer with the gains of a design; its period is two steps of the plant.
 
     Raises
@@ -22,12 +21,11 @@ def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserve
     InputError
         If a setting or the design cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     system, found = stored_design(job.plant, design)
     return ExtendedStateObserver(system, found.gains, sampling_period=2.0 * job.plant.step)
 
 
-def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:
+def estimate(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> Series:
     """Estimate state and faults at every second sample of the record.
 
     Raises
@@ -37,7 +35,6 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     DivergenceError
         If the observer leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     observer = build(job, design)
     run = run_on(observer, plant, job.observer.initial_estimate)
     return Series(

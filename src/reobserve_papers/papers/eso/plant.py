@@ -8,19 +8,17 @@ from numpy.typing import NDArray
 from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.setup import MotorExperiment, experiment
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 
 
-def build(settings: Settings) -> MotorExperiment:
+def build(job: keys.Job) -> MotorExperiment:
     """Check a scenario and construct its parts; see `experiment`."""
-    job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)
 
 
-def simulate(settings: Settings) -> Series:
+def simulate(job: keys.Job) -> Series:
     """Simulate state, faults and measurements over the horizon.
 
     ``state`` is speed and current, ``output`` y, ``control`` u and ``reference`` r;
@@ -34,7 +32,6 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     setup = build(job)
     disturbance, noise = _drawn(setup, job.seed)
     run = setup.plant.simulate(

@@ -10,7 +10,6 @@ from reobserve_papers.metrics.responses import error_of
 from reobserve_papers.papers.eso import keys, plot_designs
 from reobserve_papers.papers.eso.plot_designs import style_of
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.plotting.figures import TRUTH, add_note, headroom, new_figure, thin, time_axis
 from reobserve_papers.signals.series import Series
 
@@ -19,7 +18,7 @@ Array = NDArray[np.float64]
 _LABELS = {"actuator": "actuator fault [V]", "sensor": "sensor fault [rad/s]"}
 
 
-def draw(data: FigureData) -> Figure:
+def draw(data: FigureData[keys.Job]) -> Figure:
     """Plot the fault with its estimates, and their errors."""
     job, plant = data.job, data.plant
     layout = job.figure.layout
@@ -52,7 +51,7 @@ def upright(plant: Series, channel: str) -> tuple[Array, Array]:
     return time[keep], values[keep]
 
 
-def _note(job: Job) -> str:
+def _note(job: keys.Job) -> str:
     scenario, plant = job.scenario, job.plant
     ranges = " and ".join(
         f"from {low:g} to {high:g} {unit}"

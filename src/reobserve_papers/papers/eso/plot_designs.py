@@ -39,7 +39,7 @@ _FILLED = ("pi_feasible", "pd_pi_minimum_norm", "pd_pi_minimum_gamma")
 _AROUND = ("pi_minimum_norm", "pi_minimum_gamma")  # larger, because they coincide with others
 
 
-def draw(data: FigureData) -> Figure:
+def draw(data: FigureData[keys.Job]) -> Figure:
     """Plot one point per design: lags of its estimates, and effects of noise or disturbance."""
     figure = blank(6.0)
     panels = figure.subplots(2, 2)
@@ -85,7 +85,7 @@ def _bound(axes: Axes, level: float, unit: str) -> None:
     )  # fmt: skip
 
 
-def _of_the_figures(data: FigureData) -> Iterator[dict[str, Any]]:
+def _of_the_figures(data: FigureData[keys.Job]) -> Iterator[dict[str, Any]]:
     """Rows of the study that hold the designs of the figure's observers, if any."""
     for observer in data.job.observers.values():
         design = data.job.designs[observer.design]
@@ -93,7 +93,7 @@ def _of_the_figures(data: FigureData) -> Iterator[dict[str, Any]]:
         yield {"kind": design.name, "filter_rate": design.filter_rate, "level": level}
 
 
-def _note(data: FigureData) -> str:
+def _note(data: FigureData[keys.Job]) -> str:
     chosen, hold = data.job.study, data.job.plant.hold_period
     return (
         f"Standard deviations at the ends of the holds of {hold:g} s, from a discrete Lyapunov "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.papers.eso import keys
 from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("faults",)
@@ -10,7 +10,7 @@ EVENTS = ("faults",)
 _FAULTS = {"actuator_fault": ChannelShape("V"), "sensor_fault": ChannelShape("rad/s")}
 
 
-def plant(_: Job) -> dict[str, ChannelShape]:
+def plant(_: keys.Job) -> dict[str, ChannelShape]:
     """Channels of a record; channels with jumps also have their limits from the left."""
     jumping = {"output": ChannelShape("rad/s, A", 2), "control": ChannelShape("V"), **_FAULTS}
     before = {f"{name}_before": shape for name, shape in jumping.items()}
@@ -22,6 +22,6 @@ def plant(_: Job) -> dict[str, ChannelShape]:
     }
 
 
-def estimates(_: Job) -> dict[str, ChannelShape]:
+def estimates(_: keys.Job) -> dict[str, ChannelShape]:
     """Channels of an observer's estimates."""
     return {"state": ChannelShape("rad/s, A", 2), **_FAULTS}

@@ -22,13 +22,12 @@ from reobserve_papers.papers.eso.deviation import held_deviation
 from reobserve_papers.papers.eso.observe import run_on
 from reobserve_papers.papers.eso.scoring import scores
 from reobserve_papers.papers.eso.setup import augmented, experiment
-from reobserve_papers.parameters.job import Job, Settings, read_job
 from reobserve_papers.signals.series import Channel, Series
 
 Row = dict[str, Any]
 
 
-def run(settings: Settings, plant: Series) -> list[Row]:
+def run(job: keys.Job, plant: Series) -> list[Row]:
     """Compute lags, errors and standard deviations of each design.
 
     Raises
@@ -36,7 +35,6 @@ def run(settings: Settings, plant: Series) -> list[Row]:
     InputError
         If a level cannot be used, or one of the designs fails.
     """
-    job = read_job(keys.Parameters, settings)
     undisturbed = replace(job.scenario, disturbance=[[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
     clean = plant_stage.simulate(replace(job, scenario=undisturbed))
     return [row for one in _designs(job.study) for row in _rows(job, clean, *one)]
@@ -58,7 +56,9 @@ def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
             yield near, "radius", radius
 
 
-def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float) -> Iterator[Row]:
+def _rows(
+    job: keys.Job, clean: Series, body: keys.Design, choice: str, level: float
+) -> Iterator[Row]:
     with located(f"study.{body.name} at {choice} {level:g}"):
         found = design(job.plant, body)
     system = augmented(job.plant, body.filter_rate)
@@ -83,7 +83,7 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
         yield {**about, "quantity": quantity, "value": value, "unit": unit}
 
 
-def _deviations(job: Job, system: Any, gains: Any) -> Iterator[tuple[str, float, str]]:
+def _deviations(job: keys.Job, system: Any, gains: Any) -> Iterator[tuple[str, float, str]]:
     """Standard deviations of both estimates due to held disturbances and noise."""
     setup = experiment(job.plant, job.scenario)
     period = setup.hold * setup.step

@@ -20,14 +20,13 @@ from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.design import stored_design
 from reobserve_papers.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve_papers.papers.eso.theory_observers import certified, held, left_of_jumps, missed
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.inputs import Signal
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
 _BAND = 0.02  # of the step, within which the speed counts as settled
 
 
-def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
+def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
     """Compute the numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
@@ -35,7 +34,6 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     InputError
         If a parameter cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     plant, theory = job.plant, job.theory
     system = augmented(plant, 1.0)
     noise = plant.noise_deviation(theory.noise_power)

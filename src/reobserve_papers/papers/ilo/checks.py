@@ -7,11 +7,10 @@ from reobserve_papers.papers.ilo import keys, plant
 from reobserve_papers.papers.ilo.setup import build_observer
 from reobserve_papers.papers.ilo.theory_runs import NEEDED
 from reobserve_papers.parameters.check import Checks
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.grid import noise_hold
 
 
-def _study(job: Job) -> None:
+def _study(job: keys.Job) -> None:
     levels, shown = job.study.noise_levels, job.study.shown_noise
     if shown not in levels:
         raise InputError("shown_noise", f"{shown:g} must be one of the noise_levels, {levels}")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from reobserve.core.validation import (
     Count,
     Levels,
+    MatrixValue,
     NotNegative,
     Positive,
     Seed,
@@ -27,14 +28,14 @@ from reobserve_papers.parameters.job import signal
 
 Torque = Annotated[Terms, signal(3)]
 Vector = Annotated[list[float], vector(3)]
-Matrix = Annotated[Any, matrix(3)]  # a number, a diagonal or a matrix
+Matrix = Annotated[MatrixValue, matrix(3)]
 
 
 @dataclass(frozen=True)
 class Plant:
     """The satellite, its control and its record."""
 
-    inertia: Annotated[Any, positive_definite(3)]
+    inertia: Annotated[MatrixValue, positive_definite(3)]
     input_matrix: Matrix
     fault_matrix: Matrix
     initial_rate: Vector
@@ -98,7 +99,7 @@ class Adaptive(_Common):
 
 
 Learning = Sampled | Continuous
-VARIANTS: Mapping[str, type] = {  # of (3): the type of each observer
+VARIANTS: Mapping[str, type[Learning]] = {  # of (3): the type of each observer
     "sampled": Sampled,
     "continuous": Continuous,
     "forgetting": Continuous,
@@ -172,6 +173,9 @@ class MatchingFigure(job.StudyFigure):
     layout: Literal["matching"]
 
 
+Figure = FaultFigure | MatchingFigure
+
+
 @dataclass(frozen=True)
 class Parameters:
     """All sections."""
@@ -182,4 +186,7 @@ class Parameters:
     studies: Mapping[str, Matching]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Annotated[FaultFigure | MatchingFigure, Field(discriminator="layout")]]
+    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
+
+
+Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Matching]

@@ -26,7 +26,6 @@ from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import Job
 
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
@@ -89,7 +88,7 @@ MEANINGS = {
 LEARNING = "learning"
 
 
-def measure(data: FigureData) -> Iterator[Metric]:
+def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The numbers of a figure, observer by observer; see `MEANINGS`."""
     scores = [one for name in data.estimates for one in scores_of(name, _scores(data, name))]
     yield from scores
@@ -102,7 +101,7 @@ def measure(data: FigureData) -> Iterator[Metric]:
             yield Metric.at(observer, (score, float(np.mean(runs[score])), "1"), **{sweep: level})
 
 
-def _scores(data: FigureData, name: str) -> Iterator[Score]:
+def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
     job, plant, estimate = data.job, data.plant, data.estimates[name]
     rules = job.metrics
     axis = rules.axis - 1
@@ -132,7 +131,7 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
         yield "predicted_rms_error", predicted, "N m"
 
 
-def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | None:
+def predicted_error(job: keys.Job, observer: keys.Observer, axis: int) -> float | None:
     """RMS of e on ``axis`` [N m] in steady state by linear theory, after the last onset.
 
     None if the fault is not a sum of constants and sines, or if the observer has a wrong inertia,

@@ -8,11 +8,10 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.setup import build_observer, stride
-from reobserve_papers.parameters.job import Job, Settings, read_job
 from reobserve_papers.signals.series import Channel, Series
 
 
-def estimate(settings: Settings, plant: Series) -> Series:
+def estimate(job: keys.Job, plant: Series) -> Series:
     """Estimated rate [rad/s] and fault torque [N m] at the observer's samples.
 
     ``fault_before`` holds the limits from the left, which differ where the estimate jumps.
@@ -24,11 +23,10 @@ def estimate(settings: Settings, plant: Series) -> Series:
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     return observe(build_observer(job.plant, job.observer), job, plant)
 
 
-def observe(observer: RigidBodyObserver, job: Job, plant: Series) -> Series:
+def observe(observer: RigidBodyObserver, job: keys.Job, plant: Series) -> Series:
     """`estimate` with a constructed observer."""
     every = stride(job.plant, observer)
     measured = "measured" if "measured" in plant.channels else "rate"

@@ -8,13 +8,12 @@ from reobserve.core.errors import located
 from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.setup import grid, held_noise
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Channel, Series
 
 
-def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
+def build(job: keys.Job) -> tuple[Satellite, Signal, Signal]:
     """Construct satellite, control and fault of a scenario, and check them against the grid.
 
     Raises
@@ -22,7 +21,6 @@ def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
     InputError
         If a parameter or a signal cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     plant = job.plant
     steps, step = grid(plant)
     with located("plant"):
@@ -35,7 +33,7 @@ def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
     return satellite, control, fault
 
 
-def simulate(settings: Settings) -> Series:
+def simulate(job: keys.Job) -> Series:
     """Simulate rate, control and fault torque of a scenario over the horizon.
 
     Channels ``rate`` [rad/s], ``control`` and ``fault`` [N m]; limits from the left of a
@@ -48,7 +46,6 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the rate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     plant = job.plant
     satellite, control, fault = build(job)
     steps, step = grid(plant)

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.ilo import keys
+from reobserve_papers.papers.ilo.body import on_axis
 from reobserve_papers.papers.ilo.scoring import Errors
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.parameters.job import named
 from reobserve_papers.plotting.figures import (
     STYLES,
     TRUTH,
@@ -39,7 +40,7 @@ def _styles(names: Iterable[str]) -> dict[str, Style]:
     return {name: _LINES.get(name, STYLES[k % len(STYLES)]) for k, name in enumerate(names)}
 
 
-def estimation(data: FigureData) -> Figure:
+def estimation(data: FigureData[keys.Job]) -> Figure:
     """Plot fault and estimate of the first observer, its error, and the size of all errors."""
     job, plant, estimates = data.job, data.plant, data.estimates
     axis = job.metrics.axis
@@ -83,7 +84,7 @@ def estimation(data: FigureData) -> Figure:
     return figure
 
 
-def matching(data: FigureData) -> Figure:
+def matching(data: FigureData[keys.Job]) -> Figure:
     """Plot errors over the integral gain and over noise, and their growth over time under noise."""
     job, study = data.job, data.study
     names = job.study.observers
@@ -102,7 +103,8 @@ def matching(data: FigureData) -> Figure:
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
     for name, place, side in (("adaptive", "Fig. 4", 3), ("matched", "matched", -3)):
-        gain = named(job.observers, name, keys.Adaptive).integral_gain
+        observer = named(job.observers, name, keys.Adaptive)
+        gain = on_axis(observer.integral_gain, job.metrics.axis - 1)
         gains.axvline(gain, ymax=0.8, color="0.5", linewidth=thick(0.8), linestyle=":")
         gains.annotate(
             place, (gain, 0.06), xycoords=("data", "axes fraction"), xytext=(side, 0),
@@ -145,7 +147,7 @@ def _sweep(axes: Axes, study: StudyTable, sweep: str, name: str, style: Style, l
     axes.fill_between(list(runs), least, most, color=style.color, alpha=0.2, linewidth=0)
 
 
-def _note(job: Job) -> list[str]:
+def _note(job: keys.Job) -> list[str]:
     """Settings of each observer, one paragraph per observer."""
     lines = ["Settings (the paper names only K₁ = I; units: N m, s, rad):"]
     symbols = {

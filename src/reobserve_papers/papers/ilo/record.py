@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.papers.ilo import keys
 from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("onsets",)
 
 
-def plant(_: Job) -> dict[str, ChannelShape]:
+def plant(_: keys.Job) -> dict[str, ChannelShape]:
     """Channels of a record; channels with jumps also have their limits from the left."""
     return {
         "rate": ChannelShape("rad/s", 3),
@@ -18,7 +18,7 @@ def plant(_: Job) -> dict[str, ChannelShape]:
     }
 
 
-def estimates(_: Job) -> dict[str, ChannelShape]:
+def estimates(_: keys.Job) -> dict[str, ChannelShape]:
     """Channels of an observer's estimates."""
     return {
         "rate": ChannelShape("rad/s", 3),

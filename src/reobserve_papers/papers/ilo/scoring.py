@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve_papers.metrics.responses import root_mean_square_of_steps, window
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.papers.ilo import keys
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Errors:
         return cls(estimate.time[:-1], fault_start - start, fault_end - end, fault_start, fault_end)
 
 
-def scored_errors(job: Job, plant: Series, estimate: Series) -> Errors:
+def scored_errors(job: keys.Job, plant: Series, estimate: Series) -> Errors:
     """Errors on the faulty axis from the first onset on, as used in the metrics of figures.
 
     The ``metrics.settling_skip`` seconds after each onset are left out.

@@ -6,17 +6,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reobserve.core.errors import InputError
 from reobserve.core.random_streams import held_normal
+from reobserve.core.validation import MatrixValue
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve_papers.papers.ilo import keys
-from reobserve_papers.papers.ilo.body import known_body
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.papers.ilo.body import known_body, on_axis
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.grid import noise_hold, plant_grid
 
 MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
@@ -50,18 +50,16 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
     return built
 
 
-def pure_integrator(job: Job, gain: ArrayLike, damping_ratio: float) -> keys.Adaptive:
+def pure_integrator(job: keys.Job, gain: MatrixValue, damping_ratio: float) -> keys.Adaptive:
     """Parameters of an adaptive observer with this integral gain and no proportional part.
 
     Lambda is set so that the error on the faulty axis has the damping ratio.
     """
     body, axis = known_body(job.plant), job.metrics.axis - 1
-    stiffness = np.asarray(gain, dtype=np.float64)
-    size = float(stiffness[axis, axis] if stiffness.ndim == 2 else stiffness)
-    size *= float(body.fault_matrix[axis, axis])
+    size = on_axis(gain, axis) * float(body.fault_matrix[axis, axis])
     # J s^2 + Lambda s + Gamma B_f = 0
     observer_gain = 2.0 * damping_ratio * float(np.sqrt(size * body.inertia[axis, axis]))
-    adaptive: keys.Adaptive = named(job.observers, "adaptive", keys.Adaptive)
+    adaptive = named(job.observers, "adaptive", keys.Adaptive)
     return replace(adaptive, integral_gain=gain, proportional_gain=0.0, observer_gain=observer_gain)
 
 

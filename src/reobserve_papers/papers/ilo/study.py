@@ -27,13 +27,13 @@ from reobserve_papers.papers.ilo import keys, study_rows
 from reobserve_papers.papers.ilo.observe import observe
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
 from reobserve_papers.papers.ilo.setup import build_observer, held_noise, pure_integrator
-from reobserve_papers.parameters.job import Job, Settings, named, read_job
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 
 
-def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
+def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
     """Run the study; one row for each run, with the columns of `study_rows.HEADER`.
 
     ``level`` is Gamma, the noise, or the end of a second [s]. The error of a second is divided by
@@ -44,11 +44,10 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     InputError
         If an observer or a level cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     return [*_gain_rows(job, plant), *_noise_rows(job, plant)]
 
 
-def _gain_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
+def _gain_rows(job: keys.Job, plant: Series) -> Iterator[dict[str, Any]]:
     study, observers = job.study, job.observers
     ilo: keys.Continuous = named(observers, "continuous", keys.Continuous)
     for gain in study.integral_gains:
@@ -68,7 +67,7 @@ def _gain_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
             yield _row("integral_gain", name, gain, 0, errors.relative_root_mean_square)
 
 
-def _noise_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
+def _noise_rows(job: keys.Job, plant: Series) -> Iterator[dict[str, Any]]:
     study, observers = job.study, job.observers
     built = {}
     for name, observer in observers.items():
@@ -104,6 +103,6 @@ def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dic
 
 
 def _estimate(
-    job: Job, record: Series, built: RigidBodyObserver, observer: keys.Observer
+    job: keys.Job, record: Series, built: RigidBodyObserver, observer: keys.Observer
 ) -> Series:
-    return observe(built, Job(job.plant, observer=observer), record)
+    return observe(built, keys.Job(job.plant, observer=observer), record)

@@ -20,7 +20,7 @@ from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.ilo import keys, theory_linear, theory_runs
 from reobserve_papers.papers.ilo.metrics import LEARNING
-from reobserve_papers.parameters.job import Job, Settings, read_job
+from reobserve_papers.parameters.job import named
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ _ROWS = 20  # cases of Lemma 1 with the same gains
 _AXES = 3
 
 
-def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
+def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
     """Compute the numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
@@ -41,7 +41,6 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
-    job = read_job(keys.Parameters, settings)
     body = (job.plant.inertia, job.plant.input_matrix, job.plant.fault_matrix)
     return [
         *_without_observers(json.dumps([asdict(job.theory), *body])),
@@ -113,7 +112,7 @@ def _unstable(body: RigidBody, observer_gain: float, K1: Array, K2: Array, inter
 
 
 @part
-def operations(job: Job) -> Iterator[Metric]:
+def operations(job: keys.Job) -> Iterator[Metric]:
     """Count multiplications and additions of the estimation laws per sampling period of the rate.
 
     Chen & Saif 2007, Remark 1.
@@ -129,7 +128,8 @@ def operations(job: Job) -> Iterator[Metric]:
     z + h / 6 (l1 + 2 (l2 + l3) + l4). With either method a v that is held is updated once per
     ``theory.periods_per_update`` periods.
     """
-    observer = job.observers[job.metrics.variant]
+    variant = job.metrics.variant
+    observer = named(job.observers, variant, keys.VARIANTS[variant])
     euler = job.theory.integration == "euler"
     held = isinstance(observer, keys.Sampled)
     evaluations, instants = (1, 1) if held or euler else (4, 3)

@@ -27,13 +27,13 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.metrics import LEARNING
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.parameters.job import named
 
 _SHORTEST = 1e-6  # [s] lower end of the search for the longest accurate interval
 _HIGHEST = 30.0  # times the minimum frequency of a disturbance; above it the body hardly moves
 
 
-def measure(job: Job) -> Iterator[Metric]:
+def measure(job: keys.Job) -> Iterator[Metric]:
     """Compute the numbers of `reobserve_papers.papers.ilo.theory` that need no run.
 
     Raises
@@ -48,7 +48,7 @@ def measure(job: Job) -> Iterator[Metric]:
     yield from _accuracy(laws["continuous"], job.theory, axis)
 
 
-def _law(job: Job, name: str) -> LearningLaw:
+def _law(job: keys.Job, name: str) -> LearningLaw:
     observer = named(job.observers, name, keys.VARIANTS[name])
     body = known_body(job.plant)
     return LearningLaw(
@@ -58,7 +58,7 @@ def _law(job: Job, name: str) -> LearningLaw:
 
 
 @part
-def _learning(law: LearningLaw, held: bool, job: Job) -> Iterator[Metric]:
+def _learning(law: LearningLaw, held: bool, job: keys.Job) -> Iterator[Metric]:
     """Numbers of the variant of (3) that the parameter file names."""
     gain = (
         sampled_stability(law).spectral_radius

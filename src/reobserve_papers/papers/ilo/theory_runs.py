@@ -29,7 +29,7 @@ from reobserve_papers.papers.ilo.observe import observe
 from reobserve_papers.papers.ilo.plant import simulate
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
 from reobserve_papers.papers.ilo.setup import build_observer, pure_integrator, stride
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
@@ -41,11 +41,11 @@ NEEDED = {**keys.VARIANTS, "adaptive": keys.Adaptive}  # the type of each observ
 class Runs:
     """A job with a plant without noise, and its record of the stuck fault."""
 
-    job: Job
+    job: keys.Job
     stuck: Series
 
     @classmethod
-    def of(cls, job: Job) -> Runs:
+    def of(cls, job: keys.Job) -> Runs:
         """Simulate the stuck fault."""
         plant = replace(job.plant, noise=0.0)
         return cls(replace(job, plant=plant), _record(plant, job.theory.stuck, 0))
@@ -58,7 +58,7 @@ class Runs:
     def estimate(self, observer: keys.Observer, record: Series) -> Series:
         """Run an observer of the parameter file, or a changed one."""
         built = build_observer(self.job.plant, observer)
-        return observe(built, Job(self.job.plant, observer=observer), record)
+        return observe(built, keys.Job(self.job.plant, observer=observer), record)
 
     def errors(self, estimate: Series, record: Series) -> Errors:
         """Errors of the fault on the faulty axis."""
@@ -77,8 +77,11 @@ class Runs:
     @property
     def learning(self) -> keys.Learning:
         """The variant of (3) that the parameter file names."""
-        found: keys.Learning = self.job.observers[self.job.metrics.variant]
-        return found
+        return self.variant(self.job.metrics.variant)
+
+    def variant(self, name: str) -> keys.Learning:
+        """A variant of (3) by its name."""
+        return named(self.job.observers, name, keys.VARIANTS[name])
 
     @property
     def eta(self) -> float:
@@ -95,10 +98,10 @@ def _record(plant: keys.Plant, fault: Terms, seed: int) -> Series:
 def _simulated(stated: str) -> Series:
     """Simulate a record; cached, since sampling varies the gains many times."""
     plant, fault, seed = json.loads(stated)
-    return simulate(Job(keys.Plant(**plant), seed, scenario=keys.Scenario(fault)))
+    return simulate(keys.Job(keys.Plant(**plant), seed, scenario=keys.Scenario(fault)))
 
 
-def measure(job: Job) -> Iterator[Metric]:
+def measure(job: keys.Job) -> Iterator[Metric]:
     """Compute the numbers of `reobserve_papers.papers.ilo.theory` that need runs.
 
     Raises
@@ -162,7 +165,7 @@ def _slowed(runs: Runs, factor: float) -> float:
     It changes half-way between the onset and the end, and keeps its state; nan if it then diverges.
     """
     job, plant = runs.job, runs.stuck
-    observer = job.observers["sampled"]
+    observer = runs.variant("sampled")
     quick = build_observer(job.plant, observer)
     every = stride(job.plant, quick)
     rate, control, fault = (plant[name][::every] for name in ("rate", "control", "fault"))
@@ -194,7 +197,7 @@ def _bound(runs: Runs) -> Iterator[Metric]:
     least = certify(1.0, fault, K1, K1, runs.eta).required_observer_gain
     design = certify(2 * least, fault, K1, K1, runs.eta)
     assert design.theorem is not None  # at twice the Lambda that is required
-    observer = replace(job.observers["continuous"], K1=K1, K2=K1, observer_gain=2 * least)
+    observer = replace(runs.variant("continuous"), K1=K1, K2=K1, observer_gain=2 * least)
     rates, errors = rate_and_error(plant, runs.estimate(observer, plant))
     # The mismatch is largest just after the onset, when it is the fault itself.
     k_d = float(np.max(np.linalg.norm(plant["fault"], axis=1)))
@@ -211,9 +214,11 @@ def _under_random_faults(runs: Runs) -> Iterator[Metric]:
     job, theory = runs.job, runs.job.theory
     record = runs.record(random_fault(theory, job.plant.horizon, job.metrics.axis))
     first = record.events["onsets"][0] + job.metrics.settling_skip
-    gains = {"K2": theory.largest_gain, "update_interval": min(theory.intervals)}
-    observers = {
-        "best": [replace(job.observers[name], **gains) for name in keys.VARIANTS],
+    gain, interval = theory.largest_gain, min(theory.intervals)
+    observers: dict[str, list[keys.Observer]] = {
+        "best": [
+            replace(runs.variant(name), K2=gain, update_interval=interval) for name in keys.VARIANTS
+        ],
         "integral": [pure_integrator(job, theory.adaptive_gain, theory.damping_ratio)],
     }
     for name, tried in observers.items():
@@ -225,7 +230,7 @@ def _under_random_faults(runs: Runs) -> Iterator[Metric]:
 @part
 def _under_noise(runs: Runs) -> Iterator[Metric]:
     """Errors under noise of the sampled variant, and of the integrator with the same gain."""
-    theory, sampled = runs.job.theory, runs.job.observers["sampled"]
+    theory, sampled = runs.job.theory, runs.variant("sampled")
     noisy = runs.record(theory.aperiodic, noise=theory.noise)
     gain = matched_integrator(sampled.K2, sampled.update_interval).integral_gain
     integral = pure_integrator(runs.job, gain.tolist(), theory.damping_ratio)

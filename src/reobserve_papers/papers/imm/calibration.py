@@ -30,7 +30,6 @@ from reobserve_papers.papers.imm import plant as plant_stage
 from reobserve_papers.papers.imm.scoring import quoted_distance
 from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run, saturation
 from reobserve_papers.papers.imm.study_rows import OUTPUTS, STATES, TUNED
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
 from reobserve_papers.signals.series import Series
 
@@ -142,7 +141,7 @@ def switches(
     return bool(trial.outside)
 
 
-def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
+def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -> list[Row]:
     """Mean probabilities of all banks by tuned number and factor, and the results of the search.
 
     Raises
@@ -150,7 +149,6 @@ def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
     InputError
         If the stored result of the search cannot be read.
     """
-    study = job.study
     kept = read_kept(Path(study.kept))
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
     stated = calibration.stated()
@@ -158,7 +156,8 @@ def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
         ("search", "kept", 1.0, 0, name, float(getattr(kept, name)), "1")
         for name in ("trials", "tuned", "targets", "distance")
     ]
-    tasks = [(None, 1.0)] + [
+    tasks: list[tuple[int | None, float]] = [(None, 1.0)]
+    tasks += [
         (index, level)
         for index in range(len(TUNED))
         for factor in study.factors
@@ -220,7 +219,7 @@ def read_kept(path: Path) -> KeptSearch:
     return kept
 
 
-def run_changes(job: Job, plant: Series) -> list[Row]:
+def run_changes(job: keys.Job, study: keys.Changes, plant: Series) -> list[Row]:
     """Mean probabilities of all banks for each change of the scenario or of the observers.
 
     Raises
@@ -228,7 +227,7 @@ def run_changes(job: Job, plant: Series) -> list[Row]:
     InputError
         If a changed value cannot be used.
     """
-    found = list(_changes(job.study))
+    found = list(_changes(study))
     with ThreadPoolExecutor(THREADS) as pool:
         parts = pool.map(lambda change: _rows(job, plant, change), found)
         return [row for part in parts for row in part]
@@ -257,7 +256,7 @@ def _changes(study: keys.Changes) -> Iterator[Change]:
     yield "noise", 1.0, {"noise": study.noise}, {}
 
 
-def check_changes(job: Job) -> None:
+def check_changes(job: keys.Job, study: keys.Changes) -> None:
     """Build the plant of each change without running it.
 
     Raises
@@ -265,7 +264,7 @@ def check_changes(job: Job) -> None:
     InputError
         With the key of the study whose value cannot be used.
     """
-    for sweep, _, scenario, _ in _changes(job.study):
+    for sweep, _, scenario, _ in _changes(study):
         for changed in scenario:
             try:
                 plant_stage.build(_changed(job, scenario))
@@ -277,12 +276,12 @@ def check_changes(job: Job) -> None:
                 raise InputError(key, f"with it, {error}") from None
 
 
-def _changed(job: Job, scenario: dict[str, Any]) -> Job:
+def _changed(job: keys.Job, scenario: dict[str, Any]) -> keys.Job:
     """The settings of the plant stage, with other values in the scenario."""
     return replace(job, scenario=replace(job.scenario, **scenario))
 
 
-def _rows(job: Job, plant: Series, change: Change) -> list[Row]:
+def _rows(job: keys.Job, plant: Series, change: Change) -> list[Row]:
     sweep, level, scenario, observer = change
     record = plant_stage.simulate(_changed(job, scenario)) if scenario else plant
     observers = {name: _moved(body, **observer) for name, body in job.observers.items()}

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from reobserve_papers.papers.imm import observe, plant, search, theory
+from reobserve_papers.papers.imm import keys, observe, plant, search, theory
 from reobserve_papers.papers.imm.scoring import check_rules
 from reobserve_papers.papers.imm.setup import start
 from reobserve_papers.papers.imm.study import check_study
 from reobserve_papers.parameters.check import Checks
-from reobserve_papers.parameters.job import Job
 
 PERIOD = 1e-3  # [s]: any one shows whether a bank can be built
 
 
-def _start(job: Job) -> object:
+def _start(job: keys.Job) -> object:
     return start(observe.build(job, PERIOD), job.observer)
 
 

@@ -11,12 +11,14 @@ from pydantic import Field
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats
 from reobserve.core.validation import (
+    MatrixValue,
     Names,
     NotNegative,
     Positive,
     Share,
     Terms,
     Window,
+    as_stated,
     checked,
     items,
     vector,
@@ -46,7 +48,7 @@ def bounds(place: str, value: list[float]) -> None:
         raise InputError(place, f"[{low:g}, {high:g}] must be above 0 and rise")
 
 
-Variances = Annotated[Any, checked(variances)]
+Variances = Annotated[MatrixValue, as_stated(variances)]
 Bounds = Annotated[list[float], vector(2), checked(bounds)]
 
 
@@ -215,6 +217,9 @@ class BanksFigure(job.StudyFigure):
     layout: Literal["neighbourhood", "changes", "causes"]
 
 
+Figure = Probabilities | BanksFigure
+
+
 @dataclass(frozen=True)
 class Parameters:
     """All sections."""
@@ -226,4 +231,7 @@ class Parameters:
     studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
     theory: Theory
     metrics: Metrics
-    figures: Mapping[str, Annotated[Probabilities | BanksFigure, Field(discriminator="layout")]]
+    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
+
+
+Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Study, None, Search]

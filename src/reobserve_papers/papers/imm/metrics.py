@@ -16,15 +16,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.arguments import as_kind
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import root_mean_square, window
 from reobserve_papers.metrics.study_table import StudyTable
+from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.scoring import check_rules, probabilities
 from reobserve_papers.papers.imm.study_rows import STATED, TUNED
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import Job
 
 Array = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ MEANINGS = {
 }
 
 
-def measure(data: FigureData) -> Iterator[Metric]:
+def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The numbers of a figure; see `MEANINGS`.
 
     Raises
@@ -91,7 +92,7 @@ def measure(data: FigureData) -> Iterator[Metric]:
         yield from _SUMMARIES[job.study.method](data)
 
 
-def _scores(data: FigureData, name: str) -> Iterator[Score]:
+def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
     job, estimate = data.job, data.estimates[name]
     rules = job.metrics
     time, probability = estimate.time, estimate["probability"]
@@ -110,20 +111,20 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
         yield "chattering_size", jumps / float(root_mean_square(moved[later])), "1"
 
 
-def _neighbourhood(data: FigureData) -> Iterator[Metric]:
+def _neighbourhood(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """Numbers of the search, and how far each tuned number may move."""
-    study = data.study
-    yield Metric("search", "earlier_trials", float(sum(data.job.study.earlier_trials)), "1")
+    study, stated = data.study, as_kind("study", data.job.study, keys.Neighbourhood)
+    yield Metric("search", "earlier_trials", float(sum(stated.earlier_trials)), "1")
     for (name, quantity), rows in study.where(sweep="kept").groups("observer", "quantity"):
         yield Metric(name, quantity, rows.value(), "1")
     for parameter in TUNED:
-        low, high = reach(data.job, study, parameter)
+        low, high = reach(data.job, stated.band, study, parameter)
         yield Metric(parameter, "minimum_factor", low, "1")
         yield Metric(parameter, "maximum_factor", high, "1")
 
 
-def reach(job: Job, study: StudyTable, parameter: str) -> tuple[float, float]:
-    """Minimum and maximum factor that keep all quoted values within the band.
+def reach(job: keys.Job, band: float, study: StudyTable, parameter: str) -> tuple[float, float]:
+    """Minimum and maximum factor that keep all quoted values within a band.
 
     Outwards from 1, this is where the largest distance first leaves the band. Between two factors
     of the study the distance is interpolated linearly over the logarithm.
@@ -133,7 +134,6 @@ def reach(job: Job, study: StudyTable, parameter: str) -> tuple[float, float]:
         coordinates = "observer", "quantity", "level", "value"
         for (name, quantity, level, value), _ in study.where(sweep=sweep).groups(*coordinates):
             worst[level] = max(worst.get(level, 0.0), _off(job, name, quantity, value))
-    band = job.study.band
     below = sorted((level for level in worst if level <= 1.0), reverse=True)
     above = sorted(level for level in worst if level >= 1.0)
     return _leaves(worst, below, band), _leaves(worst, above, band)
@@ -151,7 +151,7 @@ def _leaves(worst: dict[float, float], levels: list[float], band: float) -> floa
     return levels[-1]
 
 
-def _off(job: Job, name: str, quantity: str, value: float) -> float:
+def _off(job: keys.Job, name: str, quantity: str, value: float) -> float:
     """Distance of a mean probability from the quoted one; zero if the paper quotes none."""
     if name not in job.observers:
         return 0.0 if np.isfinite(value) else np.inf
@@ -161,14 +161,14 @@ def _off(job: Job, name: str, quantity: str, value: float) -> float:
     return float(abs(value - observer.quoted[("normal_after", "leakage_after").index(quantity)]))
 
 
-def _changes(data: FigureData) -> Iterator[Metric]:
+def _changes(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """Each mean probability with one setting changed, at its level."""
     coordinates = "observer", "quantity", "sweep", "level"
     for (name, quantity, sweep, level), rows in data.study.groups(*coordinates):
         yield Metric.at(name, (quantity, rows.value(), "1"), **{sweep: level})
 
 
-def _causes(data: FigureData) -> Iterator[Metric]:
+def _causes(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """Metrics of an SVSF-IMM as stated with one cause changed."""
     for (name, variant, quantity), row in data.study.where(run=STATED).groups(
         "observer", "sweep", "quantity"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve_papers.papers.imm import keys
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.plotting.figures import STYLES, Style
 
 KALMAN, SVSF, THIN, UNMIXED = STYLES[:4]
@@ -24,7 +23,7 @@ _SWITCHING_CONDITIONS = {
 }
 
 
-def note(job: Job) -> str:
+def note(job: keys.Job) -> str:
     """How curves are drawn, the input, noise, sampling and the banks."""
     scenario, first = job.scenario, next(iter(job.observers.values()))
     noise = "with noise" if any(scenario.noise) else "no noise"
@@ -57,7 +56,7 @@ def stimulus(terms: list[dict[str, Any]], unit: str) -> str:
     return f"An input of the kind {one['kind']} {begun}"
 
 
-def layers(job: Job) -> str:
+def layers(job: keys.Job) -> str:
     """The widths of the boundary layers, of the first SVSF that has the paper's."""
     for body in job.observers.values():
         if isinstance(body, keys.SmoothVariableStructure):

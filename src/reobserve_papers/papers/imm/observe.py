@@ -16,18 +16,16 @@ from reobserve_papers.papers.imm.setup import (
     run,
     saturation,
 )
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.plants.hydraulic_actuator import REALISATIONS
 from reobserve_papers.signals.series import Channel, Series
 
 
-def build(settings: Settings, period: float) -> IMM:
+def build(job: keys.Job, period: float) -> IMM:
     """The bank of an observer's settings, for a sampling period [s]."""
-    job = read_job(keys.Parameters, settings)
     return bank(job.plant, job.observer, period)
 
 
-def estimate(settings: Settings, plant: Series) -> Series:
+def estimate(job: keys.Job, plant: Series) -> Series:
     """Probabilities of the modes and the estimate of the velocity, from t = 0 on.
 
     ``probability`` has one component per mode, in the order of `MODES`. For an SVSF ``saturated``
@@ -42,7 +40,6 @@ def estimate(settings: Settings, plant: Series) -> Series:
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     observer = job.observer
     chosen = build(job, plant.step)
     columns = measured_columns(observer)

@@ -8,19 +8,17 @@ from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.setup import ActuatorExperiment, experiment
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.plants.hydraulic_actuator import MOTION
 from reobserve_papers.plants.hydraulic_actuator import simulate as move
 from reobserve_papers.signals.series import Channel, Series
 
 
-def build(settings: Settings) -> ActuatorExperiment:
+def build(job: keys.Job) -> ActuatorExperiment:
     """The scenario, checked; see `experiment`."""
-    job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)
 
 
-def simulate(settings: Settings) -> Series:
+def simulate(job: keys.Job) -> Series:
     """The motion, and what is measured of it, over the horizon.
 
     ``motion`` has the components of `MOTION`, ``measured`` the same with noise. ``input`` is held
@@ -31,7 +29,6 @@ def simulate(settings: Settings) -> Series:
     InputError
         If a value cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     setup = build(job)
     motion = move(setup.models, setup.mode, setup.control, setup.period, setup.switching_condition)
     stream = random_stream(job.seed, "imm", "noise")

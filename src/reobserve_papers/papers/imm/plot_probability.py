@@ -18,7 +18,7 @@ from reobserve_papers.plotting.look import points, thick
 Array = NDArray[np.float64]
 
 
-def draw(data: FigureData) -> Figure:
+def draw(data: FigureData[keys.Job]) -> Figure:
     """The mode's probability with the values that the paper quotes, friction, and the velocity."""
     figure, (wanted, friction, motion) = new_figure((2.5, 1.2, 1.2))
     layout = data.job.figure.layout
@@ -36,7 +36,7 @@ def draw(data: FigureData) -> Figure:
     return _finished(figure, data)
 
 
-def draw_switching(data: FigureData) -> Figure:
+def draw_switching(data: FigureData[keys.Job]) -> Figure:
     """Normal and leakage mode, and the share of the innovations outside the layers."""
     figure, (normal, leakage, outside) = new_figure((2.0, 2.0, 1.3))
     for axes, mode, letter in ((normal, "normal", "a"), (leakage, "leakage", "b")):
@@ -51,7 +51,7 @@ def draw_switching(data: FigureData) -> Figure:
     return _finished(figure, data)
 
 
-def _probabilities(axes: Axes, data: FigureData, mode: str, letter: str) -> None:
+def _probabilities(axes: Axes, data: FigureData[keys.Job], mode: str, letter: str) -> None:
     """Means and bands of a mode, one curve a bank."""
     index = MODES.index(mode)
     for name, estimate in data.estimates.items():
@@ -65,7 +65,7 @@ def _probabilities(axes: Axes, data: FigureData, mode: str, letter: str) -> None
     axes.set_title(f"({letter}) {mode} mode")
 
 
-def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
+def _quoted(axes: Axes, data: FigureData[keys.Job], mode: str) -> None:
     """The quoted value of each bank: a pale bar where it is compared, and a mark in the margin."""
     start, end = data.job.metrics.after
     for name in data.estimates:
@@ -83,7 +83,7 @@ def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
         )  # fmt: skip
 
 
-def _finished(figure: PaperFigure, data: FigureData) -> Figure:
+def _finished(figure: PaperFigure, data: FigureData[keys.Job]) -> Figure:
     onset = next(iter(data.estimates.values())).events["fault"][0]
     for axes in figure.axes:
         axes.axvline(onset, color="0.4", linewidth=thick(0.8), linestyle=":")

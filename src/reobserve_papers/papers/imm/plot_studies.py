@@ -6,10 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from reobserve.core.arguments import as_kind
+from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.notes import KALMAN as KALMAN_STYLE
 from reobserve_papers.papers.imm.notes import SVSF, stimulus, style_of
 from reobserve_papers.papers.imm.study_rows import FROZEN, INTACT, KALMAN, SCANNED, TUNED, ZERO_RATE
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.parameters.job import named
 from reobserve_papers.plotting.figures import (
     STYLES,
     add_note,
@@ -35,11 +38,12 @@ _NUMBERS = {
 }
 
 
-def draw_neighbourhood(data: FigureData) -> Figure:
+def draw_neighbourhood(data: FigureData[keys.Job]) -> Figure:
     """Bars of the margins, and mean probabilities over the number with the smallest margin."""
     figure, (bars, curves) = new_figure((2.5, 2.3), share_time=True)
     job, numbers = data.job, data.metrics
-    most = max(job.study.factors)
+    stated = as_kind("study", job.study, keys.Neighbourhood)
+    most = max(stated.factors)
     for row, parameter in enumerate(TUNED):
         low = numbers[parameter, "minimum_factor"]
         high = numbers[parameter, "maximum_factor"]
@@ -52,8 +56,7 @@ def draw_neighbourhood(data: FigureData) -> Figure:
     bars.set_yticks(range(len(TUNED)), [_NUMBERS[name] for name in TUNED])
     bars.invert_yaxis()
     bars.set_xscale("log")
-    band = job.study.band
-    bars.set_title(f"(a) factors that keep every quoted value within ±{band:g}")
+    bars.set_title(f"(a) factors that keep every quoted value within ±{stated.band:g}")
     narrow = min(
         TUNED,
         key=lambda name: numbers[name, "maximum_factor"] / numbers[name, "minimum_factor"],
@@ -110,7 +113,7 @@ _CHANGES = {
 }
 
 
-def draw_changes(data: FigureData) -> Figure:
+def draw_changes(data: FigureData[keys.Job]) -> Figure:
     """Mean probabilities of all modes, one row per change."""
     study, observers = data.study, data.job.observers
     changes = [change for change, _ in study.groups("sweep", "level")]
@@ -162,7 +165,7 @@ def _curve(found: dict[float, Array]) -> tuple[list[float], list[float]]:
     return list(found), [float(values[0]) for values in found.values()]
 
 
-def draw_causes(data: FigureData) -> Figure:
+def draw_causes(data: FigureData[keys.Job]) -> Figure:
     """Probability of the faulty mode and share of innovations outside, over the layers' unit."""
     job = data.job
     study = data.study.where(run=SCANNED)
@@ -182,7 +185,7 @@ def draw_causes(data: FigureData) -> Figure:
                      markersize=mark(4), label=label)  # fmt: skip
     outside.legend()
     name = study["observer"][0]
-    stated = job.observers[name].layer_scale
+    stated = named(job.observers, name, keys.SmoothVariableStructure).layer_scale
     for axes in (mode, outside):
         axes.axvline(stated, color="0.4", linewidth=thick(0.8), linestyle=":")
         axes.set_ylim(-0.04, 1.04)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import ChannelShape
 
 EVENTS = ("fault",)
@@ -12,12 +12,12 @@ EVENTS = ("fault",)
 UNITS = {"position": "y s", "velocity": "y", "acceleration": "y/s", "jerk": "y/s^2"}
 
 
-def axis(job: Job) -> tuple[float, float]:
+def axis(job: keys.Job) -> tuple[float, float]:
     """Horizon and sampling period of a record [s]."""
     return job.plant.horizon, job.scenario.period
 
 
-def plant(job: Job) -> dict[str, ChannelShape]:
+def plant(job: keys.Job) -> dict[str, ChannelShape]:
     """The channels of a record."""
     motion = ChannelShape(", ".join(UNITS.values()), len(UNITS))
     return {
@@ -28,7 +28,7 @@ def plant(job: Job) -> dict[str, ChannelShape]:
     }
 
 
-def estimates(_: Job) -> dict[str, ChannelShape]:
+def estimates(_: keys.Job) -> dict[str, ChannelShape]:
     """The channels of a bank's estimates."""
     return {
         "probability": ChannelShape("1", len(MODES)),

@@ -25,7 +25,6 @@ from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.calibration import Calibration, switches
 from reobserve_papers.papers.imm.study_rows import OUTPUTS, STATES, TUNED
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
@@ -36,7 +35,7 @@ DIGITS = 3  # to which the numbers found are rounded
 THREADS = 2
 
 
-def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> dict[str, Any]:
+def run(job: keys.Job, plant: Series, progress: Callable[[str], None]) -> dict[str, Any]:
     """Run the search: the numbers found, the remaining distance, and its history.
 
     ``progress`` is called with a line whenever a generation is over.
@@ -46,7 +45,6 @@ def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> d
     InputError
         If a bound cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     body = job.search
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
     calibration.stated()

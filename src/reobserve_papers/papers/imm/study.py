@@ -14,21 +14,10 @@ from typing import Any
 from reobserve.core.errors import located
 from reobserve_papers.papers.imm import calibration, keys, study_causes
 from reobserve_papers.papers.imm.study_rows import HEADER
-from reobserve_papers.parameters.job import Job, Settings, read_job
 from reobserve_papers.signals.series import Series
 
-METHODS = {
-    "neighbourhood": calibration.run_neighbourhood,
-    "changes": calibration.run_changes,
-    "causes": study_causes.run,
-}
-_CHECKS = {
-    "changes": calibration.check_changes,
-    "causes": study_causes.check,
-}
 
-
-def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
+def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
     """The rows of the study's method, with the columns of `HEADER`.
 
     Raises
@@ -36,15 +25,22 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     InputError
         If there is no such method or a setting cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     with located("study"):
         check_study(job)
-    rows = METHODS[job.study.method](job, plant)
+    match job.study:
+        case keys.Neighbourhood() as study:
+            rows = calibration.run_neighbourhood(job, study, plant)
+        case keys.Changes() as study:
+            rows = calibration.run_changes(job, study, plant)
+        case keys.Causes() as study:
+            rows = study_causes.run(job, study, plant)
     return [dict(zip(HEADER, row, strict=True)) for row in rows]
 
 
-def check_study(job: Job) -> None:
+def check_study(job: keys.Job) -> None:
     """Refuse what the study's method cannot use; `InputError` names the key of the study."""
-    check = _CHECKS.get(job.study.method)
-    if check is not None:
-        check(job)
+    match job.study:
+        case keys.Changes() as study:
+            calibration.check_changes(job, study)
+        case keys.Causes() as study:
+            study_causes.check(job, study)

@@ -34,7 +34,6 @@ from reobserve_papers.papers.imm.study_rows import (
     STATED,
     ZERO_RATE,
 )
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
@@ -43,7 +42,7 @@ Row = tuple[str, str, float, int, str, float, str]
 THREADS = 2
 
 
-def run(job: Job, plant: Series) -> list[Row]:
+def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
     """Rows by SVSF and scale: mean probabilities after the fault by variant, and the saturation.
 
     Raises
@@ -51,18 +50,20 @@ def run(job: Job, plant: Series) -> list[Row]:
     InputError
         If there is no SVSF, or one has an inverse other than the pseudo-inverse.
     """
-    tasks = list(_tasks(job))
+    tasks = list(_tasks(job, study))
     with ThreadPoolExecutor(THREADS) as pool:
         parts = pool.map(lambda task: list(_rows(job, plant, *task)), tasks)
         return [row for part in parts for row in part]
 
 
-def check(job: Job) -> None:
+def check(job: keys.Job, study: keys.Causes) -> None:
     """Refuse observers that cannot be frozen; `InputError` names them."""
-    list(_tasks(job))
+    list(_tasks(job, study))
 
 
-def _tasks(job: Job) -> Iterator[tuple[str, keys.SmoothVariableStructure, int]]:
+def _tasks(
+    job: keys.Job, study: keys.Causes
+) -> Iterator[tuple[str, keys.SmoothVariableStructure, int]]:
     found = {
         name: body
         for name, body in job.observers.items()
@@ -75,12 +76,12 @@ def _tasks(job: Job) -> Iterator[tuple[str, keys.SmoothVariableStructure, int]]:
             raise InputError(f"observers.{name}.inverse", "must be pseudo, to freeze the gain")
         yield name, body, STATED
     name, body = next(iter(found.items()))
-    for scale in job.study.scales:
+    for scale in study.scales:
         yield name, replace(body, layer_scale=scale), SCANNED
 
 
 def _rows(
-    job: Job, plant: Series, name: str, body: keys.SmoothVariableStructure, number: int
+    job: keys.Job, plant: Series, name: str, body: keys.SmoothVariableStructure, number: int
 ) -> Iterator[Row]:
     measured, held = plant["measured"][1:, measured_columns(body)], plant["input"][:-1]
     time, fault = plant.time[1:], MODES.index(job.scenario.fault)

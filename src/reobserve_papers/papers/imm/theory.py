@@ -27,7 +27,6 @@ from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run
-from reobserve_papers.parameters.job import Job, Settings, read_job
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.inputs import Signal
@@ -39,7 +38,7 @@ MOST_UPDATES = 10_000  # of a covariance, until it comes to rest
 Observers = dict[str, keys.Observer]
 
 
-def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
+def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
     """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
 
     Raises
@@ -49,7 +48,6 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     chosen = check(job.theory, job.observers)
     return [
         *_corrections(job, chosen),
@@ -102,7 +100,7 @@ def corrected_radius(model: LinearModel, inverse: str) -> float:
 
 
 @part
-def _corrections(job: Job, chosen: Observers) -> Iterator[Metric]:
+def _corrections(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     """The largest radius of all modes, for the first SVSF: layers do not matter."""
     name, body = next(_smooth(chosen))
     filters = cast("list[GaussianFilter]", bank(job.plant, body, job.theory.period).filters)
@@ -130,10 +128,10 @@ class _Leak:
     begin: int
 
 
-def _leak(job: Job) -> _Leak:
+def _leak(job: keys.Job) -> _Leak:
     rules, known = job.theory, modes(job.plant)
     steps, begin, signal = _grid(rules)
-    control = signal(np.arange(steps) * rules.period)[:, 0]
+    control = signal(np.arange(steps, dtype=np.float64) * rules.period)[:, 0]
     leaks = (np.arange(steps) >= begin).astype(np.int64)
     two = [known[0], known[MODES.index("leakage")]]
     motion, healthy = (
@@ -144,7 +142,7 @@ def _leak(job: Job) -> _Leak:
 
 
 def _filtered(
-    job: Job, name: str, body: keys.Observer, leak: _Leak, models: list[ActuatorModel]
+    job: keys.Job, name: str, body: keys.Observer, leak: _Leak, models: list[ActuatorModel]
 ) -> tuple[Run[ImmState], IMM]:
     """Estimates of a bank on the leaking actuator, and the bank."""
     with located(f"observers.{name}"):
@@ -156,7 +154,7 @@ def _filtered(
 
 
 @part
-def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
+def _mismatches(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     """A priori errors of the velocity after a leak: of the normal model's filter, and of the bank.
 
     A posteriori the error of a measured velocity without noise may be nothing but rounding.
@@ -183,7 +181,7 @@ def _prediction_error(
 
 
 @part
-def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
+def _layers(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     """The first SVSF with layers narrower than the error of its model, and as wide.
 
     The filter of the normal model runs alone on the leaking actuator, whose outputs differ from

@@ -12,20 +12,19 @@ from reobserve_papers.papers.lie import keys, plant, theory
 from reobserve_papers.papers.lie.setup import build_observer, build_problem
 from reobserve_papers.papers.lie.study import check_study
 from reobserve_papers.parameters.check import Checks
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.grid import stride
 
 
-def _design(job: Job) -> NormalForm:
+def _design(job: keys.Job) -> NormalForm:
     problem = build_problem(job.plant, job.design)
     return normal_form(problem.system, problem.degree, injection=problem.injection)
 
 
-def _observer(job: Job, form: NormalForm) -> None:
+def _observer(job: keys.Job, form: NormalForm) -> None:
     stride(job.plant, build_observer(job.observer, form).sampling_period)
 
 
-def _theory(job: Job, forms: Mapping[str, NormalForm]) -> None:
+def _theory(job: keys.Job, forms: Mapping[str, NormalForm]) -> None:
     for name in ("linear", "nonlinear"):
         if name not in forms:
             raise InputError("designs", f"must have {name!r}")

@@ -7,10 +7,9 @@ from typing import Any
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_problem
-from reobserve_papers.parameters.job import Settings, read_job
 
 
-def compute(settings: Settings) -> dict[str, Any]:
+def compute(job: keys.Job) -> dict[str, Any]:
     """Coefficients of S, T and the gain, one row per component.
 
     The order of the monomials is that of `reobserve.polynomials.monomials`.
@@ -20,7 +19,6 @@ def compute(settings: Settings) -> dict[str, Any]:
     InputError
         If the injection cannot be used: unstable, resonant, or of the wrong size.
     """
-    job = read_job(keys.Parameters, settings)
     problem = build_problem(job.plant, job.design)
     form = normal_form(problem.system, problem.degree, injection=problem.injection)
     series = {"S": form.S, "T": form.T, "gain": form.gain}

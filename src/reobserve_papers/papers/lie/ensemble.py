@@ -29,10 +29,9 @@ from reobserve_papers.papers.lie.scoring import (
 )
 from reobserve_papers.papers.lie.setup import build_observer, build_problem, build_system, forms
 from reobserve_papers.papers.lie.study_rows import Row
-from reobserve_papers.parameters.job import Job, named
+from reobserve_papers.parameters.job import named
 from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.signals.grid import multiple
-from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
 
@@ -111,7 +110,7 @@ def axis(half_width: float, points: int) -> Array:
     return found
 
 
-def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
+def run(job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]) -> list[Row]:
     """For each initial state and observer: ``ise`` [s], and ``settled`` and ``diverged`` (0, 1).
 
     The name of a row is the kind of gain of the identity form, ``transformed``, or the name of an
@@ -122,10 +121,10 @@ def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
     InputError
         If a setting cannot be used.
     """
-    built = _observers(job, design)
+    built = _observers(job, study, design)
     estimate = _estimate(job)
     rows = []
-    for record in _records(job, job.study.sampling_period):
+    for record in _records(job, study):
         for name, order, observer in built:
             found = record.outcome(observer, estimate, job.metrics.settling_band)
             place = (name, order, float(record.start[0]), float(record.start[1]))
@@ -137,7 +136,9 @@ def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
     return rows
 
 
-def run_injections(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
+def run_injections(
+    job: keys.Job, study: keys.InjectionsStudy, design: Mapping[str, Any]
+) -> list[Row]:
     """Share of better initial states and median ratio, by pair of coefficients of y^3.
 
     Thomas, Kwatny & Chang, Remark 3.13.
@@ -151,14 +152,14 @@ def run_injections(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
     InputError
         If a setting cannot be used.
     """
-    study, step = job.study, job.study.sampling_period
+    step = study.sampling_period
     cubic = named(job.observers, "cubic4", keys.Identity)
-    runs, estimate = list(_records(job, step)), _estimate(job)
+    runs, estimate = list(_records(job, study)), _estimate(job)
 
     def squares(observer: NormalFormObserver) -> list[float]:
         return [one.outcome(observer, estimate, job.metrics.settling_band).ise for one in runs]
 
-    stated = _stated(job, design, step)
+    stated = _stated(job, study, design)
     errors = {name: squares(observer) for name, observer in stated.items()}
     reference = errors["constant"]
     rows: list[Row] = []
@@ -180,7 +181,7 @@ def _summary(
 
 
 def _with_cubic(
-    job: Job, body: keys.Identity, cubic: tuple[float, float], step: float
+    job: keys.Job, body: keys.Identity, cubic: tuple[float, float], step: float
 ) -> IdentityObserver:
     """The identity form with these coefficients of y^3, and linear terms as in the design."""
     design = job.designs[job.study.design]
@@ -193,32 +194,39 @@ def _with_cubic(
     return IdentityObserver(form, body.order, body.gain, sampling_period=step)
 
 
-def _records(job: Job, step: float) -> Iterator[EnsembleRecord]:
-    study = job.study
+def _records(
+    job: keys.Job, study: keys.EnsembleStudy | keys.InjectionsStudy
+) -> Iterator[EnsembleRecord]:
+    step = study.sampling_period
     with located(f"studies.{study.method}"):
         steps = multiple("sampling_period", job.plant.horizon, step, "the step")
     plant = PolynomialPlant(build_system(job.plant))
     return records(plant, axis(study.half_width, study.points), _estimate(job), steps, step)
 
 
-def _estimate(job: Job) -> Array:
+def _estimate(job: keys.Job) -> Array:
     """The initial estimate of the first observer, which is used for all."""
     return np.array(next(iter(job.observers.values())).initial_estimate)
 
 
-def _stated(job: Job, design: Mapping[str, Any], step: float) -> dict[str, NormalFormObserver]:
-    """The observers of the study, with the sampling period ``step``."""
-    known, found = forms(job, design), {}
+def _stated(
+    job: keys.Job, study: keys.EnsembleStudy | keys.InjectionsStudy, design: Mapping[str, Any]
+) -> dict[str, NormalFormObserver]:
+    """The observers of the study, with its sampling period."""
+    known, found = forms(job, study.design, design), {}
     for name, body in job.observers.items():
+        changed = replace(body, sampling_period=study.sampling_period)
         with located(f"observers.{name}"):
-            found[name] = build_observer(replace(body, sampling_period=step), known[body.design])
+            found[name] = build_observer(changed, known[body.design])
     return found
 
 
-def _observers(job: Job, design: Mapping[str, Any]) -> list[tuple[str, int, NormalFormObserver]]:
-    study, step = job.study, job.study.sampling_period
-    found = [(name, one.order, one) for name, one in _stated(job, design, step).items()]
-    form = forms(job, design)[study.design]
+def _observers(
+    job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]
+) -> list[tuple[str, int, NormalFormObserver]]:
+    step = study.sampling_period
+    found = [(name, one.order, one) for name, one in _stated(job, study, design).items()]
+    form = forms(job, study.design, design)[study.design]
     for order in study.orders:
         with located("studies.ensemble.orders"):
             for gain in GAINS:

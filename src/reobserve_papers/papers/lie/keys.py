@@ -275,6 +275,9 @@ class OfInjections(job.StudyFigure):
     shown: Positive
 
 
+Figure = Responses | OfStudy | OfInjections
+
+
 @dataclass(frozen=True)
 class Parameters:
     """All sections."""
@@ -287,6 +290,9 @@ class Parameters:
     tables: Mapping[str, Table]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[
-        str, Annotated[Responses | OfStudy | OfInjections, Field(discriminator="layout")]
-    ]
+    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
+
+
+Job = job.Job[
+    Plant, Scenario, Observer, Metrics, Figure, Theory, Study, InjectionDesign, None, Table
+]

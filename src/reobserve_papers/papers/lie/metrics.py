@@ -15,6 +15,7 @@ import numpy as np
 
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import error_of
+from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.scoring import (
     decay_rate,
     integral_of_squares,
@@ -71,14 +72,14 @@ MEANINGS = {
 }
 
 
-def measure(data: FigureData) -> Iterator[Metric]:
+def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The numbers of a figure; see `MEANINGS`."""
     for name in data.estimates:
         yield from scores_of(name, _scores(data, name))
     yield from _FROM_STUDY[data.job.study.method](data)
 
 
-def _scores(data: FigureData, name: str) -> Iterator[Score]:
+def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
     rules, estimate = data.job.metrics, data.estimates[name]
     step, error = estimate.step, error_of(data.plant, estimate, "state")
     squares = integral_of_squares(error, step)
@@ -89,7 +90,7 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     yield "decay_rate", decay_rate(error, step, *rules.decay_window), "1/s"
 
 
-def _orders(data: FigureData) -> Iterator[Metric]:
+def _orders(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The whole study if the figure shows it, else the exponents of the figure's observers."""
     study, job = data.study, data.job
     yield Metric("cycle", "period", study.value(form="cycle", quantity="period"), "s")
@@ -108,7 +109,7 @@ def _orders(data: FigureData) -> Iterator[Metric]:
             yield Metric(name, "floquet_exponent", float(value), "1/s")
 
 
-def _domain(data: FigureData) -> Iterator[Metric]:
+def _domain(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The summaries of the study, those of a series at their degree."""
     study = data.study
     for (form, order, quantity, unit), rows in study.groups("form", "order", "quantity", "unit"):
@@ -117,7 +118,7 @@ def _domain(data: FigureData) -> Iterator[Metric]:
             yield Metric.at(form, (quantity, rows.value(), unit), **degree)
 
 
-def _ensemble(data: FigureData) -> Iterator[Metric]:
+def _ensemble(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """Shares of initial states: better than the constant gain, settled, diverged."""
     study = data.study
     reference = study.where(form="constant", quantity="ise")["value"]
@@ -138,7 +139,7 @@ def _ensemble(data: FigureData) -> Iterator[Metric]:
             yield Metric.at(form, (f"{name}_ise_ratio", value, "1"), order=order)
 
 
-def _injections(data: FigureData) -> Iterator[Metric]:
+def _injections(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The study's observers; share of mostly better cubic injections, and the best median."""
     study = data.study
     for name in data.job.study.observers:

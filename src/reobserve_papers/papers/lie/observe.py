@@ -11,12 +11,11 @@ from reobserve.observers.normal_form_observer import NormalFormObserver, NormalF
 from reobserve.observers.run import Run
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_observer, stored_form
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.grid import stride
 from reobserve_papers.signals.series import Channel, Series
 
 
-def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:
+def estimate(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> Series:
     """Estimated state x^ at the ends of the observer's steps, and z of the transformed form.
 
     Raises
@@ -26,7 +25,6 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     mine = job.observer
     form = stored_form(job.plant, job.design, design)
     observer = build_observer(mine, form)

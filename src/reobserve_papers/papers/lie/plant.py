@@ -8,14 +8,12 @@ from reobserve.core.errors import located
 from reobserve.core.matrices import as_vector
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_system, grid
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.signals.series import Channel, Series
 
 
-def build(settings: Settings) -> PolynomialPlant:
+def build(job: keys.Job) -> PolynomialPlant:
     """The plant, its grid and its initial state checked; `InputError` if they cannot be used."""
-    job = read_job(keys.Parameters, settings)
     grid(job.plant)
     plant = PolynomialPlant(build_system(job.plant))
     with located("scenario"):
@@ -23,7 +21,7 @@ def build(settings: Settings) -> PolynomialPlant:
     return plant
 
 
-def simulate(settings: Settings) -> Series:
+def simulate(job: keys.Job) -> Series:
     """Channels ``state``, x, and ``output``, y = h(x), over the horizon.
 
     Raises
@@ -33,7 +31,6 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Parameters, settings)
     plant = build(job)
     steps, step = grid(job.plant)
     states = plant.simulate(job.scenario.initial_state, step, steps)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,17 +10,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from reobserve.core.arguments import as_kind
 from reobserve_papers.metrics.study_table import StudyTable
+from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.plot_errors import draw_sizes
 from reobserve_papers.papers.lie.styles import EDGE, FORMS, GAINS, pair, starts, style_of, vector
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.parameters.job import named
 from reobserve_papers.plotting.figures import STYLES, TRUTH, add_note, decades, mosaic, new_figure
 from reobserve_papers.plotting.look import mark, points, thick
 
 
-def draw_orders(data: FigureData) -> Figure:
+def draw_orders(data: FigureData[keys.Job]) -> Figure:
     """ISE, divergence, settling time and largest Floquet exponent over the order of the gain."""
     job, study = data.job, data.study
+    orders_shown = as_kind("study", job.study, keys.OrdersStudy).orders
     figure, (ise, lost, settling, floquet) = new_figure((1.6, 0.7, 1.6, 1.8))
     _curves(ise, study, "ise", named=False)
     ise.set_yscale("log")
@@ -54,7 +59,7 @@ def draw_orders(data: FigureData) -> Figure:
         "(d) largest Floquet exponent of the error on the limit cycle; above 0 the error grows"
     )
     floquet.set_xlabel("order of the gain")
-    floquet.set_xticks(job.study.orders)
+    floquet.set_xticks(orders_shown)
     period = study.value(form="cycle", quantity="period")
     add_note(
         figure,
@@ -78,19 +83,20 @@ def _by_level(study: StudyTable, form: str, quantity: str) -> tuple[Any, Any]:
     return list(found), [value for (value,) in found.values()]
 
 
-def draw_ensemble(data: FigureData) -> Figure:
+def draw_ensemble(data: FigureData[keys.Job]) -> Figure:
     """Shares that settle and that are better by order; where the order of Fig. 1 is better."""
     job = data.job
+    stated = as_kind("study", job.study, keys.EnsembleStudy)
     mapped, estimate = job.observers["order4"].order, job.observers["order4"].initial_estimate
     figure, axes = mosaic(
         [["settled", "plane"], ["better", "plane"]], 4.9,
         stacked={"settled": 2.0, "better": 2.0, "plane": 3.8},
     )  # fmt: skip
     settled, better, plane = axes["settled"], axes["better"], axes["plane"]
-    _shares(settled, data, "share_settled")
+    _shares(settled, data, stated.orders, "share_settled")
     settled.set_title(f"(a) settles within {job.plant.horizon:g} s")
     settled.set_ylim(-4, 104)
-    _shares(better, data, "share_better")
+    _shares(better, data, stated.orders, "share_better")
     better.set_title("(b) smaller ISE than the constant gain")
     better.set_ylim(-2, 70)
     better.set_xlabel("order")
@@ -112,15 +118,14 @@ def draw_ensemble(data: FigureData) -> Figure:
     plane.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13))
     add_note(
         figure,
-        f"{len(states)} initial states on a square of half width {job.study.half_width:g}, "
+        f"{len(states)} initial states on a square of half width {stated.half_width:g}, "
         f"x̂(0) = {pair(estimate)}, {job.plant.horizon:g} s. Grid, size and steps are chosen here.\n"
         f"Settled: |e| stays within {100 * job.metrics.settling_band:g} % of its first value.",
     )
     return figure
 
 
-def _shares(axes: Axes, data: FigureData, quantity: str) -> None:
-    orders = data.job.study.orders
+def _shares(axes: Axes, data: FigureData[keys.Job], orders: Sequence[int], quantity: str) -> None:
     for form, (style, label) in FORMS.items():
         values = [100 * data.metrics.at(form, quantity, order=order) for order in orders]
         axes.plot(orders, values, **style.points(), label=label)
@@ -141,15 +146,17 @@ def _compare(study: StudyTable, order: int) -> tuple[Any, Any]:
 _DOUBLINGS = 1.0
 
 
-def draw_injections(data: FigureData) -> Figure:
+def draw_injections(data: FigureData[keys.Job]) -> Figure:
     """Errors over time, and over the square of coefficients the share of states and the median."""
     job, study = data.job, data.study
     figure, axes = mosaic(
         [["size", "size"], ["share", "ratio"]], 5.0, height_ratios=(1.0, 1.25),
         stacked={"size": 2.2, "share": 3.4, "ratio": 3.4},
     )  # fmt: skip
+    stated = as_kind("study", job.study, keys.InjectionsStudy)
+    shown = as_kind("figure", job.figure, keys.OfInjections).shown
     size, share, ratio = axes["size"], axes["share"], axes["ratio"]
-    draw_sizes(size, data)
+    draw_sizes(size, data, shown)
     size.set_xlabel("time [s]")
     size.set_title("(a) size of the error from the initial state of Fig. 1")
     size.legend(loc="lower left")
@@ -169,7 +176,7 @@ def draw_injections(data: FigureData) -> Figure:
         _mark(panel, data)
     share.legend(loc="upper left", bbox_to_anchor=(-0.2, -0.3), fontsize=points(6.5))
 
-    cubic4, count = job.observers["cubic4"], job.study.coefficients
+    cubic4, count = named(job.observers, "cubic4", keys.Identity), stated.coefficients
     note = ";\n".join(
         f"{observer.label}, ℓ(y) = {vector(job.designs[observer.design].injection)}"
         for observer in job.observers.values()
@@ -179,8 +186,8 @@ def draw_injections(data: FigureData) -> Figure:
         figure,
         f"{starts(job)} in (a). {note[:1].upper()}{note[1:]}.\n"
         f"(b), (c): identity form of order {cubic4.order}, gain {GAINS[cubic4.gain][1]}, "
-        f"{count} by {count} pairs of coefficients of y³, each from {job.study.points} by "
-        f"{job.study.points} initial states, but for that of the estimate.\n"
+        f"{count} by {count} pairs of coefficients of y³, each from {stated.points} by "
+        f"{stated.points} initial states, but for that of the estimate.\n"
         f"In (c) black is {2**_DOUBLINGS:g} and more.",
     )
     return figure
@@ -207,7 +214,7 @@ def _map(
     return image
 
 
-def _mark(axes: Axes, data: FigureData) -> None:
+def _mark(axes: Axes, data: FigureData[keys.Job]) -> None:
     """Mark the observers of the figure on the square."""
     for name, observer in data.job.observers.items():
         cubic = _cubic(data.job.designs[observer.design].injection)
@@ -224,9 +231,10 @@ def _cubic(injection: Any) -> tuple[float, ...]:
     return tuple(value for _, value in sorted(found))
 
 
-def draw_domain(data: FigureData) -> Figure:
+def draw_domain(data: FigureData[keys.Job]) -> Figure:
     """Phase plane, errors of the truncated series on the cycle, and radii by degree."""
     plant, study = data.plant, data.study
+    stated = as_kind("study", data.job.study, keys.DomainStudy)
     figure, axes = mosaic(
         [["plane", "errors"], ["plane", "radii"]], 4.7, width_ratios=(1.1, 1.0),
         stacked={"plane": 3.8, "errors": 2.0, "radii": 2.0},
@@ -268,9 +276,9 @@ def draw_domain(data: FigureData) -> Figure:
     radii.set_title("(c) estimated radius of convergence of S")
     add_note(
         figure,
-        f"Series of S up to degree {data.job.study.degree}; radius and boundary from its parts in "
+        f"Series of S up to degree {stated.degree}; radius and boundary from its parts in "
         "the upper half of the degrees.\nThe true S on the cycle is the periodic solution of "
-        f"ż = A z − ℓ(x₁(t)), ℓ(y) = {vector(data.job.designs[data.job.study.design].injection)}.",
+        f"ż = A z − ℓ(x₁(t)), ℓ(y) = {vector(data.job.designs[stated.design].injection)}.",
     )
     return figure
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.papers.lie import keys
 from reobserve_papers.signals.series import ChannelShape
 
 
-def plant(job: Job) -> dict[str, ChannelShape]:
+def plant(job: keys.Job) -> dict[str, ChannelShape]:
     """The channels of a record: as many components as the system has states and outputs."""
     return {
         "state": ChannelShape("1", job.plant.states),
@@ -14,7 +14,7 @@ def plant(job: Job) -> dict[str, ChannelShape]:
     }
 
 
-def estimates(job: Job) -> dict[str, ChannelShape]:
+def estimates(job: keys.Job) -> dict[str, ChannelShape]:
     """The channels of an observer's estimates; coordinates of the transformed form only."""
     states = len(job.observer.initial_estimate)
     return {

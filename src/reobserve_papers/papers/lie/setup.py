@@ -19,7 +19,6 @@ from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.papers.lie import keys
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.grid import plant_grid
 
 Array = FloatArray
@@ -99,9 +98,8 @@ def stored_form(
     return NormalForm(problem, None, S, T, gain)
 
 
-def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
+def forms(job: keys.Job, own: str, design: Mapping[str, Any]) -> dict[str, NormalForm]:
     """The normal forms of a study by design: its own is read, those of observers are solved."""
-    own = job.study.design
     found = {own: stored_form(job.plant, job.designs[own], design)}
     for name, body in job.designs.items():
         if name != own:

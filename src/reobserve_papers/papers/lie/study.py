@@ -18,18 +18,10 @@ from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve_papers.papers.lie import ensemble, keys, study_domain, study_orders
 from reobserve_papers.papers.lie.study_rows import Row
-from reobserve_papers.parameters.job import Settings, read_job
 from reobserve_papers.signals.series import Series
 
-METHODS = {
-    "orders": study_orders.run,
-    "ensemble": ensemble.run,
-    "injections": ensemble.run_injections,
-    "domain": study_domain.run,
-}
 
-
-def run(settings: Settings, plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
+def run(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The rows of the study's method, with the columns of `Row`.
 
     Raises
@@ -37,9 +29,19 @@ def run(settings: Settings, plant: Series, design: Mapping[str, Any]) -> list[di
     InputError
         If there is no such method or a setting cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
-    rows: list[Row] = METHODS[job.study.method](job, plant, design)
-    return [row._asdict() for row in rows]
+    return [row._asdict() for row in _rows(job, plant, design)]
+
+
+def _rows(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
+    match job.study:
+        case keys.OrdersStudy() as study:
+            return study_orders.run(job, study, plant, design)
+        case keys.EnsembleStudy() as study:
+            return ensemble.run(job, study, design)
+        case keys.InjectionsStudy() as study:
+            return ensemble.run_injections(job, study, design)
+        case keys.DomainStudy() as study:
+            return study_domain.run(job, study, plant, design)
 
 
 def check_study(study: keys.Study, form: NormalForm) -> None:

@@ -22,7 +22,6 @@ from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.floquet import LimitCycle, limit_cycle
 from reobserve_papers.papers.lie.setup import build_problem, forms
 from reobserve_papers.papers.lie.study_rows import Row, summary
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
@@ -30,7 +29,9 @@ Array = NDArray[np.float64]
 _FORGOTTEN = 1e-15  # share of the initial z that is left when the true z is taken
 
 
-def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
+def run(
+    job: keys.Job, study: keys.DomainStudy, plant: Series, design: Mapping[str, Any]
+) -> list[Row]:
     """Rows: the boundary of the domain, radii by degree, errors of the series on the cycle.
 
     Raises
@@ -38,8 +39,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     InputError
         If a setting cannot be used.
     """
-    study = job.study
-    form = forms(job, design)[study.design]
+    form = forms(job, study.design, design)[study.design]
     with located("studies.domain"):
         cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)
     degree, count = study.degree, study.cycle_points

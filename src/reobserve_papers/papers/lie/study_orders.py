@@ -13,21 +13,23 @@ from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at
+from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve_papers.papers.lie.observe import observe
 from reobserve_papers.papers.lie.scoring import integral_of_squares, settling_time
 from reobserve_papers.papers.lie.setup import build_observer, forms
 from reobserve_papers.papers.lie.study_rows import Row, summary
-from reobserve_papers.parameters.job import Job
 from reobserve_papers.signals.series import Series
 
 NAN = float("nan")
 
 
-def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
+def run(
+    job: keys.Job, study: keys.OrdersStudy, plant: Series, design: Mapping[str, Any]
+) -> list[Row]:
     """Rows by gain and order, those of the study's observers, and those of the limit cycle."""
-    study, observers = job.study, job.observers
-    known = forms(job, design)
+    observers = job.observers
+    known = forms(job, study.design, design)
     form = known[study.design]
     with located("studies.orders"):
         cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)
@@ -52,7 +54,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
 
 
 def _errors(
-    job: Job, plant: Series, name: str, order: int, observer: Any, initial: Any
+    job: keys.Job, plant: Series, name: str, order: int, observer: Any, initial: Any
 ) -> Iterator[Row]:
     run, every = observe(observer, initial, job.plant, plant, "return")
     step = observer.sampling_period

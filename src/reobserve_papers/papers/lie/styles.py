@@ -9,7 +9,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from reobserve_papers.parameters.job import Job
+from reobserve_papers.papers.lie import keys
 from reobserve_papers.plotting.figures import Style
 
 SOLID, LONG_SHORT, LONG = "-", (0, (7, 1.6, 2.5, 1.6)), (0, (9, 3))
@@ -55,7 +55,7 @@ def style_of(observer: str, index: int = 0) -> Style:
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def starts(job: Job) -> str:
+def starts(job: keys.Job) -> str:
     """The initial state of the plant, and the initial estimate of the first observer."""
     first = next(iter(job.observers.values()))
     return f"x(0) = {pair(job.scenario.initial_state)}, x̂(0) = {pair(first.initial_estimate)}"

@@ -15,7 +15,6 @@ from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_problem, stored_form
-from reobserve_papers.parameters.job import Settings, read_job
 
 HEADER = ("component", "term", "exact", "decimal", "computed", "printed", "agrees")
 KINDS = {
@@ -23,7 +22,7 @@ KINDS = {
 }  # fmt: skip
 
 
-def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
+def rows(job: keys.Job, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One row per term of T and of its inverse S, up to the degree that the paper prints.
 
     Thomas, Kwatny & Chang, Section 5, T(z).
@@ -37,7 +36,6 @@ def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     InputError
         If the injection is resonant, or the design does not belong to this plant.
     """
-    job = read_job(keys.Parameters, settings)
     degree = job.table.degree
     with located(f"designs.{job.table.design}"):
         problem = build_problem(job.plant, job.design, degree=degree, exact=True)

@@ -48,14 +48,14 @@ from reobserve_papers.papers.lie.theory_series import (
     random_problem,
     spectrum_difference,
 )
-from reobserve_papers.parameters.job import Job, Settings, named, read_job
+from reobserve_papers.parameters.job import named
 from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.signals.grid import multiple
 
 Array = NDArray[np.float64]
 
 
-def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
+def measure(job: keys.Job, designs: Mapping[str, Any]) -> list[Metric]:
     """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
 
     Raises
@@ -63,7 +63,6 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
     InputError
         If a parameter cannot be used.
     """
-    job = read_job(keys.Parameters, settings)
     theory = job.theory
     return [
         *_example(job, designs["linear"]),
@@ -82,7 +81,7 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
 
 
 @part
-def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+def _example(job: keys.Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 5 and Remark 4.23: eigenvalues, printed coefficients, and imaginary parts."""
     theory, body = job.theory, job.designs["linear"]
     problem = build_problem(job.plant, body)
@@ -91,7 +90,7 @@ def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     away = np.array([fastest.real, fastest.imag]) - theory.printed_eigenvalue
     yield Metric("linear", "eigenvalue_error", float(np.max(np.abs(away))), "1/s")
     printed = keys.Table("linear", theory.printed, theory.printed_degree)
-    rows = table.rows(Job(job.plant, design=body, table=printed), design)
+    rows = table.rows(keys.Job(job.plant, design=body, table=printed), design)
     agrees = [row["agrees"] == "yes" for row in rows if row["printed"]]
     yield Metric("linear", "coefficients_printed", float(len(theory.printed)), "1")
     yield Metric("linear", "coefficients_agreeing", float(sum(agrees)), "1")
@@ -102,7 +101,7 @@ def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
 
 
 @part
-def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
+def _runs(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 2.2 and Remarks 3.12 and 3.13: errors in z, both forms, and the domain of S."""
     theory, plant, observer = job.theory, job.plant, job.observers
     injection, order4 = (named(observer, name, keys.Observer) for name in ("injection", "order4"))
@@ -131,7 +130,7 @@ def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
 
 
 @part
-def _series(job: Job) -> Iterator[Metric]:
+def _series(job: keys.Job) -> Iterator[Metric]:
     """Section 4 on the example: Lie transform and direct methods, Lemma 4.17."""
     theory, body = job.theory, job.designs["linear"]
     exact = build_problem(job.plant, body, degree=theory.degree, exact=True)
@@ -222,7 +221,7 @@ def _nonresonant(theory: keys.Theory) -> Iterator[Metric]:
 
 
 @part
-def _settled(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+def _settled(job: keys.Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: share of initial states from which an order settles, in both forms."""
     for name, outcomes in _outcomes(job, design, "identity", "transformed").items():
         settled = float(np.mean([one.settled for one in outcomes]))
@@ -230,7 +229,7 @@ def _settled(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
 
 
 @part
-def _constant(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+def _constant(job: keys.Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: how long the constant gain takes from the worst initial state."""
     outcomes = _outcomes(job, design, "constant")["constant"]
     latest = float(np.max([one.settling_time for one in outcomes]))
@@ -238,7 +237,7 @@ def _constant(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
 
 
 @part
-def _better(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+def _better(job: keys.Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: how often and by how much an order is better than the constant gain."""
     found = _outcomes(job, design, "identity", "constant")
     ise, reference = (
@@ -250,7 +249,7 @@ def _better(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     yield Metric("identity", "largest_improvement", max(0.0, improvement), "1")
 
 
-def _outcomes(job: Job, design: Mapping[str, Any], *names: str) -> dict[str, list[RunOutcome]]:
+def _outcomes(job: keys.Job, design: Mapping[str, Any], *names: str) -> dict[str, list[RunOutcome]]:
     """Outcomes over a grid, of the constant gain and of an order in both forms."""
     theory, body = job.theory, named(job.observers, "constant", keys.Identity)
     form = stored_form(job.plant, job.designs["linear"], design)
@@ -276,7 +275,7 @@ def _form(problem: NormalFormProblem) -> NormalForm:
     return normal_form(problem.system, problem.degree, injection=problem.injection)
 
 
-def _inverse_radius(job: Job, design: keys.InjectionDesign, degree: int) -> float:
+def _inverse_radius(job: keys.Job, design: keys.InjectionDesign, degree: int) -> float:
     """Inverse of the radius of convergence of S; 0 if it ends, nan if its degree is too low."""
     found = float("nan")
     # The high degrees of a series that ends are rounding, so the low degree is tried first.

@@ -8,11 +8,11 @@ import pytest
 
 from reobserve_papers.papers.delay import keys, notes
 from reobserve_papers.papers.delay.styles import style_of
-from reobserve_papers.parameters.job import Job, read_job
+from reobserve_papers.parameters.job import read_job
 from tests.reobserve_papers.papers import fixed_parameters
 
 
-def job(figure: str, **overrides: Any) -> Job:
+def job(figure: str, **overrides: Any) -> keys.Job:
     parameters = fixed_parameters("delay", overrides)
     return read_job(keys.Parameters, parameters.settings("plot", figure))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.delay import keys, noise, plant
-from reobserve_papers.parameters.job import Job, read_job
+from reobserve_papers.parameters.job import read_job
 from reobserve_papers.signals.series import Series
 from tests.reobserve_papers.papers import fixed_parameters
 from tests.reobserve_papers.plants.test_delayed_plants import SINE
@@ -19,7 +19,7 @@ from tests.reobserve_papers.plants.test_delayed_plants import SINE
 Array = NDArray[np.float64]
 
 
-def job(**changes: Any) -> Job:
+def job(**changes: Any) -> keys.Job:
     """The record of Fig. 2, with some values of the plant changed."""
     settings = fixed_parameters("delay", seed=3).settings("plant", "sine")
     stated = read_job(keys.Parameters, settings)

@@ -25,13 +25,14 @@ from reobserve_papers.papers.eso import keys, metrics, observe, plant, study, st
 from reobserve_papers.papers.eso.deviation import held_deviation
 from reobserve_papers.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
 from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Channel, Series
 from reobserve_papers.steps.compute import compute_design, figure_data
 from reobserve_papers.steps.evaluation import Evaluator
 from tests import ROOT
 from tests.reobserve.synthesis.plants import dc_motor
-from tests.reobserve_papers.papers import fixed_parameters
+from tests.reobserve_papers.papers import fixed_parameters, job_of
 
 Array = NDArray[np.float64]
 Tree = dict[str, Any]
@@ -51,7 +52,7 @@ def parameters(changes: Tree | None = None, seed: int = SEED) -> Parameters:
 
 def simulated(scenario: str, seed: int = SEED, **values: Any) -> Series:
     changed = parameters({"scenarios": {scenario: values}} if values else None, seed)
-    return plant.simulate(changed.settings("plant", scenario))
+    return plant.simulate(job_of(changed, "plant", scenario))
 
 
 @cache
@@ -69,7 +70,7 @@ def designed(name: str) -> Tree:
 
 @cache
 def estimated(name: str, observer: str) -> Series:
-    settings = parameters().settings("observe", observer)
+    settings = job_of(parameters(), "observe", observer)
     return observe.estimate(settings, record(name), designed(OBSERVERS[observer]))
 
 
@@ -98,7 +99,7 @@ def rms(values: Array) -> float:
 def test_settings_agree_with_the_parameters() -> None:
     stated = parameters()
     for scenario, deviation in (("disturbed", 0.0), ("noisy", np.sqrt(1e-4 / 0.1))):
-        setup = plant.build(stated.settings("plant", scenario))
+        setup = plant.build(job_of(stated, "plant", scenario))
         assert setup.deviation == pytest.approx(deviation, rel=1e-14)
         assert setup.hold * setup.step == pytest.approx(0.1, rel=1e-14)
         assert setup.steps * setup.step == pytest.approx(20.0, rel=1e-14)
@@ -108,7 +109,7 @@ def test_settings_agree_with_the_parameters() -> None:
         assert setup.plant.control.feedback == pytest.approx([3.02125, 3.0])
         assert setup.plant.control.integral == pytest.approx(-84.375)
     quarter = parameters({"plant": {"hold_period": 0.4}})
-    setup = plant.build(quarter.settings("plant", "noisy"))
+    setup = plant.build(job_of(quarter, "plant", "noisy"))
     assert setup.deviation == pytest.approx(np.sqrt(1e-4 / 0.4), rel=1e-14)
 
 
@@ -175,7 +176,7 @@ def test_record_jumps_only_at_the_stated_times() -> None:
     assert not jumps["output"][:, 1].any()
     assert not jumps["control"].any(), "the law acts on x, which does not jump"
     measured = plant.simulate(
-        parameters({"plant": {"feedback": "output"}}).settings("plant", "noisy")
+        job_of(parameters({"plant": {"feedback": "output"}}), "plant", "noisy")
     )
     jump = measured["control"] - measured["control_before"]
     assert jump == pytest.approx(-3.02125 * expected, abs=1e-12)
@@ -288,20 +289,20 @@ def test_observers_start_from_the_stated_state() -> None:
     start = [0.3, -0.2, 0.1, 0.4, 0.05, -0.06]
     changed = parameters({"observers": {"pd_pi": {"initial_estimate": start}}})
     found = observe.estimate(
-        changed.settings("observe", "pd_pi"), record("disturbed"), designed("pd_pi")
+        job_of(changed, "observe", "pd_pi"), record("disturbed"), designed("pd_pi")
     )
     first = [*found["state"][0], found["actuator_fault"][0], found["sensor_fault"][0]]
     assert first == [0.3, -0.2, 0.05, -0.06]
     # It has its own filter for xz: a common error of both cancels.
     assert found["state"][-1] == pytest.approx(estimated("disturbed", "pd_pi")["state"][-1])
     moved = parameters({"plant": {"initial_state": [0.5, -1.0]}})
-    begun = plant.simulate(moved.settings("plant", "disturbed"))
+    begun = plant.simulate(job_of(moved, "plant", "disturbed"))
     assert begun["state"][0].tolist() == [0.5, -1.0]
 
 
 def test_pulses_have_the_stated_width() -> None:
     changed = parameters({"plant": {"pulse_width": 1.0}})
-    found = plant.simulate(changed.settings("plant", "disturbed"))
+    found = plant.simulate(job_of(changed, "plant", "disturbed"))
     expected = (np.floor(found.time[:-1] + 1e-9) % 4 == 0).astype(float)
     np.testing.assert_array_equal(found["reference"][:-1], expected)
 
@@ -509,7 +510,8 @@ def rows_of_the_study() -> list[Tree]:
     settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [2.0], "decays": [1.0], "factors": [], "pole_bounds": [50.0],
               "radii": [], "solutions": ["minimum_norm", "positive"]}  # fmt: skip
-    return study.run({**settings, "study": {**settings["study"], **levels}}, record("noisy"))
+    job = read_job(keys.Parameters, {**settings, "study": {**settings["study"], **levels}})
+    return study.run(job, record("noisy"))
 
 
 @pytest.mark.parametrize(
@@ -664,10 +666,11 @@ def test_design_stage_refuses_naming_the_key(key: str) -> None:
 def test_study_names_the_failed_design() -> None:
     settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [], "decays": [], "factors": [0.9], "pole_bounds": [], "radii": []}
+    job = read_job(keys.Parameters, {**settings, "study": {**settings["study"], **levels}})
     with pytest.raises(
         InputError, match=r"^study\.pi_minimum_norm at factor 0\.9\.factor: 0\.9 of"
     ):
-        study.run({**settings, "study": {**settings["study"], **levels}}, record("noisy"))
+        study.run(job, record("noisy"))
 
 
 def test_config_is_accepted() -> None:

@@ -54,6 +54,10 @@ def numbers() -> dict[tuple[str, str], float]:
     return lookup(evaluator().theory())
 
 
+def typed(stated: dict[str, Any]) -> keys.Job:
+    return read_job(keys.Parameters, stated)
+
+
 def settings(**changed: Any) -> dict[str, Any]:
     found = evaluator().parameters.settings("theory")
     return {**found, "theory": {**found["theory"], **changed}}
@@ -181,8 +185,9 @@ def test_error_under_a_sine_agrees_with_simulation(observer: str, fault: str) ->
     sine = [{"kind": "sine", "axis": 1, "amplitude": 1.0, "frequency": frequency}]
     scenario = {"actuator_fault": none, "sensor_fault": none, "noise_power": 0.0,
                 "disturbance": [[0, 0], [0, 0]]}  # fmt: skip
+    scenario[f"{fault}_fault"] = sine
     record = plant_stage.simulate(
-        {"plant": stated["plant"], "scenario": {**scenario, f"{fault}_fault": sine}, "seed": 0}
+        typed({"plant": stated["plant"], "scenario": scenario, "seed": 0})
     )
     estimator = ExtendedStateObserver(dc_motor(), gains_of(observer), sampling_period=1e-3)
     found = run_on(estimator, record)[f"{fault}_fault"][:, 0]
@@ -244,7 +249,7 @@ def test_error_after_a_jump_agrees_with_simulation(observer: str, fault: str) ->
     faults = {f"{name}_fault": jump if name == fault else none for name in UNITS}
     quiet = {"noise_power": 0.0, "disturbance": [[0, 0], [0, 0]]}
     record = plant_stage.simulate(
-        {"plant": settings()["plant"], "scenario": {**faults, **quiet}, "seed": 0}
+        typed({"plant": settings()["plant"], "scenario": {**faults, **quiet}, "seed": 0})
     )
     estimator = ExtendedStateObserver(dc_motor(), gains_of(observer), sampling_period=1e-3)
     run = run_on(estimator, record, [0.0] * 6)
@@ -255,13 +260,13 @@ def test_error_after_a_jump_agrees_with_simulation(observer: str, fault: str) ->
 
 
 def of_one(observer: str) -> Observers:
-    plant = read_job(keys.Parameters, settings()).plant
+    plant = typed(settings()).plant
     return {observer: stored_design(plant, designs()[DESIGNS[observer]])}
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
 def test_long_hold_equals_a_constant(observer: str) -> None:
-    rules = read_job(keys.Parameters, settings()).theory
+    rules = typed(settings()).theory
     found = lookup(held(of_one(observer), rules, 50.0, 0.1))
     for source in ("speed", "current"):
         assert found[observer, f"{source}_disturbance_left"] == pytest.approx(1.0, abs=1e-9)

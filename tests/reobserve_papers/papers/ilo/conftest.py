@@ -20,6 +20,11 @@ MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: smalle
 Measure = Callable[..., Numbers]
 
 
+def typed(settings: dict[str, Any]) -> keys.Job:
+    """The settings of a job as the paper's types."""
+    return read_job(keys.Parameters, settings)
+
+
 @pytest.fixture(scope="package")
 def settings() -> dict[str, Any]:
     parameters = fixed_parameters("ilo")
@@ -28,7 +33,7 @@ def settings() -> dict[str, Any]:
 
 @pytest.fixture(scope="package")
 def found(settings: dict[str, Any]) -> Numbers:
-    return lookup(theory.measure(settings, {}))
+    return lookup(theory.measure(typed(settings), {}))
 
 
 @pytest.fixture(scope="package")
@@ -36,7 +41,7 @@ def measure(settings: dict[str, Any]) -> Measure:
     """The numbers of a part of `theory_runs`, with some settings changed."""
 
     def measured(part: str, over: dict[str, Any], base: dict[str, Any] | None = None) -> Numbers:
-        job = read_job(keys.Parameters, merged(base or settings, over))
+        job = typed(merged(base or settings, over))
         return lookup(getattr(theory_runs, part)(theory_runs.Runs.of(job)))
 
     return measured

@@ -15,7 +15,9 @@ from reobserve_papers.papers.ilo.observe import estimate
 from reobserve_papers.papers.ilo.plant import simulate
 from reobserve_papers.papers.ilo.scoring import Errors
 from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.steps.evaluation import evaluate
 from tests.reobserve_papers.papers import fixed_parameters
+from tests.reobserve_papers.papers.ilo.conftest import typed
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +32,8 @@ def settings() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def table(settings: dict[str, Any]) -> StudyTable:
     fault = fixed_parameters("ilo").section("scenarios", "aperiodic")
-    record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
-    return StudyTable.of(study.run(settings, record), study_rows.KINDS)
+    record = simulate(typed({"plant": settings["plant"], "scenario": fault, "seed": 1}))
+    return StudyTable.of(study.run(typed(settings), record), study_rows.KINDS)
 
 
 def over_time(table: StudyTable, observer: str) -> np.ndarray:
@@ -52,9 +54,9 @@ def test_noise_jumps_accumulate_with_identity_learning(
 ) -> None:
     """w^ is continuous and reverses none of them: each phase of tau performs a random walk."""
     plant = settings["plant"] | {"noise": 1e-5}
-    record = simulate({"plant": plant, "scenario": {"fault": []}, "seed": 3})
+    record = simulate(typed({"plant": plant, "scenario": {"fault": []}, "seed": 3}))
     observer = settings["observers"]["continuous"]
-    run = estimate({"plant": plant, "observer": observer}, record)
+    run = estimate(typed({"plant": plant, "observer": observer}), record)
     delay = round(observer["update_interval"] / run.step)
     every = round(run.step / record.step)
     steps = (record["measured"] - record["measured_before"])[::every]
@@ -81,10 +83,10 @@ def test_each_second_is_relative_to_the_fault_in_the_scored_window(
     """The adaptive observer is too slow to respond to noise: its seconds are those without
     noise."""
     fault = fixed_parameters("ilo").section("scenarios", "aperiodic")
-    record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
+    record = simulate(typed({"plant": settings["plant"], "scenario": fault, "seed": 1}))
     observer = settings["observers"]["adaptive"]
     errors = Errors.of(
-        record, estimate({"plant": settings["plant"], "observer": observer}, record), 0
+        record, estimate(typed({"plant": settings["plant"], "observer": observer}), record), 0
     )
     size = np.sqrt(np.mean(record["fault"][record.time > 6.0, 0] ** 2))
     seconds = [errors.window(end - 1, end).root_mean_square / size for end in range(6, 11)]
@@ -95,3 +97,17 @@ def test_shown_level_is_one_of_the_levels() -> None:
     over = {"studies": {"matching": {"shown_noise": 2e-5}}}
     with pytest.raises(InputError, match=r"matching\.shown_noise: 2e-05 must be one of the noise"):
         check_parameters(fixed_parameters("ilo", over))
+
+
+def test_gain_of_each_axis_is_drawn_where_that_of_the_faulty_axis_is() -> None:
+    observers = {"adaptive": {"integral_gain": [150.0, 250.0, 350.0]}}
+    few = {
+        "integral_gains": [1e5],
+        "noise_levels": [1e-5, 1e-4],
+        "noise_runs": 1,
+        "shown_noise": 1e-4,
+    }
+    over = {"observers": observers, "studies": {"matching": few}}
+    figure = evaluate(fixed_parameters("ilo", over), "fig4_matched").plot()
+    lines = [line.get_xdata()[0] for line in figure.axes[0].lines if line.get_linestyle() == ":"]
+    assert 150.0 in lines

@@ -16,16 +16,15 @@ from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.papers.ilo import keys, theory, theory_linear
 from reobserve_papers.papers.ilo.metrics import LEARNING
 from reobserve_papers.papers.ilo.scoring import Errors
-from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from tests.reobserve_papers.papers import ROOT
-from tests.reobserve_papers.papers.ilo.conftest import INERTIA, MOMENTS, Measure
+from tests.reobserve_papers.papers.ilo.conftest import INERTIA, MOMENTS, Measure, typed
 
 
 def limits(settings: dict[str, Any], variant: str = "sampled") -> Numbers:
     mine = copy.deepcopy(settings)
     mine["metrics"]["variant"] = variant
-    return lookup(theory_linear.measure(read_job(keys.Parameters, mine)))
+    return lookup(theory_linear.measure(typed(mine)))
 
 
 def scalar_limit(observer_gain: float, K1: float, interval: float) -> float:
@@ -40,11 +39,11 @@ def scalar_limit(observer_gain: float, K1: float, interval: float) -> float:
 def test_numbers_do_not_depend_on_earlier_calls(settings: dict[str, Any], found: Numbers) -> None:
     other = copy.deepcopy(settings)
     other["plant"]["fault_matrix"] = 0.6
-    numbers = lookup(theory.measure(other, {}))
+    numbers = lookup(theory.measure(typed(other), {}))
     # The lower bound of certified designs is the same with any B_f that is a multiple of I.
     assert numbers["theorem_1", "minimum_constant_error"] == pytest.approx(0.5, abs=1e-9)
     assert numbers["theorem_1", "unstable_share"] == 0
-    again = lookup(theory.measure(settings, {}))
+    again = lookup(theory.measure(typed(settings), {}))
     assert {k: repr(v) for k, v in again.items()} == {k: repr(v) for k, v in found.items()}
 
 
@@ -250,7 +249,7 @@ def test_operation_counts_agree_with_hand_counts(settings: dict[str, Any]) -> No
         mine = copy.deepcopy(settings)
         mine["theory"] |= given
         mine["metrics"]["variant"] = variant
-        numbers = lookup(theory.operations(read_job(keys.Parameters, mine)))
+        numbers = lookup(theory.operations(typed(mine)))
         return numbers[LEARNING, "operations"], numbers["adaptive", "operations"]
 
     # Three axes: a product and a sum, and with K1 = 0.9 another product.

@@ -11,7 +11,7 @@ from reobserve_papers.metrics.metrics import Numbers
 from reobserve_papers.papers.ilo import keys, theory_runs
 from reobserve_papers.papers.ilo.metrics import LEARNING
 from reobserve_papers.papers.ilo.plant import simulate
-from tests.reobserve_papers.papers.ilo.conftest import Measure
+from tests.reobserve_papers.papers.ilo.conftest import Measure, typed
 
 
 def steepness(settings: dict[str, Any]) -> float:
@@ -53,7 +53,7 @@ def test_error_under_noise_combines_noise_and_fault_errors(
 ) -> None:
     # Noise is sampled at each update: on average its part is the noise gain times 1e-5 rad/s.
     fault = settings["theory"]["aperiodic"]
-    record = simulate({"plant": settings["plant"], "scenario": {"fault": fault}, "seed": 0})
+    record = simulate(typed({"plant": settings["plant"], "scenario": {"fault": fault}, "seed": 0}))
     size = np.sqrt(np.mean(record["fault"][record.time > 6.0, 0] ** 2))
     noise = settings["theory"]["noise"] * found.at("sampled", "noise_gain", multiple=1) / size
     error = found["sampled", "relative_error_under_noise"]
@@ -74,7 +74,7 @@ def test_torque_of_a_wrong_inertia_is_estimated_as_fault(
     mine |= {"initial_rate": [0.0, 0.0, 0.0], "K1": 0.5}
     loss = mine["observer_gain"] * (1 - mine["K1"]) / (mine["K2"] * 0.5)
     scenario = {"fault": changed["theory"]["aperiodic"]}
-    record = simulate({"plant": changed["plant"], "scenario": scenario, "seed": 0})
+    record = simulate(typed({"plant": changed["plant"], "scenario": scenario, "seed": 0}))
     size = np.sqrt(np.mean(record["rate"] ** 2 @ [1, 0, 0]))
     for x, torque in ((0.1, 0.6), (-0.2, 0.3)):
         numbers = measure("_with_wrong_inertia", {"theory": {"inertia_error": x}}, changed)

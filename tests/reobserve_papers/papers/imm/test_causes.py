@@ -46,7 +46,9 @@ def rows(scales: list[float] | None = None, **changed: Any) -> StudyTable:
     for name, body in given["observers"].items():
         if name.startswith("svsf"):
             body.update(changed)
-    return StudyTable.of(study.run(given, record("velocity_step")), KINDS)
+    return StudyTable.of(
+        study.run(read_job(keys.Parameters, given), record("velocity_step")), KINDS
+    )
 
 
 class Recorder:
@@ -168,6 +170,6 @@ def test_gains_that_cannot_be_frozen_are_refused() -> None:
     without = deepcopy(settings())
     without["observers"] = {"kalman_retuned": without["observers"]["kalman_retuned"]}
     with pytest.raises(InputError, match=r"^study\.observers: must have an SVSF"):
-        study.run(without, record("velocity_step"))
+        study.run(read_job(keys.Parameters, without), record("velocity_step"))
     with pytest.raises(InputError, match=r"inverse: must be pseudo"):
         rows(inverse="weighted")

@@ -23,13 +23,14 @@ from reobserve_papers.papers.imm import keys, observe, plant
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.scoring import probabilities, quoted_distance
 from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.evaluation import Evaluator
 from tests import ROOT
 from tests.reobserve.observers.actuator_models import ACTUATOR
-from tests.reobserve_papers.papers import fixed_parameters
+from tests.reobserve_papers.papers import fixed_parameters, job_of
 
 Array = NDArray[np.float64]
 Tree = dict[str, Any]
@@ -53,12 +54,12 @@ def measured(figure: str) -> dict[tuple[str, str], float]:
 
 @cache
 def record(scenario: str) -> Series:
-    return plant.simulate(parameters().settings("plant", scenario))
+    return plant.simulate(job_of(parameters(), "plant", scenario))
 
 
 def changed_record(scenario: str, seed: int = SEED, **values: Any) -> Series:
     changed = parameters({"scenarios": {scenario: values}} if values else None, seed)
-    return plant.simulate(changed.settings("plant", scenario))
+    return plant.simulate(job_of(changed, "plant", scenario))
 
 
 # --- The plant's record -------------------------------------------------------------------------
@@ -252,7 +253,7 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[ImmState]]:
 def test_estimate_stage_agrees_with_a_direct_bank_run(algorithm: str, realisation: str) -> None:
     body, found = observer(algorithm, realisation), record("plain")
     settings = {"plant": parameters().section("plant"), "observer": body}
-    estimate = observe.estimate(settings, found)
+    estimate = observe.estimate(read_job(keys.Parameters, settings), found)
     _, run = by_hand(body, found)
     np.testing.assert_array_equal(estimate["probability"][0], np.full(3, 1 / 3))
     np.testing.assert_array_equal(estimate["probability"][1:], run["probability"])
@@ -293,15 +294,18 @@ def test_no_error_is_outside_wide_layers() -> None:
                 factor = parameters().section("observers", name, "layer_factor")
                 assert not estimate["saturated"].any(), (name, factor)
     thin = parameters({"observers": {"svsf": {"layer_factor": 1e-9}}})
-    share = observe.estimate(thin.settings("observe", "svsf"), record("plain"))["saturated"]
+    share = observe.estimate(job_of(thin, "observe", "svsf"), record("plain"))["saturated"]
     assert share[-1000:].mean() > 0.99
 
 
 def test_mixing_is_optional() -> None:
     body = observer("kalman", "motion")
     settings = {"plant": parameters().section("plant"), "observer": {**body, "mixing": False}}
-    assert observe.build(settings, 1e-3).mixing is False
-    assert observe.build({**settings, "observer": body}, 1e-3).mixing is True
+    assert observe.build(read_job(keys.Parameters, settings), 1e-3).mixing is False
+    assert (
+        observe.build(read_job(keys.Parameters, {**settings, "observer": body}), 1e-3).mixing
+        is True
+    )
 
 
 # --- Scores -------------------------------------------------------------------------------------

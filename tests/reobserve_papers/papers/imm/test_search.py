@@ -23,6 +23,7 @@ from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.compute import signed
+from tests.reobserve_papers.papers import job_of
 from tests.reobserve_papers.papers.imm.test_paper import SEED, Tree, parameters, record
 from tests.reobserve_papers.papers.imm.test_studies import KEPT
 
@@ -49,19 +50,21 @@ def small_parameters() -> Parameters:
 
 @cache
 def small_record() -> Series:
-    return plant.simulate(small_parameters().settings("plant", "step"))
+    return plant.simulate(job_of(small_parameters(), "plant", "step"))
 
 
 def write_record(path: Path, of: Parameters) -> None:
     settings = of.settings("plant", "step")
-    signed(plant.simulate(settings), of, "plant", "step", settings).write(path)
+    signed(
+        plant.simulate(read_job(keys.Parameters, settings)), of, "plant", "step", settings
+    ).write(path)
 
 
 def found(lines: list[str] | None = None, **stated: Any) -> dict[str, Any]:
     settings = deepcopy(small_parameters().settings("search", "calibrated"))
     settings["search"].update(stated)
     said: list[str] = [] if lines is None else lines
-    return search.run(settings, small_record(), said.append)
+    return search.run(read_job(keys.Parameters, settings), small_record(), said.append)
 
 
 @cache
@@ -159,7 +162,7 @@ def test_search_finds_the_known_optimum(tried: list[Array]) -> None:
 def test_another_seed_takes_another_path(tried: list[Array]) -> None:
     settings = small_parameters().settings("search", "calibrated")
     for seed in (SEED, SEED + 1, SEED):
-        search.run({**settings, "seed": seed}, small_record(), str)
+        search.run(read_job(keys.Parameters, {**settings, "seed": seed}), small_record(), str)
     ways = np.reshape(tried, (3, -1))
     np.testing.assert_array_equal(ways[0], ways[2])
     assert np.any(ways[0] != ways[1])
@@ -363,5 +366,5 @@ def test_search_over_parameters_not_shared_by_the_banks_is_refused() -> None:
     settings["observers"]["svsf_thin_tuned"]["process_noise"] = [2.0 * x for x in noise]
     said: list[str] = []
     with pytest.raises(InputError, match="must have the noise of the others tuned"):
-        search.run(settings, small_record(), said.append)
+        search.run(read_job(keys.Parameters, settings), small_record(), said.append)
     assert said == []

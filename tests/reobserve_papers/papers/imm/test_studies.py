@@ -15,7 +15,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve_papers.metrics.study_table import StudyTable
-from reobserve_papers.papers.imm import calibration, keys, study, study_rows
+from reobserve_papers.papers.imm import calibration, keys, study, study_causes, study_rows
 from reobserve_papers.papers.imm.calibration import (
     QUANTITIES,
     Calibration,
@@ -24,7 +24,7 @@ from reobserve_papers.papers.imm.calibration import (
 )
 from reobserve_papers.papers.imm.metrics import reach
 from reobserve_papers.papers.imm.study_rows import TUNED
-from reobserve_papers.parameters.job import Job, read_job
+from reobserve_papers.parameters.job import AnyJob, read_job
 from tests.reobserve_papers.papers.imm.test_paper import ROOT, Tree, measured, parameters, record
 
 Row = dict[str, Any]
@@ -45,13 +45,12 @@ def values(rows: Sequence[Row]) -> dict[tuple[str, str, float, str], float]:
 
 # --- Range of each number -----------------------------------------------------------------------
 
-RULES = Job(
+RULES = AnyJob(
     plant=None,
     observers={
         "loud": SimpleNamespace(quoted=[0.4, 0.6], quoted_high=True),
         "quiet": SimpleNamespace(quoted=[0.2, 0.8], quoted_high=False),
     },
-    study=SimpleNamespace(band=0.1),
 )
 
 
@@ -91,7 +90,7 @@ def test_range_ends_where_the_worst_value_leaves_the_band() -> None:
         *rows_of("leave", 32.0, loud_before=0.18),
         *rows_of("process_noise_1", 2.0, loud_normal=5.0),
     ]
-    least, greatest = reach(RULES, table(rows), "leave")
+    least, greatest = reach(RULES, 0.1, table(rows), "leave")
     assert least == pytest.approx(0.5 * 0.5 ** ((0.1 - 0.05) / (0.25 - 0.05)))
     # At 8 the distance equals the band, up to rounding; beyond, it leaves it at once.
     assert greatest == pytest.approx(8.0, rel=1e-6)
@@ -119,7 +118,7 @@ def test_range_ends_where_the_worst_value_leaves_the_band() -> None:
 )  # fmt: skip
 def test_range_of_known_rows_is_exact(rows: list[Row], wanted: tuple[float, float]) -> None:
     for order in (1, -1):
-        assert reach(RULES, table([*STATED, *rows][::order]), "leave") == pytest.approx(wanted)
+        assert reach(RULES, 0.1, table([*STATED, *rows][::order]), "leave") == pytest.approx(wanted)
 
 
 def test_numbers_outside_the_band_as_stated_have_no_range() -> None:
@@ -128,7 +127,7 @@ def test_numbers_outside_the_band_as_stated_have_no_range() -> None:
         *rows_of("leave", 0.5),
         *rows_of("leave", 2.0, loud_normal=0.15),
     ]
-    assert reach(RULES, table(rows), "leave") == (1.0, 1.0)
+    assert reach(RULES, 0.1, table(rows), "leave") == (1.0, 1.0)
 
 
 def kept_text(**changes: Any) -> str:
@@ -170,7 +169,7 @@ def neighbourhood(changes: Tree | None = None, factors: Sequence[float] = ()) ->
     settings["study"].update(kept=str(KEPT), factors=list(factors))
     for body in settings["observers"].values():
         body.update(changes or {})
-    return study.run(settings, record("step"))
+    return study.run(read_job(keys.Parameters, settings), record("step"))
 
 
 def test_parameter_file_holds_the_search_result() -> None:
@@ -225,7 +224,7 @@ def changes(**stated: Any) -> list[Row]:
     settings["study"].update(
         {"periods": [], "shares": [], "layer_factors": [], "initial_covariances": [], **stated}
     )
-    return study.run(settings, record("step"))
+    return study.run(read_job(keys.Parameters, settings), record("step"))
 
 
 def test_unmodified_settings_agree_with_the_figures() -> None:
@@ -280,8 +279,10 @@ def test_layer_changes_affect_only_svsfs_and_mixing_affects_all() -> None:
 
 def test_study_refuses_invalid_settings_before_any_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the key of the study, and without a single run."""
-    for method in study.METHODS:
-        monkeypatch.setitem(study.METHODS, method, lambda *_: pytest.fail("has run"))
+    for module, run in (
+        (calibration, "run_neighbourhood"), (calibration, "run_changes"), (study_causes, "run"),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, run, lambda *_: pytest.fail("has run"))
     with pytest.raises(InputError, match=r"^study\.periods"):
         changes(periods=[1e-9])
 
@@ -290,6 +291,6 @@ def test_rows_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(calibration, "THREADS", 1)
     settings = deepcopy(settings_of("changes"))
     settings["study"].update({"periods": [0.01], "shares": [0.9], "layer_factors": [0.1]})
-    alone = study.run(settings, record("step"))
+    alone = study.run(read_job(keys.Parameters, settings), record("step"))
     monkeypatch.setattr(calibration, "THREADS", 2)
-    assert study.run(settings, record("step")) == alone
+    assert study.run(read_job(keys.Parameters, settings), record("step")) == alone

@@ -24,7 +24,7 @@ from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.steps.evaluation import Evaluator
 from tests import ROOT
 from tests.reobserve.observers.actuator_models import ACTUATOR, motion_model, velocity_model
-from tests.reobserve_papers.papers import fixed_parameters
+from tests.reobserve_papers.papers import fixed_parameters, job_of
 
 Array = NDArray[np.float64]
 
@@ -175,8 +175,8 @@ def test_bank_prediction_is_the_markov_weighted_filter_prediction() -> None:
     """By (7) to (9), (11) and (8), from the internal state of a bank run sample by sample."""
     rules = fixed_parameters("imm").section("theory")
     control, leaking, _, begin = leak()
-    settings = fixed_parameters("imm").settings("observe", "svsf_thin")
-    bank = observe.build(settings, rules["period"])
+    job = job_of(fixed_parameters("imm"), "observe", "svsf_thin")
+    bank = observe.build(job, rules["period"])
     inputs = stacked_inputs(control)
     state = bank.init(np.zeros(5), 1.0, u=inputs[0] * [0.0, 1.0] + [control[0], 0.0])
     models = [cast(GaussianFilter, one).model for one in bank.filters]
@@ -217,8 +217,8 @@ def test_only_a_priori_errors_leave_the_layers() -> None:
     rules = fixed_parameters("imm").section("theory")
     control, leaking, healthy, begin = leak()
     layer = rules["layer_share"] * np.abs(leaking - healthy)[begin:].max(axis=0)
-    settings = fixed_parameters("imm").settings("observe", "svsf")
-    model = cast(GaussianFilter, observe.build(settings, rules["period"]).filters[0]).model
+    job = job_of(fixed_parameters("imm"), "observe", "svsf")
+    model = cast(GaussianFilter, observe.build(job, rules["period"]).filters[0]).model
     one = SmoothVariableStructureFilter(model, layer, 0.1)
     run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
     late = slice((begin + len(leaking)) // 2, None)

@@ -14,7 +14,7 @@ from reobserve_papers.papers.lie import study as study_stage
 from reobserve_papers.papers.lie.scoring import ratios, share_better
 from reobserve_papers.papers.lie.styles import FORMS, OBSERVERS, pair, vector
 from reobserve_papers.signals.series import Series
-from tests.reobserve_papers.papers.lie.test_paper import evaluator
+from tests.reobserve_papers.papers.lie.test_paper import evaluator, typed
 
 
 @cache
@@ -23,8 +23,8 @@ def small_study() -> list[dict[str, Any]]:
     settings = deepcopy(evaluator().parameters.settings("study", "injections"))
     settings["study"].update(largest=1 / 3, coefficients=3, points=3, half_width=1.5)
     settings["plant"]["horizon"] = 5.0
-    design = {"plant": settings["plant"], "design": settings["designs"]["linear"]}
-    return study_stage.run(settings, Series(np.zeros(1), {}), design_stage.compute(design))
+    design = typed({"plant": settings["plant"], "design": settings["designs"]["linear"]})
+    return study_stage.run(typed(settings), Series(np.zeros(1), {}), design_stage.compute(design))
 
 
 def found(form: str, quantity: str, *cubic: float) -> float:

@@ -17,10 +17,12 @@ from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.papers.lie import design as design_stage
+from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie import study as study_stage
 from reobserve_papers.papers.lie import table as table_stage
 from reobserve_papers.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.parameters.job import read_job
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve.observers.test_normal_form_observers import (
@@ -54,6 +56,11 @@ STEP, HORIZON = 2e-3, 20.0
 @cache
 def evaluator() -> Evaluator:
     return Evaluator(fixed_parameters("lie", seed=1))
+
+
+def typed(settings: dict[str, Any]) -> keys.Job:
+    """The settings of a job as the paper's types."""
+    return read_job(keys.Parameters, settings)
 
 
 @cache
@@ -169,8 +176,8 @@ def test_ensemble_shares_the_initial_estimate() -> None:
     settings["plant"]["horizon"] = 2.0
     first = next(iter(settings["observers"]))
     settings["observers"][first]["initial_estimate"] = [0.5, 0.0]
-    design = {"plant": settings["plant"], "design": settings["designs"]["linear"]}
-    rows = study_stage.run(settings, Series(np.zeros(1), {}), design_stage.compute(design))
+    design = typed({"plant": settings["plant"], "design": settings["designs"]["linear"]})
+    rows = study_stage.run(typed(settings), Series(np.zeros(1), {}), design_stage.compute(design))
     axis = (-0.5, 0.0, 0.5)
     wanted = [(x, y) for x in axis for y in axis if (x, y) != (0.5, 0.0)]
     assert list(dict.fromkeys((row["x1"], row["x2"]) for row in rows)) == wanted
@@ -191,8 +198,8 @@ def table_rows(changes: Callable[[dict[str, Any]], None] | None = None) -> list[
     settings = deepcopy(evaluator().parameters.settings("table", "table_coefficients"))
     if changes is not None:
         changes(settings)
-    computed = design_stage.compute({"plant": settings["plant"], "design": settings["design"]})
-    return table_stage.rows(settings, computed)
+    job = typed(settings)
+    return table_stage.rows(job, design_stage.compute(job))
 
 
 def test_all_ten_printed_coefficients_agree() -> None:

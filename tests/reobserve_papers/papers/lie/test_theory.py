@@ -25,9 +25,9 @@ from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve_papers.metrics.metrics import lookup
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.lie import design as design_stage
-from reobserve_papers.papers.lie import keys, theory_series
 from reobserve_papers.papers.lie import metrics as metrics_stage
 from reobserve_papers.papers.lie import theory as theory_stage
+from reobserve_papers.papers.lie import theory_series
 from reobserve_papers.papers.lie.ensemble import RunOutcome
 from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve_papers.papers.lie.study_rows import KINDS
@@ -45,7 +45,6 @@ from reobserve_papers.papers.lie.theory_series import (
     sums_of_eigenvalues,
 )
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import Job, read_job
 from reobserve_papers.signals.series import Series
 from tests.reobserve.observers.test_normal_form_observers import form
 from tests.reobserve.synthesis.normal_form import systems
@@ -57,7 +56,7 @@ from tests.reobserve.synthesis.normal_form.systems import (
     variables,
 )
 from tests.reobserve_papers.papers.lie.test_errata_series import matrix_of_ad
-from tests.reobserve_papers.papers.lie.test_paper import evaluator
+from tests.reobserve_papers.papers.lie.test_paper import evaluator, typed
 
 Array = NDArray[np.float64]
 
@@ -96,7 +95,7 @@ def test_printed_eigenvalues_determine_the_output() -> None:
     settings = evaluator().parameters.settings("design", "linear")
     settings["plant"]["output"] = [{"component": 1, "powers": [0, 1], "coefficient": 1}]
     with pytest.raises(InputError, match="all real parts must be negative"):
-        design_stage.compute(settings)
+        design_stage.compute(typed(settings))
 
 
 def test_compared_errors_are_those_of_the_ensemble() -> None:
@@ -170,7 +169,7 @@ def test_decay_near_the_origin_follows_the_slowest_mode() -> None:
 
 def test_siegel_domain_system_has_the_stated_eigenvalues() -> None:
     """F has its eigenvalues on the imaginary axis, A where the parameters state."""
-    problem = theory_stage.siegel(read_job(keys.Parameters, settings_of_theory()).theory)
+    problem = theory_stage.siegel(typed(settings_of_theory()).theory)
     assert np.allclose(np.linalg.eigvals(problem.F).real, 0.0)
     assert not in_poincare_domain(np.linalg.eigvals(problem.F))
     assert np.allclose(np.sort(np.linalg.eigvals(problem.A).real), [-2.0, -1.0])
@@ -263,7 +262,7 @@ def test_runs_distinguish_linear_from_nonlinear_errors() -> None:
 
 
 def test_share_of_pole_choices_agrees_with_another_count() -> None:
-    stated = read_job(keys.Parameters, settings_of_theory()).theory
+    stated = typed(settings_of_theory()).theory
     rules = replace(
         stated, seed=5, printed_degree=3, poles=[-1.0, -3.0], choices=40, tries=2, margin=0.05
     )
@@ -299,7 +298,12 @@ def test_minimum_ratio_is_taken_over_initial_states() -> None:
             study += [row(name, order, "ise", error), row(name, order, "settled", 1.0),
                       row(name, order, "diverged", 0.0)]  # fmt: skip
     kinds = {name: KINDS[name] for name in study[0]}
-    data = FigureData(Job(None), Series(np.zeros(1), {}), {}, StudyTable.of(study, kinds))
+    data = FigureData(
+        typed(settings_of_theory()),
+        Series(np.zeros(1), {}),
+        {},
+        StudyTable.of(study, kinds),
+    )
     found = lookup(metrics_stage._ensemble(data))
     assert found.at("series", "minimum_ise_ratio", order=4) == 0.5
     assert found.at("series", "median_ise_ratio", order=4) == 0.75
@@ -320,8 +324,6 @@ def test_wrong_spectrum_at_one_degree_is_detected(
         "spectrum_difference",
         lambda A, d: right(A, d) + (0.5 if d == degree else 0.0),
     )
-    found = list(
-        theory_stage._series(read_job(keys.Parameters, evaluator().parameters.settings("theory")))
-    )
+    found = list(theory_stage._series(typed(evaluator().parameters.settings("theory"))))
     (worst,) = (m.value for m in found if m.metric == "spectrum_difference")
     assert worst == pytest.approx(0.5, abs=1e-6)

@@ -22,9 +22,10 @@ from reobserve.observers.fixed_gain import luenberger, steady_kalman
 from reobserve.systems.linear import LinearModel
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.responses import root_mean_square
+from reobserve_papers.parameters import job
 from reobserve_papers.parameters.check import Checks
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import AnyFigure, Job, Study
+from reobserve_papers.parameters.job import AnyFigure, Study
 from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
 from reobserve_papers.signals.series import Channel, ChannelShape, Series
 
@@ -95,6 +96,9 @@ class Parameters:
     studies: Mapping[str, NoiseStudy]
     metrics: Metrics
     figures: Mapping[str, AnyFigure]
+
+
+Job = job.Job[Plant, Scenario, Observer, Metrics, AnyFigure, None, NoiseStudy, Design]
 
 
 def sampled(plant: Plant, sign: float = 1.0) -> tuple[Matrix, Matrix]:
@@ -178,7 +182,7 @@ def run(job: Job, record: Series, design: Mapping[str, Any]) -> list[dict[str, A
     return rows
 
 
-def measure(data: FigureData) -> Iterator[Metric]:
+def measure(data: FigureData[Job]) -> Iterator[Metric]:
     """RMS errors, over noise where the figure has a study."""
     for name, found in data.estimates.items():
         yield Metric(name, "rms_error", rms_error(data.job, data.plant, found["position"]), "m")
@@ -186,7 +190,7 @@ def measure(data: FigureData) -> Iterator[Metric]:
         yield Metric.at(name, ("rms_error", rows.value("rms_error"), "m"), noise=level)
 
 
-def errors(data: FigureData) -> Any:
+def errors(data: FigureData[Job]) -> Any:
     """The errors of x2 over time."""
     figure, (axes,) = new_figure((2.2,))
     for style, (name, found) in zip(STYLES, data.estimates.items(), strict=False):
@@ -198,7 +202,7 @@ def errors(data: FigureData) -> Any:
     return figure
 
 
-def over_noise(data: FigureData) -> Any:
+def over_noise(data: FigureData[Job]) -> Any:
     """The error of x2 over the deviation of the noise."""
     figure, (axes,) = new_figure((2.4,))
     for style, ((name,), rows) in zip(STYLES, data.study.groups("observer"), strict=False):

@@ -1,14 +1,11 @@
 """Stage observe: a linear observer of x and d, by Euler steps."""
 
 import numpy as np
-from toy_paper import keys
 
-from reobserve_papers.parameters.job import read_job
 from reobserve_papers.signals.series import Channel, Series
 
 
-def estimate(settings, plant, design=None):
-    job = read_job(keys.Parameters, settings)
+def estimate(job, plant, design=None):
     return run(job, plant, design["gains"] if design else job.observer.gains)
 
 

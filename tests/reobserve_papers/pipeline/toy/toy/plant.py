@@ -1,14 +1,11 @@
 """Stage plant: the lag from rest under a constant disturbance, in closed form."""
 
 import numpy as np
-from toy_paper import keys
 
-from reobserve_papers.parameters.job import read_job
 from reobserve_papers.signals.series import Channel, Series
 
 
-def simulate(settings):
-    job = read_job(keys.Parameters, settings)
+def simulate(job):
     plant, push = job.plant, job.scenario.disturbance
     time = np.arange(round(plant.horizon / plant.step) + 1) * plant.step
     state = push / plant.rate * -np.expm1(-plant.rate * time)
