@@ -53,7 +53,8 @@ def test_run(
 
 def _waves(columns: int, rate: float) -> Array:
     phase = rate * np.arange(ROWS)[:, None] * (1.0 + 0.3 * np.arange(columns)) + np.arange(columns)
-    return np.round(0.1 * np.sin(phase + _PHASE), 6)
+    wave: Array = np.round(0.1 * np.sin(phase + _PHASE), 6)
+    return wave
 
 
 def _derivatives(columns: int, rate: float, period: float) -> Array:

@@ -54,7 +54,7 @@ class _Checked:
         return None
 
     def save_overload(self, *what: Any) -> None:
-        """Save a compiled function, if that can be done; a damaged index is begun anew."""
+        """Save a compiled function, if that can be done; a damaged index is written again."""
         for _ in range(2 * self.used):
             with suppress(OSError):
                 try:

@@ -240,7 +240,7 @@ def test_damaged_machine_code_is_compiled_again(cached: Path, ending: str) -> No
         for path in files:
             path.write_bytes(damage(path.read_bytes()))
         assert run(cached, BOTH) == "9.0 8.0 0 0\n"
-        assert run(cached, BOTH) == "9.0 8.0 1 1\n", "written anew"
+        assert run(cached, BOTH) == "9.0 8.0 1 1\n", "written again"
 
 
 def test_machine_code_of_another_function_is_not_taken_for_its_own(cached: Path) -> None:
