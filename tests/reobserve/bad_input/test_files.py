@@ -51,16 +51,27 @@ def streamed_record(name: str) -> Reader:
     return Reader("in.csv", read, content=valid.csv_record(name), others=others)
 
 
+def smoothed(name: str) -> Reader:
+    line = words("estimate", "in.yaml", "r.csv", "--out", "e.csv", "--plot", "e.png")
+    return Reader(
+        "in.yaml", line, {**valid.specification(name), "smooth": True}, others=record(name)
+    )
+
+
 def record(name: str) -> dict[str, bytes]:
     return {"r.csv": valid.csv_record(name)}
 
 
-EXAMPLES = ("kalman", "levant", "eso", "adaptive-pi", "luenberger-gain", "svsf")
+EXAMPLES = (
+    "kalman", "levant", "eso", "adaptive-pi", "luenberger-gain", "svsf", "extended-kalman",
+    "unscented-kalman",
+)  # fmt: skip
 QUICK = [kind for kind in FAMILIES if kind != "eso"]  # other choices take a solver seconds
 READERS: dict[Callable[..., Reader], list[Any]] = {
     user_design: QUICK,
     user_model: QUICK,
     specification: [*EXAMPLES],
+    smoothed: ["kalman", "augmented-kalman", "unscented-kalman"],
     estimated_record: [*EXAMPLES],
     streamed_record: [*EXAMPLES],
 }

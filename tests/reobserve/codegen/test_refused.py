@@ -12,7 +12,9 @@ import pytest
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.export_command import exported, run
 from reobserve.estimation.families.program import program_of
+from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.systems.nonlinear import NonlinearModel
 from tests.reobserve.codegen import cases
 
 DESIGN, _ = cases.designed("kalman")
@@ -29,6 +31,12 @@ def bank(*filters: Any) -> Callable[[], Any]:
 
 def columns(name: str, y: int, u: int) -> Callable[[], Any]:
     return lambda: program_of(*cases.observer_of(name), (y, u))
+
+
+def written(f: Any, h: Any = "x") -> Any:
+    model = NonlinearModel(f, h, 1.0, 1.0, states=1, outputs=1, state_names=["x"])
+    made = ExtendedKalmanFilter(model)
+    return made, made.init([0.0], 1.0)
 
 
 ONE_KIND = "observer: cannot be exported: its filters must all be Kalman filters, or all SVSFs of"
@@ -56,6 +64,18 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "a bank of two laws": (
         bank(*map(cases.switching, ("pseudo", "weighted", "pseudo"))),
         ONE_KIND,
+    ),
+    "a text with cases": (
+        lambda: program_of(*written("sinc(x)")),
+        "observer: of a model with sinc cannot be exported: write sin(x)/x",
+    ),
+    "a derivative with cases": (
+        lambda: program_of(*written("x", ["sinc(x)"])),
+        "observer: of a model with sinc cannot be exported: write sin(x)/x",
+    ),
+    "a function of Python": (
+        lambda: program_of(*written(lambda x: x)),
+        "observer: of a model with f as a function cannot be exported; give it as text",
     ),
     "a gain that settles": (
         lambda: program_of(*cases.extended(initial_matrix=np.eye(3))),

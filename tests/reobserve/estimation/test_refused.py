@@ -56,6 +56,18 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("luenberger", {"observer": {"poles": ["1+2j"]}}, "observer.poles.0: '1+2j' is not stable"),
     ("normal-form-identity", {"observer": {"poles": [-1, 0]}}, "observer.poles.1: 0 is not stabl"),
     ("augmented-kalman", {"observer": {"fault_matrix": [[1.0]]}}, "observer.fault_matrix: has sh"),
+    ("extended-kalman", {"observer": {"parameters": {"stiffness": 9.81}}},
+     "observer.dynamics.rate: '-stiffness*sin(angle) - friction*rate + gain*torque' names fric"),
+    ("extended-kalman", {"observer": {"parameters": {"friction": "x"}}},
+     "observer.parameters.friction: 'x' is not a number"),
+    ("extended-kalman", {"observer": {"output": {"angle": "sin("}}}, "observer.output.angle: 's"),
+    ("extended-kalman", {"observer": {"R": 0.0}}, "observer.R: "),
+    ("extended-kalman", {"observer": {"substeps": 20_000}}, "observer.substeps: 20000 must be a"),
+    ("extended-kalman", {"observer": {"initial_covariance": -1.0}}, "observer.initial_covarianc"),
+    ("unscented-kalman", {"observer": {"gains": {"alpha": 0}}}, "observer.gains.alpha: 0 must be"),
+    ("unscented-kalman", {"observer": {"gains": {"kappa": -2}}}, "observer.gains.kappa: -2 must"),
+    ("kalman", {"smooth": "yes"}, "smooth: 'yes' must be one of true and false, not a word"),
+    ("svsf", {"smooth": True}, "smooth: true is for the kinds kalman (with a varying gain), augm"),
     ("ilo-sampled", {"columns": {"measurements": AXES}}, "columns.measurements.0.model_unit:"),
 ]  # fmt: skip
 

@@ -90,8 +90,3 @@ def test_streams_refuse_to_smooth(
         said = capsys.readouterr()
         assert said.err.startswith("reobserve: smooth: true is for whole records, as each estimate")
         assert (said.err.count("\n"), said.out) == (1, "")
-
-
-def test_smooth_is_true_or_false() -> None:
-    with pytest.raises(InputError, match=r"^smooth: 'yes' must be"):
-        specification("kalman", smooth="yes")

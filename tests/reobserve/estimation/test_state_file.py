@@ -21,7 +21,7 @@ from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.state_file import _content, _plain, load_state, save_state
 from tests.reobserve.estimation.records import specification
 
-NAMES = ("kalman", "imm-kalman", "ilo-sampled", "extended-high-gain")
+NAMES = ("kalman", "extended-kalman", "imm-kalman", "ilo-sampled", "extended-high-gain")
 
 
 def fresh(name: str) -> Estimation:

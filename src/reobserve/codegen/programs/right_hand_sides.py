@@ -8,7 +8,7 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from reobserve.codegen.expressions import Elementwise, Expression, Name, Number, call, times
+from reobserve.codegen.expressions import Elementwise, Expression, Name, Number, call
 from reobserve.codegen.program import Program
 from reobserve.core.errors import InputError
 from reobserve.systems.triangular import TriangularModel
@@ -87,7 +87,7 @@ def _joined(sign: ast.operator, left: Expression, right: Expression) -> Expressi
         return Number(_SIGNS[type(sign)](left.value, right.value))
     if isinstance(sign, ast.Mult):  # in the order in which it is written
         negative = isinstance(left, Number) and left.value < 0
-        product = times(Number(abs(left.value)) if isinstance(left, Number) else left, right)
+        product = _product(Number(abs(left.value)) if isinstance(left, Number) else left, right)
         return -product if negative else product
     joined: Expression = _SIGNS[type(sign)](left, right)
     return joined
@@ -105,4 +105,5 @@ def _power(base: Expression, power: int) -> Expression:
 
 
 def _product(left: Expression, right: Expression) -> Expression:
-    return Elementwise("{} * {}" if isinstance(right, Name) else "{} * ({})", (left, right))
+    whole = isinstance(right, Elementwise) and not right.call  # a product or a quotient
+    return Elementwise("{} * ({})" if whole else "{} * {}", (left, right))
