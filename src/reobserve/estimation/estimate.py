@@ -96,9 +96,13 @@ class Estimation:
         self.report.warnings += self.design.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
-        """The estimates of a row of zeros: their shapes; it compiles what is to run."""
-        y = np.zeros((1, measurements))
-        run = self.run(y, np.zeros((1, inputs)), self.design.begin(y[0]))
+        """The estimates of a row of zeros: their shapes; it compiles what is to run.
+
+        Where measurements may be missing they are, since a model need not have a value there.
+        """
+        state = self.design.begin(np.zeros(measurements))
+        y = np.full((1, measurements), np.nan if self.can_skip else 0.0)
+        run = self.run(y, np.zeros((1, inputs)), state)
         self.template = run.state
         return run.estimates
 

@@ -173,6 +173,19 @@ def test_sigma_points_that_cannot_be_are_refused_naming_the_key() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_model_without_a_value_at_zero_inputs_runs_on_a_record(kind: str, tmp_path: Path) -> None:
+    """The torque is the one that drives the pendulum."""
+    columns = {name: values[1:200] for name, values in simulated(kind).record().items()}
+    inverted = {**columns, "torque": 1e6 / columns["torque"]}
+    rate = "-stiffness*sin(angle) - friction*rate + gain/torque"
+    changed = {"dynamics": {"angle": "rate", "rate": rate}}
+    expected, _ = observed(specification(kind), columns, tmp_path)
+    found, _ = observed(specification(kind, observer=changed), inverted, tmp_path)
+    for name in ("angle", "rate", "rate sigma"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-9, abs=1e-12), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_numbers_of_the_model_can_be_tuned(kind: str, tmp_path: Path) -> None:
     """Parameters and covariances; the friction that was simulated is found, and what is not tuned
     stays.
