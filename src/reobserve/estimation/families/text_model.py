@@ -44,10 +44,10 @@ initial_covariance: [0.01, 0.01]
 """
 _INDENTED = re.sub(r"^", "  ", SWING, flags=re.MULTILINE).rstrip(" ")
 RECORD = f"""\
-  time: continuous           # x' = f(x, u), integrated over each sample; or discrete
+  time: continuous            # x' = f(x, u), integrated over each sample; or discrete
 {_INDENTED}\
-  Q: [1.0e-10, 1.0e-7]       # variances of the process noise per sample
-  R: 3.0e-8                  # of the measurement
+  Q: [1.0e-10, 1.0e-7]        # variances of the process noise per sample
+  R: 3.0e-8                   # of the measurement
   initial_state: [0.0, 0.0]
   initial_covariance: 1.0
 """
@@ -92,10 +92,13 @@ class TextSystem(System):
             if not getattr(self, name):
                 raise InputError(name, "are none, must be one or more")
         check_texts(self)
+        texts = " ".join(map(str, (*self.dynamics.values(), *self.output.values())))
         for name in self.parameters:
             if name in self.states or name in self.inputs:
                 kind = "a state" if name in self.states else "an input"
                 raise InputError(f"parameters.{name}", f"is the name of {kind}, too")
+            if not re.search(rf"\b{re.escape(name)}\b", texts):
+                raise InputError(f"parameters.{name}", "is in no text of dynamics or output")
         if self.substeps is not None and self.time == "discrete":
             problem = "must be left out where time is discrete: nothing is integrated"
             raise InputError("substeps", problem)

@@ -41,7 +41,7 @@ class UnscentedKalmanDesign(TextFilterDesign):
             "swing",
             "# Unscented Kalman filter of a system x' = f(x, u), y = h(x, u) that is written as "
             "text.\nobserver:\n  kind: unscented-kalman\n" + RECORD
-            + "  gains: {alpha: 0.1, beta: 2.0, kappa: 0.0} # may be left out\n",
+            + "  gains: {alpha: 0.1, beta: 2.0, kappa: 0.0}  # may be left out\n",
         ),
     }  # fmt: skip
 
