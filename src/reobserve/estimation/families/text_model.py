@@ -153,7 +153,10 @@ class TextFilterDesign(FilterDesign):
         return ()
 
     def certify(self) -> Certificate:
-        """Standard deviations after two rows that are measured as predicted, inputs zero.
+        """Standard deviations of the first innovation, and of the state predicted a sample later.
+
+        Inputs are zero. A row that is measured as predicted is corrected by, too, but what remains
+        then of a large initial covariance may be all rounding, and is not certified.
 
         Raises
         ------
@@ -163,18 +166,21 @@ class TextFilterDesign(FilterDesign):
         with self.keyed():
             observer, state = self.observer, self.start()
         y, u = np.zeros(observer.measurements), np.zeros(observer.inputs)
+        later, spreads = state, []
         try:
             for _ in range(2):
+                later, predicted = observer.step(later, np.full_like(y, np.nan), u)
                 expected = -observer.step(state, y, u)[1]["innovation"]
                 state, found = observer.step(state, expected, u)
+                spreads.append(np.diag(found["innovation_covariance"]))
         except DivergenceError as error:
             problem = f"takes no step from there with inputs of zero: {error.finding}"
             raise InputError("initial_state", problem) from None
-        sigma, spread = found["variance"], np.diag(found["innovation_covariance"])
-        certificate = {f"sigma_{one.name}": v for one, v in zip(self.states, sigma, strict=True)}
-        for one, value in zip(self.measurements, spread, strict=True):
-            certificate[f"innovation_sigma_{one.name}"] = value
-        return {name: float(np.sqrt(max(value, 0.0))) for name, value in certificate.items()}
+        named = zip(self.measurements, spreads[0], strict=True)
+        variances = {f"innovation_sigma_{one.name}": value for one, value in named}
+        for one, value in zip(self.states, predicted["variance"], strict=True):
+            variances[f"sigma_{one.name}"] = value
+        return {name: float(np.sqrt(value)) for name, value in variances.items()}
 
     def summary(self) -> list[str]:
         """What was checked, and what cannot be."""
@@ -185,7 +191,7 @@ class TextFilterDesign(FilterDesign):
         kind = "integrated" if self.system.model.substeps else "discrete"
         return [
             f"{self.about}, {kind} model from text",
-            "checked: texts, covariances, and a step from the initial state with inputs of zero",
-            f"standard deviations after it: {', '.join(known)}",
+            "checked: texts, covariances, and a step from the start with inputs of zero",
+            f"standard deviations predicted a sample after the start: {', '.join(known)}",
             "that it follows the plant is not certified: of a nonlinear model no gain proves it",
         ]

@@ -122,17 +122,22 @@ def constant(kind: str, **changed: Any) -> Any:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_certificate_has_the_deviations_after_two_rows(kind: str, tmp_path: Path) -> None:
-    """1/P = 1 + 2 of two measurements; the second one is expected with the variance 1/2 + 1."""
-    expected = {"sigma_x": np.sqrt(1 / 3), "innovation_sigma_y": np.sqrt(1.5)}
-    saved = save_design(tmp_path / "d.json", constant(kind))
+def test_certificate_has_the_deviations_at_the_start(kind: str, tmp_path: Path) -> None:
+    """The first row is expected with the variance 1 + 1, the next state with 2^2 + 5."""
+    made = constant(kind, dynamics={"x": "2*x"}, Q=5.0)
+    saved = save_design(tmp_path / "d.json", made)
+    expected = {"innovation_sigma_y": np.sqrt(2.0), "sigma_x": 3.0}
     assert saved.certificate == pytest.approx(expected, rel=1e-12)
-    assert saved.summary()[2] == "standard deviations after it: x 0.5774 m"
+    assert saved.summary()[2] == "standard deviations predicted a sample after the start: x 3 m"
     assert load_design(tmp_path / "d.json").certificate == saved.certificate
-    text = (tmp_path / "d.json").read_text().replace('"R": 1.0', '"R": 2.0')
-    (tmp_path / "d.json").write_text(text)
-    with pytest.raises(InputError, match=r"certificate.sigma_x: says 0.577.*, but the gains give"):
-        load_design(tmp_path / "d.json")
+    text = (tmp_path / "d.json").read_text(encoding="utf-8")
+    for changed, said in (
+        ('"R": 2.0', r"certificate.innovation_sigma_y: says 1.414.*, but the gains give 1.73"),
+        ('"R": -1.0', r"d.json: R: must be positive definite, its eigenvalues are -1"),
+    ):
+        (tmp_path / "d.json").write_text(text.replace('"R": 1.0', changed), encoding="utf-8")
+        with pytest.raises(InputError, match=said):
+            load_design(tmp_path / "d.json")
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
