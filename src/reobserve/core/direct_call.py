@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
 from numba import types
 from numba.extending import intrinsic
 
@@ -33,3 +34,10 @@ def _call(_: Any, function: Any, arguments: Any) -> Any:
 # from Python and to raise what it raises; neither ever happens. But it takes longer to compile and
 # to run, in an `allocating_kernel` most of all: numba counts references where anything may raise.
 call: Any = intrinsic(_call)
+
+_settings: Any = numba.config
+if _settings.DISABLE_JIT:  # to debug kernels as Python
+
+    def call(function: Any, arguments: Any) -> None:
+        """Call a function, whose Python code is run."""
+        function(*arguments)

@@ -106,7 +106,10 @@ class FunctionPointer:
 
     @cached_property
     def compiled(self) -> Any:
-        """As `compiled_with_signature`."""
+        """As `compiled_with_signature`; the function itself where numba compiles nothing."""
+        config: Any = numba.config
+        if config.DISABLE_JIT:
+            return self._function
         return compiled_with_signature(self._signature, self._function)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -98,30 +98,43 @@ def fixed_gain(observer: FixedGainObserver, state: KalmanState) -> Program:
 
 def kalman(observer: KalmanFilter, state: KalmanState) -> Program:
     """The filter with its covariance."""
-    return _filter("Kalman filter", observer.model, state)
+    return filter_program("Kalman filter", observer.model, state)
 
 
 def augmented(observer: AugmentedKalmanFilter, state: KalmanState) -> Program:
     """The Kalman filter of the state and the unknown inputs, which it distinguishes."""
     title = "Kalman filter with unknown inputs"
-    return _filter(title, observer.whole, state, split=observer.model.states)
+    return filter_program(title, observer.whole, state, split=observer.model.states)
 
 
 def smooth(observer: SmoothVariableStructureFilter, state: KalmanState) -> Program:
     """The SVSF with its covariance."""
-    return _filter("Smooth variable structure filter", observer.model, state, observer)
+    title = "Smooth variable structure filter"
+    return filter_program(
+        title, observer.model, state, lambda program: switching_constants(program, [observer])
+    )
 
 
-def _filter(
+class GainFunction(Protocol):
+    """The gain of a filter: its constants, and how it is written."""
+
+    def write(
+        self, program: Program, m: Matrices, PC: Name, L: Name, e: Name, error: Name, K: Name
+    ) -> None:
+        """Write K, shape (n, p), from P C', the factor L of S, the innovation and e(k|k)."""
+
+
+def filter_program(
     title: str,
     model: LinearModel,
     state: KalmanState,
-    svsf: SmoothVariableStructureFilter | None = None,
+    gain: Callable[[Program], GainFunction] | None = None,
     split: int = 0,
 ) -> Program:
+    """A filter with its covariance; ``gain`` states its constants, left out it is Kalman's."""
     program, n = Program(title, model.outputs, model.inputs), model.states
     m = matrices(program, model)
-    switching = None if svsf is None else switching_constants(program, [svsf])
+    switching = None if gain is None else gain(program)
     x = program.remember("x", state.posterior.mean)
     P = program.remember("P", state.posterior.covariance)
     error = program.remember("error", state.posterior.error) if switching else None
@@ -203,6 +216,12 @@ class Switching:
         inverse = None if self.inverse is None else self.inverse[mode]
         return Switching(self.rate[mode], self.layer[mode], inverse)
 
+    def write(
+        self, program: Program, m: Matrices, PC: Name, L: Name, e: Name, error: Name, K: Name
+    ) -> None:
+        """As `GainFunction`."""
+        _switching_gain(program, m, PC, e, error, self, K)
+
 
 def switching_constants(
     program: Program, filters: list[SmoothVariableStructureFilter], *, bank: bool = False
@@ -225,7 +244,7 @@ def correct(
     m: Matrices,
     x: Name,
     P: Name,
-    switching: Switching | None,
+    switching: GainFunction | None,
     error: Name | None,
 ) -> tuple[Name, Name]:
     """Correct mean and covariance in place; return the innovation and its log-likelihood."""
@@ -241,7 +260,7 @@ def correct(
         program.solve_right(K, PC, L)  # K = P C' S^-1
     else:
         assert error is not None
-        _switching_gain(program, m, PC, e, error, switching, K)
+        switching.write(program, m, PC, L, e, error, K)
     move(program, x, K, e, valid)
     # Joseph's form for any gain: T = (I - K C) P, then T (I - K C)' + K R K'.
     T = program.let(program.local("T", (n, n)), P - K @ PC.T)
