@@ -104,7 +104,7 @@ ABILITIES = {
     "C": Ability("C", "`reobserve export`", lambda kind: bool(exporting(kind))),
 }  # fmt: skip
 
-# Why an observer lacks an ability: by its name, else as most do.
+# Why an observer lacks an ability: by the name of its class, or of a base of it; else as most do.
 MOST = ""
 REASONS: Mapping[str, Mapping[str, str]] = {
     "nan": {
@@ -119,8 +119,7 @@ REASONS: Mapping[str, Mapping[str, str]] = {
     "smoother": {
         MOST: "It has no covariance.",
         "IMM": "Its smoother is another algorithm; smooth the filter of one mode.",
-        "FixedGainObserver": "The smoother takes the gain of minimum variance.",
-        "SmoothVariableStructureFilter": "The smoother takes the gain of minimum variance.",
+        "GaussianFilter": "The smoother takes the gain of minimum variance.",
     },
     "covariance": {MOST: "It has no model of noise, but bounds or poles of its error."},
     "predicted": {
@@ -141,10 +140,10 @@ REASONS: Mapping[str, Mapping[str, str]] = {
 }
 
 
-def reason(ability: str, name: str) -> str:
+def reason(ability: str, kind: Kind) -> str:
     """Why an observer lacks an ability."""
     among = REASONS[ability]
-    return among.get(name, among[MOST])
+    return next((among[one.__name__] for one in kind.__mro__ if one.__name__ in among), among[MOST])
 
 
 def abilities() -> str:
@@ -162,7 +161,7 @@ def _row(name: str, kind: Kind, marks: dict[str, str]) -> Iterator[str]:
     for ability, one in ABILITIES.items():
         if not one.known(kind):
             mark = chr(ord("a") + len(marks))
-            yield f"*{marks.setdefault(reason(ability, name), mark)}*"
+            yield f"*{marks.setdefault(reason(ability, kind), mark)}*"
         elif ability == "specification":
             yield ", ".join(map(code, families(kind)))
         else:

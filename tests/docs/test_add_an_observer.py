@@ -1,4 +1,4 @@
-"""The page on adding an observer, followed literally in a copy of the package and outside of it."""
+"""The page on adding an observer, followed literally in a copy of the project and outside of it."""
 
 from __future__ import annotations
 
@@ -14,26 +14,39 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reobserve.core.discretisation import zero_order_hold
 from tests.docs.hand_written import PAGES, ROOT, blocks
 
 PAGE = PAGES / "how-to" / "add-an-observer.md"
 TITLED = {found[1]: block.text for block in blocks(PAGE)
           if (found := re.fullmatch(r'title="(.*)"', block.options))}  # fmt: skip
-ALGORITHM = "observers/alpha_beta.py"
-FAMILY = "estimation/families/alpha_beta.py"
+ALGORITHM = "src/reobserve/observers/clipped_kalman.py"
+FAMILY = "src/reobserve/estimation/families/clipped_kalman.py"
+CASES = "tests/reobserve/observers/cases_clipped_kalman.py"
+PUBLIC, TABLE = "src/reobserve/__init__.pyi", "src/reobserve/estimation/families/__init__.py"
 TYPED = [line[2:] for block in blocks(PAGE) if block.language == "console"
          for line in block.text.splitlines()]  # fmt: skip
+# Of the tests and the documentation, what is run in the copy, with few of the other cases.
+COPIED = ("src", "tests/__init__.py", "tests/conftest.py", "tests/reobserve", "docs/generate")
 
 
 def copied(folder: Path) -> Path:
-    """The two files and the line of the table in a copy of the package."""
-    shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in (ALGORITHM, FAMILY):
-        (folder / "src/reobserve" / name).write_text(TITLED[name], encoding="utf-8")
-    table = folder / "src/reobserve/estimation/families/__init__.py"
-    text = table.read_text(encoding="utf-8")
-    last = next(line for line in text.splitlines() if '"levant:LevantDesign"' in line)
-    table.write_text(text.replace(last, f"{last}\n{TITLED['FAMILIES'].rstrip()}"), encoding="utf-8")
+    """The three files and the two lines in a copy of the project."""
+    for name in COPIED:
+        if (ROOT / name).is_dir():
+            hidden = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(ROOT / name, folder / name, ignore=hidden)
+        else:
+            (folder / name).parent.mkdir(exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    for name in (ALGORITHM, FAMILY, CASES):
+        assert not (folder / name).exists()
+        (folder / name).write_text(TITLED[name], encoding="utf-8")
+    for name, before in ((PUBLIC, "\n__all__"), (TABLE, "}\n\n\ndef family")):
+        text = (folder / name).read_text(encoding="utf-8")
+        assert text.count(before) == len(TITLED[name].splitlines()) == 1
+        whole = text.replace(before, f"{TITLED[name]}{before}")
+        (folder / name).write_text(whole, encoding="utf-8")
     return folder / "src"
 
 
@@ -43,8 +56,8 @@ def installed(folder: Path) -> Path:
     package.mkdir()
     about.mkdir()
     (package / "__init__.py").touch()
-    (package / "alpha_beta.py").write_text(TITLED[ALGORITHM], encoding="utf-8")
-    moved = TITLED[FAMILY].replace("reobserve.observers.alpha_beta", "tracking.alpha_beta")
+    (package / "clipped_kalman.py").write_text(TITLED[ALGORITHM], encoding="utf-8")
+    moved = TITLED[FAMILY].replace("reobserve.observers.clipped_kalman", "tracking.clipped_kalman")
     (package / "family.py").write_text(moved, encoding="utf-8")
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: tracking\nVersion: 1.0\n")
     lines = TITLED["pyproject.toml"].replace('[project.entry-points."reobserve.families"]', "")
@@ -52,49 +65,102 @@ def installed(folder: Path) -> Path:
     return folder
 
 
+def run_in(folder: Path, source: Path, *words: str) -> str:
+    """What Python prints in a folder, with the packages in ``source`` first."""
+    path = os.pathsep.join([str(source), str(folder), str(ROOT / "src")])
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_page_states_all_files_and_lines() -> None:
+    assert set(TITLED) == {ALGORITHM, FAMILY, CASES, PUBLIC, TABLE, "pyproject.toml"}
+    assert len(TYPED) == 5
+
+
 @pytest.mark.parametrize("place", [copied, installed])
 def test_following_the_page_adds_an_observer_to_all_commands(
     place: Callable[[Path], Path], tmp_path: Path
 ) -> None:
-    path = os.pathsep.join([str(place(tmp_path)), str(ROOT / "src")])
-    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": "1"}
-
-    def run(typed: str) -> str:
-        words = [sys.executable, "-m", *typed.split()]
-        done = subprocess.run(
-            words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    assert len(TYPED) == 5
+    source = place(tmp_path)
     for typed in TYPED:
-        if (
-            place is installed and "--example alpha-beta" in typed
-        ):  # a user's package has no examples
-            run(typed.replace("--example alpha-beta", "--example levant"))
-            about, _, observer = TITLED[FAMILY].partition('RECORD = """\\\n')[2].partition("\n")
-            assert about.startswith("# Alpha-beta")
-            columns = (tmp_path / "record.yaml").read_text().partition("columns:")[2]
-            stated = observer.partition('"""')[0]
-            (tmp_path / "record.yaml").write_text(f"{stated}columns:{columns}")
+        words = ["-m", *typed.split()]
+        if place is installed and "--example clipped-kalman" in typed:
+            # A user's package has no examples.
+            run_in(tmp_path, source, *[w.replace("clipped-kalman", "kalman") for w in words])
+            text = (
+                (tmp_path / "record.yaml")
+                .read_text()
+                .replace("kind: kalman", "kind: clipped-kalman")
+            )
+            stated = text.replace("columns:", "  gains: {b: 10}\ncolumns:", 1)
+            (tmp_path / "record.yaml").write_text(stated)
             continue
-        reported = run(typed)
+        if typed == TYPED[-1]:
+            add_outliers(tmp_path / "record.csv")
+        reported = run_in(tmp_path, source, *words)
         if "--out cart.json" in typed:
-            assert "poles: 0." in reported
-    assert "0.2, 2.0" in (tmp_path / "code/cart.c").read_text()
+            assert "clipped from 3 deviations on" in reported
+    assert "Kalman filter with clipped corrections" in (tmp_path / "code/cart.c").read_text()
     with (tmp_path / "estimates.csv").open(newline="") as stream:
         titles, *rows = csv.reader(stream)
     with (tmp_path / "record.csv").open(newline="") as stream:
-        measured = np.array([float(row[1]) for row in list(csv.reader(stream))[1:]]) / 1000.0
-    found = np.array([[float(row[1]), float(row[2])] for row in rows])
-    assert titles[1:3] == ["state_1", "state_2"]
-    # The same filter as a linear recursion x(k) = M x(k-1) + K y(k).
-    K, T = np.array([0.2, 0.02 / 0.01]), 0.01
-    A = np.array([[1.0, T], [0.0, 1.0]])
-    M = A - np.outer(K, A[0])
-    x, expected = np.array([measured[0], 0.0]), []
-    for k, y in enumerate(measured):
-        x = M @ x + K * y if k else x
-        expected.append(x)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+        _, *record = csv.reader(stream)
+    y = np.array([[float(one or "nan") for one in row[1:]] for row in record])
+    wanted = by_numpy(y[:, :2] * [2.0 * np.pi / 60.0, 1e-3], y[:, 2:])
+    speed, current = (titles.index(title) for title in ("speed [rad/s]", "current [A]"))
+    found = np.array([[float(row[speed]), float(row[current])] for row in rows])
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
+
+
+def add_outliers(path: Path) -> None:
+    """Thousands of rpm too much in every fiftieth row."""
+    titles, *rows = path.read_text(encoding="utf-8").splitlines()
+    for k in range(49, len(rows), 50):
+        time, speed, *rest = rows[k].split(",")
+        rows[k] = ",".join([time, str(3000.0 + float(speed or 0.0)), *rest])
+    path.write_text("\n".join([titles, *rows, ""]), encoding="utf-8")
+
+
+def by_numpy(y: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """The filter of the example, over y in the model's units."""
+    A, B = zero_order_hold([[-10.0, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], 0.01)
+    x, P, rows, clipped = np.zeros(2), np.eye(2), [], 0
+    for k in range(len(y)):
+        if k:
+            x, P = A @ x + B @ u[k - 1], A @ P @ A.T + 1e-4 * np.eye(2)
+        there = ~np.isnan(y[k])
+        C, R = np.eye(2)[there], np.diag([1e-3, 1e-4])[np.ix_(there, there)]
+        e, S = y[k][there] - C @ x, C @ P @ C.T + R
+        K = P @ C.T @ np.linalg.inv(S)
+        distance = np.sqrt(e @ np.linalg.solve(S, e)) if there.any() else 0.0
+        K, clipped = K * 10.0 / max(distance, 10.0), clipped + (distance > 10.0)
+        x, M = x + K @ e, np.eye(2) - K @ C
+        P = M @ P @ M.T + K @ R @ K.T
+        rows.append(x)
+    assert clipped >= 10
+    return np.array(rows)
+
+
+def test_following_the_page_adds_an_observer_to_the_tests(tmp_path: Path) -> None:
+    source = copied(tmp_path)
+    folder = tmp_path / "tests/reobserve/observers"
+    for path in folder.glob("cases_*.py"):
+        if path.name not in (Path(CASES).name, "cases_filters.py"):
+            path.unlink()  # to construct them takes long, uncompiled
+    tests = [f"tests/reobserve/{name}" for name in (
+        "observers/test_contract.py", "estimation/test_examples.py",
+        "library/test_packages.py",
+    )]  # fmt: skip
+    chosen = ["-k", "clipped or Clipped or listed", "-p", "no:cacheprovider", "-n0", "-q"]
+    reported = run_in(tmp_path, source, "-m", "pytest", *chosen, *tests)
+    assert int(re.findall(r"(\d+) passed", reported)[-1]) > 45
+    listed = run_in(tmp_path, source, "-c", "from docs.generate import abilities as a; "
+                    "print(a.abilities())")  # fmt: skip
+    (row,) = (line for line in listed.splitlines() if line.startswith("| [`Clipped"))
+    assert row.count(" yes ") == 10
+    assert row.count("`clipped-kalman`") == 1
