@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -55,10 +55,14 @@ def _is_record(path: Path) -> bool:
         return path.is_dir()
 
 
-def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Parameters]:
-    """The parameters of all papers with the overrides of ``config``, to which defaults are added.
+def load_parameters(
+    project: Path, config: dict[str, Any], targets: Collection[str] = ()
+) -> dict[str, Parameters]:
+    """The parameters of the papers to build, with the overrides of ``config``.
 
-    All keys are checked; `write_parameters` also constructs plants and observers.
+    All their keys are checked; `write_parameters` also constructs plants and observers. Defaults
+    are added to ``config``. If all ``targets`` are results of papers, others are not read unless
+    they are overridden.
 
     Raises
     ------
@@ -78,11 +82,27 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
 
         read_sheet(project / style_sheet(config["style"]))
     found = {}
-    for paper in papers:
+    for paper in _asked(papers, config, targets):
         found[paper] = Parameters.load(project, paper, config.get(paper), config["seed"])
         read_parameters(found[paper])
         _check_files(found[paper])
     return found
+
+
+def _asked(papers: list[str], config: Mapping[str, Any], targets: Collection[str]) -> list[str]:
+    """The papers whose results are to be built, and those with overrides, which are checked."""
+    asked = {_paper_of(target) for target in targets} or set(config["papers"])
+    if not asked <= {*papers}:
+        return papers
+    return [paper for paper in papers if paper in asked or paper in config]
+
+
+def _paper_of(target: str) -> str:
+    """The paper that a file is a result of; empty if it is of none, or of several."""
+    match target.split("/"):
+        case ["results", paper, *_, _]:
+            return paper
+    return ""
 
 
 def write_parameters(
