@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -20,7 +20,8 @@ class Command:
     text
         What it does, in one line.
     options
-        ``"module:name"`` of a function that adds its options to a parser, or of a `CommandTable`.
+        What adds its options to a parser: a function, or ``"module:name"`` of one, or of a
+        `CommandTable`.
     run
         ``"module:function"`` that it calls with its options by name; empty for a table.
     extra
@@ -28,7 +29,7 @@ class Command:
     """
 
     text: str
-    options: str
+    options: str | Callable[[argparse.ArgumentParser], None]
     run: str = ""
     extra: str = ""
 
@@ -82,7 +83,7 @@ def add_commands(
         command = group.add_parser(name, help=entry.text, description=text)
         if typed is None and words is not None:
             continue
-        found = load(entry.options)
+        found = load(entry.options) if isinstance(entry.options, str) else entry.options
         if isinstance(found, CommandTable):
             add_commands(command, found, None if words is None else words[1:])
         else:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from reobserve.cli.parts import Command, CommandTable
 from reobserve_papers.cli.options import FORMATS, add_output, add_project
 from reobserve_papers.cli.types import tree, whole
+from reobserve_papers.parameters.step_kinds import KINDS
 
 _EXAMPLES = """\
 a chain, by hand:
@@ -21,17 +23,10 @@ Each command that `snakemake --printshellcmds` prints can be run the same way.
 """
 
 
+# Besides the steps of papers.
 _STAGES = {
     "parameters": "check a parameter file with overrides, and write it for the other stages",
-    "plant": "simulate the plant of a scenario",
-    "design": "compute a design: gains that observers share",
-    "observe": "run an observer on a plant's record",
-    "study": "run a study: many runs, one table",
-    "search": "search for values that the paper does not state",
-    "table": "compute a table of the paper from a design",
-    "metrics": "compute the metrics of a figure",
-    "plot": "plot a figure and write its caption",
-    "theory": "compute the metrics of a paper's theory",
+    **{step: kind.text for step, kind in KINDS.items()},
     "robustness": "decide a paper's claims with samples of what it leaves open",
     "sample": "compute a chunk of samples for `robustness`",
     "sensitivity": "plot specification curves, and the choices that decide claims",
@@ -40,17 +35,20 @@ _STAGES = {
     "archive": "pack a build as an RO-Crate, for deposit",
 }
 
-STAGES = CommandTable(
-    "Run one stage of the pipeline, as its jobs do.",
-    {
-        name: Command(
-            text, f"{__name__}:{name}_options", f"reobserve_papers.cli.stages.{name}:run", "papers"
-        )
-        for name, text in _STAGES.items()
-    },
-    "stages",
-    _EXAMPLES,
-)
+
+def step_options(step: str, command: argparse.ArgumentParser) -> None:
+    """Add the options of a step of `KINDS`: the files of what it reads, its branch, its output."""
+    kind = KINDS[step]
+    _parameter_file(command)
+    for result in kind.results:
+        _FILES[result](command, step)
+    if kind.about:
+        article = "an" if kind.about[0] in "aeiou" else "a"
+        command.add_argument(kind.about, help=f"{article} {kind.about} of the parameter file")
+    if kind.output:
+        add_output(command, kind.output)
+    else:
+        _drawing(command)
 
 
 def parameters_options(command: argparse.ArgumentParser) -> None:
@@ -65,96 +63,6 @@ def parameters_options(command: argparse.ArgumentParser) -> None:
     )
     add_output(command, "the parameters, JSON")
     add_project(command)
-
-
-def plant_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `plant`."""
-    _parameter_file(command)
-    command.add_argument("scenario", help="a scenario of the parameter file")
-    add_output(command, "the record, Parquet")
-
-
-def design_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `design`."""
-    _parameter_file(command)
-    command.add_argument("design", help="a design of the parameter file")
-    add_output(command, "the design, JSON")
-
-
-def observe_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `observe`."""
-    _parameter_file(command)
-    command.add_argument(
-        "plant_file", type=Path, help="a record made by `reobserve-papers stage plant`"
-    )
-    command.add_argument("observer", help="an observer of the parameter file")
-    _design_file(command)
-    add_output(command, "the estimates, Parquet")
-
-
-def study_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `study`."""
-    _parameter_file(command)
-    command.add_argument(
-        "plant_file", type=Path, help="a record made by `reobserve-papers stage plant`"
-    )
-    command.add_argument("study", help="a study of the parameter file")
-    _design_file(command)
-    add_output(command, "the table, CSV")
-
-
-def search_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `search`."""
-    _parameter_file(command)
-    command.add_argument(
-        "plant_file", type=Path, help="a record made by `reobserve-papers stage plant`"
-    )
-    command.add_argument("search", help="a search of the parameter file")
-    add_output(command, "the result, JSON")
-
-
-def table_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `table`."""
-    _parameter_file(command)
-    command.add_argument("table", help="a table of the parameter file")
-    _design_file(command, required=True)
-    add_output(command, "the table, CSV")
-
-
-def metrics_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `metrics`."""
-    _figure_inputs(command)
-    add_output(command, "the table, CSV")
-
-
-def plot_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `plot`."""
-    _figure_inputs(command)
-    command.add_argument(
-        "--metrics-file", type=Path, required=True, help="from `reobserve-papers stage metrics`"
-    )
-    command.add_argument("--template", type=Path, required=True, help="the template of the caption")
-    command.add_argument("--caption", type=Path, required=True, help="the caption to write")
-    command.add_argument(
-        "--outputs", type=Path, nargs="+", required=True,
-        help=f"the figure, in any of {', '.join(FORMATS)}",
-    )  # fmt: skip
-    command.add_argument(
-        "--style", type=Path, nargs="?", metavar="FILE", help="a matplotlib style sheet"
-    )
-    command.add_argument(
-        "--no-notes", dest="notes", action="store_false", help="put the notes into the caption"
-    )
-
-
-def theory_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `theory`."""
-    _parameter_file(command)
-    command.add_argument(
-        "--design-files", type=Path, nargs="*", default=[],
-        help="from `reobserve-papers stage design`, in the order of the parameter file",
-    )  # fmt: skip
-    add_output(command, "the table, CSV")
 
 
 def robustness_options(command: argparse.ArgumentParser) -> None:
@@ -227,14 +135,79 @@ def _parameter_file(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _design_file(command: argparse.ArgumentParser, *, required: bool = False) -> None:
+def _plant_file(command: argparse.ArgumentParser, step: str) -> None:
+    if KINDS[step].about == "figure":
+        command.add_argument(
+            "--plant-file", type=Path, required=True, help="from `reobserve-papers stage plant`"
+        )
+    else:
+        command.add_argument(
+            "plant_file", type=Path, help="a record made by `reobserve-papers stage plant`"
+        )
+
+
+def _design_file(command: argparse.ArgumentParser, step: str) -> None:
+    alone = KINDS[step].results == ("design",)
     text = "from `reobserve-papers stage design`" + (
-        "" if required else ", if the parameter file names a design"
+        "" if alone else ", if the parameter file names a design"
     )
     command.add_argument(
-        "--design-file", type=Path, required=required, nargs=None if required else "?",
+        "--design-file", type=Path, required=alone, nargs=None if alone else "?",
         metavar="FILE", help=text,
     )  # fmt: skip
+
+
+def _design_files(command: argparse.ArgumentParser, _: str) -> None:
+    command.add_argument(
+        "--design-files", type=Path, nargs="*", default=[],
+        help="from `reobserve-papers stage design`, in the order of the parameter file",
+    )  # fmt: skip
+
+
+def _estimate_files(command: argparse.ArgumentParser, _: str) -> None:
+    command.add_argument(
+        "--estimate-files", type=Path, nargs="+", required=True,
+        help="from `reobserve-papers stage observe`, in the order of the figure's observers",
+    )  # fmt: skip
+
+
+def _study_file(command: argparse.ArgumentParser, _: str) -> None:
+    command.add_argument(
+        "--study-file", type=Path, nargs="?", metavar="FILE",
+        help="from `reobserve-papers stage study`, if the figure has one",
+    )  # fmt: skip
+
+
+def _metrics_file(command: argparse.ArgumentParser, _: str) -> None:
+    command.add_argument(
+        "--metrics-file", type=Path, required=True, help="from `reobserve-papers stage metrics`"
+    )
+
+
+# What asks for the files of results, by their names in `KINDS`.
+_FILES = {
+    "plant": _plant_file,
+    "design": _design_file,
+    "designs": _design_files,
+    "estimates": _estimate_files,
+    "study": _study_file,
+    "metrics": _metrics_file,
+}
+
+
+def _drawing(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--template", type=Path, required=True, help="the template of the caption")
+    command.add_argument("--caption", type=Path, required=True, help="the caption to write")
+    command.add_argument(
+        "--outputs", type=Path, nargs="+", required=True,
+        help=f"the figure, in any of {', '.join(FORMATS)}",
+    )  # fmt: skip
+    command.add_argument(
+        "--style", type=Path, nargs="?", metavar="FILE", help="a matplotlib style sheet"
+    )
+    command.add_argument(
+        "--no-notes", dest="notes", action="store_false", help="put the notes into the caption"
+    )
 
 
 def _what_is_known(command: argparse.ArgumentParser) -> None:
@@ -249,20 +222,17 @@ def _what_is_known(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def _figure_inputs(command: argparse.ArgumentParser) -> None:
-    _parameter_file(command)
-    command.add_argument("figure", help="a figure of the parameter file")
-    command.add_argument(
-        "--plant-file", type=Path, required=True, help="from `reobserve-papers stage plant`"
-    )
-    command.add_argument(
-        "--estimate-files", type=Path, nargs="+", required=True,
-        help="from `reobserve-papers stage observe`, in the order of the figure's observers",
-    )  # fmt: skip
-    command.add_argument(
-        "--study-file",
-        type=Path,
-        nargs="?",
-        metavar="FILE",
-        help="from `reobserve-papers stage study`, if the figure has one",
-    )
+STAGES = CommandTable(
+    "Run one stage of the pipeline, as its jobs do.",
+    {
+        name: Command(
+            text,
+            partial(step_options, name) if name in KINDS else f"{__name__}:{name}_options",
+            f"reobserve_papers.cli.stages.{name}:run",
+            "papers",
+        )
+        for name, text in _STAGES.items()
+    },
+    "stages",
+    _EXAMPLES,
+)

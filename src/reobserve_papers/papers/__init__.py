@@ -4,8 +4,6 @@ A paper is a package with one module per step, so that an edit of one step leave
 the others up to date:
 
     plant.simulate(job) -> Series
-    record.plant, record.estimates: what records and estimates must hold when they are read
-    record.axis, record.EVENTS       (only where it is not the plant's, and where there are any)
     design.compute(job) -> dict                  (only papers that have designs)
     observe.estimate(job, plant) -> Series
     study.run(job, plant) -> list of rows                    (only with studies)

@@ -18,13 +18,11 @@ from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError, ReobserveError, located
 from reobserve.estimation.quantities import check_unit
 from reobserve_papers.parameters.job import AnyJob, StudyFigure, named, read_parameters
-from reobserve_papers.parameters.names import SECTIONS, paper_part
+from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.step_kinds import SECTIONS
 
 Observers = Mapping[str, Any]  # forms that observers must have, by name
-
-# Designs before what is built with them.
-_SECTIONS = ("scenario", "design", "observer", "study", "search", "table", "figure")
 
 
 @dataclass(frozen=True)
@@ -95,10 +93,10 @@ def check_stated(stated: Any, checks: Checks) -> None:
     whole = AnyJob(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
     built: dict[str, object] = {}  # the designs
     checks.made("plant", whole)
-    for one in _SECTIONS:
-        for name, branch in getattr(stated, SECTIONS[one], {}).items():
+    for one, section in SECTIONS.items():
+        for name, branch in getattr(stated, section, {}).items():
             job = _job(stated, whole, one, branch)
-            with _place(one, f"{SECTIONS[one]}.{name}"):
+            with _place(one, f"{section}.{name}"):
                 if isinstance(branch, StudyFigure):
                     _check_method(job.study, branch)
                 _check_observers(checks, job.observers, branch)

@@ -18,8 +18,9 @@ from typing_extensions import TypeVar  # with defaults, as `typing` has it from 
 
 from reobserve.core.errors import InputError, nearest
 from reobserve.core.validation import Names, checked, having, parse
-from reobserve_papers.parameters.names import SECTIONS, paper_part
+from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.step_kinds import SECTIONS
 from reobserve_papers.signals.inputs import Signal
 
 # The branch that a job is about: its keys are named in errors without the job's name for it.
@@ -113,11 +114,6 @@ AnyFigure = Annotated[
     Annotated[StudyFigure, Tag("figure of a study")] | Annotated[Figure, Tag("figure")],
     having("study", "figure of a study", "figure"),
 ]
-
-
-def record_axis(job: AnyJob) -> tuple[float, float]:
-    """Horizon and step of a plant's record [s], unless the paper's `record` says otherwise."""
-    return job.plant.horizon, job.plant.step
 
 
 def read_job(keys: type, settings: Settings) -> AnyJob:

@@ -5,17 +5,6 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path
 
-# The sections of a parameter file, by the name of one of their branches.
-SECTIONS = {
-    "scenario": "scenarios",
-    "design": "designs",
-    "observer": "observers",
-    "study": "studies",
-    "search": "searches",
-    "table": "tables",
-    "figure": "figures",
-}
-
 DEFAULT_STYLE = "default"
 
 

@@ -8,14 +8,12 @@ from typing import Any
 
 from reobserve.core.documents import Tree
 from reobserve.core.errors import InputError, nearest, shown
+from reobserve_papers.parameters.step_kinds import SECTIONS
 
 OVERRIDDEN = "user override"
 
 # Keys whose value is a word, also where it looks like a number.
 _WORDS = ("unit", "source", "why", "label", "title", "file", "column", "text", "same_as")
-
-# Sections in which a user may add a branch beside those of the paper.
-_OPEN = ("designs", "scenarios", "observers", "studies", "searches", "tables", "figures")
 
 
 def is_entry(branch: Any) -> bool:
@@ -137,7 +135,7 @@ def _merge(base: Tree, over: Any, place: str, paper: str, root: Tree) -> Tree:
     for key, value in over.items():
         here = f"{place}.{key}"
         if key not in base:
-            if section not in _OPEN:
+            if section not in SECTIONS.values():  # in which a user may add a branch
                 raise InputError(here, f"unknown key{nearest(key, base)}")
             merged[key] = _added(base, value, here, paper, root)
         elif is_entry(base[key]):

@@ -8,13 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from reobserve_papers.parameters.names import SECTIONS
+from reobserve_papers.parameters.step_kinds import KINDS, SECTIONS, SEED
 
 if TYPE_CHECKING:
     from reobserve_papers.parameters.parameters import Parameters
-
-# The branch that a step is about, where it has not the name of the step.
-_ABOUT = {"plant": "scenario", "observe": "observer", "metrics": "figure", "plot": "figure"}
 
 
 def settings(parameters: Parameters, step: str, name: str = "") -> dict[str, Any]:
@@ -25,8 +22,7 @@ def settings(parameters: Parameters, step: str, name: str = "") -> dict[str, Any
     parameters
         The parameters of a paper.
     step
-        ``plant``, ``design``, ``observe``, ``study``, ``search``, ``table``, ``theory``,
-        ``metrics`` or ``plot``.
+        One of `KINDS`.
     name
         The scenario, design, observer, study, search, table or figure; the theory has none. An
         observer depends on its scenario through the record of the plant alone.
@@ -36,26 +32,26 @@ def settings(parameters: Parameters, step: str, name: str = "") -> dict[str, Any
     InputError
         If there is nothing of that name.
     """
-    section = parameters.section
-    if step == "theory":
-        named = ("observers", "designs", "metrics", "theory")
-        sections = {word: section(word) if word in parameters.tree else {} for word in named}
+    kind, section = KINDS[step], parameters.section
+    if not kind.about:
+        sections = {word: section(word) if word in parameters.tree else {} for word in kind.values}
         return {"plant": section("plant"), **sections}
-    about = _ABOUT.get(step, step)
-    body = section(SECTIONS[about], name)
-    found: dict[str, Any] = {"plant": section("plant"), about: body}
-    if step in ("observe", "table") and "design" in body:
-        found["design"] = section("designs", body["design"])
-    if step in ("plant", "study", "search"):
-        found["seed"] = parameters.seed
-    if "observers" in body:  # a study, a search or a figure
-        found["scenario"] = section("scenarios", body["scenario"])
-        found["observers"] = {one: section("observers", one) for one in body["observers"]}
-        found["metrics"] = section("metrics")
-        if about == "figure" and "study" in body:
-            found["study"] = section("studies", body["study"])
-        if designs := list(_designs_of(parameters, body, found.get("study", {}))):
-            found["designs"] = {one: section("designs", one) for one in designs}
+    body = section(kind.section, name)
+    found: dict[str, Any] = {"plant": section("plant"), kind.about: body}
+    for word in kind.values:
+        if word == SEED:
+            found[SEED] = parameters.seed
+        elif word != "design" and "observers" not in body:
+            continue  # a search of something else
+        elif word == "observers":
+            found[word] = {one: section(word, one) for one in body[word]}
+        elif word == "metrics":
+            found[word] = section(word)
+        elif word == "designs":
+            if named := list(_designs_of(parameters, body, found.get("study", {}))):
+                found[word] = {one: section(word, one) for one in named}
+        elif word in body:
+            found[word] = section(SECTIONS[word], body[word])
     return found
 
 

@@ -41,18 +41,6 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class ChannelShape:
-    """What a channel must be: its unit, and how many components, none for one column of values.
-
-    An ``optional`` channel may be missing.
-    """
-
-    unit: str
-    components: int | None = None
-    optional: bool = False
-
-
-@dataclass(frozen=True)
 class Series:
     """Signals over one time axis.
 

@@ -1,41 +1,36 @@
 """Dependencies between the steps: plant -> observers -> metrics -> plot, and the others.
 
 A step is named by a tuple such as ``("plant", "constant")`` or ``("observe", "constant",
-"sampled")``: a scenario, or a scenario and an observer, or a design, study, table or figure; the
-theory has no name.
+"sampled")``: a scenario, or a scenario and an observer, or a design, study, search, table or
+figure; the theory has no name. What each reads follows from `KINDS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.step_kinds import KINDS
 
 Step = tuple[str, ...]
 
 
 def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
     """The steps whose results a step reads, in the order of its paper's function."""
-    tree = parameters.tree
-    if step == "theory":
-        return [("design", name) for name in tree.get("designs", {})]
-    if step == "observe":
-        scenario, observer = names
-        return [("plant", scenario), *_design(tree["observers"][observer])]
-    if step == "table":
-        return _design(tree["tables"][names[0]])
-    if step == "study":
-        body = tree["studies"][names[0]]
-        return [("plant", body["scenario"]), *_design(body)]
-    if step in ("metrics", "plot"):
-        body = tree["figures"][names[0]]
-        scenario = body["scenario"]
-        observers = [("observe", scenario, observer) for observer in body["observers"]]
-        studies = [("study", body["study"])] if "study" in body else []
-        metrics = [("metrics", names[0])] if step == "plot" else []
-        return [("plant", scenario), *observers, *studies, *metrics]
-    return []
+    kind, tree = KINDS[step], parameters.tree
+    body = tree[kind.section][names[-1]] if kind.about else {}
+    scenario: str = names[0] if step == "observe" else body.get("scenario", "")
+    found: list[Step] = []
+    for result in kind.results:
+        if result == "plant" and scenario:
+            found.append(("plant", scenario))
+        elif result == "estimates":
+            found += [("observe", scenario, observer) for observer in body["observers"]]
+        elif result == "designs":
+            found += [("design", name) for name in tree.get("designs", {})]
+        elif result == "metrics":
+            found.append(("metrics", *names))
+        elif result in body:  # a design or a study, if the branch names one
+            found.append((result, body[result]))
+    return found
 
 
 def behind(parameters: Parameters, *step: str) -> list[Step]:
@@ -54,6 +49,16 @@ def log(paper: str, step: str, *names: str) -> str:
     return f"logs/{paper}/{'.'.join((*names, step))}.log"
 
 
-def _design(body: Mapping[str, Any]) -> list[Step]:
-    """The design that an observer, a study or a table names, if it does."""
-    return [("design", body["design"])] if "design" in body else []
+def result(paper: str, step: str, *names: str) -> str:
+    """The path of the result of a step, in a project."""
+    folder = f"results/{paper}"
+    match step:
+        case "plant" | "observe":
+            scenario, observer = (*names, "plant")[:2]
+            return f"{folder}/{scenario}/{observer}.parquet"
+        case "metrics" | "theory":
+            return f"{folder}/{(*names, 'theory')[0]}.metrics.csv"
+        case "table":
+            return f"{folder}/{names[0]}.csv"
+    kind = "csv" if step == "study" else "json"
+    return f"{folder}/{names[0]}.{step}.{kind}"

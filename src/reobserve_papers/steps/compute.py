@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from reobserve.core.documents import digest, read_json
 from reobserve.core.errors import InputError, ReobserveError, located, shown
 from reobserve.core.files import read_table
@@ -20,21 +22,11 @@ from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import AnyJob, Settings, declared_keys, read_job
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.step_kinds import KINDS, SEED
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.provenance import code_digest, versions
 
 Rows = Iterable[Mapping[str, Any]]  # of a study
-
-# The function of a paper that a step calls, and the section that its errors are about.
-CALLS = {
-    "design": ("compute", "designs"),
-    "plant": ("simulate", ""),
-    "observe": ("estimate", "observers"),
-    "study": ("run", ""),
-    "search": ("run", ""),
-    "table": ("rows", "tables"),
-    "theory": ("measure", "theory"),
-}
 
 
 def paper_module(package: str, part: str) -> Any:
@@ -67,16 +59,36 @@ def compute(parameters: Parameters, stage: str, name: str, settings: Settings, *
     DivergenceError
         If a simulation leaves the range of floating-point numbers.
     """
-    function, section = CALLS[stage]
+    kind = KINDS[stage]
+    # What is wrong with a plant, a study or a search, it says of which section itself.
+    section = "" if SEED in kind.values else kind.section or stage
     place = (parameters.paper, section, section and name)
     with located(".".join(part for part in place if part)):
         job = read_job(declared_keys(parameters), settings)
-        return getattr(paper_module(parameters.package, stage), function)(job, *inputs)
+        return getattr(paper_module(parameters.package, stage), kind.function)(job, *inputs)
 
 
-def signed(series: Series, parameters: Parameters, stage: str, job: str, settings: Any) -> Series:
-    """``series`` with its provenance: what made it, from which settings, by which code."""
-    return replace(series, provenance=provenance(parameters, stage, job, settings))
+def signed(
+    series: Series, parameters: Parameters, stage: str, job: str, settings: Any,
+    record: Series | None = None,
+) -> Series:  # fmt: skip
+    """``series`` with its provenance: what made it, from which settings and record, by which code.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite, which no other stage could use.
+    """
+    for name, channel in series.channels.items():
+        finite = np.isfinite(channel.values.reshape(len(series.time), -1)).all(axis=1)
+        if not finite.all():
+            time = series.time[int(np.argmin(finite))]
+            problem = f"{name} is not finite at {time:g} s, must be a number"
+            raise InputError(f"{parameters.paper}.{job}", problem)
+    made = provenance(parameters, stage, job, settings)
+    if record is not None:
+        made["record"] = record.provenance["settings_digest"]
+    return replace(series, provenance=made)
 
 
 def provenance(parameters: Parameters, stage: str, job: str, settings: Any) -> dict[str, Any]:
@@ -120,6 +132,7 @@ class Provenance:
     settings_digest: str
     code_digest: str
     packages: dict[str, str]
+    record: str = ""  # of an estimate: the digest of the settings of the plant's record
 
 
 @dataclass(frozen=True)

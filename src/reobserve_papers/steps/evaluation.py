@@ -17,6 +17,7 @@ from reobserve.core.errors import InputError, located, shown
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.metrics.parts import only
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.step_kinds import KINDS
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.chain import Step, reads
 from reobserve_papers.steps.compute import (
@@ -247,7 +248,13 @@ class Evaluator:
         settings = self.parameters.settings(step, name)
         if step == "theory":
             inputs = [dict(zip(settings["designs"], inputs, strict=True))]
+        if KINDS[step].progress:
+            inputs.append(_say_nothing)
         return compute(self.parameters, step, name, settings, *inputs)
+
+
+def _say_nothing(_: str) -> None:
+    """Take what a long step says of its progress."""
 
 
 def evaluate(parameters: Parameters, figure: str) -> Replication:

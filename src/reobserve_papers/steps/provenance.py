@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from reobserve_papers.parameters.names import paper_part
+from reobserve_papers.parameters.step_kinds import KINDS
 
 # The library and the papers: the top-level packages of this project.
 _OURS = ("reobserve", "reobserve_papers")
@@ -24,13 +25,10 @@ _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clara
 
 
 # What a job runs that evaluates figures in its own process.
-_EVALUATED = ("plant", "design", "observe", "study", "study_rows", "theory", "metrics")
-
-# What checks a plant's record by what the paper says of it and of its keys.
-_CHECKED = ("observe", "study", "search", "metrics", "plot")
+_EVALUATED = (*(step for step, kind in KINDS.items() if kind.function), "study_rows")
 
 # What writes or reads the table of a study.
-_STUDIED = ("study", "metrics", "plot")
+_STUDIED = ("study", *(step for step, kind in KINDS.items() if "study" in kind.results))
 
 
 def stage_modules(stage: str, package: str) -> list[str]:
@@ -38,11 +36,9 @@ def stage_modules(stage: str, package: str) -> list[str]:
 
     ``package`` is that of the paper; parts that only some papers have may be missing in it.
     """
-    needed, optional = [stage], []
+    needed, optional = [stage, "keys"], []
     if stage in ("sample", "robustness"):
-        needed, optional = ["keys"], [*_EVALUATED, "study_rows"]
-    if stage in _CHECKED:
-        needed += ["keys", "record"]
+        needed, optional = ["keys"], [*_EVALUATED]
     if stage in _STUDIED:
         optional += ["study_rows"]
     found = [paper_part(package, part) for part in optional]

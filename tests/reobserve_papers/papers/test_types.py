@@ -13,7 +13,7 @@ from mypy import api
 
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.steps.compute import CALLS
+from reobserve_papers.parameters.step_kinds import KINDS
 from tests import ROOT
 
 PAPERS = known_papers(ROOT)
@@ -77,13 +77,15 @@ def test_steps_take_the_types_of_their_paper(paper: str) -> None:
 
 def steps(package: str) -> Iterator[tuple[str, Any]]:
     """The functions of a paper that jobs call, and the type of what each takes first."""
-    for part, (function, _) in {**CALLS, "metrics": ("measure", "")}.items():
+    for part, kind in KINDS.items():
         try:
             module = importlib.import_module(f"{package}.{part}")
         except ModuleNotFoundError:
             continue
-        step = getattr(module, function)
+        if not kind.function:
+            continue
+        step = getattr(module, kind.function)
         hints = get_type_hints(step)
-        yield f"{part}.{function}", hints[step.__code__.co_varnames[0]]
+        yield f"{part}.{kind.function}", hints[step.__code__.co_varnames[0]]
     for layout, draw in importlib.import_module(f"{package}.plot").LAYOUTS.items():
         yield layout, get_type_hints(draw)["data"]

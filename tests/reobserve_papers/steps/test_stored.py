@@ -29,7 +29,8 @@ from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Channel, Series
 from reobserve_papers.steps import compute as common
-from reobserve_papers.steps.compute import compute_design, read_design, rows_from
+from reobserve_papers.steps.compute import compute_design, read_design, rows_from, signed
+from tests.reobserve_papers.papers import merged
 from tests.reobserve_papers.pipeline.conftest import ROOT
 
 Change = Callable[[Series], Series]
@@ -67,76 +68,24 @@ def made(parameters: Parameters, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return folder
 
 
-def channel(name: str, change: Callable[[Any], Any], unit: str | None = None) -> Change:
-    """A series with one channel changed; the file itself is intact, so its digest is valid."""
-
-    def changed(series: Series) -> Series:
-        one = series.channels[name]
-        other = Channel(change(one.values.copy()), unit or one.unit)
-        return replace(series, channels={**series.channels, name: other})
-
-    return changed
-
-
-def spoilt(row: int, value: float) -> Callable[[Any], Any]:
-    def change(values: Any) -> Any:
-        values[row] = value
-        return values
-
-    return change
-
-
-def without(series: Series, name: str) -> Series:
-    rest = {key: one for key, one in series.channels.items() if key != name}
-    return replace(series, channels=rest)
-
-
-def uneven(series: Series) -> Series:
-    time = series.time.copy()
-    time[7] += 0.4 * (time[1] - time[0])
-    return replace(series, time=time)
-
-
-def cut(series: Series) -> Series:
-    channels = {name: Channel(c.values[:-3], c.unit) for name, c in series.channels.items()}
-    return replace(series, time=series.time[:-3], channels=channels)
-
-
 def of(series: Series, **reported: Any) -> Series:
     return replace(series, provenance={**series.provenance, **reported})
 
 
 RECORDS: dict[str, tuple[Change, str]] = {
-    "a time axis twice as long": (
-        lambda s: replace(s, time=2 * s.time), r"has a sample at 1 s, must have it at 0.5 s$"),
-    "an uneven time axis": (uneven, r"has a sample at .* s, must have it at .* s$"),
-    "a time axis that starts later": (
-        lambda s: replace(s, time=s.time + 1), r"has a sample at 1.* s, must have it at"),
-    "too few samples": (cut, r"samples up to .* s, must have 4001 up to 0.5 s, the horizon"),
-    "another unit": (
-        channel("rate", np.array, "deg"), r"rate has the unit 'deg' and 3 components, must have"),
-    "too few components": (
-        channel("rate", lambda v: v[:, :2]), r"rate has the unit 'rad/s' and 2 components, must"),
-    "no rate": (lambda s: without(s, "rate"), r"has no channel 'rate'$"),
-    "a channel that nobody knows": (
-        lambda s: replace(s, channels={**s.channels, "x": s.channels["rate"]}),
-        r"has the unknown channel 'x'$"),
-    "a rate that is no number": (
-        channel("rate", spoilt(5, np.nan)), r"rate is not finite at .* s, must be a number$"),
-    "an infinite fault": (
-        channel("fault", spoilt(-1, np.inf)), r"fault is not finite at 0.5 s, must be a number$"),
-    "no onsets": (lambda s: replace(s, events={}), r"has no event 'onsets'$"),
     "of another paper": (
         lambda s: of(s, paper="eso"), r"is 'constant' of stage plant of eso, must be a record of"),
     "an estimate": (lambda s: of(s, stage="observe"), r"of stage observe of ilo, must be a record"),
     "of an unknown scenario": (lambda s: of(s, job="mine"), r"is 'mine' of stage plant of ilo"),
+    "of another scenario": (
+        lambda s: of(s, job="periodic"), r"was made from other parameters than ilo has now; run"),
     "of an unknown maker": (
         lambda s: replace(s, provenance={}), r"provenance.paper: is missing; the prov"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", RECORDS)
-def test_record_is_checked_against_the_parameters(
+def test_record_is_compared_with_the_parameters(
     case: str,
     made: Path,
     parameters: Parameters,
@@ -157,50 +106,47 @@ def test_record_is_checked_against_the_parameters(
 
 def test_unchanged_records_and_estimates_are_accepted(made: Path, parameters: Parameters) -> None:
     plant = read_record(made / "plant.parquet", parameters, "constant")
-    observers = {"sampled": parameters.section("observers", "sampled")}
-    found = read_estimates(observers, [made / "sampled.parquet"], parameters, plant)
+    found = read_estimates(["sampled"], [made / "sampled.parquet"], parameters, plant)
     assert found["sampled"].time[-1] == plant.time[-1] == 0.5
     with pytest.raises(InputError, match=r"is 'constant' of stage plant of ilo, must be a record"):
         read_record(made / "plant.parquet", parameters, "periodic")
-    others = {"forgetting": parameters.section("observers", "forgetting")}
     with pytest.raises(InputError, match=r"is 'sampled' of .*, must be an estimate of"):
-        read_estimates(others, [made / "sampled.parquet"], parameters, plant)
+        read_estimates(["forgetting"], [made / "sampled.parquet"], parameters, plant)
 
 
-def test_estimates_must_match_the_time_of_their_record(
-    made: Path, parameters: Parameters, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(
+    "other", [{"horizon": 1.0}, {"step": 5e-4}, {"initial_rate": [0.0, 0.0, 0.0]}]
+)
+def test_files_of_other_parameters_are_refused(made: Path, other: dict[str, Any]) -> None:
+    now = Parameters.load(ROOT, "ilo", {**SHORT, "plant": {**SHORT["plant"], **other}})
+    with pytest.raises(InputError, match=r"run the stage plant again$"):
+        read_record(made / "plant.parquet", now)
+    plant = Series.read(made / "plant.parquet")
+    with pytest.raises(InputError, match=r"run the stage observe again$"):
+        read_estimates(["sampled"], [made / "sampled.parquet"], now, plant)
+
+
+def test_new_labels_leave_files_as_they_are(made: Path) -> None:
+    words = {"scenarios": {"constant": {"title": "a"}}, "observers": {"sampled": {"label": "b"}}}
+    now = Parameters.load(ROOT, "ilo", {**SHORT, **merged(SHORT, words)})
+    plant = read_record(made / "plant.parquet", now)
+    assert read_estimates(["sampled"], [made / "sampled.parquet"], now, plant)
+
+
+def test_estimates_must_be_on_the_record_of_the_figure(made: Path, parameters: Parameters) -> None:
     plant = read_record(made / "plant.parquet", parameters)
-    observers, path = (
-        {"sampled": parameters.section("observers", "sampled")},
-        tmp_path / "e.parquet",
-    )
-    series = Series.read(made / "sampled.parquet")
-    for change, said in (
-        (lambda s: replace(s, time=2 * s.time), "has a sample at 1 s, must have it at 0.5 s"),
-        (cut, "samples up to|has a sample at"),
-        (channel("fault", spoilt(3, np.nan)), "fault is not finite"),
-        (lambda s: without(s, "fault"), "has no channel 'fault'"),
-    ):
-        change(series).write(path)
-        with pytest.raises(InputError, match=said):
-            read_estimates(observers, [path], parameters, plant)
+    other = of(plant, settings_digest="another")
+    with pytest.raises(InputError, match=r"is an estimate on another record, must be on that"):
+        read_estimates(["sampled"], [made / "sampled.parquet"], parameters, other)
 
 
-def test_lie_coordinates_are_optional_in_a_file(tmp_path: Path) -> None:
-    parameters, path = Parameters.load(ROOT, "lie"), tmp_path / "e.parquet"
-    time, reported = np.arange(21) * 0.1, {"paper": "lie", "stage": "observe", **MADE}
-    plant = Series(time, {})
-    observers = {name: parameters.section("observers", name) for name in ("order4", "transformed4")}
-    rows = Channel(np.outer(time, [1.0, 2.0]), "1")
-    for name in observers:
-        for channels in ({"state": rows}, {"state": rows, "coordinates": rows}):
-            Series(time, channels, provenance={**reported, "job": name}).write(path)
-            found = read_estimates([name], [path], parameters, plant)
-            assert set(found[name].channels) == set(channels)
-        Series(time, {"coordinates": rows}, provenance={**reported, "job": name}).write(path)
-        with pytest.raises(InputError, match=r"has no channel 'state'$"):
-            read_estimates([name], [path], parameters, plant)
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_values_that_are_not_finite_are_not_written(parameters: Parameters, value: float) -> None:
+    rows = np.ones((3, 2))
+    rows[1, 1] = value
+    series = Series(np.arange(3.0), {"x": Channel(rows, "1")})
+    with pytest.raises(InputError, match=r"^ilo.constant: x is not finite at 1 s, must be a num"):
+        signed(series, parameters, "plant", "constant", {})
 
 
 # --- The file of a series -------------------------------------------------------------------------

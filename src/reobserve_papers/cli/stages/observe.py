@@ -18,4 +18,4 @@ def run(
     design = named_design(parameters, settings["observer"], design_file)
     plant = read_record(plant_file, parameters)
     series = compute(parameters, "observe", observer, settings, plant, *design)
-    signed(series, parameters, "observe", observer, settings).write(output)
+    signed(series, parameters, "observe", observer, settings, plant).write(output)

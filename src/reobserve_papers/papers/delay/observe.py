@@ -16,8 +16,8 @@ from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDe
 from reobserve_papers.papers.delay.estimator_variable_structure import (
     VariableStructureDelayEstimator,
 )
-from reobserve_papers.papers.delay.record import UNITS
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
+from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.signals.grid import stride
 from reobserve_papers.signals.series import Channel, Series
 

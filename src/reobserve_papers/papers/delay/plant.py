@@ -11,13 +11,13 @@ from reobserve.core.errors import located
 from reobserve.core.matrices import as_vector
 from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.delay import keys, noise
-from reobserve_papers.papers.delay.record import UNITS
 from reobserve_papers.papers.delay.setup import (
     build_model,
     delay_bounds,
     grid,
     input_and_derivatives,
 )
+from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve_papers.signals.grid import noise_hold
 from reobserve_papers.signals.inputs import Signal

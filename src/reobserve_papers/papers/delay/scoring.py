@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reobserve_papers.metrics.metrics import Score
 from reobserve_papers.metrics.responses import error_of, root_mean_square, window
 from reobserve_papers.papers.delay import keys
-from reobserve_papers.papers.delay.record import UNITS
+from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

@@ -22,9 +22,9 @@ from reobserve_papers.metrics.responses import root_mean_square, window
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.scoring import check_rules, probabilities
 from reobserve_papers.papers.imm.study_rows import STATED, TUNED
+from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.parameters.figure_data import FigureData
 
 Array = NDArray[np.float64]

@@ -8,7 +8,6 @@ from reobserve.core.errors import DivergenceError
 from reobserve.observers.imm import IMM
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.setup import (
     bank,
     chattering_correction,
@@ -16,6 +15,7 @@ from reobserve_papers.papers.imm.setup import (
     run,
     saturation,
 )
+from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.plants.hydraulic_actuator import REALISATIONS
 from reobserve_papers.signals.series import Channel, Series
 

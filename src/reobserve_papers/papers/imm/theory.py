@@ -25,8 +25,8 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.papers.imm.record import UNITS
 from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run
+from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.inputs import Signal

@@ -27,7 +27,7 @@ from reobserve_papers.parameters.check import Checks
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import AnyFigure, Study
 from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
-from reobserve_papers.signals.series import Channel, ChannelShape, Series
+from reobserve_papers.signals.series import Channel, Series
 
 
 @dataclass(frozen=True)
@@ -121,16 +121,6 @@ def simulate(job: Job) -> Series:
         state[row + 1] = A @ state[row] + effects @ both
     x = {"position": Channel(state[:, :2], "m"), "force": Channel(force, "N")}
     return Series(time, {**x, "measured": Channel(state[:, 0] + job.scenario.noise * noise, "m")})
-
-
-def plant(_: Job) -> dict[str, ChannelShape]:
-    """What a record holds, and below what an observer estimates."""
-    return {**estimates(_), "force": ChannelShape("N"), "measured": ChannelShape("m")}
-
-
-def estimates(_: Job) -> dict[str, ChannelShape]:
-    """Of both masses."""
-    return {"position": ChannelShape("m", 2)}
 
 
 def compute(job: Job) -> dict[str, Any]:
