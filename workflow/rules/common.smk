@@ -16,6 +16,7 @@ from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
 from reobserve_papers.parameters.prepare import check_metadata, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
+from reobserve_papers.parameters.step_kinds import SECTIONS
 from reobserve_papers.steps.provenance import closure_digest, code_digest, files_digest, versions
 from reobserve_papers.signals.inputs import sample_files
 
@@ -127,14 +128,8 @@ def one_of(section):
 
 
 wildcard_constraints:
+    **{about: one_of(section) for about, section in SECTIONS.items()},
     paper="|".join(PARAMETERS),
-    scenario=one_of("scenarios"),
-    observer=one_of("observers"),
-    design=one_of("designs"),
-    study=one_of("studies"),
-    search=one_of("searches"),
-    table=one_of("tables"),
-    figure=one_of("figures"),
     chunk=r"\d+-\d+",
     task="|".join(known_tasks(Path())) or "none",
     method=r"\w+",

@@ -10,7 +10,6 @@ from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import reason
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.names import DEFAULT_STYLE, style_sheet
-from reobserve_papers.parameters.parameter_file import Configuration, Name
 
 
 def known_papers(project: Path) -> list[str]:
@@ -26,6 +25,8 @@ def known_papers(project: Path) -> list[str]:
         papers = sorted(path.stem for path in folder.glob("*.yaml"))
     except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
         raise InputError(str(folder), f"cannot be read ({reason(error)})") from None
+    from reobserve_papers.parameters.parameter_file import Name  # which most jobs do without
+
     for paper in papers:
         parse(Name, paper, "config.papers")
     return papers
@@ -80,6 +81,8 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     InputError
         If a key is neither of `Configuration` nor a paper, or a value is not allowed.
     """
+    from reobserve_papers.parameters.parameter_file import Configuration
+
     check_plain(config, "config")
     known = [*Configuration.model_fields, *papers]
     for key in config:

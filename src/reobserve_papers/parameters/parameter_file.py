@@ -239,14 +239,6 @@ class ParameterFile(Model):
     figures: dict[FigureName, FigureBranch]
 
 
-class StoredFile(Model):
-    """The parameters of a build, as ``results/<paper>/parameters.json`` has them."""
-
-    paper: Name
-    seed: int
-    parameters: dict[str, Any]
-
-
 class Configuration(BaseModel):
     """What a build produces, ``config/config.yaml``. Other keys are papers, with overrides."""
 

@@ -15,12 +15,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
+from reobserve.core.documents import Tree, check_plain, digest, read_json, read_yaml
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import OVERRIDDEN, is_entry, resolve
-from reobserve_papers.parameters.parameter_file import ParameterFile, StoredFile
 from reobserve_papers.parameters.settings import settings
 
 # What bodies of a section may name, by key: one name or a list of them, and where they stand.
@@ -67,6 +66,8 @@ class Parameters:
         tree = read_yaml(project / "config" / "papers" / f"{paper}.yaml")
         check_plain(overrides or {}, paper)
         tree = resolve(tree, overrides or {}, paper)
+        from reobserve_papers.parameters.parameter_file import ParameterFile
+
         parse(ParameterFile, tree, paper)
         parameters = cls(paper, tree, seed)
         parameters._check_ranges()
@@ -75,22 +76,24 @@ class Parameters:
 
     @classmethod
     def read(cls, path: str | Path) -> Parameters:
-        """Read what `text` was written to.
+        """Read what `text` was written to, which had been checked then.
 
         Raises
         ------
         InputError
-            If the file is missing or no parameters.
+            If the file is missing, or has not the digest of what it holds.
         """
-        stored = parse(StoredFile, read_json(path), str(path))
-        parse(ParameterFile, stored.parameters, str(path))
-        parameters = cls(stored.paper, stored.parameters, stored.seed)
-        parameters._check_references()
-        return parameters
+        stored = read_json(path)
+        kept = {key: value for key, value in stored.items() if key != "digest"}
+        if stored.get("digest") != digest(kept):
+            problem = "is not as it was written; build, or run `reobserve-papers stage parameters`"
+            raise InputError(str(path), problem)
+        return cls(kept["paper"], kept["parameters"], kept["seed"])
 
     def text(self) -> str:
-        """The parameter file as JSON, the same for the same content."""
+        """The parameter file as JSON with a digest of it, the same for the same content."""
         stored = {"paper": self.paper, "seed": self.seed, "parameters": self.tree}
+        stored["digest"] = digest(stored)
         return json.dumps(stored, indent=1, ensure_ascii=False) + "\n"
 
     @property

@@ -394,57 +394,30 @@ def test_invalid_robustness_file_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    "change",
     [
-        (
-            lambda t: t.pop("parameters"),
-            "parameters.json.parameters: is missing; the stored file needs it$",
-        ),
-        (lambda t: t.update(seed="1"), "seed: '1' must be a whole number$"),
-        (lambda t: t.update(paper="../x"), "'../x' is no name: a letter, then"),
-        (lambda t: t["parameters"].pop("plant"), "plant: is missing; the parameter file needs it$"),
-        (
-            lambda t: t["parameters"].update(figures=[]),
-            r"figures: \[\] must be a mapping of keys to values$",
-        ),
-        (
-            lambda t: t["parameters"]["figures"].update(fig1=3),
-            "figures.fig1: 3 must be a mapping of keys",
-        ),
-        (
-            lambda t: t["parameters"]["figures"]["fig1"].update(observers=[[]]),
-            r"fig1.observers.0: \[\] must be a word$",
-        ),
-        (
-            lambda t: t["parameters"]["figures"]["fig1"].update(observers="a"),
-            "fig1.observers: 'a' must be a list of words$",
-        ),
-        (
-            lambda t: t["parameters"]["figures"]["fig1"].pop("scenario"),
-            "figures.fig1.scenario: is missing; the figure needs it$",
-        ),
-        (
-            lambda t: t["parameters"]["figures"]["fig1"].update(scenario=3),
-            "figures.fig1.scenario: 3 must be a word$",
-        ),
-        (
-            lambda t: t["parameters"]["figures"]["fig1"].update(scenario="x"),
-            "there is no 'x' in scen",
-        ),
-        (
-            lambda t: t["parameters"]["plant"]["step"].pop("source"),
-            "plant.step.source: is missing; the entry",
-        ),
+        lambda t: t.clear(),
+        lambda t: t.pop("digest"),
+        lambda t: t.pop("parameters"),
+        lambda t: t.update(digest=None),
+        lambda t: t.update(seed=t["seed"] + 1),
+        lambda t: t.update(paper="../x"),
+        lambda t: t.update(more=1),
+        lambda t: t["parameters"].pop("plant"),
+        lambda t: t["parameters"].update(figures=[]),
+        lambda t: t["parameters"]["figures"]["fig1"].update(scenario="x"),
+        lambda t: t["parameters"]["plant"]["step"].update(value=2e-4),
+        lambda t: t["parameters"]["plant"]["step"].pop("source"),
     ],
 )
-def test_invalid_parameter_file_is_refused(
-    change: Callable[[Any], Any], said: str, tmp_path: Path
-) -> None:
+def test_changed_parameter_file_is_refused(change: Callable[[Any], Any], tmp_path: Path) -> None:
     path = tmp_path / "parameters.json"
     stored = json.loads(Parameters.load(ROOT, "ilo").text())
+    path.write_text(json.dumps(stored))
+    assert Parameters.read(path) == Parameters.load(ROOT, "ilo")
     change(stored)
     path.write_text(json.dumps(stored))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=r"parameters\.json: is not as it was written; build, or"):
         Parameters.read(path)
 
 

@@ -22,7 +22,9 @@ from reobserve_papers.papers.imm.study_rows import TUNED
 from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.chain import reads
 from reobserve_papers.steps.compute import signed
+from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve_papers.papers import job_of
 from tests.reobserve_papers.papers.imm.test_paper import SEED, Tree, parameters, record
 from tests.reobserve_papers.papers.imm.test_studies import KEPT
@@ -71,6 +73,12 @@ def found(lines: list[str] | None = None, **stated: Any) -> dict[str, Any]:
 def first() -> tuple[dict[str, Any], list[str]]:
     lines: list[str] = []
     return found(lines), lines
+
+
+def test_search_can_be_evaluated_in_one_process() -> None:
+    assert reads(small_parameters(), "search", "calibrated") == [("plant", "step")]
+    evaluator = Evaluator(small_parameters())
+    assert evaluator.result("search", "calibrated") == first()[0]
 
 
 def calibration(of: Parameters, series: Series) -> Calibration:
