@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.core.documents import read_yaml
+from reobserve.core.documents import Tree, read_yaml
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import stored_parameters
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.step_kinds import KINDS
 
 
 def show_list(project: Path, paper: Sequence[str]) -> None:
@@ -40,26 +41,15 @@ def show_list(project: Path, paper: Sequence[str]) -> None:
             for scenario, body in tree["scenarios"].items()
         ]
         _print_rows("scenarios", rows)
-        rows = [
-            (design, body["title"], _state(folder / f"{design}.design.json"))
-            for design, body in tree.get("designs", {}).items()
-        ]
-        _print_rows("designs", rows)
+        _print_rows("designs", _made(folder, tree, "design"))
         rows = []
         for observer, body in tree["observers"].items():
             runs = sorted(path.parent.name for path in folder.glob(f"*/{observer}.parquet"))
             rows.append((observer, body["label"], f"run on: {', '.join(runs)}" if runs else ""))
         _print_rows("observers", rows)
-        rows = [
-            (study, body["title"], _state(folder / f"{study}.study.csv"))
-            for study, body in tree.get("studies", {}).items()
-        ]
-        _print_rows("studies", rows)
-        rows = [
-            (search, body["title"], _state(folder / f"{search}.search.json"))
-            for search, body in tree.get("searches", {}).items()
-        ]
-        _print_rows("searches", rows)
+        for step, kind in KINDS.items():
+            if step == kind.about and step not in ("design", "table"):  # which are above
+                _print_rows(kind.section, _made(folder, tree, step))
     print("\nreobserve-papers params PAPER shows the numbers behind a paper, with their sources.")
 
 
@@ -93,6 +83,14 @@ def show_params(project: Path, paper: str, match: str, why: bool, built: bool) -
 
 def _state(path: Path) -> str:
     return "built" if path.exists() else "not built"
+
+
+def _made(folder: Path, tree: Tree, step: str) -> list[tuple[str, str, str]]:
+    """The branches of the section that a step is about, and whether their results are there."""
+    return [
+        (name, body["title"], "built" if any(folder.glob(f"{name}.{step}.*")) else "not built")
+        for name, body in tree.get(KINDS[step].section, {}).items()
+    ]
 
 
 def _print_rows(title: str, rows: Sequence[Sequence[str]], hint: str = "") -> None:

@@ -21,20 +21,14 @@ from reobserve.core.validation import parse
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import OVERRIDDEN, is_entry, resolve
 from reobserve_papers.parameters.settings import settings
+from reobserve_papers.parameters.step_kinds import SECTIONS
 
-# What bodies of a section may name, by key: one name or a list of them, and where they stand.
+# What branches may name, by key: one name or a list of them, and where they stand.
 _NAMED = {
     "scenario": "scenarios",
     "observers": "observers",
     "study": "studies",
     "design": "designs",
-}
-_NAMING = {
-    "observers": ("design",),
-    "studies": ("scenario", "observers", "design"),
-    "searches": ("scenario", "observers"),
-    "tables": ("design",),
-    "figures": ("scenario", "observers", "study"),
 }
 
 
@@ -161,10 +155,12 @@ class Parameters:
 
     def _check_references(self) -> None:
         """Every scenario, observer, study and design that is named must exist."""
-        for section, keys in _NAMING.items():
+        for section in SECTIONS.values():
             for name, body in self.tree.get(section, {}).items():
-                for key in filter(body.__contains__, keys):
-                    kind, named = _NAMED[key], body[key]
+                for key, kind in _NAMED.items():
+                    named = body.get(key, [])
+                    if is_entry(named):
+                        continue
                     have = self.tree.get(kind, {})
                     for wanted in named if isinstance(named, list) else [named]:
                         if wanted not in have:
