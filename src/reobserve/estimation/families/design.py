@@ -220,16 +220,18 @@ class Design(ABC):
         """A few sentences on what the certificate says."""
 
     def checked(self) -> Design:
-        """The design, if its certificate is the one of its system and gains.
+        """The design, if its certificate is the one of its system and gains, and it can start.
 
         Raises
         ------
         InputError
-            If it is not, with the numbers; or as `certify`.
+            If it is not, with the numbers; as `certify`; or if what it is to start from cannot be.
         """
         with self.keyed():
             found = self.certify()
         _compare("certificate", self.certificate, found)
+        with located("system"), self.keyed():
+            self.start()
         return self
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -141,3 +142,38 @@ def test_failed_write_keeps_the_previous_design(
     with pytest.raises(InputError, match="is read-only"):
         save_design(path, designs["steady"])
     assert path.read_bytes() == before
+
+
+def numbers(tree: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Places of numbers in a design file: of each list of numbers the last."""
+    if isinstance(tree, dict):
+        for name, part in tree.items():
+            yield from numbers(part, (*place, name))
+    elif isinstance(tree, list) and tree:
+        yield from numbers(tree[-1], (*place, len(tree) - 1))
+    elif isinstance(tree, int | float) and not isinstance(tree, bool):
+        yield place
+
+
+# Numbers that text may state, and those that may be left out.
+ALSO_TEXT = {
+    "luenberger": ("poles",), "normal-form": ("poles",), "high-gain": ("drift", "input_gain"),
+    "extended-high-gain": ("drift", "input_gain"),
+}  # fmt: skip
+MAY_BE_LEFT_OUT = ("gamma", "update_interval")
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_number_of_another_type_is_refused_and_named(kind: str, stored: dict[str, Path]) -> None:
+    path = stored["steady" if kind == "kalman" else kind]
+    whole = path.read_text(encoding="utf-8")
+    for place in numbers(json.loads(whole)):
+        for value in (str, True, None, [[[[0.5]]]]):
+            text = value is str and place[1:2] and place[1] in ALSO_TEXT.get(kind, ())
+            if text or (value is None and place[-1] in MAY_BE_LEFT_OUT):
+                continue
+            path.write_text(whole, encoding="utf-8")
+            tampered(path, *place, value=value)
+            with pytest.raises(InputError) as refused:
+                load_design(path)
+            assert str(refused.value).startswith(f"{path}: "), place

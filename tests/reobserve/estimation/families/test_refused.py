@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.families import FAMILIES
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.file import load_design, save_design
 from tests.reobserve.estimation.families.test_kinds import design
 
@@ -65,6 +66,26 @@ def test_invalid_model_is_refused_naming_the_key(
     with pytest.raises(InputError) as error:
         design(kind, **changed)
     assert str(error.value).startswith(said)
+
+
+SYSTEMS = {kind: get_type_hints(family(kind))["system"] for kind in FAMILIES}
+
+
+@pytest.mark.parametrize(("kind", "changed", "said"), MODELS)
+def test_what_a_system_refuses_every_system_derived_from_it_refuses(
+    kind: str, changed: dict[str, Any], said: str
+) -> None:
+    """But for what a kind must state, and for what is about gains."""
+    system, derived = SYSTEMS[kind], []
+    for other, one in SYSTEMS.items():
+        named = all(key in {each.name for each in fields(one)} for key in changed)
+        if other != kind and issubclass(one, system) and named:
+            derived.append(other)
+            with pytest.raises(InputError) as error:
+                design(other, **changed)
+            assert str(error.value).startswith(said.partition(":")[0].partition(".")[0]), other
+    if kind == "high-gain" and "inputs" not in changed:
+        assert derived == ["extended-high-gain"]
 
 
 @pytest.mark.parametrize("kind", FAMILIES)
