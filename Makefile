@@ -68,13 +68,17 @@ check: $(STAMP)  ## style, types, workflow lint
 	snakemake --lint
 
 # A newer and an older processor: what numpy, its BLAS, numba and the C library are made to use.
+# And one whose compiled loops are those of the older one, as numpy and the C library are not.
 NEWER := OPENBLAS_CORETYPE=Haswell NPY_ENABLE_CPU_FEATURES=
 OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 	GLIBC_TUNABLES=glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2
+MIXED := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
+BENCH := tests/reobserve_papers/bench/test_tuned.py::test_comparison_agrees_with_golden_numbers
 
-elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of a newer and an older processor
+elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of three other processors
 	$(NEWER) pytest tests/reobserve_papers/golden/test_golden.py
 	$(OLDER) pytest tests/reobserve_papers/golden/test_golden.py
+	$(MIXED) pytest -m "" tests/reobserve_papers/golden/test_golden.py $(BENCH)
 
 benchmarks: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks

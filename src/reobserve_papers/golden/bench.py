@@ -1,24 +1,43 @@
 """Golden tables of the bench, compared with those of a build.
 
-A table has a row for each method in a condition: four words that name it, then numbers.
+A table has a row for each method in a condition: four words that name it, then numbers. What
+rounding decides in some record, in a chaotic run or by an alarm more or less, has a tolerance of
+its own.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from reobserve.core.files import read_rows
-from reobserve_papers.golden.comparison import Moved, compare
+from reobserve.core.errors import ReobserveError
+from reobserve.core.files import NUMBER, read_rows, read_table, write_table
+from reobserve_papers.golden.comparison import Moved, compare, distance
 from reobserve_papers.golden.files import GoldenNumber, Key
+from reobserve_papers.golden.tolerances import MARGIN, two_digits_up
 
 TOLERANCE = 1e-4  # relative, for rounding on other processors; 1 % of a constant moves more
+# Shares of records, by task: one record of a row, with what goes with it, may count or not.
+SHARES = {"leak": ("quantile",)}
+
+_REPEATS = 3  # of the scores, each with other rounding errors in the records
+_HEADER = ("task", "method", "quantity", "tolerance")
+
+Tolerances = dict[tuple[str, str], float]  # by method and column with its place
 
 
 def golden_table(project: Path, task: str) -> Path:
     """The accepted table of a task."""
     return project / "tests" / "golden" / "bench" / f"{task}.csv"
+
+
+def tolerances_file(project: Path) -> Path:
+    """The tolerances, of all tasks, of numbers that rounding moves by more than others."""
+    return project / "tests" / "golden" / "bench" / "tolerances.csv"
 
 
 def built_table(results: Path, task: str) -> Path:
@@ -28,8 +47,8 @@ def built_table(results: Path, task: str) -> Path:
 
 def compare_task(project: Path, results: Path, task: str) -> list[Moved]:
     """What moved in the table of a task; `InputError` if one is missing or damaged."""
-    golden, found = _read(golden_table(project, task)), _read(built_table(results, task))
-    return list(compare(golden, found, f"bench {task}"))
+    golden = _read(golden_table(project, task), task, read_tolerances(project, task))
+    return list(compare(golden, _read(built_table(results, task), task), f"bench {task}"))
 
 
 def renew(project: Path, results: Path, task: str) -> Iterator[str]:
@@ -40,20 +59,85 @@ def renew(project: Path, results: Path, task: str) -> Iterator[str]:
     else:
         moved = [f"bench {task}: new"]
     if moved:
+        print(f"measuring the tolerances of the bench, {task}, some minutes", flush=True)
         golden.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(built, golden)
+        _write_tolerances(project, task, measure(project, task))
     yield from moved
 
 
-def _read(path: Path) -> dict[Key, GoldenNumber]:
+def measure(project: Path, task: str) -> Tolerances:
+    """The tolerances of what rounding errors in the records move by more than is allowed.
+
+    Raises
+    ------
+    ReobserveError
+        If the task cannot be scored.
+    """
+    golden = _read(golden_table(project, task), task)
+    with tempfile.TemporaryDirectory(prefix="reobserve-") as folder:
+        tables = []
+        for repeat in range(_REPEATS):
+            tables.append(Path(folder) / f"{repeat}.csv")
+            bench = project / "config" / "bench"
+            arguments = (bench / f"{task}.yaml", bench / "tuned" / task, repeat, tables[-1])
+            command = [sys.executable, "-m", "reobserve_papers.bench.perturbed"]
+            command += map(str, arguments)
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+                raise ReobserveError(f"bench {task}: {said[-1]}")
+        return wider(golden, [_read(table, task) for table in tables])
+
+
+def wider(golden: Mapping[Key, GoldenNumber], repeats: list[dict[Key, GoldenNumber]]) -> Tolerances:
+    """Ten times the largest change in the repeats, where that is more than is allowed anyway."""
+    found = {}
+    for key, number in golden.items():
+        if number.value and not number.is_word:
+            changes = [distance(float(number.value), float(one[key].value)) for one in repeats]
+            allowed = two_digits_up(MARGIN * max(changes)) if any(changes) else 0.0
+            if allowed > float(number.tolerance):
+                found[key[:2]] = allowed
+    return found
+
+
+def read_tolerances(project: Path, task: str) -> Tolerances:
+    """The stored tolerances of a task; none if there is no file."""
+    path = tolerances_file(project)
+    rows = read_table(path, _HEADER, {"tolerance": NUMBER}, _HEADER[:3]) if path.exists() else []
+    return {
+        (row["method"], row["quantity"]): float(row["tolerance"])
+        for row in rows
+        if row["task"] == task
+    }
+
+
+def _write_tolerances(project: Path, task: str, found: Tolerances) -> None:
+    path = tolerances_file(project)
+    kept = read_table(path, _HEADER, {"tolerance": NUMBER}, _HEADER[:3]) if path.exists() else []
+    rows = [row for row in kept if row["task"] != task]
+    rows += [
+        {"task": task, "method": method, "quantity": quantity, "tolerance": f"{allowed:g}"}
+        for (method, quantity), allowed in found.items()
+    ]
+    write_table(path, rows, _HEADER)
+
+
+def _read(path: Path, task: str, stored: Tolerances | None = None) -> dict[Key, GoldenNumber]:
     """By method, then condition, training set, whether the noise is given, and column."""
     header, rows = read_rows(path)
     numbers: dict[Key, GoldenNumber] = {}
     for condition, method, training, given, *cells in rows:
         place = f"in {condition}, training {training}, given noise {given}"
-        for column, cell in zip(header[4:], cells, strict=True):
-            number = GoldenNumber(cell)
+        row = dict(zip(header[4:], cells, strict=True))
+        for column, cell in row.items():
+            number, quantity = GoldenNumber(cell), f"{column} {place}"
             if cell and not number.is_word:
-                number = GoldenNumber(cell, "", f"{TOLERANCE * abs(float(cell)):g}")
-            numbers[method, f"{column} {place}", ""] = number
+                allowed = TOLERANCE * abs(float(cell))
+                if column in SHARES.get(task, ()):
+                    allowed = 1.0 / float(row["seeds"])
+                allowed = max(allowed, (stored or {}).get((method, quantity), 0.0))
+                number = GoldenNumber(cell, "", f"{allowed:g}")
+            numbers[method, quantity, ""] = number
     return numbers

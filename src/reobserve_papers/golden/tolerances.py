@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-_MARGIN = 10  # over what was seen: not every processor can be emulated
+MARGIN = 10  # over what was seen: not every processor can be emulated
 _STEP_MARGIN = 2
 _RELATIVE_ROUNDING = 1e-12
 _ABSOLUTE_ROUNDING = 1e-15
@@ -33,7 +33,7 @@ def tolerance(size: float, moved: float, halved: float) -> float | None:
     processor, ``halved`` the change of the number with every step halved.
     """
     rounding = max(_RELATIVE_ROUNDING * size, _ABSOLUTE_ROUNDING)
-    allowed = max(_MARGIN * moved, _STEP_MARGIN * halved, rounding)
+    allowed = max(MARGIN * moved, _STEP_MARGIN * halved, rounding)
     if not is_determined(size, moved, allowed):
         return None
     return two_digits_up(allowed)

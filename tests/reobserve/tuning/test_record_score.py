@@ -49,6 +49,15 @@ def test_delayed_estimate_scores_its_delay_as_lag(delay: float) -> None:
     assert found.error == pytest.approx(expected, rel=0.05)
 
 
+def test_lag_of_a_constant_is_some_number() -> None:
+    """By which delay it fits best is decided by rounding."""
+    truth, random = np.ones((11, 1)), np.random.default_rng(1)
+    exact = TaskRecord(0.1 * np.arange(11.0), np.zeros((11, 0)), truth, truth)
+    for _ in range(300):
+        off = 1.0 + 1e-15 * random.uniform(-1.0, 1.0, truth.shape)
+        assert np.isfinite(score(lambda _, off=off: 1.3 * off, exact, 0.0).lag)
+
+
 def test_confidence_interval_of_lognormal_errors_is_that_of_the_mean_log() -> None:
     logs = np.random.default_rng(3).normal(np.log(0.2), 0.3, 64)
     mean, low, high = interval(logs)

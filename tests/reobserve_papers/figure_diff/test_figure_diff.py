@@ -17,6 +17,7 @@ from reobserve_papers.claims.table import HEADER
 from reobserve_papers.cli.main import main
 from reobserve_papers.figure_diff import commands
 from reobserve_papers.golden import acceptance
+from reobserve_papers.golden import bench as golden_bench
 from reobserve_papers.golden.values import built_numbers, part_names
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
@@ -217,7 +218,10 @@ def bench(error: str = "0.25", within: str = "yes") -> None:
     )
 
 
-def test_results_of_the_bench_are_compared_and_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_results_of_the_bench_are_compared_and_accepted(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(golden_bench, "measure", lambda *arguments: {})
     bench()
     draw("results/bench/level/heatmap.png")
     assert main(["figdiff"]) == 1
