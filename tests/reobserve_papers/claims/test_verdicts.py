@@ -22,7 +22,7 @@ from reobserve_papers.claims.reversals import Reversal
 from reobserve_papers.claims.robustness import Robustness, Trial
 from reobserve_papers.claims.robustness_file import read_robustness, to_data
 from reobserve_papers.claims.table import format_reversal, row
-from reobserve_papers.claims.verdict_table import put_into, titles
+from reobserve_papers.claims.verdict_table import put_into, table, titles
 from reobserve_papers.claims.verdicts import count, replicated, title_margin, verdict
 from reobserve_papers.cli.stages.claims import HEADER
 from reobserve_papers.cli.stages.verdicts import run as count_verdicts
@@ -229,6 +229,19 @@ def test_verdict_under_other_choices_of_main_claims() -> None:
         "contradicted | [¬Re] 1 of 2, 1 contradicted | [¬Re] 2 of 3, 1 contradicted |"
     )
     assert "| none | [Re] 1 of 1" in titles([row | {"promised": "abstract"} for row in rows[:1]])
+
+
+def test_table_counts_verdicts_and_who_set_the_thresholds() -> None:
+    rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0])
+    for row, who in zip(rows, ("stated", "after", "", "after"), strict=True):
+        row["threshold"] = who
+    head, line, reported = (text.split("|") for text in table(rows).splitlines())
+    assert len(head) == len(line) == len(reported)
+    cells = dict(zip(map(str.strip, head), map(str.strip, reported), strict=True))
+    assert cells["paper"] == "`a`"
+    assert (cells["replication"], cells["claims"]) == ("[Re]", "4")
+    assert [cells[one] for one in ("reproduced", "contradicted", "not testable")] == ["2", "1", "1"]
+    assert cells["thresholds"] == "1 stated, 0 before, 2 after"
 
 
 def test_broken_claims_are_counted() -> None:

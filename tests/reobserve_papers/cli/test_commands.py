@@ -36,3 +36,25 @@ def test_only_the_typed_command_is_built(typed: list[str]) -> None:
 
 def test_command_of_the_other_program_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     check_unknown_command(PROGRAM, COMMANDS, "estimate", capsys)
+
+
+RANGES = {
+    "--max-samples": (1, 1_000_000), "--samples": (1, 1_000_000), "--digits": (1, 17),
+    "--seed": (0, 2**53), "--cores": (1, 2**53),
+}  # fmt: skip
+
+
+def test_whole_numbers_are_accepted_from_their_minimum_to_their_maximum() -> None:
+    found = {
+        (parser.prog, one.option_strings[-1]): one.type
+        for parser in ALL
+        for one in parser._actions
+        if "whole" in getattr(one.type, "__qualname__", "")
+    }
+    assert {option for _, option in found} == set(RANGES)
+    for (_, option), parse in found.items():
+        least, most = RANGES[option]
+        assert [parse(str(each)) for each in (least, most)] == [least, most]
+        for each in (least - 1, most + 1):
+            with pytest.raises(argparse.ArgumentTypeError, match=f"from {least} to {most}$"):
+                parse(str(each))
