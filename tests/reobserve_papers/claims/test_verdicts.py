@@ -233,8 +233,8 @@ def test_verdict_under_other_choices_of_main_claims() -> None:
 
 def test_table_counts_verdicts_and_who_set_the_thresholds() -> None:
     rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0])
-    for row, who in zip(rows, ("stated", "after", "", "after"), strict=True):
-        row["threshold"] = who
+    for each, who in zip(rows, ("stated", "after", "", "after"), strict=True):
+        each["threshold"] = who
     head, line, reported = (text.split("|") for text in table(rows).splitlines())
     assert len(head) == len(line) == len(reported)
     cells = dict(zip(map(str.strip, head), map(str.strip, reported), strict=True))
