@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.errors import InputError, located
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
@@ -30,6 +32,56 @@ def window(
     slack = -1e-9 if closed == "left" else 1e-9
     chosen: NDArray[np.bool_] = (time > start + slack) & (time < end + slack)
     return chosen
+
+
+def scored(
+    key: str, time: Array, start: float, end: float, *, closed: Literal["left", "right"] = "left"
+) -> NDArray[np.bool_]:
+    """As `window`, for what is to be scored.
+
+    Raises
+    ------
+    InputError
+        That names ``key``, if the window holds no sample.
+    """
+    chosen = window(time, start, end, closed=closed)
+    if not chosen.any():
+        raise InputError(key, _empty(start, end, float(time[-1]), 1, float(time[-1] - time[-2])))
+    return chosen
+
+
+def check_windows(
+    windows: Mapping[str, Sequence[float]],
+    horizon: float,
+    period: float,
+    *,
+    least: int = 1,
+    closed: Literal["left", "right"] = "left",
+) -> None:
+    """Refuse windows by their keys among the metrics, before anything runs.
+
+    Of samples ``period`` [s] apart from 0 to ``horizon`` [s] each must hold ``least``.
+
+    Raises
+    ------
+    InputError
+        With the key of the first that does not.
+    """
+    slack = -1e-9 if closed == "left" else 1e-9  # as in `window`
+    with located("metrics"):
+        for key, (start, end) in windows.items():
+            first = max(np.floor((start + slack) / period) + 1.0, 0.0)
+            last = min(np.ceil((end + slack) / period) - 1.0, round(horizon / period))
+            if last - first + 1.0 < least:
+                raise InputError(key, _empty(start, end, horizon, least, period))
+
+
+def _empty(start: float, end: float, last: float, least: int, period: float) -> str:
+    if start >= last:
+        return f"starts at {start:g} s, must start before the end at {last:g} s"
+    until = "the end" if end == np.inf else f"{end:.9g} s"
+    number = ("a sample", "two samples", "three samples")[least - 1]
+    return f"from {start:.9g} s to {until} must hold {number}; these are {period:g} s apart"
 
 
 def root_mean_square(values: Array) -> Array:

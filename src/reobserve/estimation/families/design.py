@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_typ
 import numpy as np
 
 from reobserve.core.documents import Tree
-from reobserve.core.errors import InputError
+from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import FloatArray, as_positive
 from reobserve.core.validation import checked, parse
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered

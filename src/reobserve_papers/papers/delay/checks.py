@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from reobserve.core.errors import InputError
 from reobserve_papers.papers.delay import keys, observe, plant
+from reobserve_papers.papers.delay.scoring import check_rules
 from reobserve_papers.papers.delay.study import TUNED
 from reobserve_papers.papers.delay.theory_runs import NEEDED
 from reobserve_papers.parameters.check import Checks
@@ -41,6 +42,12 @@ def _figure(job: keys.Job) -> None:
         raise InputError("scenario", "must be of the pendulum, whose states are plotted")
 
 
+def _metrics(job: keys.Job) -> None:
+    """Check the windows, with the samples that are furthest apart."""
+    periods = [one.sampling_period for one in job.observers.values()]
+    check_rules(job.metrics, job.plant.horizon, max(periods, default=job.plant.step))
+
+
 def _theory(job: keys.Job, _: Mapping[str, object]) -> None:
     stride(job.plant, job.theory.sampling_period)
     named(job.observers, "order2_noise", keys.Extended).levant()
@@ -52,6 +59,7 @@ CHECKS = Checks(
         "observer": _observer,
         "study": _study,
         "figure": _figure,
+        "metrics": _metrics,
         "theory": _theory,
     },
     about={keys.Tuning: TUNED, keys.TuningFigure: TUNED, keys.Theory: NEEDED},

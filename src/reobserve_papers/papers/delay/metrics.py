@@ -19,7 +19,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
-from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.scoring import (
     constant_segments,
@@ -118,16 +118,17 @@ def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
         return
     off = error["delay"]
     for number, start, end in constant_segments(plant, rules.late):
-        late = off[window(time, start, end)]
+        late = off[scored("metrics.late", time, start, end)]
         yield f"late_delay_error_{number}", float(np.max(np.abs(late))), "s"
     if data.job.scenario.model == "pendulum":
-        yield "delay_radius", float(np.max(np.abs(off[window(time, *rules.radius)]))), "s"
+        radius = off[scored("metrics.radius", time, *rules.radius)]
+        yield "delay_radius", float(np.max(np.abs(radius))), "s"
         size, distance = peaks(plant, time, off)
         if np.isfinite(size):
             yield "peak_delay_error", size, "s"
             yield "peak_distance", distance, "1"
     else:
-        settled = off[window(time, *rules.radius)]
+        settled = off[scored("metrics.radius", time, *rules.radius)]
         yield "settled_rms_delay_error", float(root_mean_square(settled)), "s"
     on = estimate["off"] == 0 if "off" in estimate.channels else np.ones(len(time), dtype=bool)
     for number, _, jump in constant_segments(plant, rules.ripple):

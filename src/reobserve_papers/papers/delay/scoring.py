@@ -8,13 +8,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve_papers.metrics.metrics import Score
-from reobserve_papers.metrics.responses import error_of, root_mean_square, window
+from reobserve_papers.metrics.responses import (
+    check_windows,
+    error_of,
+    root_mean_square,
+    scored,
+    window,
+)
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+def check_rules(rules: keys.Metrics, horizon: float, period: float) -> None:
+    """Refuse windows that hold no sample of estimates ``period`` [s] apart."""
+    windows = {
+        "start": (rules.start, np.inf),
+        "late": (max(0.0, horizon - rules.late), horizon),
+        "varying_from": (rules.varying_from, rules.varying_until),
+        "radius": rules.radius,
+    }
+    check_windows(windows, horizon, period)
+    ripple = {"ripple": (max(0.0, horizon - rules.ripple), horizon)}
+    check_windows(ripple, horizon, period, least=3)
 
 
 def errors(plant: Series, estimate: Series) -> dict[str, Array]:
@@ -31,12 +50,12 @@ def rms_scores(
 ) -> Iterator[Score]:
     """RMS errors of the delay and of the pendulum's states over three windows."""
     found, units = errors(plant, estimate), UNITS[model][0].split(", ")
-    for name, span in {
-        "rms_{}": (rules.start, np.inf),
-        "rms_{}_from_start": (0.0, np.inf),
-        "varying_rms_{}": (rules.varying_from, rules.varying_until),
-    }.items():
-        chosen = window(estimate.time, *span)
+    for name, key, span in (
+        ("rms_{}", "start", (rules.start, np.inf)),
+        ("rms_{}_from_start", "start", (0.0, np.inf)),
+        ("varying_rms_{}", "varying_from", (rules.varying_from, rules.varying_until)),
+    ):
+        chosen = scored(f"metrics.{key}", estimate.time, *span)
         if "delay" in found:
             value = float(root_mean_square(found["delay"][chosen]))
             yield name.format("delay_error"), value, "s"

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.errors import located
-from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.observe import estimate
 from reobserve_papers.papers.delay.plant import simulate
@@ -129,7 +129,8 @@ def _tuning_scores(
     error = errors(plant, found)["delay"]
     resting = np.zeros(len(error), dtype=bool)
     for _, start, end in constant_segments(plant, rules.late):
-        resting |= window(found.time, start, end)
+        resting |= scored("metrics.late", found.time, start, end)
     yield "resting_rms_delay_error", float(root_mean_square(error[resting]))
-    moving = window(found.time, rules.varying_from, rules.varying_until)
+    varying = rules.varying_from, rules.varying_until
+    moving = scored("metrics.varying_from", found.time, *varying)
     yield "varying_rms_delay_error", float(root_mean_square(error[moving]))

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from reobserve.synthesis.high_gain import high_gain
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
-from reobserve_papers.metrics.responses import window
+from reobserve_papers.metrics.responses import scored
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve_papers.parameters.job import named
@@ -40,7 +40,7 @@ def _poles_and_lag(job: keys.Job, ramp: Series) -> Iterator[Metric]:
         for when, turn in (("", 1.0), ("_upright", -1.0)):
             poles = np.linalg.eigvals(error_matrix(rho, turn * g_over_l, friction))
             yield Metric(name, f"slow_pole{when}", float(np.max(poles.real)), "1/s")
-    chosen = window(ramp.time, *job.metrics.radius)
+    chosen = scored("metrics.radius", ramp.time, *job.metrics.radius)
     slope = np.gradient(ramp["delay"], ramp.time)
     for rho in job.theory.rhos:
         turn = g_over_l * np.cos(ramp["state"][:, 0])

@@ -14,7 +14,7 @@ from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
-from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.observe import estimate
 from reobserve_papers.papers.delay.plant import simulate
@@ -73,7 +73,8 @@ def _radius_on_the_ramp(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     body = named(job.observers, "order2", keys.Extended)
     for rho in job.theory.rhos:
         time, error = _delay_error(job, replace(body, rho=rho), ramp, body.sampling_period)
-        peak = float(np.max(np.abs(error[window(time, *job.metrics.radius)])))
+        chosen = scored("metrics.radius", time, *job.metrics.radius)
+        peak = float(np.max(np.abs(error[chosen])))
         yield Metric.at("order2", ("delay_radius", peak, "s"), rho=rho)
 
 
@@ -96,7 +97,9 @@ def _faster(job: keys.Job, sine: Series) -> Iterator[Metric]:
             time, error = _delay_error(job, other, plant, body.sampling_period)
             if job.theory.accuracy == "relative":
                 error = error / plant["delay"][:: round((len(plant.time) - 1) / (len(time) - 1))]
-            found.append(float(root_mean_square(error[window(time, *span)])))
+            found.append(
+                float(root_mean_square(error[scored("metrics.varying_from", time, *span)]))
+            )
         yield Metric.at("order_2", ("rms_delay_error_faster", found[1] / found[0], "1"), rho=rho)
 
 
@@ -154,7 +157,10 @@ def _mean_delay(job: keys.Job, sine: Series) -> Iterator[Metric]:
     """Error of the average delay as an estimate."""
     mean = named(job.observers, "standard_noise", keys.Standard).mean_delay
     varying = job.metrics.varying_from, job.metrics.varying_until
-    for when, span in (("", (job.metrics.start, np.inf)), ("varying_", varying)):
-        deviation = (sine["delay"] - mean)[window(sine.time, *span)]
+    for when, key, span in (
+        ("", "start", (job.metrics.start, np.inf)),
+        ("varying_", "varying_from", varying),
+    ):
+        deviation = (sine["delay"] - mean)[scored(f"metrics.{key}", sine.time, *span)]
         value = float(root_mean_square(deviation))
         yield Metric("mean_delay", f"{when}rms_delay_error", value, "s")

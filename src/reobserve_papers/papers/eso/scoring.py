@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, located
 from reobserve_papers.metrics.metrics import Score
-from reobserve_papers.metrics.responses import error_of, root_mean_square, window
+from reobserve_papers.metrics.responses import check_windows, error_of, root_mean_square, window
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.signals.series import Series
 
@@ -20,21 +19,10 @@ FAULTS = {"actuator": "V", "sensor": "rad/s"}
 
 
 def check_rules(rules: keys.Metrics, plant: keys.Plant) -> None:
-    """Refuse windows that hold fewer than two samples or begin after the horizon."""
-    horizon, period = plant.horizon, 2.0 * plant.step
-    with located("metrics"):
-        for name in FAULTS:
-            for what in ("varying", "constant"):
-                key = f"{name}_{what}"
-                first, last = getattr(rules, key)
-                if first >= horizon:
-                    raise InputError(key, f"[{first:g}, {last:g}] s must be within the horizon")
-                if last - first < 2.0 * period - 1e-9:
-                    raise InputError(
-                        key,
-                        f"[{first:.9g}, {last:.9g}] s must hold two samples of the estimates, "
-                        f"which are {period:g} s apart",
-                    )
+    """Refuse windows that hold fewer than two samples of the estimates."""
+    names = [f"{name}_{what}" for name in FAULTS for what in ("varying", "constant")]
+    windows = {name: getattr(rules, name) for name in names}
+    check_windows(windows, plant.horizon, 2.0 * plant.step, least=2)
 
 
 def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from reobserve.core.errors import InputError
 from reobserve_papers.papers.ilo import keys, plant
+from reobserve_papers.papers.ilo.scoring import check_rules
 from reobserve_papers.papers.ilo.setup import build_observer
 from reobserve_papers.papers.ilo.theory_runs import NEEDED
 from reobserve_papers.parameters.check import Checks
@@ -22,6 +23,7 @@ CHECKS = Checks(
     build={
         "plant": lambda job: noise_hold(job.plant),
         "scenario": plant.build,
+        "metrics": lambda job: check_rules(job.metrics, job.plant.horizon, job.plant.step),
         "study": _study,
         "observer": lambda job: build_observer(job.plant, job.observer),
     },

@@ -109,7 +109,7 @@ def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
     errors = Errors.of(plant, estimate, axis)
     score = scored_errors(job, plant, estimate)
     end = float(estimate.time[-1])
-    late = errors.window(end - rules.late_window)
+    late = errors.scored("metrics.late_window", end - rules.late_window)
     first = onsets[0] if onsets else end
     last = onsets[-1] if onsets else 0.0
     before = estimate.time < first - 1e-9

@@ -7,7 +7,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve_papers.metrics.responses import root_mean_square_of_steps, window
+from reobserve.core.errors import InputError
+from reobserve_papers.metrics.responses import (
+    check_windows,
+    root_mean_square_of_steps,
+    scored,
+    window,
+)
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.signals.series import Series
 
@@ -31,6 +37,10 @@ class Errors:
     def window(self, first: float, last: float = np.inf) -> Errors:
         """The steps that start at ``first`` or later and before ``last``."""
         return self.of_steps(window(self.time, first, last))
+
+    def scored(self, key: str, first: float) -> Errors:
+        """The steps that start at ``first`` or later; there must be some, by that key."""
+        return self.of_steps(scored(key, self.time, first, np.inf))
 
     def of_steps(self, chosen: NDArray[np.bool_]) -> Errors:
         """The chosen steps."""
@@ -61,6 +71,15 @@ class Errors:
         return cls(estimate.time[:-1], fault_start - start, fault_end - end, fault_start, fault_end)
 
 
+def check_rules(rules: keys.Metrics, horizon: float, step: float) -> None:
+    """Refuse windows that hold no step of a plant's record, which may be two of it."""
+    windows = {
+        "settling_skip": (rules.settling_skip, horizon),
+        "late_window": (max(0.0, horizon - rules.late_window), horizon),
+    }
+    check_windows(windows, horizon, 2.0 * step)
+
+
 def scored_errors(job: keys.Job, plant: Series, estimate: Series) -> Errors:
     """Errors on the faulty axis from the first onset on, as used in the metrics of figures.
 
@@ -72,4 +91,7 @@ def scored_errors(job: keys.Job, plant: Series, estimate: Series) -> Errors:
     for onset in onsets:
         skipped = onset + job.metrics.settling_skip
         keep &= (errors.time < onset - 1e-9) | (errors.time > skipped - 1e-9)
+    if not keep.any():
+        problem = f"{job.metrics.settling_skip:g} s after each onset leave no step to be scored"
+        raise InputError("metrics.settling_skip", problem)
     return errors.of_steps(keep)

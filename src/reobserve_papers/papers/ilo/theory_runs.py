@@ -72,7 +72,8 @@ class Runs:
     def late(self, estimate: Series) -> float:
         """Relative error under the stuck fault in the last window of the run."""
         first = float(self.stuck.time[-1]) - self.job.metrics.late_window
-        return self.errors(estimate, self.stuck).window(first).relative_root_mean_square
+        errors = self.errors(estimate, self.stuck).scored("metrics.late_window", first)
+        return errors.relative_root_mean_square
 
     @property
     def learning(self) -> keys.Learning:
@@ -223,7 +224,8 @@ def _under_random_faults(runs: Runs) -> Iterator[Metric]:
     }
     for name, tried in observers.items():
         errors = (runs.errors(runs.estimate(one, record), record) for one in tried)
-        found = min(one.window(first).relative_root_mean_square for one in errors)
+        chosen = (one.scored("metrics.settling_skip", first) for one in errors)
+        found = min(one.relative_root_mean_square for one in chosen)
         yield Metric(name, "relative_error_under_random_fault", found, "1")
 
 

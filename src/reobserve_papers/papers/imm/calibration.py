@@ -24,7 +24,7 @@ from reobserve.core.matrices import as_vector
 from reobserve.core.validation import parse
 from reobserve.observers.imm import ImmState
 from reobserve.observers.run import Run
-from reobserve_papers.metrics.responses import window
+from reobserve_papers.metrics.responses import scored
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm import plant as plant_stage
 from reobserve_papers.papers.imm.scoring import quoted_distance
@@ -109,8 +109,12 @@ class Calibration:
                 later = time > self.record.events["fault"][0]
                 saturated, _ = saturation(changed, found["innovation"])
                 outside[name] = float(np.mean(saturated[later]))
-            late = np.mean(probability[window(time, *rules.after, closed="right")], axis=0)
-            early = np.mean(probability[window(time, *rules.before, closed="right")], axis=0)
+            late = np.mean(
+                probability[scored("metrics.after", time, *rules.after, closed="right")], axis=0
+            )
+            early = np.mean(
+                probability[scored("metrics.before", time, *rules.before, closed="right")], axis=0
+            )
             means[name] = (float(late[0]), float(late[2]), float(early[0]))
             high = bool(body.quoted_high)
             squares.append(quoted_distance(rules, time, probability, body.quoted, high) ** 2)

@@ -15,11 +15,15 @@ def _start(job: keys.Job) -> object:
     return start(observe.build(job, PERIOD), job.observer)
 
 
+def _metrics(job: keys.Job) -> None:
+    check_rules(job.metrics, job.plant.horizon, PERIOD)
+
+
 CHECKS = Checks(
     build={
         "scenario": plant.build,
         "observer": _start,
-        "metrics": lambda job: check_rules(job.metrics, job.plant.horizon),
+        "metrics": _metrics,
         "study": check_study,
         "search": lambda job: search.check(job.search),
         "theory": lambda job, _: theory.check(job.theory, job.observers),

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
-from reobserve_papers.metrics.responses import root_mean_square, window
+from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
@@ -85,7 +85,7 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
         If a setting of the metrics cannot be used.
     """
     job = data.job
-    check_rules(job.metrics, job.plant.horizon)
+    check_rules(job.metrics, job.plant.horizon, job.scenario.period)
     for name in data.estimates:
         yield from scores_of(name, _scores(data, name))
     if job.study is not None:
@@ -99,7 +99,7 @@ def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
     onset = estimate.events["fault"][0]
     fault = MODES.index(job.scenario.fault)
     yield from probabilities(rules, time, probability, onset, fault)
-    later = window(time, onset, np.inf, closed="right")
+    later = scored("scenario.onset", time, onset, np.inf, closed="right")
     moved = data.plant["motion"][:, list(UNITS).index("velocity")]
     size = float(root_mean_square((estimate["velocity"] - moved)[later]))
     yield "rms_velocity_error", size, UNITS["velocity"]

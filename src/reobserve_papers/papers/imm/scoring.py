@@ -8,24 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, located
 from reobserve_papers.metrics.metrics import Score
-from reobserve_papers.metrics.responses import window
+from reobserve_papers.metrics.responses import check_windows, scored
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 
 Array = NDArray[np.float64]
 
 
-def check_rules(rules: keys.Metrics, horizon: float) -> None:
-    """Refuse windows that start at the horizon [s] or later."""
-    with located("metrics"):
-        for name in ("before", "after", "overshoot"):
-            first = getattr(rules, name)[0]
-            if first >= horizon:
-                raise InputError(
-                    name, f"starts at {first:g} s, must start before the end at {horizon:g} s"
-                )
+def check_rules(rules: keys.Metrics, horizon: float, period: float) -> None:
+    """Refuse windows that hold no sample; these are ``period`` [s] apart."""
+    windows = {name: getattr(rules, name) for name in ("before", "after", "overshoot")}
+    check_windows(windows, horizon, period, closed="right")
 
 
 def probabilities(
@@ -37,9 +31,9 @@ def probabilities(
     The alarm is nan if there was a false one before the fault, from the start of the window
     ``before`` on. ``fault`` is the index of the mode that begins at ``onset`` [s].
     """
-    first = probability[window(time, *rules.before, closed="right")]
-    early = probability[window(time, *rules.overshoot, closed="right")]
-    late = probability[window(time, *rules.after, closed="right")]
+    first = probability[scored("metrics.before", time, *rules.before, closed="right")]
+    early = probability[scored("metrics.overshoot", time, *rules.overshoot, closed="right")]
+    late = probability[scored("metrics.after", time, *rules.after, closed="right")]
     yield "normal_before", float(np.mean(first, axis=0)[0]), "1"
     for mode, mean in zip(MODES, np.mean(late, axis=0), strict=True):
         yield f"{mode}_after", float(mean), "1"
@@ -65,9 +59,9 @@ def quoted_distance(
     ``high`` that of the normal mode before it is also compared with one. The mean is over time, so
     that a probability that jumps between 0 and 1 does not pass for one in between.
     """
-    late = probability[window(time, *rules.after, closed="right")]
+    late = probability[scored("metrics.after", time, *rules.after, closed="right")]
     squares = [np.mean((late[:, mode] - quoted[place]) ** 2) for place, mode in enumerate((0, 2))]
     if high:
-        early = probability[window(time, *rules.before, closed="right")]
+        early = probability[scored("metrics.before", time, *rules.before, closed="right")]
         squares.append(np.mean((early[:, 0] - 1.0) ** 2))
     return float(np.sqrt(np.mean(squares)))

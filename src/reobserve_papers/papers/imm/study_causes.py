@@ -21,7 +21,7 @@ from reobserve.observers.gaussian_state import ModeFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve_papers.metrics.responses import window
+from reobserve_papers.metrics.responses import scored
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.setup import bank, measured_columns, saturation
@@ -85,8 +85,8 @@ def _rows(
 ) -> Iterator[Row]:
     measured, held = plant["measured"][1:, measured_columns(body)], plant["input"][:-1]
     time, fault = plant.time[1:], MODES.index(job.scenario.fault)
-    late = window(time, *job.metrics.after, closed="right")
-    since = window(time, plant.events["fault"][0], np.inf, closed="right")
+    late = scored("metrics.after", time, *job.metrics.after, closed="right")
+    since = scored("scenario.onset", time, plant.events["fault"][0], np.inf, closed="right")
 
     def rows(variant: str, **numbers: float) -> Iterator[Row]:
         for quantity, value in numbers.items():

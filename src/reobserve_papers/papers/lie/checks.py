@@ -8,6 +8,7 @@ from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
+from reobserve_papers.metrics.responses import check_windows
 from reobserve_papers.papers.lie import keys, plant, theory
 from reobserve_papers.papers.lie.setup import build_observer, build_problem
 from reobserve_papers.papers.lie.study import check_study
@@ -34,11 +35,19 @@ def _theory(job: keys.Job, forms: Mapping[str, NormalForm]) -> None:
         IdentityObserver(forms["linear"], job.theory.compared_order, sampling_period=1.0)
 
 
+def _metrics(job: keys.Job) -> None:
+    periods = [one.sampling_period for one in job.observers.values()]
+    period = max(periods, default=job.plant.step)
+    windows = {"decay_window": job.metrics.decay_window}
+    check_windows(windows, job.plant.horizon, period, least=2)
+
+
 CHECKS = Checks(
     build={
         "scenario": plant.build,
         "design": _design,
         "observer": _observer,
+        "metrics": _metrics,
         "study": lambda job, form: check_study(job.study, form),
         "theory": _theory,
     },

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve_papers.metrics import responses
+from reobserve_papers.metrics.responses import check_windows
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,7 @@ def settling_time(error: Array, step: float, band: float) -> float:
 
 def decay_rate(error: Array, step: float, start: float, end: float) -> float:
     """The mean slope of log |e| between two times [1/s]; nan beyond the record or at zero."""
+    check_windows({"decay_window": (start, end)}, step * (len(error) - 1), step, least=2)
     first, last = round(start / step), round(end / step)
     if last >= len(error):
         return float("nan")

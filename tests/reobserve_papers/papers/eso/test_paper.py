@@ -624,7 +624,8 @@ BAD = {
         "observers.pi_optimal.compared_with", "must be one of the observers; did you mean",
     ),
     "a window after the end": (
-        rules(sensor_constant=[21, 22]), f"{M}.sensor_constant", "within the horizon",
+        rules(sensor_constant=[21, 22]), f"{M}.sensor_constant",
+        "must start before the end at 20 s",
     ),
     "a window between samples": (
         rules(sensor_constant=[12.0002, 12.0008]), f"{M}.sensor_constant", "two samples",
