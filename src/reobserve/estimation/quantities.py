@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -9,6 +11,13 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 
 _LONGEST = 60  # characters
+_MOST_POWERS = 1000  # multiplied: pint works out powers of numbers
+
+_POWER = re.compile(r"\*\*|\^")
+_RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
+_DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_NUMBER = r"[+-]?\s*(\d{1,4}|\d{0,4}\.\d{1,9})(?:\s*/\s*\d{1,4})?"
+_EXPONENT = re.compile(rf"\s*(?:{_NUMBER}|\(\s*{_NUMBER}\s*\))(?!\w)\s*+(?![(\d._])")
 
 
 class Conversion(NamedTuple):
@@ -60,12 +69,25 @@ def check_unit(place: str, text: str) -> None:
         If pint, and so nobody, knows it; or it is one of a logarithm.
     """
     good = 0 < len(text) <= _LONGEST and text.isprintable() and text == text.strip()
-    unit = _parsed(text) if good and not _numeric(text) else None
+    good = good and not _numeric(text) and _has_low_powers(text)
+    unit = _parsed(text) if good else None
     if unit is None:
         problem = f"{shown(text)} is no unit that is known; rad/s, deg/s, N m, °C, V and 1 are some"
         raise InputError(place, problem)
     if not _registry().Quantity(1.0, unit)._is_multiplicative and _step(text) is None:
         raise InputError(place, f"{shown(text)} counts by a logarithm, which has no conversion")
+
+
+def _has_low_powers(text: str) -> bool:
+    """Whether each exponent is a number, none is a power itself, and their product is small."""
+    plain = _RAISED.sub(lambda found: f"**{found[0].translate(_DIGITS)}", text)
+    *between, last = _POWER.split(plain)[1:] or [""]
+    found = [_EXPONENT.match(rest) for rest in (*between, *[last] * bool(last))]
+    whole = any(one is None or one.end() == len(one.string) for one in found[: len(between)])
+    if whole or (last and found[-1] is None):
+        return False
+    powers = [float(one[1] or one[2]) for one in found if one is not None]
+    return math.prod(max(1.0, power) for power in powers) <= _MOST_POWERS
 
 
 def _numeric(text: str) -> bool:

@@ -13,7 +13,8 @@ too large to be worked with is refused, in text and in expressions of sympy alik
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from operator import add, mul, sub, truediv
 from typing import Any
 
 from reobserve.core.errors import InputError, shown
@@ -32,6 +33,11 @@ _DEEPEST = 60  # levels of parentheses, signs and powers
 _MOST_PARTS = 10_000
 _HIGHEST_POWER = 1000
 _MOST_BITS = 1024  # of a whole number: those of the largest float
+
+_TOGETHER = 40
+
+_Part = Callable[[], Any]
+_Join = Callable[[Any, Any], Any]
 
 _TOKEN = re.compile(
     r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(\w+)|(\*\*|[-+*/^()]))"
@@ -99,18 +105,26 @@ class _Parser:
             raise InputError(
                 self.place, f"{shown(self.text)} is nested deeper than {_DEEPEST} levels"
             )
-        total = self.product()
-        while self.ahead("+", "-"):
-            plus, term = self.advance() == "+", self.product()
-            total = total + term if plus else total - term
+        found = self.joined(self.product, {"+": add, "-": sub}, add)
         self.depth -= 1
-        return total
+        return found
 
     def product(self) -> Any:
-        total = self.sign()
-        while self.ahead("*", "/"):
-            times, factor = self.advance() == "*", self.sign()
-            total = self.kept(total * factor if times else total / factor)
+        return self.joined(self.sign, {"*": mul, "/": truediv}, mul)
+
+    def joined(self, part: _Part, signs: Mapping[str, _Join], join: _Join) -> Any:
+        """Parts with signs between them, some at a time: to add one to many takes their number."""
+        joined, count = [part()], 1
+        while self.ahead(*signs):
+            sign, one = self.advance(), part()
+            if count % _TOGETHER == 0:
+                joined.append(signs[sign](self.sympy.Integer(join is mul), one))
+            else:
+                joined[-1] = self.kept(signs[sign](joined[-1], one))
+            count += 1
+        total = joined[0]
+        for one in joined[1:]:
+            total = self.kept(join(total, one))
         return total
 
     def sign(self) -> Any:
@@ -132,10 +146,9 @@ class _Parser:
             )
         exponent = self.sign()
         self.depth -= 1
-        if exponent.is_Rational and base.is_Rational:
-            bits = max(abs(base.p), base.q).bit_length() * abs(exponent)
-            if bits > _MOST_BITS and base not in (-1, 0, 1):
-                raise InputError(self.place, f"({base})**({exponent}) is beyond numbers")
+        for part in (base, exponent):
+            check_constant(self.place, part)
+        check_raised(self.place, base, exponent)
         check_power(self.place, exponent)
         return self.kept(base**exponent)
 
@@ -170,7 +183,9 @@ class _Parser:
             return self.sympy.Symbol(name)
         if function is None:
             raise InputError(self.place, f"{shown(name)} {NOT_EXPANDED}")
-        return self.kept(function(self.inside()))
+        argument = self.inside()
+        check_constant(self.place, argument)
+        return self.kept(function(argument))
 
     def inside(self) -> Any:
         self.advance()
@@ -183,6 +198,8 @@ class _Parser:
     def kept(self, value: Any) -> Any:
         """A part of the expression, unless it is a number that nobody can work with."""
         check_number(self.place, value)
+        if value.is_Add or value.is_Mul:
+            check_number(self.place, value.args[0])  # where its one number is, if it has one
         return value
 
 
@@ -193,6 +210,26 @@ def check_power(place: str, exponent: Any) -> None:
         raise InputError(
             place, f"has the power {shown(int(exponent))}, must have {_HIGHEST_POWER} or lower"
         )
+
+
+def check_raised(place: str, base: Any, exponent: Any) -> None:
+    """Refuse a power of numbers, or of a product with numbers, that would be too long to write."""
+    if not exponent.is_Rational:
+        return
+    for part in base.args if base.is_Mul else (base,):
+        if part.is_Pow:
+            check_raised(place, part.base, part.exp * exponent)
+        elif part.is_Rational and part not in (-1, 0, 1):
+            bits = max(abs(part.p), part.q).bit_length() * abs(exponent)
+            if bits > _MOST_BITS:
+                raise InputError(place, f"({part})**({exponent}) is beyond numbers")
+
+
+def check_constant(place: str, value: Any) -> None:
+    """Refuse a constant beyond floating-point numbers: a function of it may take for ever."""
+    written = value.is_Number or value.is_finite is False  # as 1/0, of which other functions tell
+    if value.is_number and not written and not abs(value.evalf(5)) < 1e308:
+        raise InputError(place, "holds a number beyond floating-point numbers")
 
 
 def check_number(place: str, value: Any) -> None:

@@ -27,3 +27,39 @@ def test_invalid_unit_is_refused(text: str) -> None:
 def test_logarithmic_unit_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="counts by a logarithm"):
         check_unit("unit", text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "9**9**9**9 rad/s",
+        "rad/s^9^9^9",
+        "((9**99)**99)**99 m",
+        "9⁹⁹⁹⁹⁹⁹⁹⁹⁹ m",
+        "m**(9**9**9)",
+        "9**(9)(9)(9)**9**9 m",
+        "9**9_999_999_9 m",
+        "2**9.9**99 m",
+        "9**99999999 m",
+    ],
+)
+def test_unit_of_endless_powers_is_refused_at_once(text: str) -> None:
+    with pytest.raises(InputError, match="is no unit that is known"):
+        check_unit("unit", text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "m²",
+        "kg·m²/s³",
+        "s⁻¹",
+        "rad / s ** 2",
+        "(m/s)^2",
+        "V/Hz**0.5",
+        "V/Hz**(1/2)",
+        "m**-2 * s**+2",
+    ],
+)
+def test_unit_with_powers_is_known(text: str) -> None:
+    check_unit("unit", text)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import reduce
+from operator import add, mul, sub, truediv
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ import sympy
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.polynomials.expressions import from_expressions
+from reobserve.polynomials.grammar import parse
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.univariate import DIGITS, FUNCTIONS, coefficients
 from reobserve.systems.triangular_text import triangular_model
@@ -251,3 +254,27 @@ def test_missing_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) ->
         InputError, match=rf'^{name}: .*`pip install "reobserve\[symbolic\]"` brings it$'
     ):
         expanded("a")
+
+
+ENDLESS = {
+    "a power of a power of a product": "(((2*a)**1000)**1000)**1000",
+    "a root to a power": "sqrt(2)**(10**9/7)",
+    "a function of a constant beyond floats": "a + sin(exp(10**9))",
+    "a power of such a constant": "a**sin(1) + 2**exp(1000)",
+    "fractions without a common part": "+".join(f"a/(9**300 + {i})" for i in range(9))
+    + "".join(f"+1/(9**300 + {i})" for i in range(9)),
+}
+
+
+@pytest.mark.parametrize("text", ENDLESS.values(), ids=list(ENDLESS))
+def test_text_that_would_take_for_ever_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="beyond"):
+        expanded(text)
+
+
+@pytest.mark.parametrize(("sign", "join"), [("+", add), ("-", sub), ("*", mul), ("/", truediv)])
+def test_long_sums_and_products_are_those_of_their_parts(sign: str, join: Any) -> None:
+    text = f" {sign} ".join(f"(a + {k})" for k in range(1, 100))
+    found = parse("f", text, {"a": a}).subs(a, sympy.Rational(1, 2))
+    expected = reduce(join, [0.5 + k for k in range(1, 100)])
+    assert float(found) == pytest.approx(expected, rel=1e-12)
