@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.files import check_not_read, check_replaceable, read_text, write_text
+from reobserve.core.files import check_not_read, check_replaceable, write_text
 from reobserve.estimation import state_file
 from reobserve.estimation.data_report import DataReport, as_json, as_table
 from reobserve.estimation.dates import spelled
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.estimate import Estimated, Estimation
-from reobserve.estimation.families.stated import DesignFile
 from reobserve.estimation.plot import Plot, check_plot
 from reobserve.estimation.reading import BLOCK, File, states_delimiter, titles
 from reobserve.estimation.row_by_row import RowByRow
@@ -58,9 +57,8 @@ def run(
     if record is not None:
         raise InputError("--data", "belongs to --example, which writes a record there")
     chosen = read_specification(specification)
-    if isinstance(chosen.observer, DesignFile):
-        written = [path for path in (out, plot, report, state) if path is not None]
-        check_not_read(written, [Path(chosen.observer.file)])
+    written = [path for path in (out, plot, report, state) if path is not None]
+    check_not_read(written, chosen.files)
     if stream or follow:
         if plot is not None or out is not None:
             given = "--plot" if plot is not None else "--out"
@@ -68,7 +66,7 @@ def run(
         if follow == (data is None):
             problem = "needs a file to follow" if follow else "reads standard input, and no file"
             raise InputError("--follow" if follow else "--stream", problem)
-        digest = state_file.digest_of(read_text(specification))
+        digest = state_file.identity(specification, chosen.files)
         return estimate_stream(
             chosen, data, idle=idle, state=state, digest=digest, report=report, warm=warm
         )

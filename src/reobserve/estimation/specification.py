@@ -22,7 +22,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, parse
 from reobserve.estimation.dates import ISO, check_format
-from reobserve.estimation.families.stated import stated
+from reobserve.estimation.families.stated import DesignFile, stated
 from reobserve.estimation.quantities import check_unit, conversion
 
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
@@ -234,6 +234,11 @@ class Specification:
                     _name(f"{name}.{part}", part)
                     if unit:
                         check_unit(f"{name}.{part}", unit)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that it names, on whose content estimates depend as on its own."""
+        return (Path(self.observer.file),) if isinstance(self.observer, DesignFile) else ()
 
 
 def read_specification(path: str | Path) -> Specification:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -118,7 +119,9 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
     saved = parse(_State, given, finite=False)
     if saved.specification != digest:
         raise InputError(
-            "specification", "is another one than that of this stream; remove the file to restart"
+            "specification",
+            "is another one than that of this stream, or a file that it names has changed; remove "
+            "the file to restart",
         )
     _check_keys(given, asdict(saved), "")
     begun, grid = saved.timestamps.begun, np.array(saved.timestamps.grid)
@@ -149,8 +152,14 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
     return saved.offset
 
 
+def identity(specification: Path, files: Iterable[Path]) -> str:
+    """What tells one specification from another: its content, and that of the files it names."""
+    named = [digest_of(read_text(path)) for path in files]
+    return digest_of("".join([read_text(specification), *named]))
+
+
 def digest_of(text: str) -> str:
-    """What tells one specification from another."""
+    """The digest of a text."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -160,7 +160,7 @@ DAMAGED: list[tuple[str, Any, str]] = [
     ("schema", 1, "schema: 1 must be 4"),
     ("offset", True, "offset: True must be a whole number"),
     ("offset", -1, "offset: -1 must not be negative"),
-    ("specification", "e", "specification: is another one than that of this stream; remove the"),
+    ("specification", "e", "specification: is another one than that of this stream, or a file"),
     ("observer", None, "observer: is missing, though rows were estimated"),
     ("observer.count", "1_000", "observer.count: '1_000' must be a whole number"),
     (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import subprocess
@@ -140,7 +141,7 @@ def test_command_streams_stops_and_resumes(
     code, _, reported = run(["estimate", spec, *state], capsys, monkeypatch, content)
     assert code == 1
     assert (
-        "state.json: specification: is another one than that of this stream; remove the file to"
+        "state.json: specification: is another one than that of this stream, or a file that"
         in reported
     )
 
@@ -255,3 +256,29 @@ def test_step_takes_less_than_a_sampling_period() -> None:
         assert rows.read(line)
         taken.append(time.perf_counter() - begin)
     assert np.median(taken[100:]) < 2e-3
+
+
+def test_stream_does_not_resume_if_the_design_behind_its_name_is_another(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["design", "kalman", "--example", "model.yaml"], capsys, monkeypatch)[0] == 0
+    design = ["design", "kalman", "model.yaml", "--out", "design.json"]
+    assert run(design, capsys, monkeypatch)[0] == 0
+    made = json.loads((tmp_path / "design.json").read_text())
+    columns = {"time": {"column": "t", "unit": "s"}}
+    columns |= {"measurements": [{"column": "y"}], "inputs": [{"column": "u"}]}
+    period = made["system"]["sampling_period"] if "system" in made else made["sampling_period"]
+    observer = {"kind": "design", "file": "design.json"}
+    spec = {"observer": observer, "columns": columns, "sampling": {"period": period}}
+    (tmp_path / "spec.yaml").write_text(json.dumps(spec))
+    lines = [b"t,y,u\n", *(f"{k * period:.9g},0.1,0\n".encode() for k in range(20))]
+    stream = ["estimate", "spec.yaml", "--stream", "--state", "state.json"]
+    assert run(stream, capsys, monkeypatch, b"".join(lines[:10]))[0] == 0
+    kept, rest = (tmp_path / "state.json").read_bytes(), b"".join([lines[0], *lines[10:]])
+    assert run(stream, capsys, monkeypatch, rest)[0] == 0
+    (tmp_path / "state.json").write_bytes(kept)
+    assert run([*design, "--set", "R=1.0e+3"], capsys, monkeypatch)[0] == 0
+    code, out, said = run(stream, capsys, monkeypatch, rest)
+    assert (code, out) == (1, "")
+    assert "or a file that it names has changed" in said
