@@ -15,14 +15,14 @@ Kind = TypeVar("Kind")
 
 
 def as_kind(name: str, value: Any, kind: type[Kind]) -> Kind:
-    """``value``, which must be a ``kind``; `InputError` names ``name`` otherwise."""
+    """``value``, which must be a ``kind``. `InputError` names ``name`` otherwise."""
     if not isinstance(value, kind):
         raise InputError(name, f"{shown(value)} must be of type {kind.__name__}")
     return value
 
 
 def as_whole(name: str, value: Any, least: int, most: int | None = None) -> int:
-    """``value`` as a whole number in a range; `InputError` names ``name`` otherwise."""
+    """``value`` as a whole number in a range. `InputError` names ``name`` otherwise."""
     wrong = isinstance(value, bool) or not isinstance(value, int | np.integer)
     if wrong or value < least or (most is not None and value > most):
         wanted = f"{least} or more" if most is None else f"from {least} to {most}"
@@ -31,21 +31,21 @@ def as_whole(name: str, value: Any, least: int, most: int | None = None) -> int:
 
 
 def as_word(name: str, value: Any, words: Sequence[str]) -> str:
-    """``value``, which must be one of ``words``; `InputError` names ``name`` otherwise."""
+    """``value``, which must be one of ``words``. `InputError` names ``name`` otherwise."""
     if not isinstance(value, str) or value not in words:
         raise InputError(name, f"{shown(value)} must be one of {', '.join(words)}")
     return value
 
 
 def as_flag(name: str, value: Any) -> bool:
-    """``value``, which must be True or False; `InputError` names ``name`` otherwise."""
+    """``value``, which must be True or False. `InputError` names ``name`` otherwise."""
     if not isinstance(value, bool | np.bool_):
         raise InputError(name, f"{shown(value)} must be True or False")
     return bool(value)
 
 
 def as_function(name: str, value: Kind) -> Kind:
-    """``value``, a signal or a function that is called like one; `InputError` otherwise."""
+    """``value``, a signal or a function that is called like one, else `InputError`."""
     try:
         if not callable(value) or isinstance(value, type):
             raise TypeError
@@ -58,7 +58,7 @@ def as_function(name: str, value: Kind) -> Kind:
 
 
 def as_poles(name: str, value: Any) -> NDArray[np.complex128]:
-    """``value`` as a list of complex numbers; `InputError` names ``name`` otherwise."""
+    """``value`` as a list of complex numbers. `InputError` names ``name`` otherwise."""
     try:
         array = np.asarray(value)
     except Exception:  # rows of different lengths, or an object that only seems to be an array

@@ -17,7 +17,7 @@ Point = tuple[float, float]  # where, and the function there
 
 @kernel
 def next_trial(newest: Point, opposite: Point, former: Point, apart: float) -> float:
-    """Where to look next, between ``newest`` and ``opposite``, at which the signs differ.
+    """The next place to look, between ``newest`` and ``opposite``, at which the signs differ.
 
     ``former`` is the point that one of them took the place of, at first ``newest`` itself. Of both
     it stays ``apart``, so that two which are not twice as far from each other are as near as asked.

@@ -36,7 +36,7 @@ _OPTIMISATION = ("NUMBA_OPT", "1")
 
 
 def pin_code_paths() -> bool:
-    """Choose the code paths of this process and its children; whether they are as chosen here.
+    """Choose the code paths of this process and its children, and return whether they are chosen.
 
     What the user has set stays as it is. False if numpy is there already, since it and its BLAS
     have chosen by then (children still start as chosen here), if something is set otherwise, or
@@ -62,6 +62,6 @@ def unpinned(environment: dict[str, str]) -> dict[str, str]:
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """The number of cores that this process may use."""
     available = getattr(os, "sched_getaffinity", None)
     return len(available(0)) if available else os.cpu_count() or 1

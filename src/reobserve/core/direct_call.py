@@ -10,7 +10,7 @@ from numba.extending import intrinsic
 
 
 def _call(_: Any, function: Any, arguments: Any) -> Any:
-    """How numba is to compile ``call(function, arguments)``."""
+    """Compile ``call(function, arguments)`` by numba."""
     if not isinstance(function, types.FunctionType):
         return None
     signature: Any = function.signature

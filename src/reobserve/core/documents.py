@@ -89,7 +89,7 @@ def _check_leaf(value: Any, place: str) -> None:
 
 
 def _is_text(word: str) -> bool:
-    """Whether UTF-8 can spell it, as it cannot half of a surrogate pair."""
+    """True if UTF-8 can spell it, as it cannot half of a surrogate pair."""
     return word.isascii() or word.encode(errors="replace").decode() == word
 
 
@@ -174,7 +174,7 @@ def _number(node: Any, kind: Any) -> Any:
 
 
 def read_yaml(path: str | Path) -> Tree:
-    """The mapping in a YAML file; raises `InputError` as `read_text` and `parse_yaml`."""
+    """The mapping in a YAML file. It raises `InputError` as `read_text` and `parse_yaml`."""
     return _mapping(parse_yaml(read_text(path, YAML_BYTES), str(path)), path)
 
 
@@ -201,7 +201,7 @@ def parse_json(text: str, place: str, values: int = VALUES) -> Any:
 
 
 def read_json(path: str | Path) -> Tree:
-    """The mapping in a JSON file that a step wrote; raises as `read_text` and `parse_json`."""
+    """The mapping in a JSON file that a step wrote (raises as `read_text` and `parse_json`)."""
     return _mapping(parse_json(read_text(path), str(path), _STORED_VALUES), path)
 
 

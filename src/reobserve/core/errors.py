@@ -15,7 +15,7 @@ _SENTENCE = 600
 
 
 class ReobserveError(Exception):
-    """An error with a message for the user; the command line prints it without a traceback."""
+    """An error with a message for the user. The command line prints it without a traceback."""
 
 
 class InputError(ReobserveError, ValueError):

@@ -35,7 +35,7 @@ EXTRAS = {
 
 
 class MissingPackageError(InputError, ImportError):
-    """A package is not installed; the sentence ends with the command that installs it.
+    """A package is not installed. The sentence ends with the command that installs it.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def package(name: str, purpose: str, extra: str = "") -> Any:
 
 
 def require(name: str, purpose: str, extra: str = "") -> None:
-    """Refuse to go on without a package, and do not import it; raises as `package`."""
+    """Refuse to go on without a package, and do not import it (raises as `package`)."""
     try:
         found = find_spec(name) is not None
     except ModuleNotFoundError:

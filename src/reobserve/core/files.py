@@ -29,7 +29,7 @@ _AS_IT_IS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def read_bytes(path: str | Path, most: int | None = MOST_BYTES) -> bytes:
-    """A file, whole; opened without waiting, as a fifo would make one wait.
+    """The bytes of a file, opened without waiting, as a fifo would make one wait.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def _check_path(path: object) -> None:
 
 
 def read_text(path: str | Path, most: int = MOST_BYTES) -> str:
-    """The UTF-8 text of a file; `InputError` as `read_bytes`, or if it is not UTF-8."""
+    """The UTF-8 text of a file, or `InputError` as `read_bytes` or if it is not UTF-8."""
     try:
         return read_bytes(path, most).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -104,7 +104,7 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
 
 @contextlib.contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
-    """Hold a folder against others that write in it, where the system knows how; dies with us."""
+    """Hold a folder against others that write in it, where the system knows how, until we end."""
     with contextlib.ExitStack() as held:
         with contextlib.suppress(ImportError, OSError):
             import fcntl
@@ -161,7 +161,7 @@ def _same(path: Path, name: Path) -> bool:
 
 
 def _of_the_kernel(path: Path) -> bool:
-    """Whether the folder, or the nearest one that there is, belongs to one of the kernel's."""
+    """True if the folder, or the nearest one that there is, belongs to one of the kernel's."""
     kernel = {os.stat(top).st_dev for top in ("/proc", "/sys") if os.path.ismount(top)}
     for folder in path.parents:
         with contextlib.suppress(OSError, ValueError):
@@ -181,7 +181,7 @@ def _kind(mode: int) -> str:
 
 
 def reason(error: Exception) -> str:
-    """What the system says of an error."""
+    """The system's message of an error."""
     return getattr(error, "strerror", None) or str(error)
 
 
@@ -208,7 +208,7 @@ def write_table(path: str | Path, rows: Iterable[Mapping[str, Any]], header: Seq
 
 
 def cell(value: Any) -> str:
-    """A value as it stands in a table; nothing for None."""
+    """A value as it stands in a table, or nothing for None."""
     if value is None:
         return ""
     return repr(float(value)) if isinstance(value, float) else str(value)
@@ -277,14 +277,14 @@ def read_table(
 
 @dataclass(frozen=True)
 class Kind:
-    """What the cells of a column may be: a test, and its name in a sentence."""
+    """The kind of cells that a column may have: a test, and its name in a sentence."""
 
     allows: Callable[[str], bool]
     text: str
 
 
 def _number(cell: str) -> float:
-    """The number that a cell spells as Python or C would; nan for what is none."""
+    """The number that a cell spells as Python or C would, or nan for what is none."""
     return float(cell) if _NUMBER.fullmatch(cell) else math.nan
 
 
@@ -341,7 +341,7 @@ def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
 
 
 def _floats(path: Path, name: str, column: Any) -> NDArray[np.float64]:
-    """A column as floats; the first cell that is none is named by its row."""
+    """A column as floats, or `InputError` with the row of the first cell that is none."""
     import pyarrow as pa
 
     place = f"column {shown(name)}"

@@ -57,7 +57,7 @@ class FrozenFunction:
 
 
 class _Walk:
-    """What a function names, also indirectly; ``key`` is None if that are too many objects.
+    """Objects that a function names, also indirectly, with ``key`` None if they are too many.
 
     Objects are numbered in the order in which they are met, and the key has a part for each.
     """
@@ -82,7 +82,7 @@ class _Walk:
         return self._numbers[place]
 
     def _part(self, value: Any, names: tuple[str, ...]) -> Hashable:
-        """What stands for an object."""
+        """The part of the key that stands for an object."""
         if isinstance(value, FunctionType):
             return self._of_function(value)
         if is_jitted(value):
@@ -114,7 +114,7 @@ class _Walk:
             yield name, self._of(value, names)
 
     def _of(self, value: Any, names: tuple[str, ...]) -> Hashable:
-        """What stands for a value that a function of these names names."""
+        """The part of the key for a value that a function of these names names."""
         kind = type(value)
         if kind in _PLAIN:
             return marshal.dumps(value, 2)  # nan is equal to nan, and 0.0 not to -0.0

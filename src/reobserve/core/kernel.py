@@ -27,7 +27,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def _uncounted() -> dict[str, Any]:
-    """The option by which numba counts no references to arrays; none if it does not know it."""
+    """The option by which numba counts no references to arrays, or none if it does not know it."""
     options = getattr(getattr(numba.njit(_uncounted), "targetdescr", None), "options", None)
     return {"_nrt": False} if hasattr(options, "_nrt") else {}
 
@@ -36,7 +36,7 @@ _UNCOUNTED = _uncounted()
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function of scalars and arrays; the machine code is cached on disk.
+    """Compile a function of scalars and arrays, with its machine code cached on disk.
 
     It makes no arrays and returns none: to count references to them, which their owners hold
     anyway, may take a short loop longer than its work. See `allocating_kernel`.
@@ -54,7 +54,7 @@ def allocating_kernel(function: Function) -> Function:
 
 
 class InlinedKernel:
-    """A function that is inlined into the kernels that call it; Python may call it as well.
+    """A function that is inlined into the kernels that call it, and that Python may call as well.
 
     The code to be inlined is compiled without the wrapper through which Python calls kernels, which
     takes as long to compile as the code itself. For Python it is compiled a second time.
@@ -73,7 +73,7 @@ class InlinedKernel:
 
     @cached_property
     def _called(self) -> Any:
-        """The function that Python calls; numba finds it in its cache by the qualified name."""
+        """The function that Python calls, which numba finds in its cache by the qualified name."""
         it = self._function
         code, closure = it.__code__, it.__closure__
         copy = FunctionType(code, it.__globals__, it.__name__, it.__defaults__, closure)
@@ -99,7 +99,7 @@ def compiled_with_signature(signature: str, function: Callable[..., Any]) -> Any
 
 
 class FunctionPointer:
-    """A function that is an argument of kernels; compiled on first use, not on import."""
+    """A function that is an argument of kernels, compiled on first use, not on import."""
 
     def __init__(self, signature: str, function: Callable[..., Any]) -> None:
         self._signature, self._function = signature, function
@@ -149,7 +149,7 @@ def _packages_behind(function: Callable[..., Any]) -> frozenset[str]:
 
 @cache
 def _cache_folder(packages: frozenset[str]) -> Path | None:
-    """The folder for the machine code of packages; None if no place can be written.
+    """The folder for the machine code of packages, or None if no place can be written.
 
     numba looks at the file that defines a function, not at the functions it calls in other files.
     So the name of the folder is a digest of all modules with kernels, of the library and of the

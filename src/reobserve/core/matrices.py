@@ -12,7 +12,7 @@ from reobserve.core.errors import InputError, shown
 
 
 class _FromLists:
-    """How pydantic makes an array of floats of a number or of nested lists."""
+    """Rule by which pydantic makes an array of floats of a number or of nested lists."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
@@ -74,7 +74,7 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
 
 
 def _has_other(value: Any) -> bool:
-    """Whether numpy would take what is no number for one: masked entries, booleans in a list."""
+    """True if numpy would take what is no number for one: masked entries, booleans in a list."""
     if isinstance(value, np.ndarray):
         return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
     if isinstance(value, list | tuple):
@@ -83,14 +83,14 @@ def _has_other(value: Any) -> bool:
 
 
 def all_finite(array: NDArray[np.float64]) -> bool:
-    """Whether all entries are finite."""
+    """True if all entries are finite."""
     if array.size <= _FEW:
         return all(map(math.isfinite, array.ravel().tolist()))
     return bool(np.isfinite(array).all())
 
 
 def as_floats(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
-    """``value`` as an array of its own of finite floats; `InputError` names ``name`` otherwise."""
+    """``value`` as an array of its own of finite floats. `InputError` names ``name`` otherwise."""
     array = as_numbers(name, value)
     if not np.all(np.isfinite(array)):
         place = shown(array.tolist()) if array.size <= _SHOWN else shown(array)
@@ -99,7 +99,7 @@ def as_floats(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
 
 
 def as_scalar(name: str, value: Any) -> float:
-    """``value`` as one finite float; `InputError` names ``name`` otherwise."""
+    """``value`` as one finite float. `InputError` names ``name`` otherwise."""
     array = as_floats(name, value)
     if array.ndim != 0:
         raise InputError(
@@ -109,7 +109,7 @@ def as_scalar(name: str, value: Any) -> float:
 
 
 def as_positive(name: str, value: Any) -> float:
-    """``value`` as one finite float above zero; `InputError` names ``name`` otherwise."""
+    """``value`` as one finite float above zero. `InputError` names ``name`` otherwise."""
     number = as_scalar(name, value)
     if number <= 0:
         raise InputError(name, f"{number:g} must be greater than zero")
@@ -117,7 +117,7 @@ def as_positive(name: str, value: Any) -> float:
 
 
 def as_vector(name: str, value: ArrayLike | Any, size: int) -> Matrix:
-    """``value`` as a vector of ``size`` finite floats; `InputError` names ``name`` otherwise."""
+    """``value`` as a vector of ``size`` finite floats. `InputError` names ``name`` otherwise."""
     array = as_floats(name, value)
     if array.shape != (size,):
         ending = "s" if size != 1 else ""
@@ -126,7 +126,7 @@ def as_vector(name: str, value: ArrayLike | Any, size: int) -> Matrix:
 
 
 def as_probabilities(name: str, value: ArrayLike | Any, size: int) -> Matrix:
-    """``value`` as ``size`` probabilities that sum to 1; `InputError` names ``name`` otherwise."""
+    """``value`` as ``size`` probabilities that sum to 1. `InputError` names ``name`` otherwise."""
     array = as_vector(name, value, size)
     if array.min() < 0 or abs(array.sum() - 1.0) > 1e-9:
         raise InputError(
@@ -136,7 +136,7 @@ def as_probabilities(name: str, value: ArrayLike | Any, size: int) -> Matrix:
 
 
 def as_row_stochastic(name: str, value: ArrayLike | Any, size: int) -> Matrix:
-    """A square matrix with rows that are probabilities; `InputError` names the first that is not.
+    """A square matrix with rows that are probabilities, or `InputError` with the first that is not.
 
     Row i, the chances of what follows i, sums to 1.
     """
@@ -171,7 +171,7 @@ def as_matrix(name: str, value: ArrayLike | Any, size: int) -> Matrix:
 
 
 def as_symmetric(name: str, matrix: Matrix) -> Matrix:
-    """A square matrix that is symmetric but for rounding, made so; `InputError` otherwise."""
+    """A square matrix that is symmetric but for rounding, made so, else `InputError`."""
     if np.array_equal(matrix, matrix.T):
         return matrix
     with np.errstate(over="ignore"):
@@ -183,7 +183,7 @@ def as_symmetric(name: str, matrix: Matrix) -> Matrix:
 
 
 def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Matrix:
-    """`as_symmetric`, and positive definite; `InputError` gives the eigenvalues if it is not."""
+    """`as_symmetric`, and positive definite. `InputError` gives the eigenvalues if it is not."""
     matrix = as_matrix(name, value, size)
     if not size:
         raise InputError(name, "is empty, must have one row or more")
@@ -267,7 +267,7 @@ def as_samples(
 def as_sample_rows(
     name: str, value: ArrayLike, columns: int, *, rows: int | None = None, missing: bool = False
 ) -> Matrix:
-    """A record of so many columns; a plain list of numbers will do for one column.
+    """A record of so many columns, or a plain list of numbers for one column.
 
     Raises
     ------

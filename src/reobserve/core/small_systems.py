@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @kernel
 def solve_in_place(matrix: Array, right: Array) -> None:
-    """Gaussian elimination with partial pivoting; the solution replaces ``right``.
+    """Gaussian elimination with partial pivoting, whose solution replaces ``right``.
 
     ``matrix``, shape (n, n), is used up. A singular one gives inf or nan, as a division does.
     """

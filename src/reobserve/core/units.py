@@ -19,5 +19,5 @@ _UNITS = re.compile(rf"{_UNIT}(?:, {_UNIT}){{0,99}}", re.ASCII)
 
 
 def is_unit(text: str) -> bool:
-    """Whether text is a unit, or a list of them with commas for the components of one signal."""
+    """True if text is a unit, or a list of them with commas for the components of one signal."""
     return len(text) <= 200 and _UNITS.fullmatch(text) is not None

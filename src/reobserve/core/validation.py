@@ -96,7 +96,7 @@ def schema(kind: Any) -> dict[str, Any]:
 
 
 def join(place: str, name: str) -> str:
-    """The dotted key of ``name`` under ``place``; a name may also be ``[0].kind``, or empty."""
+    """The dotted key of ``name`` under ``place``, where a name may be ``[0].kind``, or empty."""
     name = name.lstrip(".")
     return f"{place}{'' if not (place and name) or name[0] == '[' else '.'}{name}"
 
@@ -254,7 +254,7 @@ def _known(schema: Any, location: Path) -> list[str]:
 
 
 def _title(schema: Any, location: Path) -> str:
-    """What a sentence calls the type that has the last key of a location."""
+    """The name of the type that has the last key of a location, for a sentence."""
     node, defs = _at(schema, location[:-1])
     titles = [one.get("title", "") for one in _branches(node, defs) if "properties" in one]
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", titles[0]) if len(titles) == 1 else ""
@@ -323,7 +323,7 @@ rising = checked(_rising)
 
 
 def within(low: float, high: float) -> Any:
-    """From one number to another, both included."""
+    """Limits from one number to another, both included."""
     return Field(ge=low, le=high)
 
 

@@ -64,11 +64,11 @@ class Value:
         return other
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a pickle holds: the fields, and nothing that was cached."""
+        """The content of a pickle: the fields, and nothing that was cached."""
         return {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Copies and pickles, whose arrays are writable; what was cached is computed again."""
+        """Set copies and pickles, whose arrays are writable, and compute again what was cached."""
         for one in fields(self):  # type: ignore[arg-type]
             self._set(one.name, state[one.name])
 
@@ -77,7 +77,7 @@ class Value:
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """A view that cannot be written to; whose array it is may go on writing to that."""
+    """A view that cannot be written to, of an array that its owner may go on writing to."""
     view = array[...]
     view.setflags(write=False)
     return view

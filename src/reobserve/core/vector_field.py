@@ -42,17 +42,17 @@ def vector_field(function: Callable[..., None]) -> Any:
 
 
 def is_vector_field(value: Any) -> bool:
-    """Whether a value is a callback of numba's, as `vector_field` makes them."""
+    """True if a value is a callback of numba's, as `vector_field` makes them."""
     return hasattr(value, "native_name") and hasattr(value, "address")
 
 
 def _at(module: str, name: str) -> Any:
-    """What stands at a place in a module."""
+    """The object at a place in a module."""
     return reduce(getattr, name.split("."), import_module(module))
 
 
 def _place(field: Any) -> tuple[Any, tuple[str, str]]:
-    """How a pickle holds a vector field: by its place, as it holds functions."""
+    """Pickle a vector field by its place, as functions are."""
     function = field.__wrapped__
     module, name = function.__module__, function.__qualname__
     if "<locals>" in name or _at(module, name) is not field:
