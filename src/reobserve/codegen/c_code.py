@@ -66,7 +66,7 @@ _MOST_ASSIGNED = 60  # numbers of a memory; more are copied from a table
 
 
 def header(program: Program, name: str, signals: tuple[str, str], about: str, period: float) -> str:
-    """The header; ``signals`` say what the columns of y and u are."""
+    """The header, in which ``signals`` say what the columns of y and u are."""
     text = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
     arguments = "\n".join(wrap(text, WIDTH, initial_indent="/* ", subsequent_indent=" *   "))
     return _HEADER.format(
@@ -104,7 +104,7 @@ def source(program: Program, name: str) -> str:
 
 
 def literal(values: Array) -> str:
-    """A number or nested braces; not a number is NAN, which math.h defines."""
+    """A number or nested braces, with NAN of math.h for what is not a number."""
     if values.ndim == 0:
         return "NAN" if np.isnan(values) else repr(float(values))
     inner = ", ".join(map(literal, values))

@@ -18,7 +18,7 @@ class Expression:
     parts: tuple[Expression, ...] = ()
 
     def at(self, index: Index) -> str:
-        """The entry at an index in C; an expression with a `Product` inside has none."""
+        """The entry at an index in C, which an expression with a `Product` inside has not."""
         return self._at(index if self.shape else ())
 
     def inside(self, index: Index) -> str:
@@ -113,7 +113,7 @@ class Sum(Expression):
 
 @dataclass(frozen=True, eq=False)
 class Elementwise(Expression):
-    """An operation on each entry, in which numbers stand beside arrays; ``form`` is its C."""
+    """An operation on each entry, in which numbers stand beside arrays. ``form`` is its C."""
 
     form: str
     parts: tuple[Expression, ...]
@@ -173,7 +173,7 @@ def call(function: str, *arguments: Operand) -> Expression:
 
 
 def total(terms: Iterable[Expression]) -> Expression:
-    """The sum of several; zero of none."""
+    """The sum of several, or zero of none."""
     among = [(1, term) for term in terms]
     return summed(among) if among else Number(0.0)
 
@@ -184,14 +184,14 @@ def outer(left: Expression, right: Expression) -> Expression:
 
 
 def summed(terms: Iterable[tuple[int, Expression]]) -> Expression:
-    """The sum of signed terms; sums among them are written out."""
+    """The sum of signed terms. Sums among them are written out."""
     flat = [(sign * own, part) for sign, term in terms for own, part in signed(term)]
     signs, parts = zip(*flat, strict=True)
     return Sum(signs, parts, parts[0].shape)
 
 
 def signed(expression: Expression) -> list[tuple[int, Expression]]:
-    """The terms of a sum with their signs; anything else is one term."""
+    """The terms of a sum with their signs, where anything else is one term."""
     if isinstance(expression, Sum):
         return list(zip(expression.signs, expression.parts, strict=True))
     return [(1, expression)]

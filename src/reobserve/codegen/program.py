@@ -191,7 +191,7 @@ class Program:
         return target
 
     def estimate(self, name: str, value: Expression, size: float = 0.0) -> None:
-        """Report the value of an estimate; see `Variable`."""
+        """Report the value of an estimate (see `Variable`)."""
         self.estimates[name] = Variable(np.zeros(value.shape), size=size)
         self.let(Name(f"estimate->{name}", value.shape), value)
 
@@ -339,7 +339,7 @@ class Program:
 
 
 def _reads_again(term: Expression, name: str) -> bool:
-    """Whether a term reads an array at other entries than the one that it computes."""
+    """True if a term reads an array at other entries than the one that it computes."""
     if isinstance(term, Product | Outer | Transposed):
         return _reads(term, name)
     return any(_reads_again(part, name) for part in term.parts)
@@ -350,7 +350,7 @@ def _reads(part: Expression, name: str) -> bool:
 
 
 def margins(space: str) -> dict[str, Any]:
-    """How lines of C are broken."""
+    """Breaks of lines of C."""
     return {
         "initial_indent": space, "subsequent_indent": f"{space}    ", "break_long_words": False,
         "break_on_hyphens": False,

@@ -85,7 +85,7 @@ def _filters(observer: IMM) -> list[GaussianFilter]:
 
 
 def _models(program: Program, filters: list[GaussianFilter]) -> dict[str, Name]:
-    """The matrices of all modes, one behind the other; no B or D where all are zero."""
+    """The matrices of all modes, one behind the other, without B or D where all are zero."""
     stacks = {
         name: np.array([getattr(one.model.arrays, name) for one in filters])
         for name in ("A", "B", "C", "D", "Q", "R")
@@ -103,7 +103,7 @@ def _mode(models: dict[str, Name], j: str) -> Matrices:
 
 
 def _mixing(program: Program, chain: Name, log_mu: Name, predicted: Name) -> Name:
-    """Weights mu(i|j), j along columns, and log c_j; a mode that none reaches keeps to itself."""
+    """Weights mu(i|j), j along columns, and log c_j. A mode that none reaches keeps to itself."""
     r = log_mu.shape[0]
     weights = program.local("weights", (r, r))
     total = program.local("total_probability")
@@ -155,7 +155,7 @@ def _interact(program: Program, weights: Name, means: Name, covariances: Name) -
 
 
 def _update(program: Program, predicted: Name, likelihoods: Name, log_mu: Name) -> Name:
-    """Probabilities after the measurement; its log-likelihood over all modes."""
+    """The probabilities after the measurement, and its log-likelihood over all modes."""
     r = log_mu.shape[0]
     largest = program.let(program.local("largest"), Number(_LEAST))
     total = program.let(program.local("total_probability"), ZERO)

@@ -70,7 +70,7 @@ class SmoothSignal:
                 program.let(self.before[place + 1], self.rates[place])
 
     def keep(self) -> None:
-        """Remember the row; among the last statements of a program."""
+        """Remember the row, among the last statements of a program."""
         program = self.program
         program.let(self.before, self.now)
         if not self.alone:

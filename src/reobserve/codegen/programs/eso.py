@@ -10,7 +10,7 @@ from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 
 
 def extended_state(observer: ExtendedStateObserver, state: EsoState | None) -> Program:
-    """Its exact discretisation, for y in straight lines and u held."""
+    """The exact discretisation of the observer, for y in straight lines and u held."""
     system = observer.system
     begun = observer.init() if state is None else state
     p, m, size = system.outputs, observer.inputs, system.size

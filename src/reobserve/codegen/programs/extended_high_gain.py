@@ -55,7 +55,7 @@ def extended(
 
 
 class _Step:
-    """From row to row in parts: each ends where the mode of the delay or of the gain changes.
+    """A step from row to row in parts, each up to a change of mode of the delay or of the gain.
 
     ``z`` holds x^ and tau^; ``first`` and ``last`` hold y, u, u', ..., u^(m) of the row before and
     of this one, ``row`` the same in between, and G(y). ``mode[0]`` is 1 or -1 where the delay is
@@ -153,7 +153,7 @@ class _Step:
             runge_kutta(program, "slope", self.point, stages, width, out)
 
     def _margin(self) -> None:
-        """How far a mode is from its end at a point; ``xi_begun`` is xi^ where it began."""
+        """The distance of a mode from its end at a point, with ``xi_begun`` xi^ where it began."""
         program, out = self.program, self.program.local("margin_out", (1,))
         rate, begun, xi = map(program.local, ("rate_here", "xi_begun", "xi_here"))
         given = (self.delay, rate, xi, begun, self.mode)
@@ -180,7 +180,7 @@ class _Step:
     # --- The step ---
 
     def take(self, off: Name) -> None:
-        """From row to row; the share of the step with the gain off is added to ``off``."""
+        """Step from row to row, and add the share of the step with the gain off to ``off``."""
         program, z, begin, end = self.program, self.z, self.begin, self.end
         going = program.let(program.local("going"), ONE)
         program.let(begin, ZERO)
@@ -209,7 +209,7 @@ class _Step:
         program.let(self.rate, -(self.K[self.n] * (at[0] - self.row[0]) / self.xi[0]))
 
     def _move(self) -> None:
-        """From the begin of the part to its end: the mode's margin there, and whether it holds.
+        """Move from the begin of the part to its end: the mode's margin there, and if it holds.
 
         A margin that is not a number, where the state has left their range, does not hold.
         """
@@ -249,7 +249,7 @@ class _Step:
             self._search()
 
     def _search(self) -> None:
-        """Go on to the first point beyond the end of the mode; ``turning`` is tried first."""
+        """Go on to the first point beyond the end of the mode. ``turning`` is tried first."""
         program, end, xi, rate = self.program, self.end, self.xi_first, self.rate_first
         newest, opposite, former = (Name(name, (2,)) for name in ("newest", "opposite", "former"))
         held, other, apart = map(program.local, ("newest_holds", "opposite_holds", "apart"))

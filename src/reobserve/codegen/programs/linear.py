@@ -212,7 +212,7 @@ class Switching:
     inverse: Name | None
 
     def of(self, mode: str) -> Switching:
-        """That of one mode of a bank."""
+        """The gain function of one mode of a bank."""
         inverse = None if self.inverse is None else self.inverse[mode]
         return Switching(self.rate[mode], self.layer[mode], inverse)
 
@@ -226,7 +226,7 @@ class Switching:
 def switching_constants(
     program: Program, filters: list[SmoothVariableStructureFilter], *, bank: bool = False
 ) -> Switching:
-    """Its constants; of a bank, those of all filters, one behind the other."""
+    """Constants of the gain function, of a bank those of all filters, one behind the other."""
 
     def constant(name: str, values: list[Any]) -> Name:
         return program.constant(name, values if bank else values[0])
@@ -247,7 +247,7 @@ def correct(
     switching: GainFunction | None,
     error: Name | None,
 ) -> tuple[Name, Name]:
-    """Correct mean and covariance in place; return the innovation and its log-likelihood."""
+    """Correct mean and covariance in place, and return the innovation and its log-likelihood."""
     assert m.R is not None
     n, p = x.shape[0], program.measurements
     e, valid = innovation(program, m, x)

@@ -78,7 +78,7 @@ def identity(observer: IdentityObserver, state: NormalFormState | None) -> Progr
 
 
 def transformed(observer: TransformedObserver, state: NormalFormState | None) -> Program:
-    """z' = A z - l(y) + beta, discretised exactly; x^ = T(z)."""
+    """Step of z' = A z - l(y) + beta, discretised exactly, with x^ = T(z)."""
     form = observer.normal_form
     n, p = form.problem.system.states, form.problem.system.outputs
     title = f"Normal-form observer of order {observer.order}, transformed"

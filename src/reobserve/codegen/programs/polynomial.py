@@ -9,7 +9,7 @@ from reobserve.polynomials.maps import PolynomialMap
 
 
 def polynomial(program: Program, name: str, source: PolynomialMap) -> int:
-    """A function of the program that evaluates a map; its number of components."""
+    """A function of the program that evaluates a map, and its number of components."""
     table = polynomials(source)
     x = program.local(f"{name}_at", (source.variables,))
     out = program.local(f"{name}_out", (source.components,))

@@ -16,7 +16,7 @@ _VECTOR = (3,)
 
 
 class _Body:
-    """What the three have in common: rates, inertia, the first row, the derivative of w^."""
+    """Common parts of the observers: rates, inertia, the first row, the derivative of w^."""
 
     def __init__(
         self,

@@ -13,7 +13,7 @@ from reobserve.codegen.program import Program
 
 
 class RowBuffer:
-    """Remembers y and u of the row before; ``moves`` holds the statements of a step from it."""
+    """Remembers y and u of the row before. ``moves`` holds the statements of a step from it."""
 
     def __init__(self, program: Program, state: Any) -> None:
         p, m, sample = program.measurements, program.inputs, state.sample
@@ -41,7 +41,7 @@ class RowBuffer:
         return program.let(middle, 0.5 * self.y_before + 0.5 * program.y)
 
     def keep(self) -> None:
-        """Remember the row; the last statements of a program."""
+        """Remember the row, as the last statements of a program."""
         self.program.line(f"{self.started} = 1;")
         self.program.let(self.y_before, self.program.y)
         if self.u_before is not None:
