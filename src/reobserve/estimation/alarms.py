@@ -31,7 +31,7 @@ _SAMPLES = 100  # of start-up where the response does not decay, or there is non
 
 @dataclass
 class Alarm:
-    """An alarm on a column; ``deviation`` is that of its standard deviation, if there is one."""
+    """An alarm on a column. ``deviation`` is that of its standard deviation, if there is one."""
 
     rule: StatedThreshold | LearnedThreshold
     column: int
@@ -40,11 +40,11 @@ class Alarm:
 
     @property
     def name(self) -> str:
-        """As the user calls it."""
+        """The alarm's name as the user calls it."""
         return self.rule.name
 
     def threshold(self, found: AlarmReport) -> float | None:
-        """How far a value may be off the mean; None before it is known."""
+        """The distance from the mean that a value may have, or None before it is known."""
         if isinstance(self.rule, StatedThreshold):
             return self.rule.above
         if not found.ready or found.learned < 2:
@@ -161,7 +161,7 @@ def alarms(
 
 
 def start_up(run: Callable[[Array], Array], measurements: int, columns: int) -> NDArray[np.int_]:
-    """How many rows each column needs to forget an impulse in the first row of measurements.
+    """The number of rows that each column needs to forget an impulse in the first measurements.
 
     ``run`` gives them, shape (k, ``columns``), for measurements, shape (k, ``measurements``).
     """

@@ -93,7 +93,7 @@ def estimate_file(
     report: Path | None = None,
     block: int = BLOCK,
 ) -> Estimation:
-    """Estimates of a record in a file, written to another; what became of it is in the report.
+    """Estimate a record in a file and write another, with what became of it in the report.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def _check_not_smoothed(specification: Specification) -> None:
 
 
 def _tell_origin(report: DataReport) -> bool:
-    """What time counts from, as soon as it is known: who reads along must be able to date rows."""
+    """Report the origin of time once it is known: who reads along must be able to date rows."""
     if report.origin is None:
         return False
     print(f"reobserve: time counts from {spelled(report.origin)}", file=sys.stderr, flush=True)

@@ -40,7 +40,7 @@ class Interval:
             self.peak = value
 
     def summary(self) -> dict[str, float | None]:
-        """As the report has it."""
+        """The interval as the report has it."""
         spread = None if self.values < 2 else math.sqrt(self.squares / (self.values - 1))
         sigma = None if self.variances is None else math.sqrt(self.variances / self.values)
         return {
@@ -51,7 +51,7 @@ class Interval:
 
 @dataclass
 class AlarmReport:
-    """What an alarm found: whether, when and how large; and what its threshold is learned from.
+    """Findings of an alarm: whether, when and how large, and the source of its threshold.
 
     ``start_up`` [s] after each start of the observer, at ``started``, it is not raised. ``current``
     is the latest interval, ``waiting`` values with their sigmas belong to it if it goes on.
@@ -84,7 +84,7 @@ class AlarmReport:
         self.waiting.clear()
 
     def summary(self) -> dict[str, Any]:
-        """As the report has it."""
+        """The alarm's findings as the report has them."""
         listed = self.intervals + ([] if self.current is None else [self.current])
         learned = {"mean": self.mean, "learned": self.learned} if self.learns else {}
         return {
@@ -97,7 +97,7 @@ class AlarmReport:
 
 @dataclass
 class DataReport:
-    """Counts over a record; ``columns`` by the name of the column, times in [s] of the record.
+    """Counts over a record, ``columns`` by the name of the column, times in [s] of the record.
 
     ``intervals`` are those between timestamps that follow one another, ``jitter`` the largest
     offset of one from its place on the grid, in sampling periods.
@@ -130,7 +130,7 @@ class DataReport:
     origin: int | None = None
 
     def clock(self, timestamp: int | None) -> float:
-        """The time [s] of a timestamp [ns since 1970], nan for none; the first sets the origin."""
+        """The time [s] of a timestamp [ns since 1970], nan for none, from the first one on."""
         if timestamp is None:
             return math.nan
         if self.origin is None:
@@ -154,7 +154,7 @@ class DataReport:
             self.gaps.append([start, None])
 
     def close_gap(self, end: float) -> None:
-        """It ends with the sample at ``end``."""
+        """Close the gap, which ends with the sample at ``end``."""
         if self.gaps and self.gaps[-1][1] is None:
             self.gaps[-1][1] = end
 
@@ -244,7 +244,7 @@ def _alarm_line(alarm: AlarmReport) -> str:
 
 
 def _size(interval: Mapping[str, Any], unit: str) -> str:
-    """When, and how large."""
+    """The time and size of an excess."""
     said = f"{_time(interval['start'])} to {_time(interval['end'])} s: mean "
     said += _amount(interval["mean"], unit)
     if interval["standard_deviation"] is not None:

@@ -19,7 +19,7 @@ _DATED = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d")  # a day and the beginning of an
 
 
 def nanoseconds(text: str, form: str = "") -> int:
-    """Since 1970, of a date by ISO 8601 or a format; without an offset from UTC it is one of UTC.
+    """Nanoseconds since 1970 of a date by ISO 8601 or a format, of UTC where it states no offset.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def nanoseconds(text: str, form: str = "") -> int:
 
 
 def looks_dated(text: str) -> bool:
-    """Whether a text begins as a timestamp by ISO 8601 does."""
+    """True if a text begins as a timestamp by ISO 8601 does."""
     return _DATED.match(text) is not None
 
 
@@ -63,7 +63,7 @@ def check_format(place: str, form: str) -> None:
 def timestamp(
     cell: str, nothing: tuple[str, ...], title: str, row: int, form: str = ""
 ) -> int | None:
-    """The timestamp [ns] in a cell; None where it holds one of the words for ``nothing``.
+    """The timestamp [ns] in a cell, or None where it holds one of the words for ``nothing``.
 
     Raises
     ------

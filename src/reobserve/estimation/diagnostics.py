@@ -70,7 +70,7 @@ class FirstRows:
 
 
 def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
-    """Sentences on what would mislead in these results; none if nothing does."""
+    """Sentences on what would mislead in these results, or none if nothing does."""
     if first_rows.rows < _LEAST_ROWS:
         text = f"too few rows to check noise or settling: {first_rows.rows} in the first stretch"
         return [text] if first_rows.rows else []
@@ -157,7 +157,7 @@ def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
 
 
 def _size(values: Array) -> float:
-    """The root mean square of what there is; 0 of nothing."""
+    """The root mean square of what there is, or 0 of nothing."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 

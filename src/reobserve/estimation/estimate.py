@@ -113,7 +113,7 @@ class Estimation:
         return found
 
     def _start_up(self, column: int) -> float:
-        """How long [s] a column needs to forget how the observer started."""
+        """The time [s] that a column needs to forget how the observer started."""
         if self.start_up is None:
             inputs = len(self.layout.names) - self.layout.timed - self.layout.measurements
 
@@ -214,7 +214,7 @@ class Estimation:
 
     @property
     def titles(self) -> list[str]:
-        """Those of the results: time, estimates, residuals, alarms, status."""
+        """Titles of the results: time, estimates, residuals, alarms, status."""
         columns = [column.title for column in self.outputs.columns]
         return ["time [s]", *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
 

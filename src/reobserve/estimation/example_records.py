@@ -39,7 +39,7 @@ class Simulated:
     estimated: Mapping[str, str]
 
     def at(self, name: str, times: Array) -> Array:
-        """A signal at any times; a held one has the value of the period in which they are."""
+        """A signal at any times. A held one has the value of the period in which they are."""
         if name in self.held:
             step = np.searchsorted(self.time, times + 1e-9 * self.period, side="right") - 1
             found: Array = self.signals[name][step]
@@ -47,7 +47,7 @@ class Simulated:
         return np.asarray(np.interp(times, self.time, self.signals[name]))
 
     def record(self, times: Array | None = None) -> dict[str, Array]:
-        """The columns, ``t`` [ms] first, at timestamps [s]; left out, at all samples."""
+        """The columns, ``t`` [ms] first, at timestamps [s], or at all samples."""
         timestamps = self.time[::_FINE] if times is None else times
         random = np.random.default_rng(12)
         columns = {"t": 1000.0 * timestamps}
@@ -58,7 +58,7 @@ class Simulated:
         return columns
 
     def truth(self, times: Array) -> dict[str, Array]:
-        """What each column of the estimates that is named should be at these times."""
+        """The true values of each column of the estimates that is named, at these times."""
         return {column: self.at(name, times) for column, name in self.estimated.items()}
 
 
@@ -82,7 +82,7 @@ def _grid(period: float, horizon: float) -> Array:
 
 
 def satellite() -> Simulated:
-    """A tumbling body; from 5 s on a leak turns it about its first axis with 0.5 N m."""
+    """A tumbling body that a leak turns about its first axis with 0.5 N m from 5 s on."""
     inertia = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
     inverse, time = np.linalg.inv(inertia), _grid(0.01, 15.0)
     start = np.floor(time / 0.01 + 1e-6) * 0.01  # of the period, over which torques are held
@@ -111,7 +111,7 @@ def satellite() -> Simulated:
 
 
 def pendulum() -> Simulated:
-    """A pendulum that swings down from 0.5 rad, measured in degrees; lengths such that g/l = 1."""
+    """A pendulum with g/l = 1 that swings down from 0.5 rad, measured in degrees."""
     time = _grid(0.02, 20.0)
     rows = _followed(
         lambda t, x: np.array([x[1], -np.sin(x[0]) - 0.1 * x[1]]), np.array([0.5, 0.0]), time
@@ -172,7 +172,7 @@ def signal() -> Simulated:
 def motor(
     horizon: float = 10.0, worn: float = 0.0, lost: float = 0.0, offset: float = 0.0
 ) -> Simulated:
-    """A DC motor: speed in rpm, current in mA, voltage in V; x = [speed, current].
+    """A DC motor with x = [speed, current]: speed in rpm, current in mA, voltage in V.
 
     In the second half of the record the friction is higher by ``worn`` [1/s], the voltage by
     ``lost`` [V] and the reading of the speed by ``offset`` [rad/s].

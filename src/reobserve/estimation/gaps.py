@@ -23,7 +23,7 @@ MEASURED, FILLED, PARTIAL, PREDICTED, RESTARTED = range(5)
 
 
 class Stretch(NamedTuple):
-    """Rows that follow one another; at ``fresh`` ones the observer starts."""
+    """Rows that follow one another, with ``fresh`` ones where the observer starts."""
 
     time: Array
     y: Array
@@ -57,7 +57,7 @@ class Gaps:
     in_gap: bool = False
 
     def feed(self, rows: Settled, final: bool = False) -> list[Stretch]:
-        """The stretches that rows make; after the ``final`` ones nothing is measured any more.
+        """The stretches that rows make. After the ``final`` ones nothing is measured any more.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class Gaps:
         return stretches
 
     def _begins(self, now: float) -> bool:
-        """Whether the observer starts with a usable row; it closes a gap."""
+        """True if the observer starts with a usable row, which closes a gap."""
         if self.in_gap:
             self.report.close_gap(now)
             self.in_gap = False
@@ -119,7 +119,7 @@ class Gaps:
         return begins
 
     def _bridges(self, k: int, rows: Settled, known: bool, final: bool) -> bool:
-        """Whether the observer predicts over a row without measurements; it may open a gap."""
+        """True if the observer predicts over a row without measurements, which may open a gap."""
         sampling = self.sampling
         if sampling.missing == "refuse":
             self._refuse(k, rows)

@@ -63,7 +63,7 @@ class Interpolation:
         return self._settle(self.time[-1] if len(self.time) else -np.inf)
 
     def finish(self) -> Settled:
-        """What waits for samples that will not come."""
+        """Give the rows that wait for samples that will not come."""
         return self._settle(np.inf)
 
     def _settle(self, latest: float) -> Settled:
@@ -80,7 +80,7 @@ class Interpolation:
         return Settled(asked, found, between)
 
     def _horizon(self, c: int, known: NDArray[np.int_], latest: float) -> float:
-        """Up to which time no later row can change a column."""
+        """The time up to which no later row can change a column."""
         steady = self.held[c] or self.method == "previous" or not len(known)
         if steady or latest - self.time[known[-1]] > self.reach * _ROUNDING:
             return latest

@@ -81,7 +81,7 @@ class Layout:
         return converted
 
     def number(self, cell: str, row: int, column: int) -> float:
-        """The number that a cell of text spells; nan if there is none.
+        """The number that a cell of text spells, or nan if there is none.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class Layout:
 
 
 def no_number(row: int, cell: str, text: str, decimal: str = ".") -> str:
-    """What is said of a cell that spells none, with the key that would read it."""
+    """A message on a cell that spells no number, with the key that would read it."""
     hint, other = "", "," if decimal == "." else "."
     if looks_dated(text):
         hint = f"; of dates the unit is {ISO}"
@@ -193,7 +193,7 @@ def _title(at: str, column: Column, header: Sequence[str], place: str) -> tuple[
 def find_column(
     at: str, column: Column, fixed: str, header: Sequence[str], place: str
 ) -> tuple[str, Conversion, str]:
-    """A column's title in the header, its conversion, and its unit then; raises as `lay_out`."""
+    """A column's title in the header, its conversion, and its unit then (raises as `lay_out`)."""
     title, unit = _title(at, column, header, place)
     if unit:
         check_unit(f"{at}.unit", unit)

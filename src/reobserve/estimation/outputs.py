@@ -31,7 +31,7 @@ class Output(NamedTuple):
 
     @property
     def title(self) -> str:
-        """As the header has it."""
+        """The title as the header has it."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
@@ -40,7 +40,7 @@ RESIDUAL = "residual"
 
 @dataclass(frozen=True)
 class Outputs:
-    """What is written of each row, in order.
+    """Columns that are written of each row, in order.
 
     ``places`` are those of the columns among the ``sources`` (estimates, flattened) and then the
     residual, one behind the other. Of ``deviations`` the root is taken.

@@ -73,7 +73,7 @@ class Plot:
         self.greatest = np.concatenate([self.greatest, np.fmax.reduce(shared[:, :, 1:], axis=1)])
 
     def _halve(self) -> None:
-        """Let two points become one; there is an even number of them."""
+        """Let two points become one, of an even number of them."""
         self.share *= 2
         self.time = self.time[::2]
         self.least = np.fmin(self.least[::2], self.least[1::2])
@@ -191,7 +191,7 @@ class Plot:
             ax.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
 
     def _jumps(self) -> NDArray[np.int_]:
-        """Before which points there is a gap."""
+        """The points before which there is a gap."""
         longest = 1.5 * self.share * self.estimation.specification.sampling.period
         return np.flatnonzero(np.diff(self.time) > longest) + 1
 

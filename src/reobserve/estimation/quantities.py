@@ -21,7 +21,7 @@ _EXPONENT = re.compile(rf"\s*(?:{_NUMBER}|\(\s*{_NUMBER}\s*\))(?!\w)\s*+(?![(\d.
 
 
 class Conversion(NamedTuple):
-    """A value less ``zero``, times ``factor``, plus ``offset``; what does nothing is skipped."""
+    """A value less ``zero``, times ``factor``, plus ``offset``, skipping what does nothing."""
 
     factor: float
     offset: float
@@ -48,7 +48,7 @@ def _registry() -> Any:
 
 @cache
 def _parsed(text: str) -> Any:
-    """The unit that a text names; None if it is none."""
+    """The unit that a text names, or None if it is none."""
     pint = package("pint", "convert units")
     try:
         unit = _registry().parse_units(text)
@@ -91,12 +91,12 @@ def _has_low_powers(text: str) -> bool:
 
 
 def _numeric(text: str) -> bool:
-    """Whether text is a number other than 1, which pint would take for a unit of that size."""
+    """True if text is a number other than 1, which pint would take for a unit of that size."""
     return text != "1" and text.replace(".", "", 1).isdigit()
 
 
 def _step(text: str) -> float | None:
-    """How much of a kelvin, say, a degree on a scale with an offset is; None for a logarithm."""
+    """The size in kelvin, say, of a degree on a scale with an offset, or None for a logarithm."""
     try:
         quantity = _registry().Quantity
         at = [quantity(value, _parsed(text)).to_base_units().magnitude for value in (0.0, 1.0, 2.0)]
@@ -107,7 +107,7 @@ def _step(text: str) -> float | None:
 
 
 def conversion(place: str, given: str, wanted: str) -> Conversion:
-    """How a value in one unit becomes one in the other.
+    """The conversion of a value in one unit into the other.
 
     Raises
     ------

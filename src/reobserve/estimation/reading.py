@@ -30,7 +30,7 @@ _ENDINGS = (".csv", ".csv.gz", ".parquet")
 
 @dataclass(frozen=True)
 class File:
-    """A file of columns; the keys are those of `reobserve.estimation.specification.Columns`."""
+    """A file of columns. The keys are those of `reobserve.estimation.specification.Columns`."""
 
     path: Path
     delimiter: str = ","
@@ -193,7 +193,7 @@ class File:
 
 
 def states_delimiter(line: bytes, delimiter: str) -> bool:
-    """Whether a file's first line is ``sep=;``, as spreadsheets write it.
+    """True if a file's first line is ``sep=;``, as spreadsheets write it.
 
     Raises
     ------

@@ -68,7 +68,7 @@ class RowByRow:
         return self.estimation.report.clock(nanoseconds(cell, self.estimation.layout.format))
 
     def _regular(self, numbers: list[float]) -> bool:
-        """Whether a row stands a period after the one before, and all of it was measured."""
+        """True if a row stands a period after the one before, and all of it was measured."""
         made = self.estimation
         report, gaps = made.report, made.gaps
         if report.rows < _PATIENCE or not gaps.started or gaps.in_gap or report.last is None:

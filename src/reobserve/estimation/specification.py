@@ -49,7 +49,7 @@ Few = checked(_few)
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """The timestamps; without ``column`` there are none, and rows are a sampling period apart.
+    """The timestamps. Without ``column`` there are none, and rows are a sampling period apart.
 
     The ``unit`` is one of time, or iso8601 for dates with times of day; dates of another form have
     a ``format`` in its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S".
@@ -101,7 +101,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """What stands where in a row, and how the file is written."""
+    """The contents of a row by column, and the way the file is written."""
 
     measurements: Annotated[tuple[Column, ...], Few]
     inputs: Annotated[tuple[Column, ...], Few] = ()

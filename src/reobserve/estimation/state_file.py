@@ -55,7 +55,7 @@ class _Interpolation:
 
 @dataclass
 class _State:
-    """A state file; ``offset`` is the byte up to which a file was read."""
+    """A state file. ``offset`` is the byte up to which a file was read."""
 
     format: Literal["reobserve estimate state"]
     schema: Literal[4]
@@ -70,7 +70,7 @@ class _State:
 
 
 def save_state(path: Path, estimation: Estimation, digest: str, offset: int | None) -> None:
-    """Write what is needed to go on; ``offset`` is the byte up to which a file was read.
+    """Write what is needed to go on. ``offset`` is the byte up to which a file was read.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
 
 
 def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
-    """Put an estimation where it was when its state was saved; the offset that was saved.
+    """Put an estimation where it was when its state was saved, and return the offset saved.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def _check_keys(given: Any, whole: Any, place: str) -> None:
 
 
 def _like(template: Any, saved: Any, place: str) -> Any:
-    """A value of the types and shapes that a template has; a state is made of such."""
+    """A value of the types and shapes that a template has, of which a state is made."""
     if is_dataclass(template) and not isinstance(template, type):
         names = [each.name for each in fields(template)]
         if not isinstance(saved, dict) or set(saved) != set(names):

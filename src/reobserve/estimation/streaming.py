@@ -48,7 +48,7 @@ class Stop:
             raise _Stopped
 
     def line(self, stream: BinaryIO) -> bytes:
-        """The next line or what there is of it; nothing if there is no more, or one is to stop."""
+        """The next line or what there is of it, or nothing if there is no more or to stop."""
         if self.asked:
             return b""
         try:
@@ -72,7 +72,7 @@ class Stop:
 
 
 class Lines:
-    """Whole lines of a stream; ``offset`` counts the bytes of those that were given.
+    """Whole lines of a stream. ``offset`` counts the bytes of those that were given.
 
     Parameters
     ----------

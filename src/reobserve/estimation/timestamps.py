@@ -58,7 +58,7 @@ class UnevenError(InputError):
 def _placed(
     time: Array, grid: Array, period: float, jitter: float, refuse: bool, passed: Array
 ) -> tuple[int, float]:
-    """How many rows are accepted, and the maximum jitter; fills the periods ``passed`` by each.
+    """The number of accepted rows, and the maximum jitter. It fills the periods ``passed`` by each.
 
     ``grid`` is [low, high], nan before the first row; the rows go on from it.
     """
@@ -92,7 +92,7 @@ def _placed(
 
 
 def least_jitter(blocks: Iterable[Array], period: float) -> tuple[float | None, float | None]:
-    """The minimum jitter, in hundredths of a period, that accepts timestamps; None if none does.
+    """The minimum jitter, in hundredths of a period, that accepts timestamps, or None if none does.
 
     Then also their mean interval [s], if it differs from the period by more than rounding.
     """
@@ -132,7 +132,7 @@ class Timestamps:
 
     @property
     def _bridged(self) -> int:
-        """How many slots of a gap are worth having."""
+        """The number of slots of a gap that are worth having."""
         return int(min(self.sampling.longest / self.sampling.period, MOST_SLOTS)) + 2
 
     def read(self, time: Array, values: Array) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""Results as files: CSV, gzipped if its name says so, and Parquet; whole or not at all."""
+"""Results as files, whole or not at all: CSV, gzipped if its name says so, and Parquet."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def write_results(
     blocks: Iterator[Estimated],
     about: Callable[[], Mapping[str, Any]],
 ) -> None:
-    """Write blocks as they come, in a format by `check_name`; ``about`` is asked after the last.
+    """Write blocks as they come, in a format by `check_name`, and ask ``about`` after the last.
 
     Raises
     ------

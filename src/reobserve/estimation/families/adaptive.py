@@ -31,7 +31,7 @@ gains:
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveGains:
-    """Lambda and Kp [N m s/rad], Gamma [N m/rad]; with Kp it is the PI observer."""
+    """Lambda and Kp [N m s/rad], Gamma [N m/rad], where Kp makes it the PI observer."""
 
     observer_gain: Array
     integral_gain: Array

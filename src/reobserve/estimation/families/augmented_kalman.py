@@ -127,7 +127,7 @@ class AugmentedKalmanDesign(FilterDesign):
 
     @property
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
-        """Those of a filter, and the unknown inputs."""
+        """The estimates of a filter, and the unknown inputs."""
         return {
             **super().estimates, "unknown_input": self.unknown_inputs,
             "unknown_input_variance": variances(self.unknown_inputs),
@@ -143,7 +143,7 @@ class AugmentedKalmanDesign(FilterDesign):
 
     @property
     def sigmas(self) -> Mapping[str, str]:
-        """Those of the state and of unknown inputs."""
+        """The variances of the state and of unknown inputs."""
         return {"state": "variance", "unknown_input": "unknown_input_variance"}
 
     @property

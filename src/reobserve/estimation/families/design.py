@@ -37,7 +37,7 @@ _KEYS = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class System:
-    """What all systems state: the period [s] between samples, and signals by name and unit.
+    """Keys of all systems: the period [s] between samples, and signals by name and unit.
 
     Signals that are left out are numbered, and have no units.
     """
@@ -58,7 +58,7 @@ class Example(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design(ABC):
-    """An observer of a family; what derives from it declares the keys of its files.
+    """An observer of a family, of which a subclass declares the keys of its files.
 
     ``system`` is what a model's file or a specification states; ``gains`` what was found or chosen
     for it, None if there is nothing to choose; ``certificate`` what was computed of both.
@@ -114,7 +114,7 @@ class Design(ABC):
 
     @classmethod
     def designed(cls, tree: Tree) -> Self:
-        """The design of a model's file; gains that it leaves out are found.
+        """The design of a model's file, with gains found where it leaves them out.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Design(ABC):
 
     @classmethod
     def of(cls, system: Any, gains: Any = None) -> Self:
-        """The design of a system; raises as `find_gains` if no gains are given."""
+        """The design of a system (raises as `find_gains` if no gains are given)."""
         return cls(system=system, gains=cls.find_gains(system) if gains is None else gains)
 
     @classmethod
@@ -157,7 +157,7 @@ class Design(ABC):
 
     @property
     def widths(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """How many columns y and u of a record may have."""
+        """The numbers of columns that y and u of a record may have."""
         return (len(self.measurements),), (len(self.inputs),)
 
     @property
@@ -167,12 +167,12 @@ class Design(ABC):
 
     @property
     def sigmas(self) -> Mapping[str, str]:
-        """For an estimate, the one that holds its variances."""
+        """The estimate with the variances of another one, by the name of that."""
         return {}
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """What the observer cannot estimate, as sentences."""
+        """Sentences on what the observer cannot estimate."""
         return ()
 
     @property
@@ -181,7 +181,7 @@ class Design(ABC):
         """The observer, ready to run."""
 
     def start(self) -> Any:
-        """The state to start from; None if the observer starts from its first measurement."""
+        """The state to start from, or None if the observer starts from its first measurement."""
         stated = getattr(self.system, "initial_state", None)
         observer: Any = self.observer
         return None if stated is None else observer.init(stated)
@@ -192,7 +192,7 @@ class Design(ABC):
         return self.observer._start(y) if stated is None else stated
 
     def residual(self, y: Array, estimates: Estimates) -> Array:
-        """What of y, shape (k, p), was not predicted; no columns if nothing of it is."""
+        """The part of y, shape (k, p), that was not predicted, without columns if all was."""
         if not self.predicts:
             return y[:, :0]
         found: Array = y - estimates[self.predicts][:, : y.shape[1]]
@@ -242,7 +242,7 @@ def _names(hint: Any) -> set[str]:
 
 
 def plain(value: Any) -> Any:
-    """A dataclass with its arrays as what JSON can hold; what is None is left out."""
+    """A dataclass with its arrays as what JSON can hold, without what is None."""
     if is_dataclass(value) and not isinstance(value, type):
         parts = {each.name: getattr(value, each.name) for each in fields(value)}
         return {name: plain(part) for name, part in parts.items() if part is not None}

@@ -17,7 +17,7 @@ from reobserve.estimation.families.file import naming, save_design
 def run(
     kind: str, model: Path | None, out: Path | None, example: Path | None, changed: Sequence[str]
 ) -> None:
-    """Design an observer, write its file and say what was found; or write an example of a model.
+    """Design an observer, write its file and say what was found, or write an example of a model.
 
     ``changed`` are texts KEY=VALUE that replace or add keys of the model, values in YAML.
 

@@ -125,7 +125,7 @@ class FaultySystem(System):
 
     @cached_property
     def augmented(self) -> AugmentedSystem:
-        """The system with filter and faults; `InputError` if faults cannot be distinguished."""
+        """The system with filter and faults, or `InputError` if faults cannot be distinguished."""
         rows = {"B": self.A, "Fa": self.A, "Fs": self.C, "Dd": self.A, "Dw": self.C}
         given = {
             name: np.zeros((len(like), 0)) if (value := getattr(self, name)) is None else value
@@ -136,7 +136,7 @@ class FaultySystem(System):
 
 @dataclass(frozen=True, eq=False)
 class EsoGains:
-    """L and Ld, rows of states, filter and faults; ``gamma`` is the promised bound of the norm.
+    """L and Ld, rows of states, filter and faults. ``gamma`` is the promised bound of the norm.
 
     Without Ld it is the PI observer.
     """
@@ -218,7 +218,7 @@ class EsoDesign(Design):
         return listed(self.system.states) or numbered("state", len(self.system.A))
 
     def residual(self, y: Array, estimates: Estimates) -> Array:
-        """What neither the state nor the sensor fault explains."""
+        """The part of y that neither the state nor the sensor fault explains."""
         system = self.system.augmented
         found: Array = y.copy()  # column by column: bitwise the same for a row and for many
         # r = y - C x - Fs fs

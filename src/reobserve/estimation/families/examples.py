@@ -64,12 +64,12 @@ _RECORDS = {
 
 @cache
 def examples() -> dict[str, Example]:
-    """Those of all families, by their names."""
+    """The examples of all families, by their names."""
     return {name: one for kind in FAMILIES for name, one in family(kind).records.items()}
 
 
 def _example(name: str) -> Example:
-    """That of one name, of which the family is imported alone."""
+    """The example of one name, of which the family is imported alone."""
     kind = next((kind for kind in FAMILIES if name == kind or name.startswith(f"{kind}-")), "")
     found = family(kind).records if kind else examples()
     if name not in found:

@@ -24,7 +24,7 @@ _TAKEN = frozenset(
 
 
 def run(design: Path, to: str, out: Path) -> None:
-    """Write a design as code into a folder, and print what was written; ``to`` is "c".
+    """Write a design as code into a folder, and print what was written. ``to`` is "c".
 
     Raises
     ------

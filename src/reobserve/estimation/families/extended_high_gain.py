@@ -130,7 +130,7 @@ class ExtendedHighGainDesign(Design):
 
     @property
     def widths(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Where the input is not named, its derivatives may come in columns, too."""
+        """The numbers of columns, with derivatives where the input is not named."""
         return super().widths if self.system.inputs else ((1,), (1, self.gains.order + 1))
 
     def certify(self) -> Certificate:

@@ -103,7 +103,7 @@ class IloDesign(BodyDesign):
 
     @cached_property
     def observer(self) -> ILO | SampledILO:
-        """The observer; unstable gains are refused."""
+        """The observer, unless its gains are unstable, which is refused."""
         kind = SampledILO if self.system.variant == "sampled" else ILO
         gains, period = self.gains, self.system.sampling_period
         interval = period if gains.update_interval is None else gains.update_interval

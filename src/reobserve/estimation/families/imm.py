@@ -63,7 +63,7 @@ _MOST_MODES = 50
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mode:
-    """Where a mode differs."""
+    """Differences of a mode from the others."""
 
     A: Array | None = None
     B: Array | None = None
@@ -91,7 +91,7 @@ class ManyModes(NoisySystem):
 
     @cached_property
     def systems(self) -> dict[str, LinearSystem]:
-        """The linear system of each mode; `InputError` names the mode that has none."""
+        """The linear system of each mode, or `InputError` with the mode that has none."""
         shared = {each.name: getattr(self, each.name) for each in fields(LinearSystem)}
         found = {}
         for name, mode in self.modes.items():
@@ -195,13 +195,13 @@ class ImmDesign(FilterDesign):
         )  # fmt: skip
 
     def certify(self) -> Certificate:
-        """How long the chain stays in each mode on average, in samples."""
+        """The time that the chain stays in each mode on average, in samples."""
         chain = self.observer.transition
         stay = [min(float(1.0 / max(1.0 - p, 1e-300)), 1e300) for p in np.diag(chain)]
         return {f"samples_in_{mode}": s for mode, s in zip(self.system.modes, stay, strict=True)}
 
     def summary(self) -> list[str]:
-        """How long the chain stays in each mode."""
+        """Sentences on how long the chain stays in each mode."""
         period = self.system.sampling_period
         lines = [f"interacting multiple model of {len(self.system.modes)} modes"]
         for mode in self.system.modes:

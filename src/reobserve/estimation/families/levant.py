@@ -58,7 +58,7 @@ class SignalSystem(System):
 
 @dataclass(frozen=True, eq=False)
 class LevantGains:
-    """``L`` bounds the derivative of order ``order`` + 1; ``lambdas`` as the observer has them."""
+    """``L`` bounds the derivative of order ``order`` + 1. ``lambdas`` as the observer has them."""
 
     L: float
     order: int = 2
@@ -66,7 +66,7 @@ class LevantGains:
 
 
 def program(observer: LevantDifferentiator, state: LevantState | None) -> Program:
-    """Its homogeneous discretisation."""
+    """The homogeneous discretisation of the differentiator."""
     step = Program("Robust exact differentiator", 1, 0)
     begun = observer.init([0.0] * (observer.order + 1)) if state is None else state
     rows, law, lines = RowBuffer(step, begun), observer._law, observer.order + 1
@@ -135,14 +135,14 @@ class LevantDesign(Design):
         return {"derivatives": self.states}
 
     def start(self) -> LevantState | None:
-        """The initial derivatives; None for the first measurement."""
+        """The initial derivatives, or None for the first measurement."""
         stated = self.system.initial_state
         if stated is None:
             return None
         return self.observer.init(as_vector("initial_state", stated, self.gains.order + 1))
 
     def certify(self) -> Certificate:
-        """What of a signal within the bound is left after some steps: L T^(n+1-i) of each."""
+        """The error that some steps leave for a signal within the bound: L T^(n+1-i) of each."""
         powers = self.gains.order + 1 - np.arange(self.gains.order + 1)
         scales = self.observer.L * self.observer.sampling_period**powers
         return {f"scale_{i}": float(scale) for i, scale in enumerate(scales)}

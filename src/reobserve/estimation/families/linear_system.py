@@ -68,7 +68,7 @@ class LinearSystem(System):
 
     @cached_property
     def model(self) -> LinearModel:
-        """The sampled model; `InputError` if it is none that filters can have."""
+        """The sampled model, or `InputError` if it is none that filters can have."""
         matrices = (self.A, self.B, self.C, self.D, self.Q, self.R)
         if self.time == "continuous":
             return LinearModel.from_ode(*matrices, sampling_period=self.sampling_period)
@@ -89,7 +89,7 @@ def _rows(matrix: Array) -> int:
 
 
 def check_shape(name: str, value: Any, shape: tuple[int, ...]) -> None:
-    """Refuse a matrix of another shape than the signals ask for; None is not there."""
+    """Refuse a matrix of another shape than the signals ask for, unless it is None."""
     if value is not None and value.shape != shape:
         raise InputError(name, f"has shape {value.shape}, must be {shape}, as the signals say")
 
@@ -107,7 +107,7 @@ class FilterDesign(Design):
 
     @property
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
-        """Those of `GaussianFilter`."""
+        """The estimates of `GaussianFilter`."""
         return {
             "state": self.states, "variance": variances(self.states),
             "innovation": tuple(
@@ -126,7 +126,7 @@ class FilterDesign(Design):
 
     @property
     def sigmas(self) -> Mapping[str, str]:
-        """Those of the state."""
+        """The variance of the state, unless the gain is constant."""
         return {} if isinstance(self.observer, FixedGainObserver) else {"state": "variance"}
 
     def spread(self, state: Any) -> Array | None:
@@ -152,7 +152,7 @@ def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
 
 
 def decay_sentences(certificate: Certificate, period: float) -> list[str]:
-    """What poles of discrete time mean."""
+    """Sentences on what poles of discrete time mean."""
     radius = certificate["spectral_radius"]
     if radius == 0:
         return ["poles: all zero; an error is gone after as many samples as there are states"]

@@ -90,7 +90,7 @@ class NonlinearSystem(System):
             as_vector("initial_state", self.initial_state, len(self.states))
 
     def built(self, **chosen: Any) -> NormalFormObserver:
-        """The observer with poles, or with an injection; raises as `normal_form_observer`."""
+        """The observer with poles, or with an injection (raises as `normal_form_observer`)."""
         higher = None
         if self.injection:
             higher = [self.injection.get(name, 0) for name in self.states]

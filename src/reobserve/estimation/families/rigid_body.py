@@ -66,7 +66,7 @@ class BodySystem(System):
 
     @cached_property
     def body(self) -> RigidBody:
-        """The body; `InputError` if it is none."""
+        """The body, or `InputError` if it is none."""
         return RigidBody(self.inertia, self.input_matrix, self.fault_matrix)
 
 
@@ -105,7 +105,7 @@ class BodyDesign(Design):
         return listed(self.system.inputs) or numbered("torque", 3, "N m")
 
     def start(self) -> RigidBodyState | None:
-        """The initial rate without a fault; None for the first measurement."""
+        """The initial rate without a fault, or None for the first measurement."""
         stated, fault = self.system.initial_state, self.system.initial_fault
         if stated is None:
             return None
@@ -113,7 +113,7 @@ class BodyDesign(Design):
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """That a part of the fault has no effect."""
+        """Sentences that say if a part of the fault has no effect."""
         rank = int(np.linalg.matrix_rank(self.system.body.fault_matrix))
         if rank == 3:
             return ()

@@ -64,7 +64,7 @@ def variances(signals: Iterable[NamedSignal]) -> tuple[NamedSignal, ...]:
 
 
 def covariances(signals: Iterable[NamedSignal]) -> tuple[NamedSignal, ...]:
-    """Their covariance matrix, row by row."""
+    """The covariance matrix of signals, row by row."""
     among = tuple(signals)
     return tuple(
         NamedSignal(f"{one.name}_{other.name}_covariance", product(one.unit, other.unit))
@@ -74,7 +74,7 @@ def covariances(signals: Iterable[NamedSignal]) -> tuple[NamedSignal, ...]:
 
 
 def product(*units: str) -> str:
-    """The unit of a product: of ``rad/s`` and ``rad`` it is ``rad^2/s``; empty if one is."""
+    """The unit of a product, of ``rad/s`` and ``rad`` ``rad^2/s``, or empty if one is."""
     if not all(units):
         return ""
     powers: dict[str, int] = {}

@@ -42,7 +42,7 @@ class Stated:
     gains: Any = None
 
     def design(self, period: float) -> Design:
-        """The design; gains that are not stated are found."""
+        """The design, with gains found where they are not stated."""
         with self.kind.keyed():
             found = self.kind.of(self.system, self.gains)
             _ = found.observer, found.start()  # which are refused here

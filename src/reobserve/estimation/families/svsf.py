@@ -71,12 +71,12 @@ class SvsfDesign(FilterDesign):
         )
 
     def certify(self) -> Certificate:
-        """How output errors outside the layers shrink, if C is square; the observer's checks."""
+        """Contraction of output errors outside the layers, if C is square, and other checks."""
         outputs, states = self.system.C.shape
         return {"contraction": self.observer.convergence_rate, "square": outputs == states}
 
     def summary(self) -> list[str]:
-        """What holds outside the boundary layers."""
+        """Sentences on what holds outside the boundary layers."""
         known = self.certificate
         lines = ["smooth variable structure filter"]
         if known["square"]:

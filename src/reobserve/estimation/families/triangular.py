@@ -20,7 +20,7 @@ Array = FloatArray
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TriangularSystem(System):
-    """x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u; y = x1.
+    """System x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u with y = x1.
 
     ``drift`` is f by state, ``input_gain`` G, text each. ``lipschitz`` holds bounds, by state i
     and then by state j, of what f_i changes with x_j; what it leaves out is zero.
@@ -65,7 +65,7 @@ class TriangularSystem(System):
 
     @cached_property
     def model(self) -> TextModel:
-        """f and G, compiled; raises `InputError` for the key whose text cannot be."""
+        """The model of f and G, compiled, or `InputError` for the key whose text cannot be."""
         names = list(self.states)
         drift = [str(self.drift[name]) for name in names]
         try:
@@ -82,7 +82,7 @@ class TriangularSystem(System):
         return np.zeros(n) if self.initial_state is None else np.array(self.initial_state)
 
     def decay(self, rho: float) -> float | None:
-        """A rate [1/s] at which errors are proved to decay; None if no bounds are stated.
+        """A rate [1/s] at which errors are proved to decay, or None if no bounds are stated.
 
         V = e^T S e has V' <= -rho V + 2 e^T S (f(x^) - f(x)). With e_i over rho^(i - 1), S is that
         of rho = 1 but for a factor, and the difference of f at most M |e| with M_ij = lipschitz_ij
@@ -105,7 +105,7 @@ class TriangularSystem(System):
 
 
 def step_growth(rho: float, step: float) -> float:
-    """What a step of the classical method leaves of an error that moves as e' = -rho e.
+    """The factor by which a step of the classical method changes an error with e' = -rho e.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def step_growth(rho: float, step: float) -> float:
 
 
 def decay_sentence(certificate: Mapping[str, float]) -> str:
-    """What the certificate says of the decay of errors."""
+    """A sentence on what the certificate says of the decay of errors."""
     if "decay" not in certificate:
         return "no bounds of the drift (lipschitz) are stated: convergence is not certified"
     return (
