@@ -36,7 +36,7 @@ from reobserve.systems.rigid_body_arithmetic import (
 
 
 class AdaptiveConstants(NamedTuple):
-    """What the loop reads."""
+    """Constants of the loop."""
 
     inertia: Matrix
     inverse: Matrix
@@ -170,7 +170,7 @@ def _run(
     record: RigidBodyRecord,
     rows: RigidBodyRows,
 ) -> int:
-    """Fill ``rows``; leave w^ and z in place."""
+    """Fill ``rows``, and leave w^ and z in place."""
     h, half = c.step, 0.5 * c.step
     steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])

@@ -134,7 +134,7 @@ class AugmentedKalmanFilter(GaussianFilter):
 
     @property
     def unknown_inputs(self) -> int:
-        """Their number q."""
+        """The number q of unknown inputs."""
         return int(self.fault_matrix.shape[1])
 
     @property

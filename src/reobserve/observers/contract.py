@@ -84,12 +84,12 @@ class Observer(Value, ABC, Generic[StateKind]):
     @property
     @abstractmethod
     def measurements(self) -> int:
-        """How many numbers a row of y has."""
+        """The number of measurements in a row of y."""
 
     @property
     @abstractmethod
     def inputs(self) -> int:
-        """How many numbers a row of u has."""
+        """The number of known inputs in a row of u."""
 
     @property
     @abstractmethod
@@ -103,17 +103,17 @@ class Observer(Value, ABC, Generic[StateKind]):
 
     @abstractmethod
     def _checked(self, state: Any) -> StateKind:
-        """The state as the loop takes it; `InputError` if it is of no such observer."""
+        """The state as the loop takes it, or `InputError` if it is of no such observer."""
 
     def _integrate(self, state: StateKind, steps: Steps) -> Rows:
-        """Run the compiled loop over steps; the state after it has counted them.
+        """Run the compiled loop over steps, which the state after it has counted.
 
         It writes a row at the start of the first step and one at the end of each.
         """
         raise NotImplementedError
 
     def _halved(self, state: StateKind) -> tuple[Observer[StateKind], StateKind] | None:
-        """The same observer and state with half the step; None if there is no such thing."""
+        """The same observer and state with half the step, or None if there is no such thing."""
         finer: Any = replace(self, sampling_period=0.5 * self.sampling_period)
         return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
 
@@ -141,7 +141,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         )
 
     def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
-        """What is known of why rows beyond ``good`` diverged, as the rest of a sentence.
+        """The known reason why rows beyond ``good`` diverged, as the rest of a sentence.
 
         ``first`` is the time [s] of the record's first row.
         """
@@ -267,7 +267,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         )  # fmt: skip
 
     def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Many:
-        """What the compiled loop writes for many records."""
+        """Run the compiled loop on many records."""
         pairs = zip(states, records, strict=True)
         every = [self._fill(state, record) for state, record in pairs]
         return Many(
@@ -277,12 +277,12 @@ class Observer(Value, ABC, Generic[StateKind]):
         )  # fmt: skip
 
     def _units_of(self, estimates: Mapping[str, Any]) -> Mapping[str, str]:
-        """The units of these estimates; what was asked for beside the others has none."""
+        """The units of these estimates, none for what was asked for beside the others."""
         known = self.units
         return known if len(known) == len(estimates) else {n: known.get(n, "") for n in estimates}
 
     def _good(self, rows: Rows) -> int:
-        """How many rows are good; with missing measurements the loop alone can tell."""
+        """The number of good rows, which with missing measurements the loop alone can tell."""
         return rows.finite if self.reads_missing else rows.good
 
     def _divergence(
@@ -326,7 +326,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         return Record(measured, known, early, half, given)
 
     def _known(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """What is given by name and not None."""
+        """The values that are given by name and not None."""
         for name in given:
             if name not in self.takes:
                 others = f", beside y and u it takes {', '.join(self.takes)}" if self.takes else ""
@@ -357,12 +357,12 @@ class Observer(Value, ABC, Generic[StateKind]):
 
     @staticmethod
     def _next_row(state: ObserverState) -> int:
-        """How many sampling periods after the first row of all the next one stands."""
+        """The number of sampling periods from the first row of all to the next one."""
         return 0 if state.sample is None else state.count + 1
 
     @property
     def _uneven_hint(self) -> str:
-        """How the observer takes uneven times, as the end of a sentence."""
+        """The way in which the observer takes uneven times, as the end of a sentence."""
         return ""
 
     @staticmethod

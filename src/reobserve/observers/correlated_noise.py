@@ -35,7 +35,7 @@ _ROUNDING = 1e-10  # of a correlation: how far below zero an eigenvalue may be
 
 
 class TakenOut(NamedTuple):
-    """What S takes out of the steps that lead to rows: J C, J S' and J (y - D u), by row."""
+    """Parts that S takes out of the steps that lead to rows: J C, J S' and J (y - D u), by row."""
 
     transition: Array
     noise: Array

@@ -160,7 +160,7 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
 
     @property
     def inputs(self) -> int:
-        """m + 1; u alone is sufficient."""
+        """The number of inputs, m + 1, of which u alone is sufficient."""
         return self.order + 1
 
     def init(self, state: ArrayLike, delay: float) -> ExtendedHighGainState:

@@ -105,7 +105,7 @@ def _mode(delay: float, rate: float, xi: float, bounds: Bounds) -> tuple[int, bo
 
 @kernel
 def _margin(delay: float, rate: float, xi: float, bounds: Bounds, mode: Mode) -> float:
-    """The margin of a mode at a point that it has led to; the mode holds if it is zero or more.
+    """The margin of a mode at a point that it has led to, which is zero or more while it holds.
 
     Where xi^ changes its sign, the rate of the delay has a pole and changes its sign, too.
     """
@@ -164,7 +164,7 @@ def _runge_kutta(
 
 @kernel
 def _cut(model: Model, at: Array, start: float, end: float, work: Work) -> int:
-    """Fill the rows of a part of the step; return the first of them."""
+    """Fill the rows of a part of the step, and return the first of them."""
     if start == 0.0 and end == 1.0:
         return _STEP
     _interpolate(model, at, start, _PART, work)
@@ -178,7 +178,7 @@ def _go(
     model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, end: float,
     step: float, mode: Mode, points: Array, work: Work,
 ) -> tuple[float, float]:  # fmt: skip
-    """Integrate from ``start`` to ``end`` of the step in a mode; return margin and rate there.
+    """Integrate from ``start`` to ``end`` of the step in a mode, and return margin and rate there.
 
     It starts at the point in row _FROM and writes its end to row _TO.
     """
@@ -194,7 +194,7 @@ def _to_mode_end(
     model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, above: float,
     below: float, here: float, step: float, mode: Mode, points: Array, work: Work,
 ) -> float:  # fmt: skip
-    """Integrate from ``start`` to the first point beyond the end of a mode; return that point.
+    """Integrate from ``start`` to the first point beyond the end of a mode, and return that point.
 
     ``above`` and ``below`` are the mode's margins at the start and at the end of the step. The
     search begins at ``here``: if the mode also holds at the end, this is where the rate of the
@@ -232,7 +232,7 @@ def run(
     states: Array,
     switched_off: Array,
 ) -> int:
-    """Fill ``states`` from its first row; return the number of finite rows.
+    """Fill ``states`` from its first row, and return the number of finite rows.
 
     Lechappe et al. 2018, (9) to (11), after (8), before (9) and after (36).
 

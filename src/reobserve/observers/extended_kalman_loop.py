@@ -54,7 +54,7 @@ def correct_extended(
     functions: Functions, R: Array, y: Array, u: Array, mean: Array, covariance: Array,
     innovation: Array, work: FilterWork,
 ) -> float:  # fmt: skip
-    """Measurement update in place; return the log-likelihood, nan if it fails.
+    """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
     ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``.
     """

@@ -129,12 +129,12 @@ class ExtendedStateObserver(Observer[EsoState]):
 
     @property
     def measurements(self) -> int:
-        """How many numbers a row of y has."""
+        """The number of measurements in a row of y."""
         return self.system.outputs
 
     @property
     def inputs(self) -> int:
-        """How many numbers a row of u has."""
+        """The number of known inputs in a row of u."""
         return int(self.system.B.shape[1])
 
     @property
@@ -171,7 +171,7 @@ class ExtendedStateObserver(Observer[EsoState]):
     def init(
         self, estimate: ArrayLike | None = None, filtered: ArrayLike | None = None
     ) -> EsoState:
-        """The state at the first sample; without it a run starts from zeros.
+        """The state at the first sample. Without it a run starts from zeros.
 
         Parameters
         ----------

@@ -16,7 +16,7 @@ _UNROLLED = 16  # states: more are faster in vector instructions over a plain lo
 
 
 def run_observer(weights: Array, start: Array, y: Samples, u: Samples, rows: Array) -> int:
-    """Fill the rows of states, the first of which is ``start``; return the number of finite rows.
+    """Fill the rows of states, the first of which is ``start``, and return how many are finite.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def _take(y: Array, u: Array, k: int, known: Array) -> None:
 
 @allocating_kernel
 def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows: Array) -> int:
-    """Fill ``rows`` after the first; return the number of finite rows."""
+    """Fill ``rows`` after the first, and return the number of finite rows."""
     n, columns = len(size), y.right.shape[1] + u.right.shape[1]
     after = np.empty(n)
     for k in range(1, len(rows)):

@@ -62,7 +62,7 @@ class Samples(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """What an observer integrates over: y and u at the ends and in the middle of each step."""
+    """Signals that an observer integrates over, y and u at the ends and the middle of steps."""
 
     y: Samples
     u: Samples
@@ -72,7 +72,7 @@ class Steps(NamedTuple):
         return Steps(self.y.part(first, last), self.u.part(first, last))
 
     def halved(self) -> Steps:
-        """Twice as many steps; see `Samples.halved`."""
+        """Twice as many steps (see `Samples.halved`)."""
         return Steps(self.y.halved(), self.u.halved())
 
 
@@ -170,7 +170,7 @@ def check_rate(name: str, rate: float, step: float) -> None:
 
 
 def as_pair(name: str, pair: Any) -> Pair:
-    """A pair of y and u, each of which may be None; `InputError` if it is none."""
+    """A pair of y and u, each of which may be None, or `InputError` if it is none."""
     if not isinstance(pair, tuple | list) or len(pair) != 2:
         raise InputError(name, f"{shown(pair)} must be a pair of y and u")
     return pair[0], pair[1]

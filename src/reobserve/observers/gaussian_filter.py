@@ -59,7 +59,7 @@ KEPT = PredictedRows._fields
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaussianFilter(Observer[KalmanState]):
-    """A filter of mean and covariance; what derives from it says by which steps it works.
+    """Base class of filters of mean and covariance, which a subclass tells by which steps it works.
 
     Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), with ``variance``,
     (k, n), on its diagonal, after each measurement; ``innovation``, (k, m), and
@@ -107,22 +107,22 @@ class GaussianFilter(Observer[KalmanState]):
 
     @property
     def method(self) -> Any:
-        """What tells this filter from others by the same steps, as the compiled steps read it."""
+        """The difference from other filters by the same steps, as the compiled steps read it."""
         raise NotImplementedError
 
     @property
     def whole(self) -> Any:
-        """The model of all that is estimated; the filter's own, but for unknown inputs."""
+        """The model of all that is estimated, which is the filter's own but for unknown inputs."""
         return self.model
 
     @cached_property
     def measurements(self) -> int:
-        """How many numbers a row of y has."""
+        """The number of measurements in a row of y."""
         return int(self.model.outputs)
 
     @cached_property
     def inputs(self) -> int:
-        """How many numbers a row of u has."""
+        """The number of known inputs in a row of u."""
         return int(self.model.inputs)
 
     @cached_property
@@ -237,14 +237,14 @@ class GaussianFilter(Observer[KalmanState]):
             self.model.raise_problem()
 
     def _given(self, given: Mapping[str, Any], rows: int) -> Mapping[str, Any]:
-        """What is given by name for k rows, for the model of all that is estimated."""
+        """The values given by name for k rows, for the model of all that is estimated."""
         return given
 
     def _in_record(
         self, given: Mapping[str, Any], y: Array, inputs: Array, held: Matrices | None = None,
         periods: Array | None = None,
     ) -> InRecord:  # fmt: skip
-        """The model over the rows of a record; ``periods`` lead to each of them, shape (k + 1,)."""
+        """The model over the rows of a record. ``periods`` lead to each of them, shape (k + 1,)."""
         return self.steps.in_record(self, given, y, inputs, held or {}, periods)
 
     def _timed(
@@ -264,7 +264,7 @@ class GaussianFilter(Observer[KalmanState]):
         self, model: Any, inputs: Array, y: Array, fresh: bool, after: FilterPosteriors,
         keep: Sequence[str] = (),
     ) -> tuple[FilterRows, PredictedRows | None, NDArray[np.int64]]:  # fmt: skip
-        """Run the loop over records, (records, k, m); it moves the posteriors ``after``.
+        """Run the loop over records, (records, k, m), which moves the posteriors ``after``.
 
         The last array, (records, 2), says how many rows are good, and why the loop stopped.
         """

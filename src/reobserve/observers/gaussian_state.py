@@ -64,17 +64,17 @@ class Correction(Value):
 
 
 class ModeFilter(Protocol):
-    """What an interacting multiple model asks of a filter, one of ours or a user's own."""
+    """Interface of the filters of an interacting multiple model, ours or a user's own."""
 
     @property
     def model(self) -> Any:
-        """What has ``states``, ``inputs`` and ``outputs``, numbers, and a ``sampling_period``."""
+        """A model with its ``states``, ``inputs``, ``outputs`` and ``sampling_period``."""
 
     def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
-        """The posterior a sample later, before its measurement; u is held over the step."""
+        """The posterior a sample later, before its measurement, with u held over the step."""
 
     def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
-        """The predicted posterior after y, measured with the input u; a nan in y is missing."""
+        """The predicted posterior after y, nan where missing, measured with the input u."""
 
 
 class InRecord(NamedTuple):
@@ -141,7 +141,7 @@ def inputs_of_rows(sample: Array | None, record: Record) -> Array:
 
 
 def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | None:
-    """The sample of a state that stands a period before its first row; None if it does not.
+    """The sample of a state that stands a period before its first row, or None if it does not.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -
 
 
 def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices | None:
-    """What a state holds by name, as a filter takes it: loops would read beyond its end.
+    """Check what a state holds by name, as a filter takes it: loops would read beyond its end.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices |
 
 
 def check_time(time: Any) -> float | None:
-    """The time [s] of a state's sample; `InputError` if it is no finite number and not None."""
+    """The time [s] of a state's sample, or `InputError` if it is no finite number and not None."""
     return None if time is None else as_scalar("state.time", time)
 
 

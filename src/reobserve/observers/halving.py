@@ -29,7 +29,7 @@ _AGREE = 0.01
 
 
 def finding(observer: Observer[Any], state: Any, steps: Steps, finite: int, begun: float) -> str:
-    """Why a run diverged, as the rest of a sentence; empty if the observer has no shorter step.
+    """The reason why a run diverged, as the rest of a sentence, empty if there is no shorter step.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def _first_row(observer: Observer[Any], state: Any, piece: Steps) -> Array:
 
 
 def _end(observer: Observer[Any], state: Any, piece: Steps, halvings: int) -> Array | None:
-    """The last row that an observer writes with a finer record; None if it diverges."""
+    """The last row that an observer writes with a finer record, or None if it diverges."""
     row = np.empty(0)
     for first in range(0, piece.y.steps, _AT_ONCE):
         part = piece.part(first, first + _AT_ONCE)

@@ -147,7 +147,7 @@ def _run(
     record: HighGainRecord,
     rows: Array,
 ) -> int:
-    """Fill ``rows`` from its first one; return the number of finite rows."""
+    """Fill ``rows`` from its first one, and return the number of finite rows."""
     n = rows.shape[1]
     slopes, x, f = np.empty((4, n)), np.empty(n), np.empty(n)
     measured, known, driven = np.empty(3), np.empty(3), np.empty(3)

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 class IloConstants(NamedTuple):
-    """What the loop reads. ``injection`` multiplies w - w^: Lambda, and what of B_f v does so."""
+    """Constants of the loop, where ``injection`` multiplies w - w^: Lambda and part of B_f v."""
 
     inertia: Matrix
     inverse: Matrix
@@ -180,7 +180,7 @@ def learning_law(observer: ILO | SampledILO) -> LearningLaw:
 
 
 def constants(observer: ILO | SampledILO, injection: Matrix) -> IloConstants:
-    """What the loop of either observer reads."""
+    """Constants of the loop of either observer."""
     model = observer.model
     return IloConstants(
         for_loop(model.inertia),
@@ -196,7 +196,7 @@ def constants(observer: ILO | SampledILO, injection: Matrix) -> IloConstants:
 
 @kernel
 def slope(c: IloConstants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
-    """The right-hand side for w^; ``known`` is B u + B_f K1 v(t - tau) (Chen & Saif 2007, (3))."""
+    """The right-hand side for w^. ``known`` is B u + B_f K1 v(t - tau) (Chen & Saif 2007, (3))."""
     # w^' = J^-1 (-w^ x J w^ + injection (w - w^) + known)
     x, y, z = product(
         c.injection, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
@@ -229,7 +229,7 @@ def _run(
     record: RigidBodyRecord,
     rows: RigidBodyRows,
 ) -> int:
-    """Fill ``rows``; leave w^ and v of the last interval in place."""
+    """Fill ``rows``, and leave w^ and v of the last interval in place."""
     h, half = c.step, 0.5 * c.step
     steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])

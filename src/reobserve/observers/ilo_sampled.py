@@ -152,7 +152,7 @@ def _run(
     record: RigidBodyRecord,
     rows: RigidBodyRows,
 ) -> int:
-    """Fill ``rows``; leave w^ and the v in force in place."""
+    """Fill ``rows``, and leave w^ and the v in force in place."""
     h, half = c.step, 0.5 * c.step
     steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])

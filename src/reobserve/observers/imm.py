@@ -173,12 +173,12 @@ class IMM(Observer[ImmState]):
 
     @property
     def measurements(self) -> int:
-        """How many numbers a row of y has."""
+        """The number of measurements in a row of y."""
         return _size(self.filters[0])[2]
 
     @property
     def inputs(self) -> int:
-        """How many numbers a row of u has."""
+        """The number of known inputs in a row of u."""
         return _size(self.filters[0])[1]
 
     @property
@@ -321,7 +321,7 @@ class IMM(Observer[ImmState]):
         return model, many, held if any(held) else None
 
     def _of_mode(self, name: str, value: Any, mode: int) -> Any:
-        """What is given for one mode: for all of them, or (k, r, ., .)."""
+        """The values given for one mode: for all of them, or (k, r, ., .)."""
         matrices = as_floats(name, value)
         if matrices.ndim < 4:
             return matrices

@@ -61,7 +61,7 @@ class BankWork(NamedTuple):
 
 
 def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
-    """Arrays for the steps of a bank; without mixing, mixed posteriors are those of the filters."""
+    """Arrays for the steps of a bank, whose mixed posteriors without mixing are the filters'."""
     r, n = posteriors.means.shape
     m = posteriors.errors.shape[1]
     means, covariances, errors, _ = posteriors
@@ -118,7 +118,7 @@ def mixing_probabilities(
 
 @inlined_kernel
 def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> float:
-    """Weigh predicted modes by their likelihoods; return the logarithm of c.
+    """Weigh predicted modes by their likelihoods, and return the logarithm of c.
 
     Gadsden et al. 2011, (20) and (21).
 
@@ -216,7 +216,7 @@ def correct(
 # x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
 @inlined_kernel
 def combine(posteriors: Posteriors, k: int, rows: BankRows) -> bool:
-    """Write the estimates of row k; return whether they are finite.
+    """Write the estimates of row k, and return whether they are finite.
 
     Gadsden et al. 2011, (22) and (23).
     """

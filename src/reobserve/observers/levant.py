@@ -170,7 +170,7 @@ class LevantDifferentiator(Observer[LevantState]):
 
 @kernel
 def _run(law: LevantCoefficients, samples: Array, rows: Array) -> int:
-    """Fill ``rows`` from its first one; return the number of finite rows.
+    """Fill ``rows`` from its first one, and return the number of finite rows.
 
     The chain of integrators is advanced exactly by its Taylor polynomial, and only the injection by
     Euler's rule. Euler's rule for both omits T^2/2 z2 and so on, which do not vanish with the

@@ -35,7 +35,7 @@ class FilterRows(NamedTuple):
 
 
 class PredictedRows(NamedTuple):
-    """What filters keep if asked for: predictions and gains by their names, (records, k, ...)."""
+    """Predictions and gains that filters keep if asked for, by their names, (records, k, ...)."""
 
     predicted_state: Array
     predicted_covariance: Array
@@ -66,7 +66,7 @@ def keep_row(
     mean: Array, covariance: Array, innovation: Array, work: LinearWork, rows: FilterRows,
     r: int, k: int,
 ) -> float:  # fmt: skip
-    """Write the posterior of a row and S; return a sum that is finite if all of it is."""
+    """Write the posterior of a row and S, and return a sum that is finite if all of it is."""
     write_innovation_covariance(innovation, rows.innovation_covariance[r, k], work)
     total: float = rows.log_likelihood[r, k]
     n = len(work.states)
@@ -134,7 +134,7 @@ def predict_linear(
     model: ModelRows, gain: Gain, inputs: Array, means: Array, covariances: Array,
     next_means: Array, next_covariances: Array, crosses: Array, work: LinearWork,
 ) -> int:  # fmt: skip
-    """Predict from each row to the next one; return how many rows could be.
+    """Predict from each row to the next one, and return how many rows could be.
 
     ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
     """

@@ -44,14 +44,14 @@ def gain_function(function: Callable[..., None]) -> FunctionPointer:
 
 
 class Gain(NamedTuple):
-    """A gain function and its parameters; None for Kalman's gain, which the loops have built in."""
+    """A gain function and its parameters, or None for Kalman's, which the loops have built in."""
 
     function: Any
     parameters: Array
 
 
 class LinearWork(NamedTuple):
-    """Scratch: products of shapes (n, n), (n,), (n, m), (n, m), (m,); the factor of S, (m, m).
+    """Scratch: products of shapes (n, n), (n,), (n, m), (n, m), (m,), and the factor of S, (m, m).
 
     ``states`` and ``outputs`` have the lengths n and m: tuples up to `UNROLLED`, whose lengths the
     compiler knows, and arrays beyond.
@@ -91,7 +91,7 @@ def blocks(shapes: Sequence[tuple[int, ...]]) -> Iterator[Array]:
 
 @inlined_kernel
 def fill(target: Array, value: float) -> None:
-    """A vector of one value; to assign to a slice takes the compiler seconds, for its refusals."""
+    """Fill a vector with one value, as to assign to a slice takes the compiler seconds."""
     for i in range(len(target)):
         target[i] = value
 
@@ -122,7 +122,7 @@ def predict(
     next_covariance: Array,
     work: LinearWork,
 ) -> None:
-    """Time update; what is read and what is written may be the same arrays.
+    """Time update, in which what is read and what is written may be the same arrays.
 
     Gadsden et al. 2011, (1), (11) and (12).
     """
@@ -182,7 +182,7 @@ def leave_out(o: int, factor: Array, work: LinearWork) -> None:
 
 @inlined_kernel
 def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> float:
-    """Replace S by its lower Cholesky factor L; return the log-likelihood, nan if it has none.
+    """Replace S by its lower Cholesky factor L, and return the log-likelihood, nan if it has none.
 
     S is read from the lower triangle of ``factor``. A missing output, of which the innovation is
     nan, gets a row of its own with a one on the diagonal, and adds nothing to the likelihood.
@@ -221,7 +221,7 @@ def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> flo
 def log_likelihood_of(
     C: Array, R: Array, covariance: Array, innovation: Array, work: LinearWork
 ) -> float:
-    """Write P C' and the Cholesky factor of S; return the log-likelihood.
+    """Write P C' and the Cholesky factor of S, and return the log-likelihood.
 
     Gadsden et al. 2011, (13) and (19).
 
@@ -270,7 +270,7 @@ def kalman_gain(work: LinearWork) -> None:
 
 @inlined_kernel
 def correct_mean(mean: Array, innovation: Array, work: LinearWork) -> None:
-    """Correct the mean; columns of K that belong to missing outputs become zero."""
+    """Correct the mean, with zeros in the columns of K that belong to missing outputs."""
     # x = x + K e
     gain = work.gain
     for a in range(len(work.states)):
@@ -331,7 +331,7 @@ def correct(
     innovation: Array,
     work: LinearWork,
 ) -> float:
-    """Measurement update in place; return the log-likelihood.
+    """Correct in place by the measurement, and return the log-likelihood.
 
     Gadsden et al. 2011, (5) and (16).
 
@@ -362,7 +362,7 @@ def correct(
 
 @inlined_kernel
 def is_missing(measurement: Array) -> bool:
-    """Whether a sample was not taken: none of its measurements is there."""
+    """True if a sample was not taken: none of its measurements is there."""
     taken = False
     for value in measurement:
         taken = taken or not math.isnan(value)

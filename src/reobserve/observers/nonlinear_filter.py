@@ -1,4 +1,4 @@
-"""What the extended and the unscented Kalman filter have in common: their loop and its failures."""
+"""Common parts of the extended and the unscented Kalman filter: their loop and its failures."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ NO_STATE, NO_OUTPUT, NO_INNOVATION, NO_ROOT, NO_POSTERIOR = 1, 2, 3, 4, 5
 
 
 class FilterWork(NamedTuple):
-    """Scratch: that of the linear steps and of the model; sigma points and what becomes of them."""
+    """Scratch of the linear steps and of the model, sigma points and what becomes of them."""
 
     linear: LinearWork
     flow: FlowWork
@@ -44,7 +44,7 @@ def new_filter_work(states: int, outputs: int) -> FilterWork:
 
 @inlined_kernel
 def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> bool:
-    """Write y - h(x, u), nan where y is; false if h is not finite."""
+    """Write y - h(x, u), nan where y is, and return whether h is finite."""
     # e = y - h(x, u)
     for o in range(len(work.linear.outputs)):
         if not math.isfinite(expected[o]):

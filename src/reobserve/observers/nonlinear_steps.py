@@ -38,7 +38,7 @@ def predict(
     model: NonlinearRows, weights: Weights | None, k: int, u: Array, mean: Array,
     covariance: Array, next_mean: Array, next_covariance: Array, work: FilterWork,
 ) -> bool:  # fmt: skip
-    """Time update to row k; what is read and what is written may be the same arrays.
+    """Time update to row k, in which what is read and what is written may be the same arrays.
 
     False if it fails. The cross-covariance of x(k-1) and x(k) is left in ``work.cross``.
     """
@@ -64,7 +64,7 @@ def correct(
     model: NonlinearRows, weights: Weights | None, k: int, y: Array, u: Array, mean: Array,
     covariance: Array, innovation: Array, work: FilterWork,
 ) -> float:  # fmt: skip
-    """Measurement update in place; return the log-likelihood, nan if it fails.
+    """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
     ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``.
     """
@@ -142,7 +142,7 @@ def predict_nonlinear(
     model: NonlinearRows, weights: Weights | None, inputs: Array, means: Array, covariances: Array,
     next_means: Array, next_covariances: Array, crosses: Array, work: FilterWork,
 ) -> int:  # fmt: skip
-    """Predict from each row to the next one; return how many rows could be.
+    """Predict from each row to the next one, and return how many rows could be.
 
     ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
     """

@@ -131,7 +131,7 @@ def _run(  # noqa: PLR0912, see below
     known_before: Array,
     rows: Array,
 ) -> int:
-    """Fill ``rows`` from its first one; return the number of finite rows.
+    """Fill ``rows`` from its first one, and return the number of finite rows.
 
     The slope stands inside the loop over the four stages of a step: a function of its own would
     be handed all polynomials by value at each of its calls, which takes longer than to evaluate

@@ -95,18 +95,18 @@ class NormalFormObserver(Observer[NormalFormState]):
 
     @abstractmethod
     def _values(self, estimate: Array) -> Array:
-        """What a state holds for an estimate of x."""
+        """The values that a state holds for an estimate of x."""
 
     @abstractmethod
     def _run(self, known: Samples, rows: Array) -> int:
-        """Run the compiled loop, fill ``rows`` from the first; return how many are finite.
+        """Run the compiled loop, fill ``rows`` from the first, and return how many are finite.
 
         ``known`` has the columns of y and then those of u.
         """
 
     @abstractmethod
     def _estimates(self, rows: Array) -> dict[str, Array]:
-        """What rows of such values say, by name."""
+        """The estimates, by name, of rows of such values."""
 
     def init(self, state: ArrayLike) -> NormalFormState:
         """The state at the first sample, from an estimate of x, shape (n,).

@@ -114,7 +114,7 @@ def _run(
     known_before: Array,
     rows: Array,
 ) -> int:
-    """Fill ``rows`` from its first one; return the number of finite rows."""
+    """Fill ``rows`` from its first one, and return the number of finite rows."""
     n = rows.shape[1]
     buffer, fed = np.empty(len(injection.parent)), np.empty((3, n))
     for k in range(len(rows) - 1):

@@ -1,4 +1,4 @@
-"""What observers read and write: records, the rows of their loops, and checks of their states."""
+"""Inputs and outputs of observers: records, the rows of their loops, and checks of their states."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ AnyState = TypeVar("AnyState")
 
 
 class ObserverState(Protocol):
-    """What every state has beside what its method remembers.
+    """Fields that every state has beside what its method remembers.
 
     ``sample`` holds y and u of the last row that was taken, None before the first one; ``count``
     sampling periods have passed since that first one.
@@ -33,7 +33,7 @@ class ObserverState(Protocol):
 
 
 class Record(NamedTuple):
-    """What an observer reads: k rows of y, (k, p), and of u, (k, m).
+    """Record for an observer: k rows of y, (k, p), and of u, (k, m).
 
     ``before`` are limits from the left where a record jumps at samples, ``middle`` the values
     half a period before each row; each a pair of arrays like y and u, or of None. ``given`` is what
@@ -51,7 +51,7 @@ class Record(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What a compiled loop wrote: arrays by name with one row a sample.
+    """Output of a compiled loop: arrays by name with one row a sample.
 
     ``finite`` rows are good, as the loop has it; ``state`` is the one after the last row, if all
     of them are. ``before`` are limits from the left, ``finding`` is why the loop stopped, if it
@@ -67,7 +67,7 @@ class Rows(NamedTuple):
 
     @property
     def good(self) -> int:
-        """How many rows are finite in all arrays, up to the first that is not.
+        """The number of rows that are finite in all arrays, up to the first that is not.
 
         A loop watches its state; what it reads from that may overflow a row earlier.
         """
@@ -80,7 +80,7 @@ class Rows(NamedTuple):
 
 
 class Many(NamedTuple):
-    """What the compiled loop wrote for many records: arrays (records, k, ...), and lists of `Rows`.
+    """Output of the compiled loop for many records: arrays (records, k, ...), and lists of `Rows`.
 
     ``goods`` are numbers of good rows; ``states`` are those after the last rows.
     """
@@ -104,7 +104,7 @@ def stacked(every: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
 
 
 def depth_of(value: Any) -> int:
-    """How many axes nested lists have, as their first entries show."""
+    """The number of axes of nested lists, as their first entries show."""
     depth = 0
     while isinstance(value, list | tuple) and value:
         value, depth = value[0], depth + 1

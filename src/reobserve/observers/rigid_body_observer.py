@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class RigidBodyRecord(NamedTuple):
-    """What a loop reads, arrays of shape (2 n + 1, 3): w and u with their limits from the left."""
+    """Inputs of a loop, arrays of shape (2 n + 1, 3): w and u with their limits from the left."""
 
     rate: Matrix
     rate_before: Matrix
@@ -32,7 +32,7 @@ class RigidBodyRecord(NamedTuple):
 
 
 class RigidBodyRows(NamedTuple):
-    """What it writes, arrays of shape (n + 1, 3)."""
+    """Outputs of a loop, arrays of shape (n + 1, 3)."""
 
     rate: Matrix
     fault: Matrix
@@ -82,21 +82,21 @@ class RigidBodyObserver(Observer[RigidBodyState]):
 
     @property
     def _memory_shape(self) -> tuple[int, ...]:
-        """That of `RigidBodyState.memory`; its last axis is that of the fault."""
+        """The shape of `RigidBodyState.memory`, whose last axis is that of the fault."""
         return (3,)
 
     @abstractmethod
     def _run(
         self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
     ) -> int:
-        """Run the compiled loop; return the number of finite rows.
+        """Run the compiled loop, and return the number of finite rows.
 
         ``rate`` and ``memory`` are those of the state, ``count`` steps after the first of all; the
         loop leaves the new ones in place.
         """
 
     def init(self, rate: ArrayLike, fault: ArrayLike = (0.0, 0.0, 0.0)) -> RigidBodyState:
-        """The state at the first sample; without it a run starts from the first measurement.
+        """The state at the first sample. Without it a run starts from the first measurement.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class RigidBodyObserver(Observer[RigidBodyState]):
 
 
 def whole_steps(interval: float, step: float) -> int:
-    """How many steps make the interval; `InputError` if that is no whole number."""
+    """The number of steps that make the interval, or `InputError` if that is no whole number."""
     ratio = interval / step
     count = round(ratio) if np.isfinite(ratio) else 0
     if count < 1 or abs(count * step - interval) > 1e-9 * interval:

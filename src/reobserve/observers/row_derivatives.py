@@ -92,7 +92,7 @@ def completed(
 
 
 def rows_before(rows: Array, last: Array | None) -> Array:
-    """For each row the one before it; for the first ``last``, or itself if there is none."""
+    """Rows before each row. That of the first is ``last``, or itself if there is none."""
     return np.concatenate([rows[:1] if last is None else last[None], rows[:-1]])
 
 
@@ -118,7 +118,7 @@ def _with_derivatives(values: Array, recent: Array, known: int, period: float) -
 
 @cache
 def derivative_weights(points: int, order: int) -> Array:
-    """What the samples at 0, -1, ..., add to the derivatives of their polynomial at 0.
+    """Weights of the samples at 0, -1, ..., in the derivatives of their polynomial at 0.
 
     Shape (points, order), from the basis of Lagrange; all numbers up to the last division are
     whole.

@@ -53,7 +53,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Generic[StateKind]):
-    """Estimates at the samples of a record, one row a sample; ``run["fault"]`` is one of them.
+    """Estimates at the samples of a record by name, as ``run["fault"]``, one row a sample.
 
     ``time`` [s] has shape (k,), each of ``estimates`` (k, ...); ``units`` go by the same names,
     empty where the observer has no names. ``before`` holds limits from the left of estimates that
@@ -98,7 +98,7 @@ class Run(Generic[StateKind]):
         return _named(self.estimates, name)
 
     def record(self, number: int) -> Run[Any]:
-        """The run of one of many records, by its ``number``; the first is 0.
+        """The run of one of many records, by its ``number`` from 0 on.
 
         Raises
         ------
@@ -179,7 +179,7 @@ class Run(Generic[StateKind]):
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
 
     def plot(self, names: Iterable[str] | None = None) -> Any:
-        """A matplotlib figure of the estimates ``names`` over time, one panel each; see `run_plot`.
+        """A matplotlib figure of the estimates ``names`` over time, one panel each, by `run_plot`.
 
         Raises
         ------

@@ -45,6 +45,6 @@ def plot(run: Run[Any], names: list[str]) -> Any:
 
 
 def _label(run: Run[Any], name: str, index: tuple[int, ...]) -> str:
-    """What the legend calls a component: by its signals, or by its estimate and numbers."""
+    """The name of a component in the legend: by its signals, or by its estimate and numbers."""
     labels = ", ".join(run.labels(name, index))
     return labels if name in run.component_names else f"{name} {labels}".strip()

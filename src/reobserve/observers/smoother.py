@@ -196,7 +196,7 @@ def _smooth(
     next_means: Array, next_covariances: Array, crosses: Array, means: Array, covariances: Array,
     root: Array, gain: Array, apart: Array,
 ) -> int:  # fmt: skip
-    """Smooth filtered means and covariances in place; return the row that fails, or -1."""
+    """Smooth filtered means and covariances in place, and return the row that fails, or -1."""
     n = means.shape[1]
     for back in range(len(next_means)):
         k = len(next_means) - 1 - back

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 def unchecked_step(
     observer: Observer[StateKind], state: StateKind, y: Array, u: Array
 ) -> tuple[StateKind, Mapping[str, Array]]:
-    """The next state and the estimates of one row; what it is given is taken as it is.
+    """The next state and the estimates of one row, with no checks of what it is given.
 
     Parameters
     ----------

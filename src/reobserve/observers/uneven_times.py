@@ -21,7 +21,7 @@ DT_AND_TIME = 1e-6  # of the sampling period: how far times may be from those th
 def uneven_times(
     model: Any, time: ArrayLike | None, state: Any, record: Record
 ) -> tuple[Array, Record] | None:
-    """The times of the rows, and the record with what leads to each of them; None if it is even.
+    """The times of the rows, and the record with what leads to each of them, or None if even.
 
     ``dt`` in the record leads from each row to the next one; ``time`` are those of the rows.
 
@@ -73,7 +73,7 @@ def uneven_times(
 
 
 def uneven_hint(model: Any) -> str:
-    """How a filter on this model takes other times, as the end of a sentence."""
+    """The way in which a filter on this model takes other times, as the end of a sentence."""
     if getattr(model, "density", None) is not None:
         return ""
     if model.continuous:

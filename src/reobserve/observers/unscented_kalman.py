@@ -93,7 +93,7 @@ class UnscentedKalmanFilter(GaussianFilter):
 
     @cached_property
     def method(self) -> Weights:
-        """Those of the sigma points."""
+        """The weights of the sigma points."""
         n, alpha_squared = self.model.states, self.alpha**2
         square = alpha_squared * (n + self.kappa)
         first = (square - n) / square + 1.0 - alpha_squared + self.beta

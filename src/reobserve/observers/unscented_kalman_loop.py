@@ -20,7 +20,7 @@ ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
 
 
 class Weights(NamedTuple):
-    """Of scaled sigma points (Wan & van der Merwe 2000).
+    """Weights of scaled sigma points (Wan & van der Merwe 2000).
 
     The points are x and x +- ``spread`` times the columns of a root of P. ``each`` is the weight of
     all but the first one, of which ``first`` is that in covariances.
@@ -33,7 +33,7 @@ class Weights(NamedTuple):
 
 @inlined_kernel
 def take_root(covariance: Array, root: Array) -> bool:
-    """Write the lower Cholesky factor L of P = L L'; false if P has a negative eigenvalue.
+    """Write the lower Cholesky factor L of P = L L', or return False if P is indefinite.
 
     Where P is singular a column of L is zero.
     """
@@ -59,7 +59,7 @@ def take_root(covariance: Array, root: Array) -> bool:
 
 @inlined_kernel
 def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterWork) -> bool:
-    """Write the sigma points: x, x + c L_i, x - c L_i; false if P has no root."""
+    """Write the sigma points x, x + c L_i, x - c L_i, or return False if P has no root."""
     n = len(work.linear.states)
     if not take_root(covariance, work.root):
         work.cause[0] = NO_ROOT
@@ -151,7 +151,7 @@ def correct_unscented(
     functions: Functions, weights: Weights, R: Array, y: Array, u: Array, mean: Array,
     covariance: Array, innovation: Array, work: FilterWork,
 ) -> float:  # fmt: skip
-    """Measurement update in place; return the log-likelihood, nan if it fails.
+    """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
     ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``.
     """
