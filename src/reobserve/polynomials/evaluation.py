@@ -52,7 +52,7 @@ def polynomials(source: PolynomialMap) -> Polynomials:
 
 @kernel
 def evaluate(p: Polynomials, x: Array, monomials: Array, out: Array) -> None:
-    """Write the values at ``x`` to ``out``; ``monomials`` is a buffer, one number a monomial."""
+    """Write the values at ``x`` to ``out``, with ``monomials`` a buffer, one number a monomial."""
     # x^m = x^parent(m) x_variable(m), from x^0 = 1
     monomials[0] = 1.0
     for k in range(1, len(p.parent)):

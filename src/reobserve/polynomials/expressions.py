@@ -127,7 +127,7 @@ class _Walk:
         return self._composed(expression, self._function(expression))
 
     def _function(self, expression: Any) -> Callable[[Any], Any]:
-        """What makes a series of one variable of the argument's series."""
+        """The function that makes a series of one variable of the argument's series."""
         name = expression.func.__name__
         if not expression.is_Function or name not in ANALYTIC or len(expression.args) != 1:
             raise InputError(self.place, f"{_text(expression)} {NOT_EXPANDED}")
@@ -165,7 +165,7 @@ class _Walk:
         return total
 
     def _value(self, expression: Any) -> Any:
-        """The value at the origin, a ball; from the inside, as a tower of powers has none."""
+        """The value at the origin, a ball, from the inside, as a tower of powers has none."""
         if expression not in self.values:
             value = self._of_parts(expression) if expression.args else self._of_leaf(expression)
             if value is None or not value.is_finite():

@@ -67,7 +67,7 @@ def parse(place: str, text: str, variables: Mapping[str, Any]) -> Any:
 
 
 class _Parser:
-    """Reads one token ahead; ``depth`` counts how far it stands inside."""
+    """Parser that reads one token ahead, with ``depth`` for how far it stands inside."""
 
     def __init__(self, place: str, text: str, variables: Mapping[str, Any]) -> None:
         self.place, self.text, self.variables = place, text, variables
@@ -91,7 +91,7 @@ class _Parser:
         return taken
 
     def wrong(self) -> InputError:
-        """What the text is not."""
+        """An error that says what the text is not."""
         kind, token, start = self.here
         where = "its end" if kind == "end" else f"{token!r}, character {start + 1}"
         return InputError(self.place, f"{shown(self.text)} is no expression, at {where}")

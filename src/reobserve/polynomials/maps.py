@@ -66,7 +66,7 @@ class PolynomialMap:
         *,
         exact: bool = False,
     ) -> PolynomialMap:
-        """From terms ``{component: from 1, powers: [..], coefficient: ..}``, as a config has them.
+        """The map of terms ``{component: from 1, powers: [..], coefficient: ..}``, as in a config.
 
         With ``exact`` the coefficients are kept as fractions: integers, decimals and text such
         as ``"1/3"`` without rounding.
@@ -113,7 +113,7 @@ class PolynomialMap:
 
     @property
     def exact(self) -> bool:
-        """Whether the coefficients are fractions."""
+        """True if the coefficients are fractions."""
         return self.coefficients.dtype == object
 
     @property
@@ -140,7 +140,7 @@ class PolynomialMap:
         return PolynomialMap(self.basis, self.coefficients.astype(np.float64))
 
     def __call__(self, points: ArrayLike) -> NDArray[Any]:
-        """The values at points, shape (..., n); the result has shape (..., m)."""
+        """The values, shape (..., m), at points, shape (..., n)."""
         values = self._monomials(points)
         if values.ndim == 1:  # what an integrator asks for; `tensordot` takes longer to find it out
             return np.asarray(np.dot(self.coefficients, values))
@@ -167,7 +167,7 @@ class PolynomialMap:
         return values
 
     def jacobian(self) -> PolynomialMap:
-        """The derivatives: component n c + i is that of component c by x_i; one degree less."""
+        """The derivatives, one degree less: component n c + i is that of component c by x_i."""
         basis = monomials(self.variables, max(1, self.degree - 1))
         size = len(self.basis.exponents)
         table = zeros((self.components * self.variables, size), self.coefficients)
@@ -176,7 +176,7 @@ class PolynomialMap:
         return PolynomialMap(basis, table[:, : len(basis.exponents)])
 
     def after(self, inner: PolynomialMap, degree: int) -> PolynomialMap:
-        """The composition self(inner(x)), truncated at ``degree``; inner has no constant terms.
+        """The composition self(inner(x)), truncated at ``degree``, of inner without constant terms.
 
         Raises
         ------
@@ -199,7 +199,7 @@ class PolynomialMap:
         return PolynomialMap(series.basis, outer.coefficients[:, powers.places] @ powers.table)
 
     def inverse(self) -> PolynomialMap:
-        """The power series of the inverse map; the linear part must be the identity.
+        """The power series of the inverse map, of which the linear part must be the identity.
 
         Raises
         ------

@@ -57,7 +57,7 @@ class Monomials(NamedTuple):
         return slice(int(self.first[degree]), int(self.first[degree + 1]))
 
     def place(self, powers: tuple[int, ...]) -> int:
-        """Where the monomial with these exponents stands."""
+        """The place of the monomial with these exponents."""
         place = 0
         for variable, power in enumerate(powers):
             for _ in range(power):

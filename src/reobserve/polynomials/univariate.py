@@ -14,7 +14,7 @@ _SINC_TERMS = 80  # 1 / 80! is below 1e-118
 
 
 def coefficients(function: Callable[[Any], Any], centre: Any, degree: int) -> list[Any] | None:
-    """The coefficients at a centre up to a degree, all balls; none if one of them is not finite.
+    """The coefficients at a centre up to a degree, all balls, or none if one of them is not finite.
 
     ``function`` takes a series of python-flint to another, as those in `FUNCTIONS` do.
     """
@@ -34,7 +34,7 @@ def coefficients(function: Callable[[Any], Any], centre: Any, degree: int) -> li
 
 
 def _hyperbolic(t: Any) -> tuple[Any, Any]:
-    """sinh and cosh; half of exp(t) - exp(-t) would cancel."""
+    """The series of sinh and cosh, without half of exp(t) - exp(-t), which would cancel."""
     from flint import arb, arb_series, ctx
 
     both = t[0].sinh(), t[0].cosh()
