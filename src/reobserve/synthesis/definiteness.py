@@ -36,7 +36,7 @@ _CLOSE = 1.0 + 2.0**-10  # between the margin and a shift that is no longer prov
 
 @dataclass(frozen=True)
 class Proof:
-    """What is proved of a symmetric matrix M; neither, if M is singular or its balls too wide.
+    """Proof about a symmetric matrix M, of neither if M is singular or its balls too wide.
 
     ``proved`` says that M is negative definite, and then no eigenvalue of -M is below ``margin``,
     in M's unit. ``refuted`` says that M has an eigenvalue above zero; the margin is then zero.
@@ -97,7 +97,7 @@ def prove_negative_definite(matrix: arb_mat | ArrayLike) -> Proof:
 
 
 def is_negative_definite(matrix: arb_mat) -> bool:
-    """Whether a matrix of balls is proved to be symmetric and negative definite as it is.
+    """True if a matrix of balls is proved to be symmetric and negative definite as it is.
 
     `prove_negative_definite` without its margin, in the precision of the caller.
     """
@@ -147,7 +147,7 @@ def _form(balls: arb_mat, vector: NDArray[np.float64]) -> arb:
 
 
 def _margin(balls: arb_mat, floats: NDArray[np.float64]) -> float:
-    """The largest t with M + t I proved negative definite, within a thousandth; or zero.
+    """The largest t with M + t I proved negative definite, within a thousandth, or zero.
 
     ``floats`` are the middles of the balls; their eigenvalues are the first guess.
     """

@@ -43,7 +43,7 @@ _NOTHING = 2.0**-200  # of |D| + |C| |E^-1 B|, the largest entries: the bound of
 
 @dataclass(frozen=True)
 class Norm:
-    """Bounds ``lower`` <= norm <= ``upper``; the gain at ``frequency`` [rad/s] is ``lower``.
+    """Bounds ``lower`` <= norm <= ``upper``, with the gain ``lower`` at ``frequency`` [rad/s].
 
     The frequency is infinite if the gain rises towards that of D.
     """
@@ -141,14 +141,14 @@ def _checked(
 
 
 def _without_descriptor(model: list[Matrix], descriptor: Matrix) -> _System:
-    """The balls of E^-1 A, E^-1 B, C and D; not finite if E is not proved to have an inverse."""
+    """The balls of E^-1 A, E^-1 B, C and D, not finite if E is not proved to have an inverse."""
     A, B, C, D = (ball_matrix(matrix) for matrix in model)
     E = ball_matrix(descriptor)
     return _System(E.solve(A, nonstop=True), E.solve(B, nonstop=True), C, D)
 
 
 def _search(system: _System, poles: list[acb], tolerance: float, bits: int) -> Norm | None:
-    """Bruinsma and Steinbuch's two steps in turn; none if the balls are too wide for the next."""
+    """Bruinsma and Steinbuch's two steps in turn, or none if the balls are too wide for it."""
     from flint import arb
 
     B, C, D = (float(np.abs(_middle(matrix)).max()) for matrix in system[1:])
@@ -176,7 +176,7 @@ def _search(system: _System, poles: list[acb], tolerance: float, bits: int) -> N
 
 
 def _gain(system: _System, frequency: arb) -> float:
-    """A proved lower bound of ||G(j w)||; zero if the balls are too wide."""
+    """A proved lower bound of ||G(j w)||, or zero if the balls are too wide."""
     from flint import acb, acb_mat
 
     A, B, C, D = (acb_mat(matrix) for matrix in system)
@@ -194,7 +194,7 @@ def _gain(system: _System, frequency: arb) -> float:
 
 
 def _crossings(system: _System, bits: int) -> list[arb]:
-    """Where one may be a singular value of G(j w), w >= 0, in rising order; no such w is missed."""
+    """Frequencies w >= 0, all and rising, at which one may be a singular value of G(j w)."""
     from flint import arb_mat
 
     A, B, C, D = system

@@ -94,7 +94,7 @@ class Theorem1:
 
     @property
     def holds(self) -> bool:
-        """Whether both conditions hold."""
+        """True if both conditions hold."""
         return self.epsilon1 > 0 and self.learning_norm <= 1
 
     @property
@@ -200,7 +200,7 @@ class _Design:
 
     @property
     def threshold(self) -> float:
-        """Infimum of certifiable lambda_min(Lambda) - eta; infinite if ||K1|| >= 1."""
+        """Infimum of certifiable lambda_min(Lambda) - eta, infinite if ||K1|| >= 1."""
         if self.k1 >= 1:
             return float("inf")
         root = np.sqrt(self.spread)
@@ -279,7 +279,7 @@ def certify(
 
 
 def _dc_error(observer_gain: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> float:
-    """Norm of [I - K1 + K2 Lambda^-1 B_f]^-1 (I - K1); nan if there is no steady state."""
+    """Norm of [I - K1 + K2 Lambda^-1 B_f]^-1 (I - K1), or nan if there is no steady state."""
     memory = np.eye(len(K1)) - K1
     try:
         return _norm(
@@ -290,7 +290,7 @@ def _dc_error(observer_gain: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matri
 
 
 def _weights(design: _Design) -> tuple[float, float, float, float, float] | None:
-    """Weights that satisfy Theorem 1; None if none do, or only to rounding."""
+    """Weights that satisfy Theorem 1, or None if none do, or only to rounding."""
     if design.excess <= design.threshold:
         return None
     # Weights that stay feasible down to the threshold, the others zero: m = ||K2|| / sqrt(b),

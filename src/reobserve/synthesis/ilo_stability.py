@@ -129,14 +129,14 @@ def _verdict_by_count(
 
 
 def _powers_grow(K1: Matrix) -> bool:
-    """Whether K1, of spectral radius one, has a defective eigenvalue on the unit circle."""
+    """True if K1, of spectral radius one, has a defective eigenvalue on the unit circle."""
     norms = [np.linalg.norm(np.linalg.matrix_power(K1, 2**power), 2) for power in (10, 14)]
     return bool(norms[1] > 4 * norms[0])  # bounded if semisimple, at least times 16 otherwise
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def _worst_round_gain(law: LearningLaw) -> float:
-    """Supremum of the radius of K1 T(j w) over a frequency grid; infinite if T is not stable."""
+    """Supremum of the radius of K1 T(j w) over a frequency grid, infinite if T is not stable."""
     closed = -np.linalg.solve(law.inertia, law.observer_gain + law.fault_matrix @ law.K2)
     if not np.isfinite(closed).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
@@ -162,7 +162,7 @@ def _round_trip(law: LearningLaw, s: ArrayLike) -> Complex:
 
 
 def _tail_excess(law: LearningLaw) -> float:
-    """By how much the radius of K1 T exceeds one where the loop gain is 1e-5.
+    """The excess of the radius of K1 T over one where the loop gain is 1e-5.
 
     Eigenvalues mu of K1 on the unit circle move to mu (1 - q / (j w)); q off the real axis, an
     effect of first order, makes this far above the second-order effects of about 1e-10.
@@ -191,7 +191,7 @@ def _root_bound(law: LearningLaw, right_of: float) -> float:
 
 
 def _count_roots(law: LearningLaw, right_of: float, bound: float) -> int | None:
-    """Roots with real part above ``right_of`` by the argument principle; None if one is on it."""
+    """Roots with real part above ``right_of`` by the argument principle, None if one is on it."""
 
     def difference(frequency: NDArray[np.float64]) -> Complex:
         s = right_of + 1j * frequency

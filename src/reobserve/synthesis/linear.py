@@ -126,7 +126,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
 
 
 def undetectable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
-    """Those of `unobservable_modes` that do not decay in discrete time: from the unit circle on.
+    """Modes of `unobservable_modes` that do not decay in discrete time: from the unit circle on.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class MatrixTerm:
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """A symmetric matrix S that must be positive definite; without a slope gamma is not in it."""
+    """A symmetric matrix S that must be positive definite, without gamma if it has no slope."""
 
     constant: Matrix
     terms: tuple[MatrixTerm, ...]
@@ -66,7 +66,7 @@ class Constraint:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What the module tells, with matrices of the ``shapes``; those in ``symmetric`` are so.
+    """The problem of this module, with matrices of the ``shapes``, some of them ``symmetric``.
 
     ``gap`` is a part of the squares, or of gamma itself; ``radius`` is none if the squares are
     minimised, and then gamma is not unknown.
@@ -80,13 +80,13 @@ class Problem:
 
     @cached_property
     def slant(self) -> float:
-        """What gamma, or the logarithm of the squares, is multiplied by."""
+        """The factor of gamma, or of the logarithm of the squares."""
         rows = sum(len(constraint.constant) for constraint in self.constraints)
         return (rows + (self.radius is not None)) / self.gap
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """Where each matrix is in the vector."""
+        """The place of each matrix in the vector."""
         found, first = {}, 0
         for name, (rows, columns) in self.shapes.items():
             size = rows * (rows + 1) // 2 if name in self.symmetric else rows * columns
@@ -96,7 +96,7 @@ class Problem:
 
     @cached_property
     def weights(self) -> Vector:
-        """How often each entry of the vector counts among the squares."""
+        """The number of times that each entry of the vector counts among the squares."""
         ones = [self.fold(name, np.ones(shape)) for name, shape in self.shapes.items()]
         return np.concatenate([*ones, np.zeros(0 if self.radius is None else 1)])
 
@@ -134,7 +134,7 @@ class Problem:
 
 @cache
 def _lower(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of a lower triangle; Newton's method asks some thousand times."""
+    """Rows and columns of a lower triangle, which Newton's method asks some thousand times."""
     rows, columns = np.tril_indices(size)
     return rows, columns
 
@@ -187,7 +187,7 @@ def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vecto
 
 
 def _centred(problem: Problem, x: Vector, mu: float) -> Vector | None:
-    """Where the decrement is small or, for the last mu, falls no more; none if it never does."""
+    """The point where the decrement is small or, for the last mu, falls no more, or none."""
     finest = _FINEST if mu == 1.0 else _CLOSE
     before = inf
     for _ in range(_STEPS):
@@ -293,7 +293,7 @@ def _hessian(problem: Problem, x: Vector, mu: float) -> Matrix:
 
 
 def _mixed(problem: Problem, inverse: Matrix, one: MatrixTerm, other: MatrixTerm) -> Matrix:
-    """Of -log det S, by the entries of two matrices: tr(S^-1 dS S^-1 dS')."""
+    """Derivatives of -log det S by the entries of two matrices: tr(S^-1 dS S^-1 dS')."""
     left, right = one.left.T @ inverse, one.right @ inverse
     alike = np.multiply.outer(left @ other.left, right @ other.right.T)  # i k j l
     crossed = np.multiply.outer(left @ other.right.T, right @ other.left)  # i l j k

@@ -41,7 +41,7 @@ _SLACK = 1e-12  # of the lower bound, its rounding
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is known of an observer.
+    """Certificate of an observer: its poles, its norm, and what fails.
 
     ``poles`` [1/s] are pairs of real and imaginary part, the slowest first. The norm from dD to e
     is between ``norm_lower`` and ``norm_upper``, and no gains have one below ``floor``. No
@@ -60,7 +60,7 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """Whether nothing fails."""
+        """True if nothing fails."""
         return not self.reason
 
     def to_dict(self) -> dict[str, Any]:
@@ -69,7 +69,7 @@ class Certificate:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], place: str = "certificate") -> Certificate:
-        """The certificate that `to_dict` was called on; `InputError` if it is none."""
+        """The certificate that `to_dict` was called on, or `InputError` if it is none."""
         from reobserve.core.validation import parse
 
         return parse(cls, values, place, finite=False)  # an unstable observer has no norm
@@ -150,7 +150,7 @@ def certify(
 
 
 def as_strip(decay: Any, bound: Any) -> tuple[float, float]:
-    """Where poles are to be, -``bound`` < Re s < -``decay`` [1/s]: 0 or more, and inf for any.
+    """The strip for poles, -``bound`` < Re s < -``decay`` [1/s]: 0 or more, and inf for any.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def as_strip(decay: Any, bound: Any) -> tuple[float, float]:
 
 
 def _poles(system: AugmentedSystem, gains: Gains) -> NDArray[np.complex128]:
-    """The eigenvalues of Eo^-1 Ao, the slowest first; none if Eo has no inverse."""
+    """The eigenvalues of Eo^-1 Ao, the slowest first, or none if Eo has no inverse."""
     Ao, Eo = error_system(system, gains)
     try:
         poles = np.linalg.eigvals(np.linalg.solve(Eo, Ao))

@@ -1,4 +1,4 @@
-"""Designs: gains with their certificate and, of an optimum, how far it is from the best; stored."""
+"""Designs: gains with their certificate, the distance of an optimum from the best, and files."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class CertifiedGains:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], place: str = "design") -> CertifiedGains:
-        """The design that `to_dict` was called on; `InputError` if it is none of that kind."""
+        """The design that `to_dict` was called on, or `InputError` if it is none of that kind."""
         from reobserve.core.validation import parse
 
         rest = {name: value for name, value in values.items() if name not in {"L", "Ld"}}

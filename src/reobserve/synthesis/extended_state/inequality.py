@@ -56,7 +56,7 @@ _BITS = 256  # of the gains, before they are rounded
 
 @dataclass(frozen=True, eq=False)
 class PdPiVariables:
-    """What is solved for: P1, P2, P3, shape (N, N), and Y1, Y2, shape (p, N).
+    """Unknowns of the inequalities: P1, P2, P3, shape (N, N), and Y1, Y2, shape (p, N).
 
     Indriawati, Agustinah & Jazidie, Lemma 1 and (17).
 
@@ -84,12 +84,12 @@ class PdPiVariables:
     def inequalities(
         self, system: AugmentedSystem, gamma: Any, decay: float = 0.0, bound: float = inf
     ) -> list[Rows]:
-        """The blocks of all that must be negative definite; alpha and beta [1/s]."""
+        """The blocks of all that must be negative definite, by alpha and beta [1/s]."""
         found = [self.blocks(system, gamma, decay)]
         return [*found, self.bound_blocks(system, bound)] if isfinite(bound) else found
 
     def blocks(self, system: AugmentedSystem, gamma: Any, decay: float = 0.0) -> Rows:
-        """The left side of the inequality, 4 x 4 blocks; ``decay`` [1/s] is alpha.
+        """The left side of the inequality, 4 x 4 blocks, with alpha as ``decay`` [1/s].
 
         Indriawati, Agustinah & Jazidie, (18), (19), (22), (23) and (24).
         """
@@ -106,7 +106,7 @@ class PdPiVariables:
         ]
 
     def bound_blocks(self, system: AugmentedSystem, bound: float) -> Rows:
-        """What must be negative for Re s > -``bound`` [1/s], 2 x 2 blocks."""
+        """The blocks that must be negative for Re s > -``bound`` [1/s], 2 x 2."""
         top = -self.P2 - self.P2.T - 2.0 * bound * self.P1
         side = 2.0 * self.P3 - self._side(system)
         return [[top, side], [side.T, self._below(system)]]
@@ -122,7 +122,7 @@ class PdPiVariables:
 
 @dataclass(frozen=True, eq=False)
 class PiVariables:
-    """What the inequalities of the PI observer are solved for: P1, shape (N, N), and Y, (p, N)."""
+    """Unknowns of the inequalities of the PI observer: P1, shape (N, N), and Y, (p, N)."""
 
     P1: Any
     Y: Any
@@ -139,7 +139,7 @@ class PiVariables:
     def inequalities(
         self, system: AugmentedSystem, gamma: Any, decay: float = 0.0, bound: float = inf
     ) -> list[Rows]:
-        """The blocks of all that must be negative definite; no ``gamma`` asks for poles only.
+        """The blocks of all that must be negative definite, of poles only without ``gamma``.
 
         With a ``gamma`` they are linear no more: they serve to check, not to solve.
         """

@@ -26,7 +26,7 @@ def pd_pi_constraints(
     bound: float = inf,
     derivative: bool = True,
 ) -> list[Constraint]:
-    """The inequality, and the bound of the poles if there is one; gamma is unknown if it is none.
+    """The inequality, and the bound of the poles if there is one, with gamma unknown if None.
 
     Indriawati, Agustinah & Jazidie, (19).
 

@@ -115,7 +115,7 @@ def design_minimum_gamma(
 def _problem(
     system: AugmentedSystem, constraints: list[Constraint], gap: float, radius: float | None = None
 ) -> Problem:
-    """Of all matrices that are in the constraints."""
+    """The problem of all matrices that are in the constraints."""
     size, flat = system.size, (system.outputs, system.size)
     shapes = {
         term.name: flat if term.name.startswith("Y") else (size, size)

@@ -50,7 +50,7 @@ def design(
     gamma: float | None = None,
     solver: str = "CLARABEL",
 ) -> CertifiedGains:
-    """By optimisation as in `pd_pi.design`, with Ld = 0.
+    """Optimise as `pd_pi.design` does, with Ld = 0.
 
     Indriawati, Agustinah & Jazidie, (6) and Section IV, Remark.
     """

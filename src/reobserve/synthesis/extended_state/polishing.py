@@ -35,7 +35,7 @@ _STEPS = 60  # at most; each gains three digits or more
 
 
 class Minimum(NamedTuple):
-    """``x``, balls without radius, minimises; no objective, without barrier, is below ``lower``."""
+    """Minimum at ``x``, balls without radius, with no objective (no barrier) below ``lower``."""
 
     x: Any
     lower: float
@@ -128,7 +128,7 @@ def _gradient(problem: Problem, constraints: list[_BallConstraint], x: Any) -> A
 
 
 def _derivatives(constraint: _BallConstraint, Z: arb_mat) -> list[tuple[str, arb_mat]]:
-    """Of tr(Z S), by each matrix."""
+    """Derivatives of tr(Z S), by each matrix."""
     return [
         (name, left.transpose() * Z * right.transpose() * 2)
         for name, left, right in constraint.terms
@@ -136,7 +136,7 @@ def _derivatives(constraint: _BallConstraint, Z: arb_mat) -> list[tuple[str, arb
 
 
 def _lower(problem: Problem, constraints: list[_BallConstraint], x: Any) -> float:
-    """What the objective is proved not to be below; -inf where a constraint is not proved."""
+    """A proved lower bound of the objective, -inf where a constraint is not proved."""
     from flint import arb, arb_mat
 
     lefts = [_left(problem, constraint, x) for constraint in constraints]

@@ -162,7 +162,7 @@ class AugmentedSystem(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gains(Value):
-    """Gains of an observer; rows belong to x, xz, fa and fs, in this order.
+    """Gains of an observer, whose rows belong to x, xz, fa and fs, in this order.
 
     Indriawati, Agustinah & Jazidie, (8), (14) and (16).
 

@@ -49,7 +49,7 @@ class Convergence:
     error: float
 
     def growth(self, points: ArrayLike) -> Array:
-        """By which factor the parts at each point, shape (k, n), grow from degree to degree.
+        """Factors by which the parts at each point, shape (k, n), grow from degree to degree.
 
         Below 1 the series converges there, above it does not; shape (k,).
         """
@@ -61,7 +61,7 @@ class Convergence:
         return found
 
     def outside(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Which points of a trajectory, shape (k, n), lie outside or within ``error`` of the edge.
+        """Mark points of a trajectory, shape (k, n), outside or within ``error`` of the edge.
 
         There the series does not converge, or so slowly that it is of no use.
         """
@@ -140,7 +140,7 @@ def part_norms(series: PolynomialMap) -> Array:
 
 
 def warning(domain: Convergence, states: ArrayLike, step: float) -> str | None:
-    """A sentence if a trajectory sampled every ``step`` seconds leaves the domain; None if not."""
+    """A sentence if a trajectory, a point every ``step`` seconds, leaves the domain, or None."""
     growth = domain.growth(states)
     outside, edge = growth >= 1.0, domain.outside(states)
     if not edge.any():

@@ -1,4 +1,4 @@
-"""From a system and the wanted error dynamics to its normal form, checked."""
+"""Design of a normal form, checked, from a system and the wanted error dynamics."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class NormalForm:
 
     @property
     def injected(self) -> PolynomialMap:
-        """What an observer injects: l(y), or l(y) - beta(y, u) in p + m variables."""
+        """The injection of an observer: l(y), or l(y) - beta(y, u) in p + m variables."""
         injection = self.problem.injection
         return injection if self.known is None else joined(injection, self.known)
 

@@ -63,7 +63,7 @@ class SchurSolver:
         self.imaginary = 0.0
 
     def __call__(self, basis: Monomials, right: Array, degree: int) -> Array:
-        """P for a homogeneous R of ``degree``; both of shape (n, monomials of that degree)."""
+        """The P for a homogeneous R of ``degree``, both of shape (n, monomials of that degree)."""
         found, size, imaginary = _solve(basis, right, degree, self._forms)
         if size > 0:
             self.imaginary = max(self.imaginary, imaginary / size)
@@ -71,7 +71,7 @@ class SchurSolver:
 
 
 def _schur(matrix: Array) -> tuple[Complex, Complex]:
-    """The triangular and the unitary factor; for small matrices LAPACK is faster called directly.
+    """The triangular and the unitary factor, by LAPACK itself, as faster for small matrices.
 
     Raises
     ------

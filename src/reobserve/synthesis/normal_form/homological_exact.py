@@ -24,7 +24,7 @@ class RationalSolver:
         self._F, self._A = F, A
 
     def __call__(self, basis: Monomials, right: Coefficients, degree: int) -> Coefficients:
-        """P for a homogeneous R of ``degree``; both of shape (n, monomials of that degree).
+        """The P for a homogeneous R of ``degree``, both of shape (n, monomials of that degree).
 
         Raises
         ------

@@ -57,7 +57,7 @@ def resonance(F: NDArray[np.float64], A: NDArray[np.float64], basis: Monomials) 
 
 
 def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
-    """`resonance` of a problem; None for degree 1, which has no divisors.
+    """`resonance` of a problem, or None for degree 1, which has no divisors.
 
     Thomas, Kwatny & Chang, Proposition 3.10.
 
@@ -83,7 +83,7 @@ def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
 
 
 def in_poincare_domain(eigenvalues: NDArray[Any]) -> bool:
-    """Whether zero lies outside the convex hull of the eigenvalues.
+    """True if zero lies outside the convex hull of the eigenvalues.
 
     Thomas, Kwatny & Chang, Definition 3.4.
     """
