@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class ModelRows(NamedTuple):
-    """The matrices of a model by row, (., n, n) and so on; the last holds for later rows."""
+    """The matrices of a model by row, (., n, n) and so on, the last one for later rows."""
 
     A: Array
     B: Array
@@ -52,7 +52,7 @@ class ModelArrays(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(Value):
-    """A linear model in discrete time with Gaussian noise; its arrays are read-only copies.
+    """Linear model in discrete time with Gaussian noise, whose arrays are read-only copies.
 
         x(k+1) = A x(k) + B u(k) + w(k)         w ~ N(0, Q)
         y(k)   = C x(k) + D u(k) + v(k)         v ~ N(0, R)
@@ -217,7 +217,7 @@ class LinearModel(Value):
 
     @property
     def continuous(self) -> bool:
-        """Whether it is of a differential equation, which can be sampled over any time."""
+        """True if it is of a differential equation, which can be sampled over any time."""
         return self.ode is not None
 
     @property
@@ -295,17 +295,17 @@ class LinearModel(Value):
 
     @property
     def states(self) -> int:
-        """Their number n."""
+        """The number n of states."""
         return len(self.A)
 
     @property
     def inputs(self) -> int:
-        """Their number p."""
+        """The number p of inputs."""
         return int(self.B.shape[1])
 
     @property
     def outputs(self) -> int:
-        """Their number m."""
+        """The number m of outputs."""
         return len(self.C)
 
 

@@ -216,12 +216,12 @@ class NonlinearModel:
 
     @property
     def continuous(self) -> bool:
-        """Whether it is of a differential equation, which can be integrated over any time."""
+        """True if it is of a differential equation, which can be integrated over any time."""
         return self.substeps > 0
 
     @cached_property
     def steps(self) -> Array | None:
-        """The length [s] of Runge-Kutta steps; None where f is the next state."""
+        """The length [s] of Runge-Kutta steps, or None where f is the next state."""
         return np.array([self.sampling_period / self.substeps]) if self.substeps else None
 
     def __repr__(self) -> str:
@@ -237,12 +237,12 @@ class NonlinearModel:
         return f"NonlinearModel({size}, sampling_period={self.sampling_period:g}{ode}; {how})"
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a pickle holds: functions are compiled again."""
+        """The content of a pickle: functions are compiled again."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the q parameters, in the order of their values; () if there are none."""
+        """Names of the q parameters, in the order of their values, () if there are none."""
         return tuple(self.parameters or ())
 
     @cached_property
@@ -297,7 +297,7 @@ class NonlinearModel:
 
     @cached_property
     def _definitions(self) -> dict[str, UserFunction | tuple[str, ...]]:
-        """What is to be compiled, by name: functions of Python, or expressions as Python code."""
+        """The definitions to compile, by name: Python functions, or expressions as Python code."""
         n, p, m = self.states, self.inputs, self.outputs
         shapes: dict[str, tuple[int, ...]] = {"f": (n,), "h": (m,), "F": (n, n), "H": (m, n)}
         found: dict[str, UserFunction | tuple[str, ...]] = {}
@@ -322,7 +322,7 @@ class NonlinearModel:
 
     @cached_property
     def _pointers(self) -> dict[str, tuple[Any, str]]:
-        """Of what is defined: function pointers for compiled loops, and why one is not compiled."""
+        """Pointers of what is defined, for compiled loops, and reasons why one is not compiled."""
         return {
             name: one.compiled() if isinstance(one, UserFunction) else (compiled_rows(one), "")
             for name, one in self._definitions.items()
@@ -357,7 +357,7 @@ class NonlinearModel:
 
     @cached_property
     def functions_alone(self) -> Functions:
-        """As `functions`, without Jacobians."""
+        """The model's `functions`, without Jacobians."""
         return self._functions({})
 
     def _functions(self, jacobians: Mapping[str, Any]) -> Functions:

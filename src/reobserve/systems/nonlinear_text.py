@@ -15,7 +15,7 @@ _MOST_KEPT = 256  # functions and Jacobians whose code is kept
 
 
 class Names(NamedTuple):
-    """Names that texts are written in; in code parameters stand behind the inputs."""
+    """Names that texts are written in, with parameters behind the inputs in code."""
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]

@@ -8,7 +8,7 @@ from reobserve.core.errors import InputError, shown
 
 
 def as_names(key: str, value: Any, size: int | None = None) -> tuple[str, ...] | None:
-    """Different identifiers as a tuple; None stays None.
+    """Different identifiers as a tuple, or None for None.
 
     Raises
     ------

@@ -68,7 +68,7 @@ class UserFunction:
 
     @cached_property
     def _arguments(self) -> int:
-        """How many of x, u and p it is called with."""
+        """The number of arguments, of x, u and p, that it is called with."""
         for count in (2, 1, 3):
             try:
                 inspect.signature(self._python).bind(*range(count))
@@ -171,7 +171,7 @@ class UserFunction:
 def _by_numba(
     frozen: FrozenFunction, arguments: int, inputs: int | None, dimensions: int
 ) -> tuple[Any, str]:
-    """A pointer, and why numba refused, or ""; the same function is compiled once a process."""
+    """A pointer, and why numba refused, or "", from one compilation a process."""
     given, signature = frozen.function, (_VECTOR,) * arguments
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -204,7 +204,7 @@ def _wanted(shape: tuple[int, ...]) -> str:
 
 
 def _of_vectors(inner: Any, arguments: int, inputs: int | None) -> Any:
-    """``inner``, of x, u and p or fewer, as a function of x and v = [u, p]; None if v is u."""
+    """``inner``, of x, u and p or fewer, as a function of x and v = [u, p], or None if v is u."""
     if arguments == 1:
 
         @numba.njit
