@@ -9,7 +9,7 @@ from reobserve.core.files import check_not_read, check_replaceable, read_text, w
 
 
 def tune_records_command(tune_file: Path, output: Path) -> None:
-    """Tune specifications on records; write them, their scores on held-out segments and a table."""
+    """Tune specifications on records. Write them, their scores on held-out segments and a table."""
     from reobserve.tuning.recorded import RecordedTask
     from reobserve.tuning.scoring import score_task
     from reobserve.tuning.table import Results, read_cells, summary, write_cells, write_scores

@@ -19,7 +19,7 @@ WORST = 3.0
 
 @dataclass(frozen=True)
 class Score:
-    """Of a record: the error, the lag [s], and the 95 % quantile of |error| over rms of truth."""
+    """Score of a record: error, lag [s], and 95 % quantile of |error| over rms of truth."""
 
     error: float
     lag: float = np.nan
@@ -47,7 +47,7 @@ def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True
 
 
 def _lag(estimate: Array, truth: Array, first: int) -> float:
-    """By how many samples the truth must be delayed to fit best: the first minimum."""
+    """The number of samples by which the truth must be delayed to fit best: the first minimum."""
 
     def misfit(shift: int) -> float:
         late = truth[max(first - shift, 0) : len(truth) - shift]

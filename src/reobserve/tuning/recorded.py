@@ -98,7 +98,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class TuneFile:
-    """The keys of a file; the paths in it count from its folder.
+    """Keys of a file, in which paths count from its folder.
 
     ``reference`` names columns of the estimates and what they are compared with. Without it, the
     score is the error of one-step predictions of the measurements.
@@ -123,7 +123,7 @@ class Segment(TaskRecord):
 
 @dataclass(frozen=True)
 class RecordedTask(Task):
-    """A file of candidates as a task; the seed of a record counts the segments from 1."""
+    """A file of candidates as a task, in which the seed of a record counts the segments from 1."""
 
     specifications: dict[str, TunedSpecification] = field(default_factory=dict)
     segments: Sequence[Segment] = ()
@@ -252,7 +252,7 @@ def _method(name: str, stated: Candidate, specification: TunedSpecification) -> 
 def _segments(
     stated: TuneFile, folder: Path, first: TunedSpecification
 ) -> tuple[Outputs, list[Segment], list[Segment]]:
-    """What is compared, and the segments for training and held-out ones."""
+    """The reference, and the segments for training and held-out ones."""
     files = dict.fromkeys(part.file for part in (*stated.training, *stated.held_out))
     truths = {file: _truth(stated.reference, first, folder / file) for file in files}
     compared = next(iter(truths.values()))[0]
@@ -298,7 +298,7 @@ def _are_copies(one: Rows, other: Rows) -> bool:
 def _truth(
     reference: Mapping[str, ReferenceColumn], first: TunedSpecification, record: Path
 ) -> Rows:
-    """What is compared, and with what: times and values of a record."""
+    """The columns that are compared, and their reference: times and values of a record."""
     found = [
         find_column(f"reference.{name}", Column(one.column, one.unit), "", first.header(record),
                     str(record))
@@ -356,7 +356,7 @@ def _measured(layout: Layout) -> Sequence[str]:
 def _columns(
     one: TunedSpecification, estimation: Estimation, compared: Outputs
 ) -> list[tuple[int, Conversion]]:
-    """Where what is compared stands among the estimates, and its way into the reference's unit."""
+    """Places of compared columns among the estimates, and conversions to reference units."""
     columns = {column.name: (c, column.unit) for c, column in enumerate(estimation.outputs.columns)}
     found = []
     for name, unit in compared.items():

@@ -63,13 +63,13 @@ class Cell:
 
     @property
     def within(self) -> str:
-        """Whether it is within 5 % of the best: yes, no or undecided."""
+        """Decide if it is within 5 % of the best: yes, no or undecided."""
         _, low, high = self.ratio
         return "yes" if high <= 1 + DECIDED else "no" if low > 1 + DECIDED else "undecided"
 
 
 class Scorer:
-    """Scores of rows of a task on held-out records; nothing is simulated or run twice."""
+    """Scores of rows of a task on held-out records, without simulating or running one twice."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
@@ -82,7 +82,7 @@ class Scorer:
     def scores(
         self, row: ScoredRow, condition: str, count: int, *, details: bool = True
     ) -> tuple[Score, ...]:
-        """On the first so many held-out seeds, perhaps without lag and quantile.
+        """Scores on the first so many held-out seeds, perhaps without lag and quantile.
 
         Raises
         ------
@@ -214,7 +214,7 @@ class ErrorRatio:
 
     @property
     def moved(self) -> bool:
-        """Whether it differs by more than its interval, and by more than 5 %."""
+        """True if it differs by more than its interval, and by more than 5 %."""
         return not self.low <= 1 <= self.high and abs(np.log(self.ratio)) > DECIDED
 
 

@@ -42,7 +42,7 @@ _MOST = 1_000_000  # evaluations
 
 @dataclass(frozen=True)
 class Range:
-    """From which settings are taken: ends, and the scale on which they are spread evenly."""
+    """Range of a setting: ends, and the scale on which settings are spread evenly."""
 
     low: float
     high: float
@@ -257,7 +257,7 @@ def _as_ranges(ranges: Any) -> dict[str, Range]:
 
 @dataclass(frozen=True)
 class Objective:
-    """The mean over records of log score; the arguments are those of `tune`."""
+    """The mean over records of log score. The arguments are those of `tune`."""
 
     make: Callable[[Settings], Any]
     records: list[Any]

@@ -46,7 +46,7 @@ def write_cells(cells: Iterable[Cell], path: Path) -> None:
 
 
 def read_cells(path: Path) -> list[dict[str, Any]]:
-    """The rows that `write_cells` wrote, numbers as numbers; `InputError` if they are damaged."""
+    """The rows that `write_cells` wrote, numbers as numbers, or `InputError` if damaged."""
     words = {*_ROW, "within"}
     return [
         {key: text if key in words else float(text or "nan") for key, text in row.items()}
@@ -93,19 +93,19 @@ class Results:
 
     @classmethod
     def read(cls, task: Task, table: Path, tuned: Path) -> Results:
-        """Read the table and a folder of settings; `InputError` if one is missing or damaged."""
+        """Read the table and a folder of settings, or `InputError` if one is missing or damaged."""
         return cls(task, read_cells(table), read_tuned(task, tuned))
 
     def cell(
         self, condition: str, method: str, training: str = "", given: bool = False
     ) -> Mapping[str, Any] | None:
-        """A row of the table, if there is one; that of the main training set by default."""
+        """A row of the table, if there is one, by default that of the main training set."""
         wanted = (condition, method, training or self.task.main, _said(given))
         found = (one for one in self.cells if tuple(one[key] for key in _ROW) == wanted)
         return next(found, None)
 
     def rows(self) -> list[tuple[str, str, str, bool]]:
-        """What the table shows: label, method, training set and whether the noise is given."""
+        """The rows of the table: label, method, training set and whether the noise is given."""
         found = []
         for name, method in self.task.methods.items():
             found.append((method.label, name, self.task.main, False))
@@ -116,12 +116,12 @@ class Results:
         return found
 
     def held_out(self, method: str) -> list[dict[int, float]]:
-        """For each repeat of the main training set the held-out errors over evaluations."""
+        """The held-out errors over evaluations, for each repeat of the main training set."""
         repeats = self.tuned[method].training[self.task.main].repeats
         return [{int(n): error for n, error in one.held_out.items()} for one in repeats]
 
     def evaluations_needed(self, method: str) -> list[int]:
-        """For each repeat the evaluations after which the error stays within 5 % of the final."""
+        """The evaluations after which the error stays within 5 % of the final, for each repeat."""
         found = []
         for errors in self.held_out(method):
             final = list(errors.values())[-1]

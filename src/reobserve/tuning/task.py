@@ -44,7 +44,7 @@ Runner = Callable[["TaskRecord"], Array]
 
 @dataclass(frozen=True, eq=False)
 class TaskRecord:
-    """What a method reads, rows at the sampling period, and the truth that it estimates.
+    """Record for a method, rows at the sampling period, and the truth that it estimates.
 
     Arrays have the shapes (k,), (k, p), (k, m) and (k, q). The columns of the truth have one unit,
     or are scaled to be of one size: their errors are added. ``size`` is the root mean square of an
@@ -61,7 +61,7 @@ class TaskRecord:
 def estimates_of(
     observer: Observer[Any], name: str, y: ArrayLike, u: ArrayLike | None = None, **options: Any
 ) -> Array:
-    """An estimate of an observer over a record; ``options`` are those of its ``run``.
+    """An estimate of an observer over a record. ``options`` are those of its ``run``.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def estimates_of(
 
 @dataclass(frozen=True)
 class Condition:
-    """How records differ from what methods know of them; nothing for the nominal condition.
+    """Difference of records from what methods know of them, empty for the nominal condition.
 
     ``noise`` and ``period`` are factors; ``model`` is by which share parameters of the plant are
     wrong, with random signs; ``plant`` replaces keys of the plant, for the methods as well.
@@ -146,7 +146,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Seeds:
-    """Training seeds count from 1, those of repeat r from 1 + 100 r; held-out ones from 1001.
+    """Seeds for training, from 1, of repeat r from 1 + 100 r, and held-out ones, from 1001.
 
     More are drawn, ``step`` at a time, until every comparison is decided or there are ``most``.
     """
@@ -252,7 +252,7 @@ class Task(TaskFile):
         return module
 
     def function(self, method: str) -> Callable[..., Runner]:
-        """What makes a method."""
+        """The function that makes a method."""
         name = self.methods[method].make or method
         if ":" in name:
             module, _, attribute = name.partition(":")
@@ -266,7 +266,7 @@ class Task(TaskFile):
         return made
 
     def plant_in(self, condition: str) -> Any:
-        """The plant as methods know it in a condition; `InputError` if a key is wrong."""
+        """The plant as methods know it in a condition, or `InputError` if a key is wrong."""
         tree = {**self.plant, **self.conditions[condition].plant}
         return parse(self.module.Plant, tree, "plant")
 
@@ -279,7 +279,7 @@ class Task(TaskFile):
         return found
 
     def make(self, method: str, settings: Settings, condition: str, *, given: bool) -> Runner:
-        """A method in a condition; ``given`` the noise, or with that of the plant."""
+        """A method in a condition, with the noise ``given``, or that of the plant."""
         stated, plant = self.conditions[condition], self.plant_in(condition)
         values = {**self.methods[method].fixed, **settings}
         noise = plant.noise * (stated.noise if given else 1.0)

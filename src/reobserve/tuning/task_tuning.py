@@ -51,7 +51,7 @@ def tune_method(
 def tune_once(
     task: Task, method: str, training: str, repeat: int, *, log: Path | None = None, **options: Any
 ) -> Tuned:
-    """Tune a method once, on the records of one repeat; ``options`` are those of `tune`."""
+    """Tune a method once, on the records of one repeat. ``options`` are those of `tune`."""
     about = f"{task.name} {task.digest(method, training)} {repeat}"
     return tune(
         *_search(task, method, training, repeat),
@@ -67,7 +67,7 @@ def objective(task: Task, method: str, training: str, repeat: int, settings: Set
 
 
 def _search(task: Task, method: str, training: str, repeat: int) -> tuple[Any, Any, Any, Any]:
-    """What `tune` takes: make, ranges, records and score.
+    """Arguments of `tune`: make, ranges, records and score.
 
     Methods are given the noise of the records that they are tuned on.
     """

@@ -48,7 +48,7 @@ class TunedOn:
 
 @dataclass(frozen=True)
 class Cost:
-    """Of the tuned method on the machine that tuned it: construction [ms], a sample [us]."""
+    """Cost of the tuned method on the machine that tuned it: construction [ms], a sample [us]."""
 
     construction: float
     sample: float
@@ -63,7 +63,7 @@ class TunedMethod:
 
     @classmethod
     def read(cls, path: Path) -> TunedMethod:
-        """Read a file; `InputError` if it is missing or damaged."""
+        """Read a file, or `InputError` if it is missing or damaged."""
         return parse(cls, read_json(path), str(path))
 
     def write(self, path: Path) -> None:

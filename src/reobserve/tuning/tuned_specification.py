@@ -34,7 +34,7 @@ class TunedSpecification:
         self.cells = cache(self._cells)
 
     def number(self, key: str) -> float:
-        """The number at a key; `InputError` if there is none."""
+        """The number at a key, or `InputError` if there is none."""
         import yaml
 
         node: Any = yaml.compose(self._text, yaml.SafeLoader)
@@ -65,13 +65,13 @@ class TunedSpecification:
         return text
 
     def estimation(self, settings: Settings, record: Path) -> Estimation:
-        """What runs the observer with other numbers over a record; alarms are left out."""
+        """The estimation that runs the observer with other numbers over a record, no alarms."""
         tree = {**parse_yaml(self.text(settings), str(self.path)), "alarms": []}
         with naming(self.path):
             return Estimation(parse(Specification, tree), self.header(record), str(record))
 
     def rows(self, record: Path, *more: str) -> tuple[Layout, Array, Array, Array]:
-        """The layout of a record; its times, what the observer reads, and columns besides."""
+        """The layout of a record: its times, what the observer reads, and columns besides."""
         layout = self.estimation({}, record).layout
         cells, width = self.cells(record, *more), len(layout.titles)
         time, values = layout.values(cells[:, :width], DataReport())
