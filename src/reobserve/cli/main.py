@@ -49,7 +49,7 @@ COMMANDS = CommandTable(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one sub-command of `reobserve`; see `run_command`."""
+    """Run one sub-command of `reobserve` (see `run_command`)."""
     return run_command("reobserve", COMMANDS, arguments)
 
 
@@ -59,7 +59,7 @@ def run_command(
     arguments: Sequence[str] | None = None,
     check: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> int:
-    """Run one sub-command; the exit code is 0, 1 after an error of the user's, 2 for usage.
+    """Run one sub-command and return its exit code: 0, 1 after a user's error, 2 for usage.
 
     ``check`` may refuse the options with an `InputError` before anything runs.
     """
@@ -117,7 +117,7 @@ class _Version(argparse.Action):
 def command_parser(
     program: str = "reobserve", table: CommandTable = COMMANDS, words: Sequence[str] | None = None
 ) -> argparse.ArgumentParser:
-    """What reads a command line.
+    """The parser of a command line.
 
     It has all sub-commands with their options and help, or only that of a line that ``words`` are.
     """
