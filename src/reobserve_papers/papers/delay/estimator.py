@@ -49,7 +49,7 @@ class DelayEstimator(ABC):
 
     @abstractmethod
     def _fill(self, output: Array, inputs: Array, first: int, rows: Array) -> int:
-        """Fill ``rows`` from the first one; return how many are finite."""
+        """Fill ``rows`` from the first one, and return how many are finite."""
 
     def run(self, output: Array, past: Array, control: Array, start: Array) -> Array:
         """The values of the algorithm at the ends of steps, shape (k + 1, n).

@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveDelayEstimator(DelayEstimator):
-    """Adaptive identification of a delay; a reconstruction, see the module.
+    """Adaptive identification of a delay, a reconstruction (see the module).
 
     Lechappe et al. 2018, after (39).
 

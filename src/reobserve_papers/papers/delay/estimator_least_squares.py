@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresDelayEstimator(DelayEstimator):
-    """Output-error recursive least squares for a delay; a reconstruction, see the module.
+    """Output-error recursive least squares for a delay, a reconstruction (see the module).
 
     Lechappe et al. 2018, after (39).
 

@@ -168,7 +168,7 @@ def _rate(
 def _stays(
     law: Any, task: EstimatorInputs, k: int, fraction: float, held: int, work: EstimatorWork
 ) -> bool:
-    """Whether the mode still holds at the end of the part."""
+    """True if the mode still holds at the end of the part."""
     if held == 0:
         delay = work.after[0]
         return not (delay < task.bounds[0] or delay > task.bounds[1])
@@ -185,7 +185,7 @@ def _to_mode_end(
     values: Array,
     work: EstimatorWork,
 ) -> float:
-    """Integrate from ``start`` to the end of the step or of the mode; return the end."""
+    """Integrate from ``start`` to the end of the step or of the mode, and return the end."""
     _part(law, task, k, start, 1.0, held, values, work)
     high = 1.0
     stays = _stays(law, task, k, high, held, work)
@@ -219,7 +219,7 @@ def _to_mode_end(
 
 @allocating_kernel
 def _run(law: Any, task: EstimatorInputs, rows: Array) -> int:
-    """Fill ``rows`` from its first one; return how many are finite."""
+    """Fill ``rows`` from its first one, and return how many are finite."""
     n = rows.shape[1]
     work = EstimatorWork(np.empty((4, n)), np.empty(n), np.empty(n))
     values = rows[0].copy()

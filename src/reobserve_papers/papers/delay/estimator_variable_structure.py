@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class VariableStructureDelayEstimator(DelayEstimator):
-    """A relay that moves a delay; a reconstruction, see the module.
+    """Relay that moves a delay, a reconstruction (see the module).
 
     Lechappe et al. 2018, after (39).
 
@@ -104,7 +104,7 @@ def _run(
     first: int,
     rows: Array,
 ) -> int:
-    """Fill ``rows`` from its first one; return how many are finite."""
+    """Fill ``rows`` from its first one, and return how many are finite."""
     decay, input_gain = plant
     relay_gain, inverse = relay
     for k in range(len(rows) - 1):

@@ -109,7 +109,7 @@ class Extended:
     label: str = ""
 
     def levant(self) -> Levant:
-        """The differentiator's parameters; `InputError` names the one that is missing."""
+        """The differentiator's parameters, or `InputError` with the one that is missing."""
         for name in Levant._fields:
             if getattr(self, name) is None:
                 raise InputError(name, "is missing; derivatives by levant need it")

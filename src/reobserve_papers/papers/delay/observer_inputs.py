@@ -17,7 +17,7 @@ Pair = tuple[Array, Array]
 
 
 def measured(plant: Series, name: str, clean: str) -> Pair:
-    """A measured channel and its limits from the left; the clean one if there is no noise."""
+    """A measured channel and its limits from the left, or the clean one if there is no noise."""
     if name in plant.channels:
         return plant[name], plant[f"{name}_before"]
     values = plant[clean] if plant[clean].ndim == 1 else np.ascontiguousarray(plant[clean][:, 0])

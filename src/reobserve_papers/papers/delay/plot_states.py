@@ -92,7 +92,7 @@ def _around_jumps(plant: Series) -> Any:
 
 
 def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
-    """Mark when the pendulum turns over; if late, scale the axes to the time before."""
+    """Mark when the pendulum turns over and, if late, scale the axes to the time before."""
     turned = turned_over_at(plant)
     if not np.isfinite(turned):
         return

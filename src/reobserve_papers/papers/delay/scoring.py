@@ -71,7 +71,7 @@ def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float
 
 
 def ripple(time: Array, values: Array) -> float:
-    """Peak-to-peak deviation from a straight line; nan for fewer than three samples."""
+    """Peak-to-peak deviation from a straight line, or nan for fewer than three samples."""
     if len(time) < 3:
         return float("nan")
     slope, offset = np.polyfit(time, values, 1)
@@ -79,7 +79,7 @@ def ripple(time: Array, values: Array) -> float:
 
 
 def turned_over_at(plant: Series) -> float:
-    """Time at which the angle of the pendulum first exceeds half a turn [s]; nan if never."""
+    """Time at which the angle of the pendulum first exceeds half a turn [s], or nan if never."""
     outside = np.flatnonzero(np.abs(plant["state"][:, 0]) > np.pi)
     return float(plant.time[outside[0]]) if outside.size else float("nan")
 

@@ -33,7 +33,7 @@ def delay_bounds(plant: keys.Plant) -> tuple[float, float]:
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:
-    """The number of plant steps and the step [s]; the maximum delay is a multiple of it, too.
+    """The number of plant steps and the step [s], of which the maximum delay is a multiple, too.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def _radii(job: keys.Job, ramp: Series) -> Iterator[Metric]:
 
 
 def peak_gains(matrix: Array) -> Array:
-    """Peak gains from each input to each state of x' = M x + w; inf if M is not stable.
+    """Peak gains from each input to each state of x' = M x + w, or inf if M is not stable.
 
     The integral of |exp(M t)| over all t >= 0, shape (n, n). Lechappe et al. 2018, Remark 3.6.
     """

@@ -56,7 +56,7 @@ def simulate(job: keys.Job, share: float, start: list[float], tau: float, end: f
 
 @allocating_kernel
 def _simulate(inputs: Array, parameters: Array, gains: Array, step: float, states: Array) -> None:
-    """Fill ``states`` by classical Runge-Kutta; ``inputs``: u(t - tau), u and u', at half steps."""
+    """Fill ``states`` by classical Runge-Kutta, with u(t - tau), u and u' as ``inputs``."""
     g_over_l, friction, scale, share = parameters
     slopes = np.empty((4, 5))
     for k in range(len(states) - 1):

@@ -39,7 +39,7 @@ def compute(job: keys.Job) -> dict[str, Any]:
 
 
 def design(plant: keys.Plant, stated: keys.Design) -> CertifiedGains:
-    """The design that the parameters specify; raises as `compute`.
+    """The design that the parameters specify (raises as `compute`).
 
     It is cached, because samples of other parameters, such as the hold period, need it again.
     """

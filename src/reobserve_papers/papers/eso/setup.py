@@ -31,7 +31,7 @@ CONSTANTS = (
 
 
 def motor(plant: keys.Plant) -> DCMotor:
-    """Construct the motor; `InputError` names a wrong constant."""
+    """Construct the motor, or raise `InputError` with a wrong constant."""
     with located("plant"):
         return DCMotor(*(getattr(plant, name) for name in CONSTANTS))
 
@@ -130,7 +130,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> MotorExperiment:
 
 
 def pulses(plant: keys.Plant) -> list[Any]:
-    """Terms of the reference; its square waves have the width `pulse_width`."""
+    """Terms of the reference, with square waves of the width `pulse_width`."""
     return [
         {"width": plant.pulse_width, **term} if term.get("kind") == "square" else term
         for term in plant.reference

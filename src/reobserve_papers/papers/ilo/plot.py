@@ -1,4 +1,4 @@
-"""Stage plot: fault, estimate and error over time; errors over gains and noise."""
+"""Stage plot: fault, estimate and error over time, and errors over gains and noise."""
 
 from __future__ import annotations
 

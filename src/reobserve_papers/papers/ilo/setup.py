@@ -77,7 +77,7 @@ def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:
-    """Number of plant steps, and the step [s]; see `plant_grid`."""
+    """Number of plant steps, and the step [s] (see `plant_grid`)."""
     return plant_grid(plant, MOST_STEPS)
 
 

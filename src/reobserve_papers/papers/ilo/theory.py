@@ -53,14 +53,14 @@ def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
 @part
 @lru_cache(maxsize=4)
 def _without_observers(stated: str) -> tuple[Metric, ...]:
-    """Numbers that need no observer; cached, since sampling varies the gains many times."""
+    """Numbers that need no observer, cached, since sampling varies the gains many times."""
     given, *matrices = json.loads(stated)
     theory = keys.Theory(**given)
     return (*_lemma(theory), *_theorem(theory, RigidBody(*matrices)))
 
 
 def _lemma(theory: keys.Theory) -> Iterator[Metric]:
-    """Violations of Lemma 1 in random cases; without a mismatch its right side is that of (12)."""
+    """Violations of Lemma 1 in random cases. Without a mismatch its right side is that of (12)."""
     stream = random_stream(theory.random_seed, "ilo", "lemma 1")
     violations, constant = 0, 0
     for _ in range(theory.cases // _ROWS):

@@ -51,7 +51,7 @@ class Runs:
         return cls(replace(job, plant=plant), _record(plant, job.theory.stuck, 0))
 
     def record(self, fault: Terms, noise: float = 0.0) -> Series:
-        """Simulate the plant under another fault; ``noise`` is a standard deviation [rad/s]."""
+        """Simulate the plant under another fault. ``noise`` is a standard deviation [rad/s]."""
         plant = replace(self.job.plant, noise=noise)
         return _record(plant, fault, self.job.theory.random_seed)
 
@@ -97,7 +97,7 @@ def _record(plant: keys.Plant, fault: Terms, seed: int) -> Series:
 
 @lru_cache(maxsize=8)
 def _simulated(stated: str) -> Series:
-    """Simulate a record; cached, since sampling varies the gains many times."""
+    """Simulate a record, cached, since sampling varies the gains many times."""
     plant, fault, seed = json.loads(stated)
     return simulate(keys.Job(keys.Plant(**plant), seed, scenario=keys.Scenario(fault)))
 

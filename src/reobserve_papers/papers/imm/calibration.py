@@ -136,7 +136,7 @@ class Calibration:
 def switches(
     trial: CalibrationTrial, observers: Mapping[str, keys.Observer], minimum: float
 ) -> bool:
-    """Whether at least a share of the innovations leaves the thin layers, and fewer the others."""
+    """True if at least a share of the innovations leaves the thin layers, and fewer the others."""
     for name, share in trial.outside.items():
         body = observers[name]
         thin = isinstance(body, keys.SmoothVariableStructure) and body.layer_factor < 1
@@ -298,7 +298,7 @@ def _rows(job: keys.Job, plant: Series, change: Change) -> list[Row]:
 
 
 def _moved(body: keys.Observer, **changed: Any) -> keys.Observer:
-    """The observer with other values; a Kalman filter ignores those of layer and inverse."""
+    """The observer with other values, where a Kalman filter ignores those of layer and inverse."""
     if not isinstance(body, keys.SmoothVariableStructure):
         shared = {key: changed[key] for key in changed if key not in ("layer_factor", "inverse")}
         return replace(body, **shared)

@@ -144,7 +144,7 @@ class Search:
 
 @dataclass(frozen=True, kw_only=True)
 class Neighbourhood(job.Study):
-    """How far each tuned number may move before a quoted value leaves its band."""
+    """Distances by which each tuned number may move before a quoted value leaves its band."""
 
     method: Literal["neighbourhood"]
     kept: str

@@ -140,7 +140,7 @@ def reach(job: keys.Job, band: float, study: StudyTable, parameter: str) -> tupl
 
 
 def _leaves(worst: dict[float, float], levels: list[float], band: float) -> float:
-    """The level at which the distance first exceeds the band; the last one if it never does."""
+    """The level at which the distance first exceeds the band, or the last one if it never does."""
     if not worst[levels[0]] <= band:
         return levels[0]
     for level, further in pairwise(levels):

@@ -102,7 +102,7 @@ def run(job: keys.Job, plant: Series, progress: Callable[[str], None]) -> dict[s
 
 
 def _nearby(seed: int, pairs: int, spread: float) -> Array:
-    """Factors to the tuned numbers: one, and pairs of opposite steps; shape (1 + 2 pairs, q)."""
+    """Factors to the tuned numbers, shape (1 + 2 pairs, q): one, and pairs of opposite steps."""
     stream = random_stream(seed, "imm", "search", "neighbours")
     # Corners of the cube, so that all numbers move by the same factor.
     steps = np.log1p(spread) * (2.0 * stream.integers(0, 2, (pairs, len(TUNED))) - 1.0)

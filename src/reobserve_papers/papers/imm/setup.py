@@ -47,7 +47,7 @@ _KEYS = {
 
 
 def modes(plant: keys.Plant) -> list[ActuatorModel]:
-    """The identified models, in the order of `MODES`; `InputError` names the one that is wrong."""
+    """The identified models, in the order of `MODES`, or `InputError` with the wrong one."""
     found = []
     for name in MODES:
         try:
@@ -164,14 +164,14 @@ def stacked_inputs(held: Array) -> Array:
 
 
 def _picked(variances: Any, all_of: Sequence[Any], places: Sequence[int]) -> Any:
-    """From a list of variances of all states or all of the motion, those of a realisation."""
+    """The variances of a realisation, from a list of those of all states or all of the motion."""
     if isinstance(variances, list) and len(variances) == len(all_of):
         return [variances[place] for place in places]
     return variances
 
 
 def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Array:
-    """psi of each output, from the first printed widths; `InputError` if it cannot be used."""
+    """psi of each output, from the first printed widths, or `InputError` if it cannot be used."""
     printed = as_vector("boundary_layer", observer.boundary_layer[:outputs], outputs)
     return observer.layer_factor * observer.layer_scale * printed
 
@@ -179,7 +179,7 @@ def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Arra
 def saturation(
     observer: keys.SmoothVariableStructure, innovation: Array
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which innovations, (k, r, m), lie outside the boundary layer, and which of these chatter.
+    """Innovations, (k, r, m), outside the boundary layer, and those of them that chatter.
 
     A gain is saturated outside the layer. It chatters where the innovation has changed its sign
     since the sample before.
@@ -213,7 +213,7 @@ def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> R
 
 
 def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> ImmState:
-    """The bank at rest, one step before the first row; ``held`` is the input over this step.
+    """The bank at rest, one step before the first row, with ``held`` the input over this step.
 
     By the observer's initial mode, all modes are equally probable or the normal mode is certain.
 
@@ -243,7 +243,7 @@ def measured_columns(observer: keys.Observer) -> list[int]:
 
 
 def _transition(self_transition: float, size: int) -> Array:
-    """All modes have one self-transition probability; the other modes share the rest equally."""
+    """Transitions with one self-transition probability, the rest shared equally."""
     rows = np.full((size, size), (1.0 - self_transition) / max(size - 1, 1))
     np.fill_diagonal(rows, self_transition)
     return rows

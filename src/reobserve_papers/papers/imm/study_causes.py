@@ -1,4 +1,4 @@
-"""Why the SVSF-IMM's probabilities differ from the KF-IMM's: one cause changed at a time.
+"""Causes of the differences between the SVSF-IMM's and the KF-IMM's probabilities, one at a time.
 
 The gains of an SVSF-IMM are frozen at their means over the time in which probabilities are
 compared, so that nothing switches; or gamma is zero; or the bank is a KF-IMM. This is done for each

@@ -57,7 +57,7 @@ def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
 
 
 def check(theory: keys.Theory, observers: Mapping[str, keys.Observer]) -> Observers:
-    """The banks that the theory names; `InputError` for unknown names or invalid times."""
+    """The banks that the theory names, or `InputError` for unknown names or invalid times."""
     for name in theory.observers:
         if name not in observers:
             raise InputError("observers", f"there is no {name!r}{nearest(name, observers)}")

@@ -41,7 +41,7 @@ GAINS = ("series", "jacobian")
 
 
 class RunOutcome(NamedTuple):
-    """Outcome of a run: integrals of squared errors [s], and settling time [s]; nan if never."""
+    """Outcome of a run: integrals of squared errors [s], and settling time [s], or nan if never."""
 
     squares: tuple[float, ...]
     settling_time: float
@@ -58,7 +58,7 @@ class RunOutcome(NamedTuple):
 
     @property
     def settled(self) -> bool:
-        """Whether e settles within the run."""
+        """True if e settles within the run."""
         return bool(np.isfinite(self.settling_time))
 
 

@@ -30,7 +30,7 @@ class LimitCycle:
     start: Array
 
     def points(self, count: int) -> Array:
-        """``count`` points, evenly spaced in time, from the start on; shape (count, n)."""
+        """``count`` points, evenly spaced in time, from the start on, shape (count, n)."""
         from scipy.integrate import solve_ivp
 
         time = np.arange(count) * (self.period / count)

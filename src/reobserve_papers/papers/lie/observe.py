@@ -40,7 +40,7 @@ def observe(
     plant: Series,
     on_divergence: OnDivergence = "raise",
 ) -> tuple[Run[NormalFormState], int]:
-    """Run an observer on a record; also the plant samples in half of its steps."""
+    """Run an observer on a record, and return the plant samples in half of its steps, too."""
     every = stride(plant_settings, observer.sampling_period)
     output = plant["output"][::every]
     start = observer.init(initial)

@@ -226,7 +226,7 @@ def _mark(axes: Axes, data: FigureData[keys.Job]) -> None:
 
 
 def _cubic(injection: Any) -> tuple[float, ...]:
-    """The coefficients of y^3 by component; nothing if it has none."""
+    """The coefficients of y^3 by component, or nothing if it has none."""
     found = [(t["component"], float(t["coefficient"])) for t in injection if t["powers"] == [3]]
     return tuple(value for _, value in sorted(found))
 

@@ -19,7 +19,7 @@ def integral_of_squares(error: Array, step: float) -> Array:
 
 
 def settling_time(error: Array, step: float, band: float) -> float:
-    """Time after which |e| stays within ``band`` times its initial value [s]; nan if never."""
+    """Time after which |e| stays within ``band`` times its initial value [s], or nan if never."""
     size = np.linalg.norm(error, axis=1)
     # Each sample stands for the step that begins with it.
     time = np.arange(len(size) + 1, dtype=np.float64) * step
@@ -39,12 +39,12 @@ def decay_rate(error: Array, step: float, start: float, end: float) -> float:
 
 
 def share_better(ise: ArrayLike, reference: ArrayLike) -> float:
-    """Share of runs with a smaller squared error than the reference; not of diverged runs."""
+    """Share of runs with a smaller squared error than the reference, without diverged runs."""
     with np.errstate(invalid="ignore"):
         return float(np.mean(np.asarray(ise) < np.asarray(reference)))
 
 
 def ratios(ise: ArrayLike, reference: ArrayLike) -> Array:
-    """Squared errors over those of the reference; inf where a run diverged."""
+    """Squared errors over those of the reference, or inf where a run diverged."""
     found = np.asarray(ise, dtype=np.float64)
     return np.where(np.isnan(found), np.inf, found) / np.asarray(reference, dtype=np.float64)

@@ -27,7 +27,7 @@ MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
 
 
 def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
-    """The plant's system; its size is that of the first list of powers.
+    """The plant's system, whose size is that of the first list of powers.
 
     Raises
     ------
@@ -128,5 +128,5 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:
-    """The number of plant steps and the step [s]; see `plant_grid`."""
+    """The number of plant steps and the step [s] (see `plant_grid`)."""
     return plant_grid(plant, MOST_STEPS)

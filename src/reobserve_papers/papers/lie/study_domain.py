@@ -89,7 +89,7 @@ def _points(form: str, order: int, quantity: str, points: Array) -> list[Row]:
 
 
 def _boundary(domain: Convergence, count: int) -> Array:
-    """The edge of the domain of convergence in each direction of the plane; shape (count, 2)."""
+    """The edge of the domain of convergence in each direction of the plane, shape (count, 2)."""
     angle = np.arange(count) * (2 * np.pi / count)
     directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     edge: Array = directions / domain.growth(directions)[:, None]

@@ -71,7 +71,7 @@ def _errors(
 
 
 def _exponent(cycle: LimitCycle, x: Any, form: NormalForm, gain: str, order: int, name: str) -> Row:
-    """The largest Floquet exponent; the normal form is designed for -0.5."""
+    """The largest Floquet exponent, for which the normal form is designed for -0.5."""
     problem, n = form.problem, form.problem.system.states
     injected = problem.injection.after(
         problem.system.output, problem.injection.degree * problem.system.output.degree

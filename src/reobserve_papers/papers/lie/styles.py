@@ -48,7 +48,7 @@ OTHERS = (Style("0.45", "-", 1.1, "x"), Style("0.6", (0, (2, 2)), 1.1, "+"))
 
 
 def style_of(observer: str, index: int = 0) -> Style:
-    """The style of an observer; one without its own takes the next by its ``index``."""
+    """The style of an observer, or by its ``index`` if it has none of its own."""
     return OBSERVERS.get(observer, OTHERS[index % len(OTHERS)])
 
 

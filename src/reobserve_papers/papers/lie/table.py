@@ -68,7 +68,7 @@ def rows(job: keys.Job, design: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _agrees(value: Fraction, text: str) -> str:
-    """Whether ``value`` is within half a unit of the last digit of ``text``."""
+    """True if ``value`` is within half a unit of the last digit of ``text``."""
     if not text:
         return ""
     exponent = Decimal(text).as_tuple().exponent

@@ -191,7 +191,7 @@ def _siegel_domain(theory: keys.Theory) -> Iterator[Metric]:
 
 
 def siegel(theory: keys.Theory) -> NormalFormProblem:
-    """The test system in the Siegel domain, with y = x1; `InputError` for invalid terms.
+    """The test system in the Siegel domain, with y = x1, or `InputError` for invalid terms.
 
     Thomas, Kwatny & Chang, Proposition 3.9.
     """
