@@ -30,7 +30,7 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class CachedSamples:
-    """Of one claim: the deciding numbers of each sample, in order, and the smallest change.
+    """Cached samples of one claim: the deciding numbers of each, in order, and the smallest change.
 
     ``basis`` is a digest of what they depend on. A sample is text, its numbers with spaces between:
     none where something diverged, and None in place of the text where the code refused the sample.
@@ -49,12 +49,12 @@ class CachedSamples:
                 raise InputError(f"samples.{number}", f"{sample!r} must be numbers") from None
 
     def numbers(self, number: int) -> tuple[float, ...] | None:
-        """Those of a sample; None where it was refused."""
+        """The numbers of a sample, or None where it was refused."""
         return numbers_in(self.samples[number])
 
 
 def numbers_in(sample: str | None) -> tuple[float, ...] | None:
-    """The numbers of a sample as it is cached; `ValueError` if it holds anything else."""
+    """The numbers of a sample as it is cached, or `ValueError` if it holds anything else."""
     return None if sample is None else tuple(map(float, sample.split()))
 
 
@@ -64,7 +64,7 @@ def as_text(numbers: tuple[float, ...] | None) -> str | None:
 
 
 def alike(numbers: tuple[float, ...] | None, others: tuple[float, ...] | None) -> bool:
-    """Whether two samples came out the same, but for rounding on another machine."""
+    """True if two samples came out the same, but for rounding on another machine."""
     if numbers is None or others is None or len(numbers) != len(others):
         return numbers is others is None
     return np.allclose(numbers, others, rtol=_ROUNDING, atol=0.0, equal_nan=True)
@@ -78,7 +78,7 @@ class _Stored:
 
 
 def read_cached(path: Path, paper: str) -> dict[str, CachedSamples]:
-    """What is cached of a paper's claims, by name.
+    """The cached samples of a paper's claims, by name.
 
     Raises
     ------

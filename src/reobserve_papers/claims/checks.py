@@ -18,19 +18,19 @@ Numbers = Mapping[str, Mapping[tuple[str, str], float]]
 
 
 class Reference(NamedTuple):
-    """Where a number stands: a row of a figure's metrics, or of the theory's."""
+    """Place of a number: a row of a figure's metrics, or of the theory's."""
 
     figure: str
     observer: str
     metric: str
 
     def __str__(self) -> str:
-        """As a registry writes it."""
+        """The reference as a registry writes it."""
         return " ".join(self)
 
     @classmethod
     def parse(cls, text: str) -> Reference:
-        """From ``FIGURE OBSERVER METRIC``, and each coordinate of a study's as ``NAME=LEVEL``.
+        """The reference of ``FIGURE OBSERVER METRIC``, coordinates of studies as ``NAME=LEVEL``.
 
         Raises
         ------
@@ -48,7 +48,7 @@ class Reference(NamedTuple):
         return cls(figure, observer, name_at(name, **at))
 
     def look_up(self, numbers: Numbers) -> float:
-        """The value; `InputError` if there is no such figure or number."""
+        """The value, or `InputError` if there is no such figure or number."""
         if self.figure not in numbers:
             raise InputError(
                 "figure", f"there is no {self.figure!r}{nearest(self.figure, numbers)}"
@@ -72,7 +72,7 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True)
 class Check:
-    """What must be true of some numbers.
+    """Condition that some numbers must satisfy.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Check:
 
     @classmethod
     def parse(cls, body: Mapping[str, Any]) -> Check:
-        """From an entry of a registry that its schema has accepted.
+        """The check of an entry of a registry that its schema has accepted.
 
         Raises
         ------
@@ -127,14 +127,14 @@ class Check:
 
     @property
     def name(self) -> str:
-        """What it is about, by the first of its numbers."""
+        """The name of what is checked, by the first of its numbers."""
         value = str(self.value[0])
         if not self.how:
             return value
         return f"{value} {'/' if self.how == 'over' else '-'} {self.other[0]}"
 
     def values(self, numbers: Numbers) -> list[float]:
-        """What the relation is about, one for each reference; see `Reference.look_up`."""
+        """The values of the relation, one for each reference (see `Reference.look_up`)."""
         found = [reference.look_up(numbers) for reference in self.value]
         others = [reference.look_up(numbers) for reference in self.other]
         if self.how == "over":
@@ -144,7 +144,7 @@ class Check:
         return found
 
     def holds(self, numbers: Numbers) -> bool:
-        """Whether the numbers satisfy it."""
+        """True if the numbers satisfy it."""
         return self.satisfied_by(self.deciding(numbers))
 
     def deciding(self, numbers: Numbers) -> float:
@@ -162,13 +162,13 @@ class Check:
         return float(best_first[asked - 1])
 
     def satisfied_by(self, number: float, bound: Any = None) -> bool:
-        """Whether the check holds where this number decides; with another ``bound`` if given."""
+        """True if the check holds where this number decides, with another ``bound`` if given."""
         if self.relation in _OF_LISTS:
             return self.margin(number) > 0
         return RELATIONS[self.relation](number, self.bound if bound is None else bound)
 
     def measured(self, numbers: Numbers) -> str:
-        """The numbers and what is asked of them, for a reader; of a list the worst."""
+        """The numbers and what is asked of them, for a reader, of a list the worst."""
         values = self.values(numbers)
         name = self.name
         if self.relation in _OF_LISTS:
@@ -186,7 +186,7 @@ class Check:
         )
 
     def margin(self, value: float) -> float:
-        """How well a number satisfies the relation; only the order counts."""
+        """The margin by which a number satisfies the relation, of which only the order counts."""
         if self.relation == "exists":
             return float(_exists(value, self.bound))
         if math.isnan(value):

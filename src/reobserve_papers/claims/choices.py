@@ -44,12 +44,12 @@ class Knob:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether it is the magnitude that is open."""
+        """True if it is the magnitude that is open."""
         low, high = self.span
         return low > 0 and high >= _DECADE * low
 
     def place(self, value: float) -> float:
-        """Where a value stands in the range, from 0 to 1."""
+        """The place of a value in the range, from 0 to 1."""
         low, high = self.span
         if high == low:
             return 0.0
@@ -87,7 +87,7 @@ class Choice:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each sampled value is of."""
+        """The names of the sampled values."""
         return tuple(knob.name for knob in self.knobs) or self.keys
 
 
@@ -134,7 +134,7 @@ def sample(
 
 
 def chosen(parameters: Parameters, choices: Iterable[Choice], number: int) -> tuple[Any, ...]:
-    """What the reader of a number sets, a value for each of the choices' names."""
+    """The values that the reader of a number sets, one for each of the choices' names."""
 
     def stream(name: str) -> np.random.Generator:
         return random_stream(parameters.seed, "claims", parameters.paper, name, str(number))
@@ -173,7 +173,7 @@ def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
 
 
 def _in_one(keys: tuple[str, ...]) -> str:
-    """``a.{b,c}.d`` for a.b.d and a.c.d; the first where they differ in more than one part."""
+    """The text ``a.{b,c}.d`` for a.b.d and a.c.d, or the first if they differ in several parts."""
     columns = list(zip(*(key.split(".") for key in keys), strict=False))
     differing = [column for column in columns if len(set(column)) > 1]
     if len(differing) != 1 or len({key.count(".") for key in keys}) > 1:
@@ -191,7 +191,7 @@ def _turned(tree: Any, knob: Knob, value: Any) -> Any:
 
 
 def _with(tree: Any, place: tuple[str | int, ...], value: Any) -> Any:
-    """A tree with another value at a place; all that is off the way there is shared."""
+    """A tree with another value at a place, which shares all that is off the way there."""
     if not place:
         return value
     changed = tree.copy()

@@ -49,7 +49,7 @@ class ErrataFile(Model):
 
 
 def errata_file(project: Path, paper: str) -> Path:
-    """Where the errata of a paper are."""
+    """The file with the errata of a paper."""
     return project / "config" / "errata" / f"{paper}.yaml"
 
 

@@ -32,7 +32,7 @@ AGAIN = 2
 
 @dataclass
 class KnownSamples:
-    """Of one claim: the samples that are ``cached``, and those that this build has ``made``."""
+    """Samples of one claim: those that are ``cached``, and those that this build has ``made``."""
 
     cached: CachedSamples | None = None
     made: dict[int, Numbers] = field(default_factory=dict)
@@ -41,7 +41,7 @@ class KnownSamples:
     def of(
         name: str, basis: str, cached: Mapping[str, CachedSamples], made: MadeSamples
     ) -> KnownSamples:
-        """Those of a claim that depend on what has this digest."""
+        """The samples of a claim that depend on what has this digest."""
         past = cached.get(name)
         known = KnownSamples(past if past and past.basis == basis else None)
         for number, numbers in sorted(made.get(name, {}).get(basis, {}).items()):
@@ -50,11 +50,11 @@ class KnownSamples:
 
     @property
     def length(self) -> int:
-        """Up to which number samples are cached."""
+        """The number up to which samples are cached."""
         return len(self.cached.samples) if self.cached else 0
 
     def is_cached(self, number: int) -> bool:
-        """Whether a sample is cached, and none of those that are made again to see."""
+        """True if a sample is cached, and none of those that are made again to see."""
         return AGAIN <= number < self.length
 
     def __contains__(self, number: int) -> bool:
@@ -66,7 +66,7 @@ class KnownSamples:
         return self.made[number]
 
     def take(self, number: int, numbers: Numbers) -> None:
-        """Add a new result of a sample; drop the cached samples if it differs from theirs."""
+        """Add a new result of a sample, and drop the cached samples if it differs from theirs."""
         self.made[number] = numbers
         if self.cached and number < self.length and not alike(numbers, self.cached.numbers(number)):
             self.cached = None
@@ -74,7 +74,7 @@ class KnownSamples:
 
 @dataclass(frozen=True)
 class _StoredSamples:
-    """Of one claim: the samples of a chunk by number, as in `CachedSamples`."""
+    """Samples of one claim in a chunk, by number, as in `CachedSamples`."""
 
     basis: str
     numbers: tuple[int, ...]
@@ -88,7 +88,7 @@ class _StoredSamples:
         self.made()
 
     def made(self) -> dict[int, Numbers]:
-        """By number; `InputError` for what is no sample."""
+        """The samples by number, or `InputError` for what is no sample."""
         try:
             return dict(zip(self.numbers, map(numbers_in, self.samples), strict=True))
         except ValueError as error:

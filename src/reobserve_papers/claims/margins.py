@@ -21,7 +21,7 @@ _MOVABLE = ("below", "above")
 def margins(
     claim: Claim, stated: Outcome, drawn: Sequence[Outcome] = ()
 ) -> dict[Check, tuple[float, float]]:
-    """By check with one bound: between which values it may be without another verdict.
+    """Values between which a bound may be without another verdict, by check with one bound.
 
     The outcomes are those with the parameter file as it is and of the samples. The ends are numbers
     at which an outcome turns over, or infinite.
@@ -66,7 +66,7 @@ def _end(claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome], way: i
 
 @dataclass(frozen=True)
 class _Verdict:
-    """Whether a claim holds, and whether that is firm, by the bound of one of its checks.
+    """Verdict on whether a claim holds, and whether that is firm, by the bound of one check.
 
     ``numbers`` are those that decide the check, as stated and in the samples, and ``others`` tells
     where all other checks hold, both of shape (1 + samples,).

@@ -17,7 +17,7 @@ from reobserve_papers.steps.evaluation import Evaluator
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of a claim: whether it holds, and the number that decides each of its checks.
+    """Outcome of a claim: whether it holds, and the number that decides each of its checks.
 
     Where something that it needs diverges, it does not hold and has no numbers.
     """
@@ -27,7 +27,7 @@ class Outcome:
 
 
 class Outcomes:
-    """Outcomes of claims with other parameters; what a change does not touch is not run again."""
+    """Outcomes of claims with other parameters, running only what a change touches."""
 
     def __init__(self, base: Evaluator, claims: Iterable[Claim]) -> None:
         # What others start from: all that the claims need.
@@ -36,7 +36,7 @@ class Outcomes:
         self._stated = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
 
     def apart(self) -> Outcomes:
-        """The same; what it runs from here on is forgotten with it."""
+        """A copy, with which all that it runs from here on is forgotten."""
         other = copy.copy(self)
         other._base = self._base.apart()
         return other
@@ -71,7 +71,7 @@ class Outcomes:
         return basis_of(self._base, claim)
 
     def stated(self, claim: Claim) -> Outcome | None:
-        """The outcome with the stated parameters; None if it names a number that does not exist."""
+        """The outcome with the stated parameters, or None if it names an unknown number."""
         try:
             return outcome(claim, self._stated)
         except InputError:
@@ -89,12 +89,12 @@ def basis_of(evaluator: Evaluator, claim: Claim) -> str:
 def metrics_of(
     evaluator: Evaluator, figure: str, asked: frozenset[str] | None = None
 ) -> list[Metric]:
-    """The numbers behind a figure, or of the theory; of that perhaps those ``asked`` for only."""
+    """The numbers behind a figure, or of the theory, perhaps of those ``asked`` for only."""
     return evaluator.theory(asked) if figure == THEORY else evaluator.figure(figure).numbers
 
 
 def outcome(claim: Claim, numbers: Numbers) -> Outcome:
-    """The outcome of a claim, given the numbers behind figures; see `Check.deciding`."""
+    """The outcome of a claim, given the numbers behind figures (see `Check.deciding`)."""
     return decided(claim, tuple(check.deciding(numbers) for check in claim.checks))
 
 

@@ -35,7 +35,7 @@ _MAX_BARS = 6  # the largest; the others seldom explain more than chance does
 
 
 def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
-    """Of the main claims that were sampled, one below the other."""
+    """Draw specification curves of the main claims that were sampled, one below the other."""
     drawn = [claim for claim in claims if claim.is_main and claim.name in found]
     drawn = [claim for claim in drawn if found[claim.name].samples]
     if not drawn:
@@ -50,7 +50,7 @@ def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness
 
 
 def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
-    """Of the claims that choices turn over: how much of the deciding number each explains."""
+    """Draw how much of the deciding number each choice explains, of claims that they turn over."""
     drawn = [(claim, found[claim.name]) for claim in claims if claim.name in found]
     each = influences(one for _, one in drawn)
     shown = [
@@ -164,20 +164,20 @@ def _last_if_none(number: float) -> float:
 
 
 def _in_range(values: Sequence[Any]) -> list[float]:
-    """Where values stand in order, from 0 to 1."""
+    """Places of values in order, from 0 to 1."""
     places = ranks(as_places(values))
     return [place / max(*places, 1) for place in places]
 
 
 def _label_rows(axes: Axes, names: Sequence[str]) -> None:
-    """Without the names of those that move together."""
+    """Label rows, without the names of those that move together."""
     short = [re.sub(r"\{.*?\}", "*", name) for name in names]
     axes.set_yticks(range(len(names)), short, fontsize=5.6)
     axes.set_ylim(len(names) - 0.4, -0.6)
 
 
 def _spelled(check: Check) -> str:
-    """What the axis shows: numbers of figures or of the theory, in words."""
+    """The label of the axis: numbers of figures or of the theory, in words."""
     value = check.value[0]
     name = f"{value.metric.replace('_', ' ')} of {value.observer}, {value.figure}"
     if not check.how:
@@ -191,7 +191,7 @@ def _spoken(claim: Claim) -> str:
 
 
 def _said(sentence: str) -> Figure:
-    """In place of panels that there are none of."""
+    """Say that there is nothing to draw, in place of panels."""
     figure = Figure(figsize=(WIDTH, 0.5))
     figure.set_layout_engine("none")
     figure.text(0.02, 0.5, sentence, va="center")

@@ -143,7 +143,7 @@ class Claim:
 
     @property
     def is_main(self) -> bool:
-        """Whether the title of the replication depends on it."""
+        """True if the title of the replication depends on it."""
         return bool(self.promised)
 
     @property
@@ -163,7 +163,7 @@ class Claim:
 
     @property
     def knob_names(self) -> tuple[str, ...]:
-        """What each value is of that a sample chooses."""
+        """The names of the values that a sample chooses."""
         return tuple(name for choice in self.choices for name in choice.names)
 
 
@@ -176,12 +176,12 @@ class Registry:
 
 
 def claims_file(project: Path, paper: str) -> Path:
-    """Where the claims of a paper are."""
+    """The file with the claims of a paper."""
     return project / claims_path(paper)
 
 
 def read_claims(project: Path, paper: str) -> ClaimsFile:
-    """Read the claims of a paper as its file has them; raises `InputError` for what is wrong."""
+    """Read the claims of a paper as its file has them, or raise `InputError` for what is wrong."""
     return parse_file(ClaimsFile, read_yaml(claims_file(project, paper)), "claims", paper)
 
 
@@ -204,7 +204,7 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
 
 
 def amiss(claims: Sequence[Claim]) -> Iterator[str]:
-    """What is wrong with claims taken together, a sentence each."""
+    """Errors in claims taken together, a sentence each."""
     if claims and not any(claim.is_main and claim.testable for claim in claims):
         yield f"claims.{claims[0].paper}: none that can be tested is promised, must be one or more"
     said: dict[str, str] = {}
@@ -229,7 +229,7 @@ def claims_text(project: Path, paper: str) -> Tree:
 
 
 def decisive(tree: Tree) -> Tree:
-    """What of a registry decides whether its claims hold, and over which samples: no wording."""
+    """The part of a registry that decides whether claims hold, over which samples: no wording."""
     cached = ("checks", "quantifier", "depends_on", "expensive")
     claims = {
         name: {key: body[key] for key in cached if key in body} if isinstance(body, dict) else body

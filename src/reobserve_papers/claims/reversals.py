@@ -43,7 +43,7 @@ class Reversal:
 
 
 def is_number(value: Any) -> bool:
-    """Whether it has a place in an interval, and is not yes or no."""
+    """True if it has a place in an interval, and is not yes or no."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -61,7 +61,7 @@ class _Bracket:
 def smallest_reversals(
     parameters: Parameters, outcomes: Outcomes, claims: Sequence[Claim]
 ) -> dict[str, Reversal | None]:
-    """By claim: the smallest change of one of its choices that was found to turn it over."""
+    """The smallest change of one choice that was found to turn a claim over, by claim."""
     stated = {claim.name: _holds_as_stated(outcomes, claim) for claim in claims}
     brackets: dict[str, list[_Bracket]] = {claim.name: [] for claim in claims}
     knobs = {k.keys + k.path: k for claim in claims for c in claim.choices for k in c.knobs}
@@ -96,7 +96,7 @@ def _scan(
     stated: dict[str, bool],
     brackets: dict[str, list[_Bracket]],
 ) -> None:
-    """Move a knob towards an end of its range; keep where each claim is reversed first."""
+    """Move a knob towards an end of its range, and keep where each claim is reversed first."""
     if knob.words:
         # Words have no order: each other one is a change by itself, looked at once.
         moves = [(1.0, word) for word in knob.words if word != knob.value] if toward else []
@@ -144,7 +144,7 @@ def _narrow(
 def _held(
     parameters: Parameters, outcomes: Outcomes, knob: Knob, value: Any, claims: list[Claim]
 ) -> dict[str, bool]:
-    """Which claims hold; none where the code refuses the value."""
+    """The claims that hold, or none where the code refuses the value."""
     try:
         found = outcomes.apart().at(change(parameters, knob, value), claims)
     except InputError:

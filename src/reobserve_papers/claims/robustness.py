@@ -33,7 +33,7 @@ _ALIKE = 8
 def finding(
     quantifier: Quantifier, stated: bool, held: int, samples: int
 ) -> tuple[bool, bool | None]:
-    """Whether a claim is true, and whether that is firm; None where the samples do not decide.
+    """True if a claim is true, and whether that is firm, or None if the samples do not decide.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Trial:
 
 @dataclass
 class Robustness:
-    """Of one claim: the samples that decide it, and the smallest change that reverses it.
+    """Robustness of one claim: the samples that decide it, and the smallest change to reverse it.
 
     ``stated`` is the outcome with the parameter file as it is, ``names`` are those of the choices.
     ``reversal`` is None if none was found; ``looked`` is false where nobody looked. Samples in
@@ -102,7 +102,7 @@ class Robustness:
 
     @property
     def to_keep(self) -> CachedSamples:
-        """What another build needs of it."""
+        """The part that another build needs of it."""
         samples = [
             None if number in self.refused else as_text(trial.outcome.numbers)
             for number, trial in enumerate(self.trials)
@@ -111,12 +111,12 @@ class Robustness:
 
     @property
     def samples(self) -> int:
-        """How many there were."""
+        """The number of samples."""
         return len(self.trials)
 
     @property
     def held(self) -> int:
-        """In how many the claim held."""
+        """The number of samples in which the claim held."""
         # It is asked after every sample: those that were counted are not counted again.
         counted, held = self._counted
         held += sum(trial.outcome.held for trial in self.trials[counted:])
@@ -125,39 +125,39 @@ class Robustness:
 
     @property
     def diverged(self) -> int:
-        """In how many something diverged."""
+        """The number of samples in which something diverged."""
         return sum(not trial.outcome.numbers for trial in self.trials) - len(self.refused)
 
     @property
     def share(self) -> float:
-        """Of the samples in which the claim held."""
+        """The share of the samples in which the claim held."""
         return self.held / self.samples if self.samples else float("nan")
 
     @property
     def agreed(self) -> int:
-        """In how many the claim fared as it does with the parameter file as it is."""
+        """The number of samples in which the claim fared as with the parameter file as it is."""
         return self.held if self.stated.held else self.samples - self.held
 
     @property
     def firm(self) -> bool | None:
-        """Whether the samples support what is found, see `finding`; None if they do not decide."""
+        """True if the samples support what is found (see `finding`), or None if undecided."""
         if not self.samples:
             return None
         return finding(self.quantifier, self.stated.held, self.held, self.samples)[1]
 
     @property
     def decided(self) -> bool:
-        """Whether no more samples are needed."""
+        """True if no more samples are needed."""
         return self.samples >= _LEAST and self.firm is not None
 
     def interval(self) -> tuple[float, float]:
-        """What the share may be; see `sequential.interval`, which is of the samples that agree."""
+        """The interval of the share of samples that agree (see `sequential.interval`)."""
         low, high = sequential.interval(self.agreed, self.samples)
         return (low, high) if self.stated.held else (1 - high, 1 - low)
 
     @property
     def alike(self) -> bool:
-        """Whether many samples gave the same numbers, all of them: no choice reaches these."""
+        """True if many samples gave the same numbers, all of them: no choice reaches these."""
         numbers = {repr(trial.outcome.numbers) for trial in self.trials}
         lost = self.diverged or self.refused
         return self.samples >= _ALIKE and len(numbers) == 1 and not lost
@@ -181,7 +181,7 @@ class Inquiry:
         made: MadeSamples | None = None,
         looked: bool = True,
     ) -> Inquiry:
-        """With no samples yet; left out are claims that are broken or depend on nothing."""
+        """Begin with no samples, leaving out claims that are broken or depend on nothing."""
         outcomes = Outcomes(
             evaluator, [claim for claim in claims if claim.checks and claim.choices]
         )
@@ -198,7 +198,7 @@ class Inquiry:
         return Inquiry(evaluator.parameters, outcomes, asked, found, known)
 
     def ask(self, number: int, claims: Iterable[Claim]) -> None:
-        """Make a sample of some claims; what comes out is known from then on."""
+        """Make a sample of some claims, whose outcome is known from then on."""
         together = defaultdict(list)
         for claim in claims:
             together[tuple(claim.keys)].append(claim)

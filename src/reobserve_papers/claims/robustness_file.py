@@ -16,7 +16,7 @@ from reobserve_papers.claims.robustness import Robustness, Trial
 
 
 def to_data(robustness: Robustness) -> dict[str, Any]:
-    """As JSON keeps it, every sample with what was chosen and the numbers that came out."""
+    """The samples as JSON keeps them, with what was chosen and the numbers that came out."""
     reversal = robustness.reversal
     return {
         "stated": _outcome(robustness.stated),
@@ -47,7 +47,7 @@ class _StoredOutcome:
         self.outcome()
 
     def outcome(self) -> Outcome:
-        """What was stored; `InputError` for what is no number."""
+        """The outcome that was stored, or `InputError` for what is no number."""
         try:
             return Outcome(self.held, tuple(map(float, self.numbers)))
         except ValueError as error:
@@ -61,7 +61,7 @@ class _StoredTrial(_StoredOutcome):
 
 @dataclass(frozen=True)
 class _StoredRobustness:
-    """What `to_data` makes of one claim."""
+    """Entry that `to_data` makes of one claim."""
 
     stated: _StoredOutcome
     names: tuple[str, ...]
@@ -89,7 +89,7 @@ class _StoredRobustness:
                 raise InputError(f"trials.{k}", problem)
 
     def robustness(self) -> Robustness:
-        """What was stored."""
+        """The robustness that was stored."""
         trials = [Trial(trial.values, trial.outcome()) for trial in self.trials]
         return Robustness(
             self.stated.outcome(), self.names, trials, list(self.refused), self.reversal,

@@ -32,7 +32,7 @@ def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]
 
 
 def _joins(inquiry: Inquiry, claim: Claim, start: int) -> bool:
-    """Take all samples of a claim before ``start`` that are known; whether those are all."""
+    """Take all samples of a claim before ``start`` that are known, and return whether it is all."""
     for number in range(start):
         if inquiry.found[claim.name].decided:
             break

@@ -25,7 +25,7 @@ FEWEST = 16  # samples; with less, chance makes half of the scale
 
 
 class Influence(NamedTuple):
-    """Of one choice: the rank correlation, and how probable one as great is by chance."""
+    """Influence of one choice: the rank correlation, and how probable one as great is by chance."""
 
     name: str
     share: float
@@ -43,7 +43,7 @@ def deciding_check(claim: Claim, robustness: Robustness) -> int:
 
 
 def influences(found: Iterable[Robustness]) -> list[list[Influence]]:
-    """For each claim, the influence of every choice with a range, largest first.
+    """The influence of every choice with a range on each claim, largest first.
 
     Empty for a claim with too few samples, or one that holds in all of them or in none. The
     probabilities are corrected for the number of choices of all claims together.
@@ -75,7 +75,7 @@ def _influences(robustness: Robustness) -> list[Influence]:
 
 
 def as_places(values: Sequence[Any]) -> list[float]:
-    """Numbers as they are; anything else by its place among those that were sampled."""
+    """Numbers as they are, and anything else by its place among those that were sampled."""
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         return [float(value) for value in values]
     return [float(place) for place in ranks([repr(value) for value in values])]

@@ -22,7 +22,7 @@ _ANY = (1.0, 1.0)
 
 
 def interval(agreed: int, samples: int) -> tuple[float, float]:
-    """What the share of agreeing samples may be, each end ever wrong with probability `ERROR`."""
+    """The interval of the share that agrees, each end ever wrong with probability `ERROR`."""
     if not samples:
         return 0.0, 1.0
     share = agreed / samples
@@ -32,7 +32,7 @@ def interval(agreed: int, samples: int) -> tuple[float, float]:
 
 
 def above(line: float, agreed: int, samples: int) -> bool | None:
-    """Whether the share is at ``line`` or above it; None if that is not decided."""
+    """True if the share is at ``line`` or above it, or None if that is not decided."""
     if agreed > line * samples and _evidence(_NEAR_ONE, agreed, samples, line) >= -math.log(ERROR):
         return True
     if agreed < line * samples and _evidence(_ANY, agreed, samples, line) >= -math.log(ERROR):
@@ -54,7 +54,7 @@ def _evidence(prior: tuple[float, float], agreed: int, samples: int, share: floa
 def _end(
     prior: tuple[float, float], agreed: int, samples: int, outside: float, inside: float
 ) -> float:
-    """Where the evidence against a share falls below the bound, by halving; it is unimodal."""
+    """The place where the evidence against a share falls below the bound, by bisection."""
     bound = -math.log(ERROR)
     if _evidence(prior, agreed, samples, outside) < bound:
         return outside

@@ -35,7 +35,7 @@ KINDS = {
 def row(
     claim: Claim, parameters: Parameters, numbers: Numbers, robustness: Robustness | None
 ) -> dict[str, Any]:
-    """What is known of a claim; a number that it names and nobody has makes it broken."""
+    """The row of a claim, which is broken if it names a number that nobody has."""
     cells: dict[str, Any] = {
         "paper": claim.paper,
         "claim": claim.name,
@@ -85,12 +85,12 @@ def row(
 
 
 def broken_row(paper: str, problem: str) -> dict[str, Any]:
-    """In place of the claims of a paper whose registry cannot be read."""
+    """The row in place of the claims of a paper whose registry cannot be read."""
     return {"paper": paper, "claim": "all", "verdict": BROKEN, "problem": problem}
 
 
 def format_reversal(reversal: Reversal | None) -> str:
-    """A change of the parameter file in words; nothing if none reverses the claim."""
+    """A change of the parameter file in words, or nothing if none reverses the claim."""
     if reversal is None:
         return ""
     if is_number(reversal.start):
@@ -110,7 +110,7 @@ def format_reversal(reversal: Reversal | None) -> str:
 
 
 def _unit(reversal: Reversal) -> str:
-    """The unit of one number; of an entry with several that of its place, if it has a place."""
+    """The unit of one number, or of an entry with several that of its place, if it has a place."""
     units = reversal.unit.split(", ")
     if len(units) == 1:
         return "" if reversal.unit == "1" else reversal.unit

@@ -50,7 +50,7 @@ def verdict(claim: Claim, parameters: Parameters, held: bool, robustness: Robust
 
 
 def chosen_keys(claim: Claim, parameters: Parameters) -> list[str]:
-    """Those of the keys that a claim depends on whose values were chosen for a claim."""
+    """The keys that a claim depends on whose values were chosen for a claim."""
     entries = dict(parameters.entries())
     return [key for key in claim.keys if "chosen_for" in entries.get(key, {})]
 
@@ -76,13 +76,13 @@ RULE = "abstract and conclusions"
 
 
 def main_claims(rows: Iterable[Row], rule: str = RULE) -> list[str]:
-    """The verdicts on the main claims of a paper; claims that nothing can test are none."""
+    """The verdicts on the main claims of a paper, without claims that nothing can test."""
     found = [row["verdict"] for row in rows if MAIN_CLAIMS[rule](row)]
     return [word for word in found if word != NOT_TESTABLE]
 
 
 def replicated(rows: Iterable[Row], rule: str = RULE) -> bool:
-    """Whether a paper's replication is titled [Re], from the rows of its claims.
+    """True if a paper's replication is titled [Re], from the rows of its claims.
 
     That is so if no main claim is contradicted or broken, and more than half are reproduced.
     """
@@ -92,7 +92,7 @@ def replicated(rows: Iterable[Row], rule: str = RULE) -> bool:
 
 
 def title_margin(rows: Iterable[Row]) -> str:
-    """How near the title of a replication is to the other one; nothing without main claims."""
+    """The distance of a replication's title from the other one, or nothing without main claims."""
     rows = list(rows)
     found = main_claims(rows)
     if not found:
