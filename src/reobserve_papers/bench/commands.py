@@ -29,7 +29,7 @@ def tune_command(
 
 
 def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None:
-    """Score tuned methods on held-out records; outputs are scores and table."""
+    """Score tuned methods on held-out records, and write scores and table."""
     from reobserve.tuning.scoring import score_task
     from reobserve.tuning.table import write_cells, write_scores
     from reobserve.tuning.tuned_file import read_tuned
@@ -42,7 +42,7 @@ def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None
 
 
 def moved_command(task_file: Path, cached: Path, again: Path, output: Path) -> None:
-    """Compare kept settings with those tuned again; an error names the cells that moved."""
+    """Compare kept settings with those tuned again, with an error that names moved cells."""
     from dataclasses import astuple
 
     from reobserve.core.files import write_table
@@ -61,7 +61,7 @@ def moved_command(task_file: Path, cached: Path, again: Path, output: Path) -> N
 def plot_command(
     task_file: Path, table: Path, tuned: Path, outputs: Sequence[Path], style: Path | None
 ) -> None:
-    """Draw the figures of a task; the name of an output, without its suffix, says which."""
+    """Draw the figures of a task. The name of an output, without its suffix, says which."""
     from reobserve.tuning.table import Results
     from reobserve_papers.bench.plot import FIGURES
     from reobserve_papers.plotting.fitting import fix_layout

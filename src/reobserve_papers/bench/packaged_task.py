@@ -18,7 +18,7 @@ class PackagedTask(Task):
 
     @cached_property
     def module(self) -> ModuleType:
-        """The module that simulates the task; `InputError` if there is none."""
+        """The module that simulates the task, or `InputError` if there is none."""
         beside = Path(self.file).with_suffix(".py")
         if beside.is_file():
             return super().module

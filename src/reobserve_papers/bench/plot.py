@@ -92,13 +92,13 @@ def levels(results: Results) -> PaperFigure:
 
 
 def _legend(figure: PaperFigure, axes: Axes) -> None:
-    """Above the panels, where it covers nothing."""
+    """Put a legend above the panels, where it covers nothing."""
     handles = axes.get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper center", ncols=3, fontsize=look.points(7))
 
 
 def _axes(task: Task) -> dict[str, list[tuple[float, str]]]:
-    """By the label of an axis, levels and conditions that differ from the first one in it alone."""
+    """The levels and conditions that differ from the first in one axis alone, by its label."""
     first = next(iter(task.conditions))
     noise, model = "noise / nominal noise", "error of the model [%]"
     found = {noise: [(1.0, first)], model: [(0.0, first)]}
@@ -119,7 +119,7 @@ def _axes(task: Task) -> dict[str, list[tuple[float, str]]]:
 def _levels(
     axes: Axes, results: Results, name: str, places: list[tuple[float, str]], style: Style
 ) -> None:
-    """A line for the frozen settings; crosses where the noise is given, rings where re-tuned."""
+    """Plot a line for frozen settings, crosses where the noise is given, rings if re-tuned."""
     task, method = results.task, results.task.methods[name]
     others = {key: one.conditions for key, one in task.training.items() if key != task.main}
     again = {names[0]: key for key, names in others.items() if len(names) == 1}

@@ -60,7 +60,7 @@ class Plant:
 
     @property
     def middle(self) -> float:
-        """Of the bounds [s]."""
+        """The middle of the bounds [s]."""
         return sum(self.bounds) / 2
 
 
@@ -90,7 +90,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
 
 
 def _delay_terms(plant: Plant, draw: np.random.Generator, period: float) -> list[dict[str, Any]]:
-    """A class in each third, in random order; it goes on from the end of the one before.
+    """A class in each third, in random order, which goes on from the end of the one before.
 
     As many random numbers are drawn whatever the classes are.
     """
@@ -187,7 +187,7 @@ def adaptive(plant: Plant, s: Settings, period: float, _: float) -> Runner:
 
 
 def relay(on: str, plant: Plant, s: Settings, period: float, _: float) -> Runner:
-    """Of ``gain``, on signals that are all low-passed with the time ``lag``, which gives y'.
+    """A relay of ``gain``, on signals all low-passed with the time ``lag``, which gives y'.
 
     lag s' = signal - s, solved for straight lines between samples.
     """
@@ -214,7 +214,7 @@ def _signals(record: TaskRecord) -> Array:
 
 @cache  # the functions are compiled once for all settings, whose noise each run is given
 def _sampled(least: float, most: float, period: float, taps: int) -> NonlinearModel:
-    """x and tau; the input of a row is u at the next row and, in turn, at those before it.
+    """The plant's x and tau, where the input of a row is u at the next row and those before it.
 
     x(k+1) = E x(k) + (1 - E) b / a u((k + 1/2) T - tau), E = exp(-a T), with u in straight lines.
     """
@@ -267,7 +267,7 @@ def _grid(plant: Plant, s: Settings, period: float, record: TaskRecord) -> tuple
 
 
 def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
-    """A filter for each of ``delays``; the true one goes to a neighbour or to any other one.
+    """A filter for each of ``delays``, of which the true one goes to a neighbour or any other.
 
     The rates [1/s] of the chain are ``drift`` and ``jump``.
     """

@@ -79,7 +79,7 @@ class LeakRecord(TaskRecord):
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> LeakRecord:
-    """A record; a wrong model has other coefficients, the same ones wrong in all modes."""
+    """A record, for which a wrong model has other coefficients, the same in all modes."""
     level = condition.noise, condition.model, condition.period
     return _record(_without_threshold(plant), level, seed, period, FAULTY)
 
@@ -126,7 +126,7 @@ def _drawn(
 
 
 def score(run: Runner, record: LeakRecord, since: float, *, details: bool = True) -> Score:
-    """The delay, 1 for an alarm before the leak; ``quantile`` is the share of false alarms.
+    """The delay, 1 for an alarm before the leak, where ``quantile`` is the share of false alarms.
 
     That is of the healthy records. ``lag`` is the delay in seconds, nan for an alarm before the
     leak. The row at which it begins does not show it yet.
@@ -238,7 +238,7 @@ def power(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
 
 
 def bank(kind: str, plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
-    """Log odds of the modes that are not normal; each mode is left at the rate ``leave`` [1/s]."""
+    """Log odds of the modes that are not normal, each left at the rate ``leave`` [1/s]."""
     models = [_model(plant, one, s, period, noise) for one in ("normal", "friction", "leakage")]
     filters = [
         KalmanFilter(one) if kind == "kalman"

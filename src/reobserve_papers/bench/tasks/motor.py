@@ -54,7 +54,7 @@ class Plant:
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
-    """A record; a wrong model has all six constants off by the same share, with random signs."""
+    """A record, for which a wrong model has all constants off by one share, at random signs."""
     draw = random_stream(seed, "bench", "motor", "plant")
     about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
     fault = Signal.parse("fault", random_faults(draw, plant.faults, 2, plant.horizon, **about), 2)
@@ -99,7 +99,7 @@ def _augmented(motor: DCMotor, rate: float) -> AugmentedSystem:
 
 @lru_cache(maxsize=2000)  # 40 to 150 ms each
 def designed(kind: str, motor: DCMotor, setting: float, rate: float) -> Gains:
-    """Gains by LMI; ``setting`` is gamma over its floor less 1, or the decay rate [1/s]."""
+    """Gains by LMI. ``setting`` is gamma over its floor less 1, or the decay rate [1/s]."""
     system = _augmented(motor, rate)
     if kind == "pi_feasible":
         return pi.design_feasible(system, setting).gains
@@ -174,7 +174,7 @@ def with_fault_states(plant: Plant, s: Settings, period: float, _: float) -> Run
 
 
 def inverted(plant: Plant, s: Settings, period: float, _: float) -> Runner:
-    """The speed that the current drives, and what speed and voltage lack; low-passes of order 1."""
+    """The speed that the current drives, and what speed and voltage lack, low-passed."""
     from scipy.signal import lfilter
 
     motor, keep = plant.motor, np.exp(-period / np.array([s["lag_actuator"], s["lag_sensor"]]))

@@ -49,7 +49,7 @@ class Plant:
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
-    """A record; a wrong model has other moments of inertia about the same axes."""
+    """A record, for which a wrong model has other moments of inertia about the same axes."""
     draw = random_stream(seed, "bench", "torque", "plant")
     about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
     faults = random_faults(draw, plant.faults, 3, plant.horizon, **about)
@@ -82,7 +82,7 @@ def unexplained(plant: Plant, record: TaskRecord, period: float) -> Array:
 
 
 def _observer(kind: Any) -> Callable[..., Runner]:
-    """An observer of the rigid body; its gains are multiples of the inertia."""
+    """An observer of the rigid body, whose gains are multiples of the inertia."""
 
     def make(plant: Plant, s: Settings, period: float, _: float) -> Runner:
         J = np.array(plant.inertia)
@@ -107,13 +107,13 @@ def ilo(body: RigidBody, J: Array, s: Settings, period: float) -> ILO:
 
 
 def adaptive(body: RigidBody, J: Array, s: Settings, period: float) -> AdaptiveObserver:
-    """With ``proportional`` at zero an integrator."""
+    """An adaptive observer, an integrator if ``proportional`` is zero."""
     gains = (s["observer_gain"] * J, s["integral"] * J, s["proportional"] * J)
     return AdaptiveObserver(body, *gains, sampling_period=period)
 
 
 def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
-    """The fault as a random walk; ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)]."""
+    """The fault as a random walk. ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)]."""
     J_inverse = np.linalg.inv(np.array(plant.inertia))
     model = LinearModel(
         np.eye(3), None, np.eye(3), None, s["process"] ** 2 * period, noise**2,

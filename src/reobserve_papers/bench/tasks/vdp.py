@@ -96,7 +96,7 @@ def _system() -> PolynomialSystem:
 
 
 def normal(plant: Plant, s: Settings, period: float, _: float) -> Runner:
-    """Of ``order``; poles by their ``frequency`` [1/s] and ``damping`` ratio."""
+    """A normal-form observer of ``order``, its poles by ``frequency`` [1/s] and ``damping``."""
     frequency, ratio, order = s["frequency"], s["damping"], round(s["order"])
     pole = frequency * complex(-ratio, math.sqrt(1.0 - ratio**2))
     form = normal_form(_system(), order + 1, poles=[pole, pole.conjugate()])
