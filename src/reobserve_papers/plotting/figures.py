@@ -65,14 +65,14 @@ class PaperFigure(Figure):
 
 
 def blank(height: float) -> PaperFigure:
-    """A figure as wide as the style, without panels; ``height`` in inches at the default width."""
+    """A figure as wide as the style, without panels, ``height`` in inches at the default width."""
     return PaperFigure(figsize=look.size(height))
 
 
 def new_figure(
     heights: tuple[float, ...], *, share_time: bool = True
 ) -> tuple[PaperFigure, list[Axes]]:
-    """A figure as wide as the style with one panel a row; ``heights`` in inches."""
+    """A figure as wide as the style with one panel a row, ``heights`` in inches."""
     figure = blank(sum(heights) + 0.35)
     axes = figure.subplots(len(heights), 1, sharex=share_time, height_ratios=heights, squeeze=False)
     return figure, list(axes[:, 0])
@@ -163,7 +163,7 @@ def add_note(figure: PaperFigure, *paragraphs: str) -> None:
 
 
 def note_of(figure: PaperFigure) -> str:
-    """The note as running text; nothing if the figure has none."""
+    """The note as running text, or nothing if the figure has none."""
     notes = [" ".join(one.split()) for one in figure.note]
     joined = [one if one.endswith((".", ":", ";")) else f"{one};" for one in notes[:-1]]
     return " ".join([*joined, *notes[-1:]])

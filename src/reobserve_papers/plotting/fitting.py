@@ -110,7 +110,7 @@ def _height(figure: Figure) -> float:
 
 
 class _Measure:
-    """How large things are, in pixels of the figure."""
+    """Sizes of parts of a figure, in pixels."""
 
     def __init__(self, figure: Figure) -> None:
         canvas: Any = FigureCanvasAgg(figure)  # whose methods matplotlib does not annotate
@@ -119,7 +119,7 @@ class _Measure:
         self._whole: dict[Text, str] = {}
 
     def box(self, artist: Text | Legend | Axes) -> Bbox:
-        """Where an artist is."""
+        """The place of an artist."""
         box: Bbox = artist.get_window_extent(self.renderer)
         return box
 
@@ -202,7 +202,7 @@ _LIFTED = "lifted legend"
 
 
 def _too_wide(measure: _Measure, axes: Axes, legend: Legend) -> bool:
-    """Whether a legend sticks out to a side."""
+    """True if a legend sticks out to a side."""
     box, panel = measure.box(legend), measure.box(axes)
     return bool(
         box.x0 < min(panel.x0 - measure.gap, measure.gap) or box.x1 > panel.x1 + measure.gap
@@ -210,7 +210,7 @@ def _too_wide(measure: _Measure, axes: Axes, legend: Legend) -> bool:
 
 
 def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
-    """Whether a legend sticks out to a side, covers lines or bands, the title or a label."""
+    """True if a legend sticks out to a side, covers lines or bands, the title or a label."""
     box, panel = measure.box(legend), measure.box(axes)
     if _too_wide(measure, axes, legend):
         return True
@@ -274,13 +274,13 @@ def _labelled(axis: Axis) -> tuple[list[Tick], list[Tick]]:
 
 
 def _in_words(axis: Axis) -> bool:
-    """Whether ticks are named, so that none of them can do without its label."""
+    """True if ticks are named, so that none of them can do without its label."""
     texts = (tick.label1.get_text() for tick in _labelled(axis)[1])
     return any(a.isalpha() and b.isalpha() for text in texts for a, b in pairwise(text))
 
 
 def _crowded(measure: _Measure, axes: Axes) -> float:
-    """How many times higher a panel must be for the names beside it."""
+    """The factor by which a panel must be higher for the names beside it."""
     if not _in_words(axes.yaxis):
         return 1.0
     heights = [measure.box(tick.label1).height for tick in _labelled(axes.yaxis)[1]]

@@ -92,7 +92,7 @@ def _see_through(colors: Array) -> bool:
 
 
 def _on_white(colors: Array) -> Array:
-    """Colours as they look on white; what cannot be seen at all stays so."""
+    """Colours as they look on white, but for those that cannot be seen at all."""
     share = colors[:, 3:]
     seen = np.hstack([1 - share * (1 - colors[:, :3]), np.ones_like(share)])
     return np.where(share > 0, seen, colors)

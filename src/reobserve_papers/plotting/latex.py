@@ -38,7 +38,7 @@ def booktabs(header: Sequence[str], rows: Iterable[Sequence[str]], columns: str)
 
 
 def latex_number(value: float, digits: int) -> str:
-    """A number with so many significant digits, a whole one as it is; a dash for what is none."""
+    """A number with so many significant digits, a whole one as it is, or a dash for none."""
     if math.isnan(value):
         return "--"
     sign = "-" if value < 0 else ""

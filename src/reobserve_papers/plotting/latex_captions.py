@@ -23,7 +23,7 @@ _END = "\f"  # of a line, in what `_latex` gives
 
 
 def caption_in_latex(path: str, text: str) -> str:
-    r"""Return the command ``\caption``; its first sentence is that of a list of figures.
+    r"""Return the command ``\caption``, whose first sentence is that of a list of figures.
 
     Lists become paragraphs: LaTeX takes no others in a caption.
 

@@ -106,7 +106,7 @@ def use_sheet(path: Path | None) -> None:
 
 
 def read_sheet(path: Path) -> dict[str, Any]:
-    """What a sheet states, by the names of matplotlib's parameters.
+    """The statements of a sheet, by the names of matplotlib's parameters.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def read_sheet(path: Path) -> dict[str, Any]:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str, str]]:
-    """Number, key and value of each line that has them; a # outside quotes begins a comment."""
+    """Number, key and value of each line that has them, up to a # outside quotes: a comment."""
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         stated = re.match(r'(?:[^"#]|"[^"]*")*', line)
         content = (stated[0] if stated else "").strip()
@@ -156,7 +156,7 @@ def _lines(path: Path) -> Iterator[tuple[int, str, str]]:
 
 
 def _check_font(path: str, place: str, key: str, value: Any) -> None:
-    """Families by the names of fonts that come with matplotlib; a size that can be read."""
+    """Check families by the names of matplotlib's fonts, and a size that can be read."""
     if key == "font.size":
         _check_bounds(path, f"{place}, in points", value, _SIZES)
     if not isinstance(value, list):
@@ -176,7 +176,7 @@ def _check_bounds(path: str, place: str, value: float, bounds: tuple[float, floa
 
 
 def as_designed() -> bool:
-    """Whether figures look as those who wrote the drawings saw them: nothing needs to be fitted."""
+    """True if figures look as those who wrote the drawings saw them: nothing needs to be fitted."""
     return all(_PARAMETERS[key] == value for key, value in _DEFAULT.items())
 
 
@@ -187,13 +187,13 @@ def size(height: float) -> tuple[float, float]:
 
 
 def narrow() -> bool:
-    """Whether a line of text is so much shorter than the default that panels go one by one."""
+    """True if a line of text is so much shorter than the default that panels go one by one."""
     lines = _PARAMETERS["figure.figsize"][0] / _PARAMETERS["font.size"]
     return bool(lines < 0.75 * WIDTH / _TEXT)
 
 
 def points(text: float) -> float:
-    """The size of text of so many points in the default style; never too small for print."""
+    """The size of text of so many points in the default style, never too small for print."""
     scaled = text * (_PARAMETERS["font.size"] / _TEXT)
     return float(max(scaled, min(text, _SMALLEST)))
 
