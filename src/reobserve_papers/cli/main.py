@@ -78,10 +78,10 @@ COMMANDS = CommandTable(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one sub-command of `reobserve-papers`; see `reobserve.cli.main.run_command`."""
+    """Run one sub-command of `reobserve-papers` (see `reobserve.cli.main.run_command`)."""
     return run_command(PROGRAM, COMMANDS, arguments, check_project)
 
 
 def command_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
-    """What reads a command line; see `reobserve.cli.main.command_parser`."""
+    """The parser of a command line (see `reobserve.cli.main.command_parser`)."""
     return parser_of(PROGRAM, COMMANDS, words)

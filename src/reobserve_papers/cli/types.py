@@ -1,4 +1,4 @@
-"""Types of arguments on the command line; a wrong one is refused in one sentence."""
+"""Types of arguments on the command line, of which a wrong one is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def tree(text: str) -> dict[str, Any]:
 
 
 def whole(least: int, most: int = 2**53) -> Callable[[str], int]:
-    """A parser of whole numbers; left out, ``most`` is what a float can count to."""
+    """A parser of whole numbers, up to ``most`` or what a float can count to."""
 
     def parse(text: str) -> int:
         if not text.isascii() or not text.isdigit() or len(text) > 16:

@@ -26,7 +26,7 @@ from reobserve_papers.steps.meanings import write_lists
 
 
 def figdiff_command(project: Path, reference: Path, results: Path, output: Path) -> None:
-    """Compare, write page and summary to ``output``; fail if anything does not agree."""
+    """Compare, write page and summary to ``output``, and fail if anything does not agree."""
     folders = (("--reference", reference), ("--results", results))
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
     items, page = compare_all(project, reference, results), output / "index.html"
@@ -81,7 +81,7 @@ def _keep_samples(project: Path, results: Path, paper: str) -> None:
 
 
 def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> list[str]:
-    """Put the figures in place of the accepted ones; what is different, a line for each."""
+    """Put the figures in place of the accepted ones, and return what is different, a line each."""
     said = []
     for paper in papers:
         built = figures(results / paper)

@@ -43,14 +43,14 @@ class Item:
 
     @property
     def verdict(self) -> str:
-        """In a few words, the gravest first."""
+        """The verdict in a few words, the gravest first."""
         if self.problems:
             return "not compared"
         return "moved" if self.moved or self.redrawn else "agrees"
 
     @property
     def redrawn(self) -> bool:
-        """Whether the images differ by more than the tolerance."""
+        """True if the images differ by more than the tolerance."""
         return self.rms is not None and self.rms > pixels.TOLERANCE
 
     @contextmanager

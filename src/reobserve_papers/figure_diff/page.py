@@ -24,7 +24,7 @@ class _Shown:
 
 
 def counts(items: Sequence[Item]) -> str:
-    """How many items have which verdict."""
+    """The number of items with each verdict."""
     found = Counter(item.verdict for item in items)
     words = {"not compared": "not compared", "moved": "moved", "agrees": "agree"}
     return ", ".join(f"{found[one]} {words[one]}" for one in words if found[one]) or "nothing"
@@ -44,7 +44,7 @@ def summary(items: Sequence[Item], problems: Sequence[str]) -> str:
 
 
 def render(items: Sequence[Item], problems: Sequence[str], templates: Path) -> str:
-    """The page, from the template in the folder ``templates``; what does not agree comes first."""
+    """The page, from the template in the folder ``templates``, with what does not agree first."""
     import jinja2
     from markupsafe import Markup
 

@@ -62,7 +62,7 @@ def read_pixels(path: Path) -> Pixels:
 
 
 def rms_difference(reference: Pixels, new: Pixels, name: str) -> float:
-    """Root mean square of the difference; `InputError` if the images differ in size."""
+    """Root mean square of the difference, or `InputError` if the images differ in size."""
     if reference.shape != new.shape:
         here, there = (f"{p.shape[1]} x {p.shape[0]}" for p in (new, reference))
         raise InputError(name, f"has {here} pixels, the reference figure has {there}")

@@ -1,4 +1,4 @@
-"""New golden numbers from a build; a number that has not moved keeps its digits and tolerance."""
+"""New golden numbers from a build, in which one that has not moved keeps digits and tolerance."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def compare_task(project: Path, results: Path, task: str) -> list[Moved]:
 
 
 def renew(project: Path, results: Path, task: str) -> Iterator[str]:
-    """Accept the table of a build if something moved; yield what, one line each."""
+    """Accept the table of a build if something moved, and yield what, one line each."""
     golden, built = golden_table(project, task), built_table(results, task)
     if golden.exists():
         moved = [str(one) for one in compare_task(project, results, task)]

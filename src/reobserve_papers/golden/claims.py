@@ -26,12 +26,12 @@ def golden_file(project: Path) -> Path:
 
 
 def read_golden(project: Path) -> Verdicts:
-    """The accepted verdicts; `InputError` if the file is missing or damaged."""
+    """The accepted verdicts, or `InputError` if the file is missing or damaged."""
     return _read(golden_file(project), (*_KEY, *_COMPARED))
 
 
 def read_built(results: Path) -> Verdicts:
-    """The verdicts of a build; `InputError` if there are none, or the file is damaged."""
+    """The verdicts of a build, or `InputError` if there are none, or the file is damaged."""
     return _read(results / "claims.csv", HEADER)
 
 
@@ -56,7 +56,7 @@ def compare(
 
 
 def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
-    """Accept the verdicts of a build, of all or of some papers; what moved, a line each."""
+    """Accept the verdicts of a build, of all or of some papers, and return what moved."""
     found = read_built(results)
     golden = read_golden(project) if golden_file(project).exists() else {}
     chosen = papers or list(dict.fromkeys([*golden, *found]))

@@ -33,13 +33,13 @@ class Moved:
 def compare_built(
     project: Path, folder: Path, tree: Mapping[str, Any], paper: str, part: str
 ) -> list[Moved]:
-    """What moved of a part that was built; `InputError` if a file is missing or damaged."""
+    """The changes of a part that was built, or `InputError` if a file is missing or damaged."""
     golden = read_numbers(golden_file(project, paper, part))
     return list(compare(golden, built_numbers(folder, tree, part), f"{paper} {part}"))
 
 
 def compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
-    """Of each column that moved the number that is furthest off, in tolerances."""
+    """The number furthest off, in tolerances, of each column that moved."""
     for (source, quantity, _), keys in columns(golden, found).items():
         place = f"{name}, {source} {quantity}"
         old, new = ([key for key in keys if key in side] for side in (golden, found))
@@ -58,7 +58,7 @@ def compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
 
 
 def excess(golden: Numbers, found: Numbers, key: Key) -> float:
-    """How far a number is off, in tolerances; 0 for one that is not compared."""
+    """The distance of a number in tolerances, 0 for one that is not compared."""
     before, after = golden[key], found[key]
     if before.value == after.value:
         return 0.0
@@ -72,7 +72,7 @@ def excess(golden: Numbers, found: Numbers, key: Key) -> float:
 
 
 def distance(one: float, other: float) -> float:
-    """How far apart two numbers are; infinitely far if only one of them is nan."""
+    """The distance of two numbers, infinite if only one of them is nan."""
     if one == other or (math.isnan(one) and math.isnan(other)):
         return 0.0
     off = abs(one - other)

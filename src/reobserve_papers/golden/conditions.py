@@ -70,7 +70,7 @@ class Rounded(Evaluator):
     """An evaluator that moves the plants' records by one unit in the last place, up or down."""
 
     def run(self, step: str, *names: str) -> Any:
-        """Compute a step; round numbers of a plant, such as modes, stay exact."""
+        """Compute a step, in which round numbers of a plant, such as modes, stay exact."""
         record = super().run(step, *names)
         if step != "plant":
             return record

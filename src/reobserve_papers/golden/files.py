@@ -31,7 +31,7 @@ class GoldenNumber:
 
     @property
     def is_word(self) -> bool:
-        """Whether the value is no number, and is compared letter by letter."""
+        """True if the value is no number, and is compared letter by letter."""
         try:
             float(self.value)
         except ValueError:
@@ -54,7 +54,7 @@ def golden_files(project: Path, paper: str) -> dict[str, Path]:
 
 
 def read_numbers(path: Path) -> dict[Key, GoldenNumber]:
-    """The numbers of a file; `InputError` if it is missing or damaged."""
+    """The numbers of a file, or `InputError` if it is missing or damaged."""
     rows = read_table(path, _HEADER, {"source": NAME, "quantity": NAME, "tolerance": GAP}, _KEY)
     for line, row in enumerate(rows, start=2):
         if row["tolerance"] and not float(row["tolerance"]) >= 0:
@@ -75,7 +75,7 @@ def write_numbers(path: Path, numbers: Numbers) -> None:
 
 
 def read_metrics(project: Path, paper: str, part: str) -> list[Metric]:
-    """The metrics of a figure or of the theory as they were accepted; raises as `read_numbers`."""
+    """The metrics of a figure or of the theory as they were accepted (raises as `read_numbers`)."""
     return [
         Metric(source, quantity, float(number.value), number.unit)
         for (source, quantity, time), number in read_numbers(

@@ -27,7 +27,7 @@ def check_may_accept(project: Path, reason: str) -> None:
 
 
 def _changed(project: Path) -> list[str]:
-    """What git says of each file that differs from the last commit."""
+    """The state by git of each file that differs from the last commit."""
     status = subprocess.run(
         ["git", "status", "--porcelain"], cwd=project, capture_output=True, text=True, check=False
     )

@@ -27,7 +27,7 @@ _NEARLY_ZERO = 1e-6  # in the unit of the number
 
 
 def tolerance(size: float, moved: float, halved: float) -> float | None:
-    """The tolerance of a number, rounded up to two digits; None if it is not determined.
+    """The tolerance of a number, rounded up to two digits, or None if it is not determined.
 
     ``size`` is the largest number of its column, ``moved`` the largest change of that on another
     processor, ``halved`` the change of the number with every step halved.
@@ -40,7 +40,7 @@ def tolerance(size: float, moved: float, halved: float) -> float | None:
 
 
 def is_determined(size: float, moved: float, allowed: float) -> bool:
-    """Whether a number with this tolerance says anything, in a column of this size."""
+    """True if a number with this tolerance says anything, in a column of this size."""
     if size + allowed <= _NEARLY_ZERO:
         return True
     return allowed <= _MAX * size and moved <= _MAX_BY_PROCESSOR * size

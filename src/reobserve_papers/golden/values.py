@@ -19,7 +19,7 @@ _SAMPLES = 25  # intervals between the samples of a series that are kept
 
 
 def part_names(tree: Mapping[str, Any]) -> list[str]:
-    """What has a golden file: the figures, the tables and the theory of a parameter file."""
+    """The parts with a golden file: the figures, the tables and the theory of a parameter file."""
     theory = [THEORY] if THEORY in tree else []
     return [*tree["figures"], *tree.get("tables", {}), *theory]
 
@@ -36,7 +36,7 @@ def records(tree: Mapping[str, Any], figure: str) -> list[str]:
 
 
 def built_numbers(folder: Path, tree: Mapping[str, Any], part: str) -> dict[Key, GoldenNumber]:
-    """The numbers of a part that was built; `InputError` if a file is missing or damaged."""
+    """The numbers of a part that was built, or `InputError` if a file is missing or damaged."""
     if part in tree.get("tables", {}):
         header, lines = read_rows(folder / f"{part}.csv")
         return _cells([dict(zip(header, line, strict=True)) for line in lines])
@@ -49,7 +49,7 @@ def built_numbers(folder: Path, tree: Mapping[str, Any], part: str) -> dict[Key,
 
 
 def evaluated_numbers(evaluator: Evaluator, part: str) -> dict[Key, GoldenNumber]:
-    """The numbers of a part, computed here; `InputError` if a parameter cannot be used."""
+    """The numbers of a part, computed here, or `InputError` if a parameter cannot be used."""
     tree = evaluator.parameters.tree
     if part in tree.get("tables", {}):
         header = paper_module(evaluator.parameters.package, "table").HEADER

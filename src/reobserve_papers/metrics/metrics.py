@@ -82,12 +82,12 @@ def scores_of(observer: str, scores: Iterable[Score]) -> Iterator[Metric]:
 
 
 def write_metrics(path: str | Path, metrics: Iterable[Metric]) -> None:
-    """Write to CSV; `InputError` if the folder cannot be written."""
+    """Write to CSV, or raise `InputError` if the folder cannot be written."""
     write_table(path, (asdict(metric) for metric in metrics), HEADER)
 
 
 def read_metrics(path: str | Path) -> list[Metric]:
-    """Read what `write_metrics` wrote; `InputError` if the file is another, or names one twice."""
+    """Read what `write_metrics` wrote, or `InputError` if the file is another or repeats one."""
     return [
         Metric(row["observer"], row["metric"], float(row["value"]), row["unit"])
         for row in read_table(path, HEADER, KINDS, KEY)
@@ -95,7 +95,7 @@ def read_metrics(path: str | Path) -> list[Metric]:
 
 
 class Numbers(dict[tuple[str, str], float]):
-    """Values by (observer, metric); one that nobody has is refused by name."""
+    """Values by (observer, metric), of which one that nobody has is refused by name."""
 
     def __missing__(self, key: tuple[str, str]) -> float:
         raise InputError("metrics", f"there is no {shown(key[1])} of {shown(key[0])}")

@@ -40,7 +40,7 @@ def part(
 
 @contextmanager
 def only(names: Iterable[str] | None) -> Iterator[None]:
-    """Parts that give none of these metrics may give nothing; None asks for all."""
+    """Compute parts, where those without any of these metrics may give nothing, None for all."""
     token = _ASKED.set(None if names is None else frozenset(names))
     try:
         yield

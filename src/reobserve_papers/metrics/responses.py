@@ -85,7 +85,7 @@ def _empty(start: float, end: float, last: float, least: int, period: float) -> 
 
 
 def root_mean_square(values: Array) -> Array:
-    """Over samples, the first axis; nan for none."""
+    """Root mean square over samples, the first axis, or nan for none."""
     if not len(values):
         return np.full(values.shape[1:], np.nan)
     found: Array = np.sqrt(np.mean(values * values, axis=0))
@@ -93,7 +93,7 @@ def root_mean_square(values: Array) -> Array:
 
 
 def root_mean_square_of_steps(start: Array, end: Array) -> float:
-    """Over time, of a signal that runs straight from ``start`` to ``end`` in each step.
+    """Root mean square over time of a signal that runs straight from ``start`` to ``end`` a step.
 
     With the limits from inside each step a signal that jumps between steps is scored right;
     nan for no steps.
@@ -104,13 +104,13 @@ def root_mean_square_of_steps(start: Array, end: Array) -> float:
 
 
 def peak(*values: Array) -> float:
-    """The largest absolute value in all arrays; nan if they are empty."""
+    """The largest absolute value in all arrays, or nan if they are empty."""
     sizes = [float(np.max(np.abs(array))) for array in values if array.size]
     return max(sizes, default=float("nan"))
 
 
 def first_crossing(time: Array, start: Array, end: Array, level: float) -> float:
-    """When |signal| first exceeds ``level``: inside a step, linearly, or by a jump between two.
+    """Time when |signal| first exceeds ``level``: inside a step, linearly, or by a jump.
 
     ``start`` and ``end`` are the signal's limits from inside the steps that begin at ``time``
     [s], which has one more entry, the end of the last step; nan if the level is never exceeded.
@@ -127,7 +127,7 @@ def first_crossing(time: Array, start: Array, end: Array, level: float) -> float
 
 
 def settling_time(time: Array, start: Array, end: Array, band: float) -> float:
-    """When |error| enters ``band`` for good: the end of the last step that leaves it.
+    """Time when |error| enters ``band`` for good: the end of the last step that leaves it.
 
     Arguments as for `first_crossing`; nan if the last step leaves it.
     """

@@ -34,7 +34,7 @@ class StudyTable:
 
     @classmethod
     def of(cls, rows: Iterable[Mapping[str, Any]], kinds: Mapping[str, Kind]) -> StudyTable:
-        """From rows as a study gives them or as its file holds them, in text."""
+        """The table of rows as a study gives them or as its file holds them, in text."""
         cells = list(rows)
         columns = {}
         for name, kind in kinds.items():
@@ -51,7 +51,7 @@ class StudyTable:
         return self.columns[column]
 
     def where(self, **at: Level) -> StudyTable:
-        """The rows at these coordinates; there may be none."""
+        """The rows at these coordinates, of which there may be none."""
         chosen = np.ones(len(self), dtype=bool)
         for name, level in at.items():
             chosen &= self[name] == level
@@ -80,7 +80,7 @@ class StudyTable:
             yield key, self._rows(np.array(rows))
 
     def levels(self, name: str) -> list[Any]:
-        """What a column holds, each once, in the order of the rows."""
+        """The values in a column, each once, in the order of the rows."""
         return list(dict.fromkeys(self[name].tolist()))
 
     def by_level(self, name: str, column: str = "value") -> dict[Any, NDArray[np.float64]]:

@@ -27,7 +27,7 @@ Observers = Mapping[str, Any]  # forms that observers must have, by name
 
 @dataclass(frozen=True)
 class Checks:
-    """What of a paper's parameter file takes building to see.
+    """Checks of a paper's parameter file that need the plant and observers to be built.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Checks:
     about: Mapping[type, Observers] = field(default_factory=dict)
 
     def made(self, one: str, *arguments: Any) -> object:
-        """What a branch builds to; nothing if the paper has no need to see."""
+        """The objects that a branch builds to, or nothing if the paper has no need to see."""
         return self.build[one](*arguments) if one in self.build else None
 
 
@@ -88,7 +88,7 @@ def check_units(parameters: Parameters) -> None:
 
 
 def check_stated(stated: Any, checks: Checks) -> None:
-    """Build what a paper's typed parameters state; raises as `check_parameters`."""
+    """Build what a paper's typed parameters state (raises as `check_parameters`)."""
     parts = ("plant", "observers", "designs", "metrics", "theory")
     whole = AnyJob(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
     built: dict[str, object] = {}  # the designs
@@ -136,7 +136,7 @@ def _check_observers(checks: Checks, observers: Observers, branch: Any) -> None:
 
 @contextmanager
 def _place(one: str, place: str) -> Iterator[None]:
-    """`building`; of a scenario, what builds its plant names the plant and itself as they are."""
+    """Place errors in `building`, those of a plant at the scenario that states it."""
     if one != "scenario":
         with building(place):
             yield

@@ -38,7 +38,7 @@ def known_tasks(project: Path) -> list[str]:
 
 
 def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
-    """The papers that are named, or all that are known; `InputError` if there is no such one."""
+    """The papers that are named, or all that are known, or `InputError` if one is not."""
     for paper in papers:
         if paper not in known:
             raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")

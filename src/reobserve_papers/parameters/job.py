@@ -78,13 +78,13 @@ Settings = Mapping[str, Any]  # plain values of the same branches, see `Paramete
 
 
 def signal(axes: int) -> Any:
-    """The terms of a signal with so many components; see `reobserve_papers.signals.inputs`."""
+    """The terms of a signal with so many components (see `reobserve_papers.signals.inputs`)."""
     return checked(lambda place, value: Signal.parse(place, value, axes))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What every study states; the method, if there are several, is for the paper to name."""
+    """Keys of every study. The method, if there are several, is for the paper to name."""
 
     scenario: str
     observers: Names
@@ -93,7 +93,7 @@ class Study:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """What every figure states; a paper's own narrow the layouts to those that it samples."""
+    """Keys of every figure. A paper's own narrow the layouts to those that it samples."""
 
     layout: str
     scenario: str

@@ -17,7 +17,7 @@ _WORDS = ("unit", "source", "why", "label", "title", "file", "column", "text", "
 
 
 def is_entry(branch: Any) -> bool:
-    """Whether a branch of the tree is an entry: a value with a unit, or a link to one."""
+    """True if a branch of the tree is an entry: a value with a unit, or a link to one."""
     return isinstance(branch, Mapping) and (
         ("value" in branch and "unit" in branch) or isinstance(branch.get("same_as"), str)
     )
@@ -62,7 +62,7 @@ def follow(tree: Tree, links: Mapping[str, str], changed: Collection[str]) -> Tr
 
 
 def links_in(entries: Iterator[tuple[str, Tree]]) -> dict[str, str]:
-    """By key of a linked entry, the key that it follows."""
+    """The key that a linked entry follows, by key of the entry."""
     return {key: entry["same_as"] for key, entry in entries if "same_as" in entry}
 
 
@@ -96,7 +96,7 @@ def _linked(tree: Tree, branch: Any, path: tuple[str, ...], paper: str) -> Any:
 
 
 def _target(tree: Tree, entry: Tree, place: str, seen: tuple[str, ...]) -> Tree:
-    """An entry; what a link does not say itself is that of the entry that it names."""
+    """An entry, with what a link does not say itself from the entry that it names."""
     key = entry.get("same_as")
     if key is None:
         return entry
@@ -179,7 +179,7 @@ def _override(entry: Tree, value: Any, place: str, root: Tree) -> Tree:
 
 
 def _added(siblings: Tree, body: Any, place: str, paper: str, root: Tree) -> Any:
-    """A user's own scenario, observer or figure; ``like`` names the one to start from."""
+    """A user's own scenario, observer or figure. ``like`` names the one to start from."""
     if not isinstance(body, Mapping) or "like" not in body:
         return body
     model = str(body["like"])

@@ -240,7 +240,7 @@ class ParameterFile(Model):
 
 
 class Configuration(BaseModel):
-    """What a build produces, ``config/config.yaml``. Other keys are papers, with overrides."""
+    """Contents of a build, ``config/config.yaml``. Other keys are papers, with overrides."""
 
     model_config = {**STRICT, "extra": "allow"}
     __pydantic_extra__: dict[str, dict[str, Any]]

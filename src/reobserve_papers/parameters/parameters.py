@@ -123,7 +123,7 @@ class Parameters:
         return dict(self.entries())
 
     def settings(self, step: str, name: str = "") -> Tree:
-        """The values that one run of a step depends on; see `parameters.settings.settings`.
+        """The values that one run of a step depends on (see `parameters.settings.settings`).
 
         Labels, titles and sources are left out except for plots: they decide no number.
         """
@@ -190,7 +190,7 @@ def _values(branch: Any) -> Any:
 
 
 def _without_wording(branch: Any) -> Any:
-    """What decides numbers: a new name or title must make nothing stale but drawings."""
+    """The values that decide numbers: a new name or title must make nothing stale but drawings."""
     return _without(branch, ("label", "title", "source"))
 
 
@@ -223,7 +223,7 @@ def leaves(
 
 
 def matches(pattern: str, path: tuple[str | int, ...]) -> bool:
-    """Whether a pattern of a range, such as ``*.size``, is of the leaf at a path of `leaves`."""
+    """True if a pattern of a range, such as ``*.size``, is of the leaf at a path of `leaves`."""
     wanted = pattern.split(".") if pattern else []
     return len(wanted) == len(path) and all(
         word in ("*", str(step)) for word, step in zip(wanted, path, strict=True)

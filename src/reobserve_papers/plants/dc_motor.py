@@ -69,14 +69,14 @@ class DCMotor:
 
     @property
     def A(self) -> Array:
-        """Of x' = A x + B u, x = [speed [rad/s], current [A]], shape (2, 2)."""
+        """The matrix A of x' = A x + B u, x = [speed [rad/s], current [A]], shape (2, 2)."""
         emf = self.emf_constant if self.printed else -self.emf_constant
         speed = np.array([-self.friction, self.torque_constant]) / self.inertia
         return np.vstack([speed, np.array([emf, -self.resistance]) / self.inductance])
 
     @property
     def B(self) -> Array:
-        """Of the voltage, shape (2, 1)."""
+        """The matrix B of the voltage, shape (2, 1)."""
         return np.array([[0.0], [1.0 / self.inductance]])
 
 
@@ -162,7 +162,7 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MotorRun:
-    """What a simulated motor did, at multiples of the step.
+    """Motion of a simulated motor, at multiples of the step.
 
     ``state`` x (k, 2) does not jump; for what does there are limits from the left, ``before``, and
     from the right, ``after``. In the first row they are the same.
@@ -282,7 +282,7 @@ class ControlledMotor:
 
     @property
     def _loop(self) -> tuple[Array, Array, Array]:
-        """Of [x, v]: the matrix of the loop, and how [d, w] and [fa, fs, r] enter."""
+        """The matrix of the loop of [x, v], and how [d, w] and [fa, fs, r] enter."""
         A, B, Kc = self.motor.A, self.motor.B, self.control.feedback[None]
         kd, kw, q = (matrix.shape[1] for matrix in (self.Dd, self.Dw, self.Fs))
         loop, held, varying = np.zeros((3, 3)), np.zeros((3, kd + kw)), np.zeros((3, q + 2))
@@ -293,7 +293,7 @@ class ControlledMotor:
         return loop, held, varying
 
     def _signals(self, states: Array, noise: Array, faults: Array) -> Limits:
-        """What follows from [x, v], w and [fa, fs]."""
+        """The signals that follow from [x, v], w and [fa, fs]."""
         output = states[:, :2] + noise @ self.Dw.T + faults[:, 1:] @ self.Fs.T
         fed = states[:, :2] if self.state_feedback else output
         control = self.control.integral * states[:, 2:] - fed @ self.control.feedback[:, None]
@@ -302,7 +302,7 @@ class ControlledMotor:
 
 @kernel
 def _run(transition: Array, forcing: Array, states: Array) -> int:
-    """Fill ``states`` from the first row on; return the number of finite rows."""
+    """Fill ``states`` from the first row on, and return the number of finite rows."""
     for k in range(len(forcing)):
         # z(k+1) = Phi z(k) + forcing(k),   z = [x, v]
         total = 0.0

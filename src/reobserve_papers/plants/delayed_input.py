@@ -189,7 +189,7 @@ def _simulate(
     drift: Any, input_gain: Any, parameters: Array, size: tuple[int, ...], inputs: Array,
     step: float, states: Array,
 ) -> int:  # fmt: skip
-    """Fill ``states`` from its first row; return the last index with a finite state.
+    """Fill ``states`` from its first row, and return the last index with a finite state.
 
     ``size`` is a tuple of n zeros, whose length the compiler knows, so that it can write the loops
     over states out. The rows of ``inputs`` are the delayed input at the start, the middle and the

@@ -258,7 +258,7 @@ def simulate(
 
 
 def _switched(alone: Array, mode: NDArray[np.int64]) -> Array:
-    """From the motions of models that run alone, (r, k + 1, 4), that of the mode of each step."""
+    """The motion in the mode of each step, from those of models that run alone, (r, k + 1, 4)."""
     rows = np.arange(len(mode))
     motion = np.vstack([np.zeros(ORDER), alone[mode, rows + 1]])
     moved = alone[mode, rows + 1, 0] - alone[mode, rows, 0]

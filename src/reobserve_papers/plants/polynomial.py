@@ -47,7 +47,7 @@ class PolynomialPlant:
         return states
 
     def output(self, states: Array) -> Array:
-        """The output y at states of shape (..., n); the result has shape (..., p).
+        """The output y, shape (..., p), at states of shape (..., n).
 
         Raises
         ------
@@ -65,7 +65,7 @@ class PolynomialPlant:
 
 @allocating_kernel
 def _simulate(f: Polynomials, step: float, states: Array) -> int:
-    """Fill ``states`` from its first row; return the last index with a finite state."""
+    """Fill ``states`` from its first row, and return the last index with a finite state."""
     n = states.shape[1]
     buffer = np.empty(len(f.parent))
     k1, k2, k3, k4, x = (np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n))

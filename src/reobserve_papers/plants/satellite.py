@@ -77,7 +77,7 @@ def _simulate(
     step: float,
     rate: Matrix,
 ) -> int:
-    """Fill ``rate`` from its first row; return the last index with a finite rate."""
+    """Fill ``rate`` from its first row, and return the last index with a finite rate."""
     w = row(rate, 0)
     half = 0.5 * step
     for k in range(len(rate) - 1):

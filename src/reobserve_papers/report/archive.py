@@ -39,7 +39,7 @@ _BESIDE = (
 
 
 def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
-    """Write a build to a zip file, the same bytes for the same build; return its number of files.
+    """Write a build to a zip file, the same bytes for the same build, and return its file count.
 
     ``products`` are the files below ``results`` that somebody looks at; the logs say what they
     were made from. `manifest-sha256.txt` in the file is what `sha256sum --check` takes.
@@ -117,7 +117,7 @@ def _file(crate: Any, project: Path, path: str) -> Any:
 
 
 def _describe(crate: Any, project: Path, ended: datetime) -> None:
-    """What must be said of the whole: title, licence, authors, and the profiles it conforms to."""
+    """Describe the whole: title, licence, authors, and the profiles it conforms to."""
     citation = read_yaml(project / "CITATION.cff")
     root = crate.root_dataset
     root["name"], root["version"] = citation["title"], citation["version"]
@@ -134,7 +134,7 @@ def _describe(crate: Any, project: Path, ended: datetime) -> None:
 
 
 def _entity(crate: Any, identifier: str, kind: str, name: str, **about: Any) -> Any:
-    """What the crate says of something that is no file: the same entity each time."""
+    """The crate's entity of something that is no file, the same each time."""
     about = {"@id": identifier, "@type": kind, "name": name, **about}
     return crate.get(identifier) or crate.add_jsonld(about)
 
@@ -144,13 +144,13 @@ def _local(name: str) -> str:
 
 
 def _ended(project: Path, job: LoggedJob) -> datetime:
-    """When the last file of a job was written."""
+    """The time when the last file of a job was written."""
     written = max((project / path).stat().st_mtime for path in job.outputs)
     return datetime.fromtimestamp(int(written), UTC)
 
 
 def _times(project: Path, job: LoggedJob) -> dict[str, str]:
-    """When a job ended, and when it began if Snakemake measured its duration."""
+    """The times when a job ended and, if Snakemake measured its duration, when it began."""
     ended, measured = _ended(project, job), project / job.benchmark
     if not measured.is_file():
         return {"endTime": ended.isoformat()}

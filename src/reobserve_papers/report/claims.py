@@ -15,7 +15,7 @@ _DRAWN = ("samples", "held", "share", "low", "high")
 
 @dataclass(frozen=True)
 class ReportedRobustness:
-    """How firmly a verdict stands: over samples of the unstated choices, and by single moves.
+    """Firmness of a verdict: over samples of the unstated choices, and by single moves.
 
     ``share`` of the samples held the claim, with its 95 % interval ``low`` to ``high``.
     """
@@ -35,7 +35,7 @@ class ReportedRobustness:
 
 @dataclass(frozen=True)
 class ReportedClaim:
-    """What a paper says, and what was found."""
+    """Claim of a paper, and what was found."""
 
     name: str
     promised: str
@@ -54,7 +54,7 @@ class ReportedClaim:
 
     @property
     def is_main(self) -> bool:
-        """Whether the title of the replication depends on it."""
+        """True if the title of the replication depends on it."""
         return bool(self.promised)
 
 

@@ -51,7 +51,7 @@ def image(path: Path) -> dict[str, Any]:
 
 
 def csv_table(path: Path) -> dict[str, Any]:
-    """Return a CSV as it stands; `InputError` if it cannot be read or is empty."""
+    """Return a CSV as it stands, or `InputError` if it cannot be read or is empty."""
     header, rows = read_rows(path)
     if not header:
         raise InputError(str(path), "is empty")

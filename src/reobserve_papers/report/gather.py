@@ -108,7 +108,7 @@ def cited(about: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class _Build:
-    """What a build left in a project, and the gaps found so far."""
+    """Files that a build left in a project, and the gaps found so far."""
 
     folder: Path
     page: Path
@@ -174,13 +174,13 @@ class _Build:
         }
 
     def read(self, place: str, path: str, logged: str, read: Any, *arguments: Any) -> Any:
-        """What ``read`` makes of a file that a job with this log should have made, or a gap."""
+        """Read a file that a job with this log should have made, or add a gap."""
         if not (self.folder / path).is_file():
             return self.gaps.add(place, f"{path}: not built{self.reason(logged)}")
         return self.gaps.attempt(place, read, self.folder / path, *arguments)
 
     def reason(self, logged: str) -> str:
-        """What a job said in its log when it could not do its work; empty if it said nothing."""
+        """The reason that a job's log gives for its failure, empty if it gives none."""
         try:
             last = read_text(self.folder / logged).rstrip().rpartition("\n")[2]
         except InputError:

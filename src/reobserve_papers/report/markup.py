@@ -12,7 +12,7 @@ _LINKS = ("http", "https")
 
 
 def to_html(path: str, text: str) -> str:
-    """Return a caption as HTML, whose links lead to the web; others are plain text.
+    """Return a caption as HTML, with links that lead to the web, and others as plain text.
 
     Raises
     ------

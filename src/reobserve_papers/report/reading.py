@@ -30,13 +30,13 @@ class ReportGaps:
     found: list[Gap] = field(default_factory=list)
 
     def add(self, place: str, problem: object) -> Gap:
-        """Add a gap; its sentence has paths relative to the project."""
+        """Add a gap, whose sentence has paths relative to the project."""
         sentence = line(problem).replace(f"{self.folder}{os.sep}", "")
         self.found.append(Gap(len(self.found) + 1, place, sentence))
         return self.found[-1]
 
     def attempt(self, place: str, read: Callable[..., Read], *arguments: Any) -> Read | Gap:
-        """Call ``read``; an error of this package's becomes a gap."""
+        """Call ``read``, and add a gap for an error of this package's."""
         try:
             return read(*arguments)
         except ReobserveError as error:

@@ -85,7 +85,7 @@ def _ticks(text: str) -> Any:
 
 
 def parameter_key(key: str, known: Sequence[str]) -> str:
-    """Return the first of the ``known`` keys that ``key`` is or is a number of; or nothing."""
+    """Return the first of the ``known`` keys that ``key`` is or is a number of, or nothing."""
     key = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)  # a.{b,c}.d stands for both
     while key and key not in known:
         key = key.rpartition(".")[0]
@@ -110,7 +110,7 @@ def alike(keys: Sequence[str]) -> list[tuple[str, list[tuple[str, str]], str]]:
 
 
 def parts(text: str, figures: Sequence[str]) -> list[tuple[str, bool]]:
-    """Split a text; true for the parts that name a figure."""
+    """Split a text, with True for the parts that name a figure."""
     names = "|".join(map(re.escape, figures))
     pieces = re.split(rf"(?<![\w.-])({names})(?![\w.-])", text)
     return [(piece, index % 2 == 1) for index, piece in enumerate(pieces) if piece]

@@ -15,7 +15,7 @@ class Recorded(Protocol):
 
     @property
     def horizon(self) -> float:
-        """How long it is simulated [s]."""
+        """The simulated time [s]."""
 
     @property
     def step(self) -> float:
@@ -27,11 +27,11 @@ class Noisy(Recorded, Protocol):
 
     @property
     def noise_period(self) -> float:
-        """For how long [s]."""
+        """The time [s] for which noise is held."""
 
 
 def multiple(name: str, interval: float, step: float, what: str) -> int:
-    """How often ``step`` fits into ``interval``; `InputError` if that is no whole number."""
+    """The number of times that ``step`` fits into ``interval``, or `InputError` if not whole."""
     ratio = interval / step
     if ratio > MAX_STEPS:
         raise InputError(
@@ -63,14 +63,14 @@ def plant_grid(plant: Recorded, max_steps: int) -> tuple[int, float]:
 
 
 def stride(plant: Recorded, sampling_period: Any) -> int:
-    """Plant samples in half a step of an observer; `InputError` if that is no whole number."""
+    """Plant samples in half a step of an observer, or `InputError` if that is no whole number."""
     step = as_positive("plant.step", plant.step)
     half = 0.5 * as_positive("sampling_period", sampling_period)
     return multiple("sampling_period", half, step, "plant.step, two in a step")
 
 
 def noise_hold(plant: Noisy) -> int:
-    """Plant samples for which noise is held; an even number, so that it jumps between steps.
+    """The number of plant samples for which noise is held, even, so that it jumps between steps.
 
     Raises
     ------

@@ -97,7 +97,7 @@ class Signal:
 
     @classmethod
     def parse(cls, name: str, terms: Sequence[Mapping[str, Any]], axes: int) -> Signal:
-        """The signal that a config entry states; ``name`` is used in errors.
+        """The signal that a config entry states. ``name`` is used in errors.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class Signal:
         return values
 
     def derivative(self, name: str) -> Signal:
-        """The signal of exact time derivatives between the jumps; ``name`` is used in errors.
+        """The signal of exact time derivatives between the jumps. ``name`` is used in errors.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class Signal:
 
     @property
     def jumps(self) -> tuple[float, ...]:
-        """Those of the ``breaks`` that come after t = 0."""
+        """The instants of ``breaks`` that come after t = 0."""
         return tuple(instant for instant in self.breaks if instant > 0)
 
     def check_grid(self, name: str, step: float, horizon: float) -> None:

@@ -81,7 +81,7 @@ class Series:
                 )
 
     def __getitem__(self, name: str) -> Array:
-        """The values of a channel; `InputError` lists the channels if there is no such one."""
+        """The values of a channel, or `InputError` with all channels if there is no such one."""
         if name not in self.channels:
             raise InputError(name, f"no such channel; there are {', '.join(self.channels)}")
         return self.channels[name].values
@@ -114,7 +114,7 @@ class Series:
         return columns
 
     def to_pandas(self) -> pd.DataFrame:
-        """A data frame indexed by time; units and provenance are in ``attrs``."""
+        """A data frame indexed by time, with units and provenance in ``attrs``."""
         package("pandas", "make a data frame")
         import pandas as pd
 
@@ -126,7 +126,7 @@ class Series:
         return frame
 
     def write(self, path: str | Path) -> None:
-        """Write to Parquet, whole or not at all; the same series gives the same bytes.
+        """Write to Parquet, whole or not at all, the same bytes for the same series.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class _StoredChannel:
 
 @dataclass(frozen=True)
 class _Stored:
-    """What stands under the key of the metadata."""
+    """Contents of the key of the metadata."""
 
     channels: dict[str, _StoredChannel]
     events: dict[str, tuple[float, ...]]
@@ -211,7 +211,7 @@ class _Stored:
 
 
 def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
-    """What the metadata say, and the columns, as they were written."""
+    """The metadata, and the columns, as they were written."""
     package("pyarrow", "read Parquet files")
     import pyarrow as pa
     import pyarrow.parquet as parquet
@@ -245,7 +245,7 @@ def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
 
 
 def _digest(metadata: bytes, columns: Mapping[str, Array]) -> str:
-    """Of the metadata and of the columns, name by name."""
+    """A digest of the metadata and of the columns, name by name."""
     whole = hashlib.sha256(metadata)
     for name, values in columns.items():
         whole.update(f"\n{name} {len(values)}\n".encode())
@@ -254,7 +254,7 @@ def _digest(metadata: bytes, columns: Mapping[str, Array]) -> str:
 
 
 def _column(values: Array) -> pa.Array:
-    """An Arrow column over the same memory; ``pa.array`` would import pandas to look at it."""
+    """An Arrow column over the same memory, as ``pa.array`` would import pandas to look at it."""
     import pyarrow as pa
 
     values = np.ascontiguousarray(values, dtype=np.float64)
@@ -262,7 +262,7 @@ def _column(values: Array) -> pa.Array:
 
 
 def _values(table: pa.Table, name: str) -> Array:
-    """A column as numpy; ``to_numpy`` would import pandas to look at it."""
+    """A column as numpy, as ``to_numpy`` would import pandas to look at it."""
     column: Array = np.asarray(np.from_dlpack(table[name].combine_chunks()), dtype=np.float64)
     return column
 

@@ -33,10 +33,10 @@ PRIMITIVE_POLYNOMIALS = {
 
 
 class Shape(Protocol):
-    """What a term needs of its shape."""
+    """Interface of a shape that a term needs."""
 
     def __call__(self, time: Array, before: bool) -> Array:
-        """Values at increasing times [s]; with ``before``, limits from the left."""
+        """Values at increasing times [s], with ``before`` limits from the left."""
 
     def derivative(self) -> Shape | None:
         """The time derivative between jumps, or None if it has no closed form."""
@@ -98,7 +98,7 @@ class GrowingSine:
         return values
 
     def derivative(self) -> GrowingSine:
-        """By the product rule."""
+        """The derivative, by the product rule."""
         turn = 1j * self.frequency
         return GrowingSine(turn * self.constant + self.growth, turn * self.growth, self.frequency)
 
@@ -121,7 +121,7 @@ class Ramp:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A sine the frequency of which rises in a straight line, and then stays; or a derivative.
+    """A sine the frequency of which rises in a straight line, and then stays, or a derivative.
 
     With s = t - onset, the frequency [rad/s] is ``start`` at s = 0 and ``end`` from
     s = ``duration`` [s] on; the phase is its integral over s. The value is the imaginary part of
@@ -168,7 +168,7 @@ class Sweep:
         return Polynomial([self.start, (self.end - self.start) / self.duration])
 
     def __call__(self, time: Array, before: bool) -> Array:
-        """Values at increasing times [s]; with ``before``, limits from the left."""
+        """Values at increasing times [s], with ``before`` limits from the left."""
         since = time - self.onset
         phase = self._frequency.integ()
         edge = SAME_INSTANT if before else -SAME_INSTANT
@@ -192,7 +192,7 @@ class Held:
     values: Array
 
     def __call__(self, time: Array, before: bool) -> Array:
-        """Values at increasing times [s]; with ``before``, what was held until then."""
+        """Values at increasing times [s], with ``before`` what was held until then."""
         edge = -SAME_INSTANT if before else SAME_INSTANT
         return self.values[np.searchsorted(self.instants, time + edge, side="right") - 1]
 
@@ -272,7 +272,7 @@ class PiecewiseConstant(Held):
 
     @classmethod
     def _merged(cls, instants: Array, levels: Array) -> PiecewiseConstant:
-        """Without the instants at which nothing changes."""
+        """The steps without the instants at which nothing changes."""
         kept = np.append(True, np.diff(levels) != 0)
         return cls(instants[kept], levels[kept])
 
@@ -283,7 +283,7 @@ class PiecewiseConstant(Held):
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Straight lines between ``values`` at ``instants`` [s]; the last value holds."""
+    """Straight lines between ``values`` at ``instants`` [s], the last of which holds."""
 
     instants: Array
     values: Array
@@ -316,7 +316,7 @@ def maximum_length_sequence(order: int) -> Array:
 
 
 def _count(cycles: float, noun: str, each: int) -> int:
-    """How many cycles begin within a span of so many, or one more if the last one is whole."""
+    """The number of cycles that begin within a span of so many, one more if the last is whole."""
     if each * cycles > _MOST_LEVELS:
         raise InputError(
             "until", f"asks for {each * cycles:.9g} {noun}, must ask for {_MOST_LEVELS} or fewer"

@@ -48,7 +48,7 @@ def paper_module(package: str, part: str) -> Any:
 
 
 def compute(parameters: Parameters, stage: str, name: str, settings: Settings, *inputs: Any) -> Any:
-    """What a job of a stage gives: the paper's own function, of typed settings and of inputs.
+    """The result of a job: the paper's own function of typed settings and of inputs.
 
     ``name`` is that of the branch that the job is about, ``inputs`` are records and designs.
 
@@ -92,7 +92,7 @@ def signed(
 
 
 def provenance(parameters: Parameters, stage: str, job: str, settings: Any) -> dict[str, Any]:
-    """What made a result, from which settings, by which code and packages."""
+    """The origin of a result: its maker, the settings, code and packages."""
     return {
         "paper": parameters.paper,
         "stage": stage,
@@ -123,7 +123,7 @@ def compute_design(parameters: Parameters, design: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a stage says of what it made: which paper and job, from which settings, by what."""
+    """Statement of a stage on what it made: which paper and job, from which settings, by what."""
 
     paper: str
     stage: str
@@ -142,7 +142,7 @@ class _StoredDesign:
 
 
 def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, Any]:
-    """A design from the file that its stage wrote; ``wanted`` are the paper and the name it has.
+    """A design from the file that its stage wrote. ``wanted`` are the paper and the name it has.
 
     Its own keys are those of its paper, which checks them where it takes the design.
 
@@ -165,7 +165,7 @@ def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, 
 def named_design(
     parameters: Parameters, body: dict[str, Any], path: Path | None
 ) -> list[dict[str, Any]]:
-    """The design that an observer, a study or a table names, from its file; empty without one.
+    """The design that an observer, a study or a table names, from its file, or empty without one.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def named_design(
 
 @contextmanager
 def rows_from(study: Path | None) -> Iterator[None]:
-    """What a figure misses among the rows of its study is a fault of that file.
+    """Blame a study's file for what a figure misses among its rows.
 
     Each row has been checked by itself; which rows there must be, only who asks for them knows.
 
@@ -205,7 +205,7 @@ def rows_from(study: Path | None) -> Iterator[None]:
 
 
 def read_study(package: str, path: Path | None) -> list[dict[str, str]] | None:
-    """The rows of a figure's study; None for a figure without one."""
+    """The rows of a figure's study, or None for a figure without one."""
     if path is None:
         return None
     module = paper_module(package, "study_rows")

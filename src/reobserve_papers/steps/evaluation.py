@@ -75,7 +75,7 @@ class Replication:
 
     @cached_property
     def study(self) -> pd.DataFrame | None:
-        """The study of the figure as a table; None if it has none."""
+        """The study of the figure as a table, or None if it has none."""
         return None if self.rows is None else _frame(self.rows)
 
     def plot(self, *, notes: bool = True) -> PaperFigure:
@@ -158,7 +158,7 @@ class Evaluator:
         return Replication(self.parameters, figure, plant, estimates, rows, numbers)
 
     def theory(self, asked: frozenset[str] | None = None) -> list[Metric]:
-        """The metrics of the paper's theory; none if it has no such section.
+        """The metrics of the paper's theory, or none if it has no such section.
 
         Metrics whose names are not in ``asked`` may be left out.
 
@@ -181,12 +181,12 @@ class Evaluator:
         return found
 
     def table(self, table: str) -> list[dict[str, Any]]:
-        """The rows of one table; raises as `figure`."""
+        """The rows of one table (raises as `figure`)."""
         rows: list[dict[str, Any]] = self.result("table", table)
         return rows
 
     def result(self, *step: str) -> Any:
-        """The result of a step such as ``"observe", "constant", "sampled"``; raises as `figure`."""
+        """The result of a step, as ``"observe", "constant", "sampled"`` (raises as `figure`)."""
         key = self.key(*step)
         if key not in self._done:
             self._done[key] = self.run(*step)
@@ -203,7 +203,7 @@ class Evaluator:
         return self._keys[step]
 
     def digest(self, figure: str | None) -> str:
-        """A digest of the parameters that a figure's metrics depend on; None is the theory."""
+        """A digest of the parameters that a figure's metrics depend on. None is the theory."""
         return self.key("theory") if figure is None else self.key("metrics", figure)
 
     def refined(self) -> Evaluator:
@@ -235,12 +235,12 @@ class Evaluator:
             self.take_study(name, path)
 
     def take_study(self, study: str, path: Path) -> None:
-        """Read one study from a file; `InputError` if that is missing or damaged."""
+        """Read one study from a file, or `InputError` if that is missing or damaged."""
         key = self.key("study", study)
         self._done[key], self._files[key] = read_study(self.parameters.package, path), path
 
     def run(self, step: str, *names: str) -> Any:
-        """Compute the result of a step from those that it reads; `result` computes each once."""
+        """Compute the result of a step from those that it reads. `result` computes each once."""
         inputs = [self.result(*need) for need in reads(self.parameters, step, *names)]
         if step == "design":
             return compute_design(self.parameters, *names)
@@ -258,5 +258,5 @@ def _say_nothing(_: str) -> None:
 
 
 def evaluate(parameters: Parameters, figure: str) -> Replication:
-    """The results behind one figure; see `Evaluator.figure`."""
+    """The results behind one figure (see `Evaluator.figure`)."""
     return Evaluator(parameters).figure(figure)

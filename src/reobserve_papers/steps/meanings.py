@@ -26,7 +26,7 @@ Meanings = list[tuple[re.Pattern[str], str]]
 
 
 def meanings(package: str) -> Meanings:
-    """Meanings of the metrics of a paper, by patterns of their names; empty if it states none."""
+    """Meanings of the metrics of a paper, by patterns of their names, empty if it states none."""
     try:
         stated: Mapping[str, str] = getattr(paper_module(package, "metrics"), "MEANINGS", {})
     except InputError:
@@ -43,7 +43,7 @@ def pattern(name: str) -> re.Pattern[str]:
 
 
 def list_metrics(packages: Mapping[str, str]) -> str:
-    """The metrics of papers in Markdown, a list for each; ``packages`` are those of the papers."""
+    """The metrics of papers in Markdown, a list for each. ``packages`` are those of the papers."""
     modules = {paper: paper_module(package, "metrics") for paper, package in packages.items()}
     return "\n".join(
         _list(paper, module.__doc__ or "", module.MEANINGS)

@@ -118,7 +118,7 @@ def versions() -> dict[str, str]:
 
 @cache
 def _source(module: str) -> Path | None:
-    """The file of a module, found without importing it; None if there is none."""
+    """The file of a module, found without importing it, or None if there is none."""
     top, *rest = module.split(".")
     spec = find_spec(top)
     if spec is None:

@@ -1,4 +1,4 @@
-"""`reobserve-papers check`: everything under ``config/``, in one process; nothing is written."""
+"""Check everything under ``config/``, in one process, and write nothing: the command."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from reobserve_papers.steps.compute import compute_design, provenance
 
 
 def run(parameter_file: Path, design: str, output: Path) -> None:
-    """Compute and write; nothing is written if the design cannot be computed."""
+    """Compute and write. Nothing is written if the design cannot be computed."""
     parameters = Parameters.read(parameter_file)
     stored = {
         "design": compute_design(parameters, design),

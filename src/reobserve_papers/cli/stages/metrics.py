@@ -18,7 +18,7 @@ def run(
     study_file: Path | None,
     output: Path,
 ) -> None:
-    """Compute and write; the estimates come in the order in which the figure names observers."""
+    """Compute and write. The estimates come in the order in which the figure names observers."""
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("metrics", figure)
     plant = read_record(plant_file, parameters, settings["figure"]["scenario"])

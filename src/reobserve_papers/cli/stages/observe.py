@@ -12,7 +12,7 @@ from reobserve_papers.steps.compute import compute, named_design, signed
 def run(
     parameter_file: Path, plant_file: Path, observer: str, design_file: Path | None, output: Path
 ) -> None:
-    """Observe and write; nothing is written if the observer cannot run or diverges."""
+    """Observe and write. Nothing is written if the observer cannot run or diverges."""
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("observe", observer)
     design = named_design(parameters, settings["observer"], design_file)

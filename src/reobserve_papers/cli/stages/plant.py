@@ -9,7 +9,7 @@ from reobserve_papers.steps.compute import compute, signed
 
 
 def run(parameter_file: Path, scenario: str, output: Path) -> None:
-    """Simulate and write; nothing is written if the plant cannot be simulated."""
+    """Simulate and write. Nothing is written if the plant cannot be simulated."""
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("plant", scenario)
     series = compute(parameters, "plant", scenario, settings)

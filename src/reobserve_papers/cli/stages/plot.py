@@ -29,7 +29,7 @@ def run(
     style: Path | None = None,
     notes: bool = True,
 ) -> None:
-    """Draw, save and caption; the estimates come in the order the figure names observers.
+    """Draw, save and caption. The estimates come in the order the figure names observers.
 
     ``style`` is a sheet of matplotlib's; without ``notes`` they go into the caption.
     """

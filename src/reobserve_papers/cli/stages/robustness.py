@@ -20,7 +20,7 @@ def run(
     parameter_file: Path, samples: int, reversals: bool, cached: Path | None,
     chunk_files: Sequence[Path], study_files: Sequence[Path], output: Path, project: Path,
 ) -> None:  # fmt: skip
-    """Sample, change and write; a claim that is broken is left to the table of claims."""
+    """Sample, change and write. A claim that is broken is left to the table of claims."""
     parameters = Parameters.read(parameter_file)
     past = {} if cached is None else read_cached(cached, parameters.paper)
     made = read_chunks(chunk_files, parameters.paper)

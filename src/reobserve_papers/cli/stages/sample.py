@@ -20,7 +20,7 @@ def run(
     parameter_file: Path, chunk: str, cached: Path | None, study_files: Sequence[Path],
     output: Path, project: Path,
 ) -> None:  # fmt: skip
-    """Sample and write; `reobserve_papers.cli.stages.robustness` gathers."""
+    """Sample and write. `reobserve_papers.cli.stages.robustness` gathers."""
     numbers = numbers_of(chunk)
     parameters = Parameters.read(parameter_file)
     evaluator = Evaluator(parameters)

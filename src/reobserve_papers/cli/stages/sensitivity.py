@@ -15,7 +15,7 @@ _PLOTS = {"specification": specification_curves, "sensitivity": sensitivity_bars
 
 
 def run(parameter_file: Path, robustness_file: Path, outputs: list[Path], project: Path) -> None:
-    """Draw and save; the name of an output, without its suffix, says which plot it is."""
+    """Draw and save. The name of an output, without its suffix, says which plot it is."""
     parameters = Parameters.read(parameter_file)
     claims = read_registry(project, parameters).claims
     found = read_robustness(robustness_file, parameters.paper)

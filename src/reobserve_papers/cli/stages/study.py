@@ -13,7 +13,7 @@ from reobserve_papers.steps.compute import compute, named_design, paper_module
 def run(
     parameter_file: Path, plant_file: Path, study: str, design_file: Path | None, output: Path
 ) -> None:
-    """Run and write; nothing is written if one of the runs cannot be made."""
+    """Run and write. Nothing is written if one of the runs cannot be made."""
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("study", study)
     design = named_design(parameters, settings["study"], design_file)

@@ -10,7 +10,7 @@ from reobserve_papers.steps.compute import compute, named_design, paper_module
 
 
 def run(parameter_file: Path, table: str, design_file: Path, output: Path) -> None:
-    """Fill and write; nothing is written if the table cannot be filled."""
+    """Fill and write. Nothing is written if the table cannot be filled."""
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("table", table)
     design = named_design(parameters, settings["table"], design_file)

@@ -11,7 +11,7 @@ from reobserve_papers.steps.compute import compute, read_design
 
 
 def run(parameter_file: Path, design_files: list[Path], output: Path) -> None:
-    """Compute and write; the designs come in the order of the parameter file.
+    """Compute and write. The designs come in the order of the parameter file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Stage verdicts: how the claims of each paper fared, for readers; fails if a claim is broken."""
+"""Stage verdicts: how the claims of each paper fared, with a failure if a claim is broken."""
 
 from __future__ import annotations
 
