@@ -297,6 +297,33 @@ def test_unusual_terms_do_not_appear() -> None:
     assert found == {}
 
 
+# Words with which no docstring begins: a summary is an imperative or a noun phrase.
+NOT_FIRST = {
+    *("What", "How", "Where", "When", "Why", "Which", "Who", "Whose", "Whether", "If"),
+    *("Of", "By", "As", "For", "From", "In", "On", "Over", "Above", "Up", "Before", "Since"),
+    *("With", "Without", "That", "Those", "These", "They", "It", "Its", "Their"),
+}
+
+
+def summaries(path: Path) -> Iterator[tuple[str, str]]:
+    """The first paragraphs of a module's docstrings, each with the name of what it describes."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            docstring = ast.get_docstring(node) or ""
+            if docstring:
+                summary = " ".join(docstring.partition("\n\n")[0].split())
+                yield f"{path.relative_to(SOURCE)}: {getattr(node, 'name', 'module')}", summary
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun_and_have_one_clause() -> None:
+    """Semicolons may separate rows of matrices, sources with their years, and code."""
+    quoted = re.compile(r"`+[^`]*`+|\[[^]]*\]|\d{4}; ")
+    found = [one for path in files(".") for one in summaries(path)]
+    assert len(found) > 3000
+    assert [one for one in found if re.split(r"[^\w-]", one[1])[0] in NOT_FIRST] == []
+    assert [one for one in found if ";" in quoted.sub("", one[1])] == []
+
+
 def class_names(folder: str) -> list[str]:
     """Names of public classes, as often as there are classes of that name."""
     paths = sorted((ROOT / "src" / folder).rglob("*.py"))
