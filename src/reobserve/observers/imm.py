@@ -88,7 +88,7 @@ class ImmState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IMM(Observer[ImmState]):
-    """Bank of filters and a Markov chain of modes (Gadsden et al. 2011, (7) to (23), after (23)).
+    """Bank of filters and a Markov chain of modes (Gadsden et al. 2011, after (23)).
 
         mu(i|j) = p_ij mu_i / c_j,    c_j = sum_i p_ij mu_i        by which filters are mixed
         mu_j proportional to L_j c_j,    L_j the likelihood of the measurement in mode j

@@ -1,4 +1,4 @@
-"""Check everything under ``config/``, in one process, and write nothing: the command."""
+"""Command `check`: it reads everything under ``config/``, in one process, and writes nothing."""
 
 from __future__ import annotations
 

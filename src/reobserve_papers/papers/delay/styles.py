@@ -1,4 +1,4 @@
-"""Colours and dash patterns, one for each observer in all figures, M = 1 blue as in the paper."""
+"""Colours and dash patterns, one for each observer in all figures, m = 1 blue as in the paper."""
 
 from __future__ import annotations
 
