@@ -31,6 +31,13 @@ def zero_order_hold(A: ArrayLike, B: ArrayLike, period: float) -> tuple[Array, A
     ------
     InputError
         If the shapes do not fit or the period is not positive.
+
+    Examples
+    --------
+    >>> from reobserve.core.discretisation import zero_order_hold
+    >>> Ad, Bd = zero_order_hold([[-1.0]], [[1.0]], period=0.1)
+    >>> print(Ad.round(3), Bd.round(3))
+    [[0.905]] [[0.095]]
     """
     transition, effects = polynomial_hold(A, B, period, 0)
     return transition, effects[0]

@@ -159,6 +159,16 @@ def predicted_rms_error(
     InputError
         If it is no such law, a shape is wrong, a frequency is negative or repeated, or, in the
         sampled variant, at or above half the update rate.
+
+    Examples
+    --------
+    >>> from reobserve.synthesis.ilo_accuracy import predicted_rms_error
+    >>> from reobserve import RigidBody, SampledILO
+    >>> observer = SampledILO(RigidBody([36, 17, 26]), K1=1.0, K2=500.0, observer_gain=500.0,
+    ...                       update_interval=0.01, sampling_period=0.01)
+    >>> error = predicted_rms_error([[1.0, 0, 0]], [10.0], observer.law, variant="sampled")
+    >>> print(error[0].round(3))  # [N m], of the fault sin 10 t about the first axis
+    0.095
     """
     as_kind("law", law, LearningLaw)
     omega = _frequencies("frequencies", frequencies)

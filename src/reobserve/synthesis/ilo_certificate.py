@@ -254,6 +254,14 @@ def certify(
     ------
     InputError
         As `theorem1`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve.synthesis.ilo_certificate import certify
+    >>> found = certify(observer_gain=2000.0, fault_matrix=np.eye(3), K1=0.5, K2=50.0)
+    >>> print(found.certified, round(found.required_observer_gain, 1))
+    True 1733.5
     """
     design = _Design.check(observer_gain, fault_matrix, K1, K2, eta, size)
     dc_error = _dc_error(

@@ -74,10 +74,24 @@ def sampled_stability(
 ) -> SampledStability:
     """Decide whether the errors of the sampled-and-held observer decay (see `sampled_map`).
 
+    Parameters
+    ----------
+    law
+        See `LearningLaw`; `SampledILO.law` is one.
+
     Raises
     ------
     InputError
         If it is no such law.
+
+    Examples
+    --------
+    >>> from reobserve.synthesis.ilo_sampled_stability import sampled_stability
+    >>> from reobserve import RigidBody, SampledILO
+    >>> observer = SampledILO(RigidBody([36, 17, 26]), K1=1.0, K2=500.0, observer_gain=500.0,
+    ...                       update_interval=0.01, sampling_period=0.01)
+    >>> print(sampled_stability(observer.law).verdict)
+    stable
     """
     radius = spectral_radius(sampled_map(law))
     verdict: Verdict = "stable" if radius < 1 - 1e-12 else "unstable"
@@ -99,10 +113,24 @@ def sampled_limit_gain(
     eigenvalue problem separate intervals of s in which stability does not change. Leaving the
     circle through a point where the radius only touches one goes unnoticed.
 
+    Parameters
+    ----------
+    law
+        See `LearningLaw`; `SampledILO.law` is one.
+
     Raises
     ------
     InputError
         If it is no such law, or its numbers are too large for floats.
+
+    Examples
+    --------
+    >>> from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain
+    >>> from reobserve import RigidBody, SampledILO
+    >>> observer = SampledILO(RigidBody([36, 17, 26]), K1=1.0, K2=500.0, observer_gain=500.0,
+    ...                       update_interval=0.01, sampling_period=0.01)
+    >>> print(round(sampled_limit_gain(observer.law), 2))
+    13.7
     """
     from scipy.linalg import eigvals
     from scipy.optimize import brentq

@@ -43,6 +43,13 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
     ------
     InputError
         If shapes do not fit, the poles are not so, or a mode of A is unobservable: it is named.
+
+    Examples
+    --------
+    >>> from reobserve.synthesis.linear import place
+    >>> print(place([[1, 0.1], [0, 1]], [[1, 0]], poles=[0.5, 0.6]).round(3))
+    [[0.9]
+     [2. ]]
     """
     A, C = _pair(A, C)
     chosen, n = as_poles("poles", poles), len(A)
@@ -98,11 +105,25 @@ def steady_kalman_gain(model: LinearModel) -> Array:
 
     It is the limit of the filter's gain from any positive definite covariance.
 
+    Parameters
+    ----------
+    model
+        The linear model of the plant.
+
     Raises
     ------
     InputError
         If there is none: a mode that does not decay is unobservable, or one on the unit circle is
         not driven by the noise of covariance Q. The mode is named.
+
+    Examples
+    --------
+    >>> from reobserve import LinearModel
+    >>> from reobserve.synthesis.linear import steady_kalman_gain
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
+    >>> print(steady_kalman_gain(model).round(3))
+    [[0.159]
+     [0.092]]
     """
     from scipy.linalg import solve_discrete_are
 

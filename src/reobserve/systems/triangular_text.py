@@ -44,6 +44,13 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
     InputError
         If one of them cannot be read or names another variable, if there are not n of them, or if
         they have more operations than can be compiled in some seconds.
+
+    Examples
+    --------
+    >>> from reobserve.systems.triangular_text import triangular_model
+    >>> pendulum = triangular_model(["a", "w"], drift=["0", "-20*sin(a) - w/2"], input_gain="20")
+    >>> print(pendulum.states, pendulum.drift_code)
+    2 ('0', '-1/2*x[1] - 20*math.sin(x[0])')
     """
     sympy = package("sympy", "read expressions")
     for name, given in (("variables", variables), ("drift", drift)):

@@ -63,6 +63,16 @@ class AugmentedSystem(Value):
         If shapes do not fit, the filter is not stable, outputs are fewer than faults, a
         combination of faults has no effect, (A, C) is not detectable, or there is a zero at the
         origin.
+
+    Examples
+    --------
+    >>> from reobserve.synthesis.extended_state.system import AugmentedSystem
+    >>> motor = AugmentedSystem(
+    ...     A=[[-10, 1], [-0.02, -2]], B=[[0], [2]], C=[[1, 0], [0, 1]], Dd=[[1, 0], [0, 2]],
+    ...     Dw=[[1], [0]], Fa=[[0], [2]], Fs=[[1], [0]],
+    ... )
+    >>> print(motor.size)  # x, xz, fa and fs
+    6
     """
 
     A: Matrix
