@@ -33,7 +33,7 @@ class Weights(NamedTuple):
 
 @inlined_kernel
 def take_root(covariance: Array, root: Array) -> bool:
-    """Write the lower Cholesky factor L of P = L L', or return False if P is indefinite.
+    """Write the lower Cholesky factor L of P = L L', or return False for a negative eigenvalue.
 
     Where P is singular a column of L is zero.
     """
