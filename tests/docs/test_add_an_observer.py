@@ -18,7 +18,16 @@ from reobserve.core.discretisation import zero_order_hold
 from tests.docs.hand_written import PAGES, ROOT, blocks
 
 PAGE = PAGES / "how-to" / "add-an-observer.md"
-TITLED = {found[1]: block.text for block in blocks(PAGE)
+FOLDERS = {"reobserve": "src", "observers": "tests/reobserve"}  # which the page leaves out
+
+
+def place_of(title: str) -> str:
+    """A file of the page by its place in the project."""
+    folder = FOLDERS.get(title.partition("/")[0])
+    return f"{folder}/{title}" if folder else title
+
+
+TITLED = {place_of(found[1]): block.text for block in blocks(PAGE)
           if (found := re.fullmatch(r'title="(.*)"', block.options))}  # fmt: skip
 ALGORITHM = "src/reobserve/observers/clipped_kalman.py"
 FAMILY = "src/reobserve/estimation/families/clipped_kalman.py"

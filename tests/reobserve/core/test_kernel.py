@@ -33,7 +33,8 @@ def package(tmp_path: Path) -> Path:
     import reobserve
 
     root = Path(reobserve.__file__).parent
-    for name in ("__init__.py", "core/__init__.py", "core/kernel.py", "core/kernel_cache.py"):
+    names = "__init__.py", "__init__.pyi", "core/__init__.py", "core/kernel.py"
+    for name in (*names, "core/kernel_cache.py"):
         copy = tmp_path / "reobserve" / name
         copy.parent.mkdir(exist_ok=True, parents=True)
         copy.write_bytes((root / name).read_bytes())
