@@ -21,17 +21,23 @@ def run() -> NoReturn:
 def leave(main: Callable[[], int]) -> NoReturn:
     """Run a command line and leave at once, with all files written.
 
-    To take apart an interpreter that holds compiled loops takes longer than most jobs compute. So
-    does the search for cycles among the objects that imports make, which live as long as the
-    interpreter. It begins after as many objects as no short job makes; a long one is searched then,
-    and its memory stays bounded.
+    To take apart an interpreter that holds compiled loops takes longer than most jobs compute.
     """
-    gc.set_threshold(_MANY)
+    collect_rarely()
     code = main()
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             stream.flush()
     os._exit(code)
+
+
+def collect_rarely() -> None:
+    """Look for cycles only among more objects than a short process makes.
+
+    Those that imports make live as long as the process; to search them again and again takes a
+    fifth of a short job. A long one is searched, so that its memory stays bounded.
+    """
+    gc.set_threshold(_MANY)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
-# The parameters of all papers, and what a job depends on besides its input files: the parameter
-# values that it reads, the code that it imports, and the versions of packages.
+# The parameters of papers, and what a job depends on besides input files: the values that it reads,
+# code that it imports, versions.
 
-import gc
 import shlex
 import sys
 from contextlib import contextmanager
 from pathlib import Path
 
+from reobserve.__main__ import collect_rarely
 from reobserve.core.documents import digest, read_yaml
 from reobserve.core.errors import ReobserveError
 from reobserve_papers.claims.evidence import check_evidence
@@ -15,14 +15,13 @@ from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
 from reobserve_papers.parameters.prepare import check_metadata, load_parameters
-from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
+from reobserve_papers.parameters.prepare import refuse_beside_another_build, typed_targets
+from reobserve_papers.parameters.prepare import write_parameters
 from reobserve_papers.parameters.step_kinds import SECTIONS
 from reobserve_papers.steps.provenance import closure_digest, code_digest, files_digest, versions
 from reobserve_papers.signals.inputs import sample_files
 
-# Rules and parameters live as long as the run: a search for cycles among them takes a fifth of a dry
-# run. It begins after so many more objects, so that the memory of a long build stays bounded.
-gc.set_threshold(300_000)
+collect_rarely()
 
 # Jobs use the environment that runs Snakemake, activated or not; with conda, that of their rule.
 if not workflow.deployment_settings.deployment_method:
@@ -37,15 +36,6 @@ def refused_in_one_sentence():
         yield
     except ReobserveError as error:
         sys.exit(f"reobserve-papers: {error}")
-
-
-def typed_targets():
-    """The targets of the command line; Snakemake tells them when all rules have been read."""
-    if "snakemake" not in sys.argv[0] or not any(w.startswith("results/") for w in sys.argv):
-        return []
-    from snakemake.cli import get_argument_parser
-
-    return get_argument_parser().parse_known_args(sys.argv[1:])[0].targets
 
 
 with refused_in_one_sentence():
@@ -63,7 +53,7 @@ with refused_in_one_sentence():
     if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
 
-PAPERS = [paper for paper in config["papers"] if paper in PARAMETERS]
+PAPERS = config["papers"]
 CLAIMED = [paper for paper in PAPERS if Path(claims_path(paper)).is_file()]
 FORMATS = sorted(config["formats"], key=["svg", "png", "pdf", "eps", "pgf"].index)
 BENCH = config["bench"]
@@ -188,7 +178,7 @@ def recorded(wildcards):
 
 
 def files_of(wildcards):
-    """An input function: the files that a study names, such as what a search has found."""
+    """An input function: the files that a study names."""
     body = PARAMETERS[wildcards.paper].tree["studies"][wildcards.study]
     return [
         entry["value"]

@@ -62,7 +62,7 @@ def load_parameters(
 
     All their keys are checked; `write_parameters` also constructs plants and observers. Defaults
     are added to ``config``. If all ``targets`` are results of papers, others are not read unless
-    they are overridden.
+    they are overridden, and are struck off its papers.
 
     Raises
     ------
@@ -86,7 +86,18 @@ def load_parameters(
         found[paper] = Parameters.load(project, paper, config.get(paper), config["seed"])
         read_parameters(found[paper])
         _check_files(found[paper])
+    config["papers"] = [paper for paper in config["papers"] if paper in found]
     return found
+
+
+def typed_targets() -> list[str]:
+    """The targets of Snakemake's command line, which it tells when all rules have been read."""
+    if "snakemake" not in sys.argv[0] or not any(word.startswith("results/") for word in sys.argv):
+        return []
+    from snakemake.cli import get_argument_parser
+
+    options, _ = get_argument_parser().parse_known_args(sys.argv[1:])
+    return list(options.targets)
 
 
 def _asked(papers: list[str], config: Mapping[str, Any], targets: Collection[str]) -> list[str]:
