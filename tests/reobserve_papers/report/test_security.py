@@ -104,6 +104,8 @@ def check_policy(page: str) -> None:
     assert rules["default-src"] == "'none'"
     assert rules["img-src"] == "data:"
     assert "unsafe" not in policy[1]
+    # Neither of these falls back to default-src.
+    assert rules["base-uri"] == rules["form-action"] == "'none'"
     scripts = re.findall(r"<script>(.*?)</script>", page, flags=re.DOTALL)
     styles = re.findall(r"<style>(.*?)</style>", page, flags=re.DOTALL)
     assert [f"'{digest(text)}'" for text in styles] == [rules["style-src"]]

@@ -91,7 +91,9 @@ def test_radius_follows_the_slowest_mode_and_the_inverse() -> None:
 
 
 def test_full_correction_is_unstable_in_three_of_32_combinations() -> None:
-    """For any noise: at the ends of its ranges, where they differ most, and at random."""
+    """For any noise: at the ends of its ranges, where they differ most; the pseudo-inverse knows
+    of none.
+    """
     tree = fixed_parameters("imm").tree["observers"]["kalman"]
     random = np.random.default_rng(1)
     ranges = [
@@ -102,15 +104,14 @@ def test_full_correction_is_unstable_in_three_of_32_combinations() -> None:
     unstable = set()
     for realisation in tree["realisation"]["range"]["choices"]:
         for period in (5e-4, 1e-3, 2e-3, 5e-3):
-            for _ in range(20):
+            for inverse in ("pseudo", *["weighted"] * 6):
                 Q, R = (one[range(len(one)), random.integers(2, size=len(one))] for one in ranges)
-                for inverse in ("pseudo", "weighted"):
-                    radius = max(
-                        corrected_radius(filter_model(mode, realisation, period, Q, R), inverse)
-                        for mode in ACTUATOR
-                    )
-                    if radius >= 1:
-                        unstable.add((realisation, inverse, period))
+                radius = max(
+                    corrected_radius(filter_model(mode, realisation, period, Q, R), inverse)
+                    for mode in ACTUATOR
+                )
+                if radius >= 1:
+                    unstable.add((realisation, inverse, period))
     failing = ("observer_canonical", "pseudo")
     assert unstable == {(*failing, period) for period in (5e-4, 1e-3, 2e-3)}
 
