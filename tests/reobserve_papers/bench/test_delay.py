@@ -103,7 +103,7 @@ def test_every_method_has_a_constant_delay_test() -> None:
 def test_methods_find_a_constant_delay(method: str, every: int) -> None:
     settings, speed, median, most = FOUND[method]
     delay = 0.8 if method == "imm" else 0.63  # on its grid
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         levels = [delay, delay + 1e-12]
         stated = replace(PLANT, noise=QUIET, classes=["step"], levels=levels, speed=speed)
         record = simulate(stated, Condition("", period=every), seed, T)

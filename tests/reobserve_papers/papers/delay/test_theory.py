@@ -9,7 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.levant import LevantDifferentiator
 from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.papers.delay import keys, theory_gains, theory_state_gain
 from reobserve_papers.papers.delay.theory_gains import error_matrix
@@ -219,6 +221,25 @@ def test_shorter_delay_has_smaller_absolute_and_larger_relative_error() -> None:
         name = "rms_delay_error_faster"
         assert 0.5 < absolute.at("order_2", name, rho=rho) < 0.75
         assert 1.1 < relative.at("order_2", name, rho=rho) < 1.4
+
+
+def test_errors_of_derivatives_agree_with_runs_by_hand() -> None:
+    """u = sin 0.2 t and noise of 5 %, held for 10 ms, over the second half of 120 s."""
+    T, rate = 2.5e-3, 0.2
+    time = T * np.arange(48_001)
+    truth = np.column_stack([rate**i * np.sin(rate * time + i * np.pi / 2) for i in range(4)])
+    late = time >= 60.0
+    noise = 0.05 * random_stream(0, "delay", "theory", "derivatives").standard_normal(12_001)
+    noisy = truth[:, 0] + np.repeat(noise, 4)[: len(time)]
+    for name, order, y in (("", 2, truth[:, 0]), ("_in_noise", 3, noisy)):
+        lambdas = [3.0, 1.5, 1.0] if order == 2 else None
+        law = LevantDifferentiator(0.11, order, lambdas, sampling_period=T)
+        run = law.run(y, state=law.init(np.zeros(order + 1)))["derivatives"]
+        off = np.linalg.norm((run - truth[:, : order + 1])[late], axis=0)
+        shares = off / np.linalg.norm(truth[late, : order + 1], axis=0)
+        for i in range(1, order + 1):
+            found = numbers()["levant", f"relative_rms_error_{i}{name}"]
+            assert found == pytest.approx(shares[i], rel=1e-3), (name, i)
 
 
 def test_each_higher_derivative_has_more_noise_error() -> None:
