@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_flag
 from reobserve.core.discretisation import held_noise, zero_order_hold
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_floats, as_matrix, as_positive, as_symmetric
+from reobserve.core.matrices import (
+    are_covariances,
+    as_floats,
+    as_matrix,
+    as_positive,
+    as_symmetric,
+)
 from reobserve.core.value import Value, for_loop
 from reobserve.systems.signal_names import as_names
 
@@ -317,13 +323,12 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
     Raises
     ------
     InputError
-        If it has another size, is not symmetric, or has an eigenvalue below zero by more than
-        rounding, or with ``definite`` one that is not above zero.
+        If it has another size, is not symmetric, has a variance below zero, or correlations with an
+        eigenvalue below zero by more than rounding, or with ``definite`` one that is not above.
     """
     matrix = as_symmetric(name, as_matrix(name, value, size))
-    eigenvalues = np.linalg.eigvalsh(matrix)
-    least = 0.0 if definite else -1e-12 * max(float(eigenvalues[-1]), 0.0)
-    if eigenvalues[0] < least or (definite and eigenvalues[0] <= 0):
+    if not are_covariances(matrix, definite=definite):
+        eigenvalues = np.linalg.eigvalsh(matrix)
         wanted = "definite" if definite else "semidefinite"
         listed = ", ".join(f"{value:g}" for value in eigenvalues)
         raise InputError(name, f"must be positive {wanted}, its eigenvalues are {listed}")
@@ -346,9 +351,7 @@ def as_covariances(
     if array.shape != (rows, size, size):
         wanted = (rows, size, size)
         raise InputError(name, f"has shape {array.shape}, must be one covariance or {wanted}")
-    eigenvalues = np.linalg.eigvalsh(array)
-    least = np.zeros(rows) if definite else -1e-12 * np.maximum(eigenvalues[:, -1], 0.0)
-    low = eigenvalues[:, 0] <= 0 if definite else eigenvalues[:, 0] < least
+    low = ~are_covariances(array, definite=definite)
     for row in np.flatnonzero(low | (array != array.transpose(0, 2, 1)).any(axis=(1, 2))):
         array[row] = as_covariance(f"{name}[{row}]", array[row], size, definite=definite)
     return np.ascontiguousarray(array)

@@ -15,7 +15,7 @@ from reobserve.estimation.families.linear_system import FilterDesign, NoisySyste
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.synthesis.linear import steady_kalman_gain
+from reobserve.synthesis.linear import kalman_gain_error, steady_kalman_gain
 
 Array = FloatArray
 
@@ -124,8 +124,8 @@ class KalmanDesign(FilterDesign):
         steady = steady_kalman_gain(self.system.model)
         given = steady if self.gains is None else self.gains.gain
         resting = FixedGainObserver(self.system.model, given)  # refuses other shapes
-        off = np.abs(resting.gain - steady)
-        if off.max() > 1e-6 * np.abs(steady).max():
+        off = kalman_gain_error(self.system.model, resting.gain)
+        if off.max() > 1e-6:
             worst = np.unravel_index(np.argmax(off), steady.shape)
             raise InputError(
                 f"gain[{worst[0]}][{worst[1]}]",

@@ -20,9 +20,10 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
-from reobserve.observers.fixed_gain import luenberger
+from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.linear import place
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.search import Settings
 from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
@@ -163,7 +164,8 @@ def with_fault_states(plant: Plant, s: Settings, period: float, _: float) -> Run
     whole = np.vstack([np.hstack([A, B, NONE]), np.eye(2, 4, 2)])
     C = np.hstack([np.eye(2), NONE, FS])
     model = LinearModel(whole, np.vstack([B, NONE]), C, None, 0.0, 1.0, sampling_period=period)
-    observer = luenberger(model, np.exp(-period * np.array([s[f"rate_{k}"] for k in range(1, 5)])))
+    poles = np.exp(-period * np.array([s[f"rate_{k}"] for k in range(1, 5)]))
+    observer = FixedGainObserver(model, place(whole, C @ whole, poles, balance=False))
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs

@@ -14,6 +14,7 @@ from reobserve.observers.imm import IMM
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smoother import rts_smoother
 from reobserve.polynomials.maps import PolynomialMap
+from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
@@ -156,6 +157,7 @@ def _filters() -> Iterator[Call]:
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
         "synthesis.linear.steady_kalman_gain": (model,),
+        "synthesis.linear.kalman_gain_error": (model, steady_kalman_gain(model)),
         "synthesis.linear.unobservable_modes": (model.A, model.C),
         "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
