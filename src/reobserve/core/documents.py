@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import re
@@ -14,6 +13,7 @@ from typing import Any, ClassVar
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import read_text
+from reobserve.core.seals import opened
 
 Tree = dict[str, Any]
 
@@ -36,12 +36,6 @@ _YAML_1_2 = {
 
 _DIGITS = 30  # of a number, with sign, point and exponent
 _LARGEST = 2**53  # up to here every integer is a float
-
-
-def digest(value: Any) -> str:
-    """A short hash of what JSON can hold, the same for the same content."""
-    text = json.dumps(value, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def check_plain(tree: Any, place: str, values: int = VALUES) -> None:
@@ -200,9 +194,13 @@ def parse_json(text: str, place: str, values: int = VALUES) -> Any:
     return tree
 
 
-def read_json(path: str | Path) -> Tree:
-    """The mapping in a JSON file that a step wrote (raises as `read_text` and `parse_json`)."""
-    return _mapping(parse_json(read_text(path), str(path), _STORED_VALUES), path)
+def read_json(path: str | Path, *, must_be_sealed: bool = False) -> Tree:
+    """The mapping in a JSON file that a step wrote (raises as `read_text` and `parse_json`).
+
+    If the file has a digest, or ``must_be_sealed``, it must be that of the rest.
+    """
+    tree = _mapping(parse_json(read_text(path), str(path), _STORED_VALUES), path)
+    return opened(str(path), tree, must_be_sealed)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> Tree:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
+from reobserve.core.seals import opened_rows, sealed_rows
 from reobserve.core.units import is_unit
 
 MOST_BYTES = 256 * 1024 * 1024  # of a file that is read whole
@@ -87,7 +88,7 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
     path = Path(path)
     try:
         check_replaceable(path)
-        partial = path.with_name(f".{path.name}.partial")
+        partial = _partial(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         with _alone_in(path.parent):
             try:
@@ -121,9 +122,12 @@ def check_replaceable(path: Path) -> None:
     Raises
     ------
     InputError
-        If there is something that is no regular file, or is read-only, also for root; or if the
-        folder is one in which the kernel shows itself as if in files.
+        If there is something that is no regular file, or is read-only, also for root; if the name
+        is too long, or the folder cannot be written; or if the folder is one in which the kernel
+        shows itself as if in files.
     """
+    if path.name:
+        _check_folder(path)
     if _of_the_kernel(path):
         raise InputError(str(path), f"cannot be written ({os.strerror(errno.EACCES)})")
     try:
@@ -136,6 +140,25 @@ def check_replaceable(path: Path) -> None:
         raise InputError(str(path), f"is {_kind(mode)}, only regular files are replaced")
     if not mode & 0o222 or not os.access(path, os.W_OK):
         raise InputError(str(path), "is read-only, and so it is not replaced")
+
+
+def _check_folder(path: Path) -> None:
+    """Refuse what no file system would take, before work is done that would then be lost."""
+    try:
+        folder = next(one for one in path.absolute().parents if os.path.lexists(one))
+        if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+            code = errno.EACCES if folder.is_dir() else errno.ENOTDIR
+            raise OSError(code, os.strerror(code))
+        os.lstat(folder / _partial(path).name)
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), f"cannot be written ({reason(error)})") from None
+
+
+def _partial(path: Path) -> Path:
+    """The file in which `write_whole` writes before it moves it to its place."""
+    return path.with_name(f".{path.name}.partial")
 
 
 def check_not_read(written: Iterable[Path], read: Iterable[Path]) -> None:
@@ -194,15 +217,23 @@ def _put(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_table(path: str | Path, rows: Iterable[Mapping[str, Any]], header: Sequence[str]) -> None:
-    """Write rows to CSV, floats in the shortest form that reads back to the same number."""
+def write_table(
+    path: str | Path,
+    rows: Iterable[Mapping[str, Any]],
+    header: Sequence[str],
+    *,
+    seal: bool = False,
+) -> None:
+    """Write rows to CSV, floats in the shortest form that reads back to the same number.
+
+    With ``seal`` the file carries a digest, by which `read_rows` sees that it was changed.
+    """
 
     def write(partial: Path) -> None:
+        lines = [[cell(row.get(key)) for key in header] for row in rows]
         with partial.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, header, lineterminator="\n")
-            writer.writeheader()
-            for row in rows:
-                writer.writerow({key: cell(value) for key, value in row.items()})
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerows(sealed_rows(header, lines) if seal else [header, *lines])
 
     write_whole(path, write)
 
@@ -220,7 +251,8 @@ def read_rows(path: str | Path) -> tuple[list[str], list[list[str]]]:
     Raises
     ------
     InputError
-        If the file is missing or damaged, or a row has more or fewer cells than the header.
+        If the file is missing or damaged, or a row has more or fewer cells than the header; or it
+        carries a digest that is not its own.
     """
     text = read_text(path)
     try:
@@ -230,7 +262,7 @@ def read_rows(path: str | Path) -> tuple[list[str], list[list[str]]]:
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise InputError(str(path), f"line {number} has not {len(header)} cells")
-    return header, rows
+    return opened_rows(str(path), header, rows)
 
 
 def read_table(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.core.files import read_table, write_table
+from reobserve.core.files import NAME, SCORE, YES_NO, Kind, read_table, write_table
 from reobserve.tuning.scoring import DECIDED, PAPER, Cell
 from reobserve.tuning.task import Task
 from reobserve.tuning.tuned_file import TunedMethod, read_tuned
@@ -22,6 +22,10 @@ CELLS = (
     *_ROW, "seeds", "error", "low", "high", "first", "ratio", "ratio_low", "ratio_high", "within",
     "failed", "lag", "quantile", "repeat_low", "repeat_high",
 )  # fmt: skip
+
+
+_WITHIN = Kind(lambda cell: cell in ("yes", "no", "undecided"), "yes, no or undecided")
+_SCORE_OR_NONE = Kind(lambda cell: not cell or SCORE.allows(cell), "a number, nan, inf or empty")
 
 
 def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
@@ -40,17 +44,21 @@ def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
     )  # fmt: skip
 
 
-def write_cells(cells: Iterable[Cell], path: Path) -> None:
+def write_cells(cells: Iterable[Cell], path: Path, *, seal: bool = False) -> None:
     """Write one row for each method in a condition: geometric means, intervals, comparisons."""
-    write_table(path, map(_cell, cells), CELLS)
+    write_table(path, map(_cell, cells), CELLS, seal=seal)
+
+
+_WORDS = {"condition": NAME, "method": NAME, "training": NAME, "given_noise": YES_NO,
+          "within": _WITHIN}  # fmt: skip
 
 
 def read_cells(path: Path) -> list[dict[str, Any]]:
     """The rows that `write_cells` wrote, numbers as numbers, or `InputError` if damaged."""
-    words = {*_ROW, "within"}
+    kinds = dict.fromkeys(CELLS, _SCORE_OR_NONE) | _WORDS
     return [
-        {key: text if key in words else float(text or "nan") for key, text in row.items()}
-        for row in read_table(path, CELLS, key=_ROW)
+        {key: text if key in _WORDS else float(text or "nan") for key, text in row.items()}
+        for row in read_table(path, CELLS, kinds, _ROW)
     ]
 
 

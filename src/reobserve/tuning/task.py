@@ -32,8 +32,9 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.documents import digest, read_yaml
+from reobserve.core.documents import read_yaml
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
+from reobserve.core.seals import digest
 from reobserve.core.validation import Count, Names, NotNegative, Positive, Seed, Text, items, parse
 from reobserve.observers.contract import Observer
 from reobserve.tuning.search import Range, Settings

@@ -9,14 +9,25 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Annotated
 
 from reobserve.core.documents import read_json
-from reobserve.core.errors import InputError
-from reobserve.core.files import write_text
-from reobserve.core.validation import parse
+from reobserve.core.errors import InputError, shown
+from reobserve.core.files import WHOLE, write_text
+from reobserve.core.validation import checked, items, parse
 from reobserve.tuning.search import Settings
 from reobserve.tuning.task import Task
+
+
+def _over_evaluations(place: str, errors: dict[str, float]) -> None:
+    """Refuse keys that are no rising numbers of evaluations."""
+    if not errors or not all(map(WHOLE.allows, errors)):
+        raise InputError(place, f"{shown(list(errors))} must be numbers of evaluations")
+    numbers = [int(key) for key in errors]
+    if numbers[0] < 1 or any(one >= after for one, after in pairwise(numbers)):
+        raise InputError(place, f"{shown(numbers)} must be 1 or more, rising")
 
 
 @dataclass(frozen=True)
@@ -30,7 +41,7 @@ class Repeat:
     settings: Settings
     objective: float
     edges: dict[str, str]
-    held_out: dict[str, float]
+    held_out: Annotated[dict[str, float], checked(_over_evaluations)]
 
     @property
     def error(self) -> float:
@@ -43,7 +54,7 @@ class TunedOn:
     """The tunings on a training set."""
 
     digest: str
-    repeats: list[Repeat]
+    repeats: Annotated[list[Repeat], items()]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError, nearest
-from reobserve.core.files import write_text
+from reobserve.core.files import check_replaceable, write_text
 from reobserve.tuning.commands import tell
 from reobserve_papers.bench.packaged_task import PackagedTask
 
@@ -23,6 +23,8 @@ def tune_command(
         if name not in task.methods:
             raise InputError("method", f"there is no {name!r}{nearest(name, task.methods)}")
     for name in methods or task.methods:
+        check_replaceable(output / f"{name}.json")
+    for name in methods or task.methods:
         path = stored / f"{name}.json" if stored else None
         known = TunedMethod.read(path) if path and path.exists() else None
         tune_method(task, name, tell, known).write(output / f"{name}.json")
@@ -38,7 +40,7 @@ def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None
     cells = score_task(task, read_tuned(task, tuned))
     scores, table = outputs
     write_scores(task, cells, scores)
-    write_cells(cells, table)
+    write_cells(cells, table, seal=True)
 
 
 def moved_command(task_file: Path, cached: Path, again: Path, output: Path) -> None:

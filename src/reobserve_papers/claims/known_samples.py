@@ -16,6 +16,7 @@ from pathlib import Path
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
+from reobserve.core.seals import sealed
 from reobserve.core.validation import parse
 from reobserve_papers.claims.cached_samples import CachedSamples, alike, as_text, numbers_in
 
@@ -112,7 +113,7 @@ def write_chunk(
         }
         for name, samples in made.items()
     }  # fmt: skip
-    write_text(path, json.dumps({"paper": paper, "claims": claims}) + "\n")
+    write_text(path, json.dumps(sealed({"paper": paper, "claims": claims})) + "\n")
 
 
 def read_chunks(paths: Iterable[Path], paper: str) -> MadeSamples:

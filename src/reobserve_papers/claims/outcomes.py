@@ -6,8 +6,8 @@ import copy
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from reobserve.core.documents import digest
 from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.seals import digest
 from reobserve_papers.claims.checks import THEORY, Check, Numbers
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.metrics.metrics import Metric, lookup

@@ -83,7 +83,7 @@ def scores_of(observer: str, scores: Iterable[Score]) -> Iterator[Metric]:
 
 def write_metrics(path: str | Path, metrics: Iterable[Metric]) -> None:
     """Write to CSV, or raise `InputError` if the folder cannot be written."""
-    write_table(path, (asdict(metric) for metric in metrics), HEADER)
+    write_table(path, (asdict(metric) for metric in metrics), HEADER, seal=True)
 
 
 def read_metrics(path: str | Path) -> list[Metric]:

@@ -15,8 +15,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from reobserve.core.documents import Tree, check_plain, digest, read_json, read_yaml
+from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
 from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.seals import sealed
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import OVERRIDDEN, is_entry, resolve
@@ -77,18 +78,13 @@ class Parameters:
         InputError
             If the file is missing, or has not the digest of what it holds.
         """
-        stored = read_json(path)
-        kept = {key: value for key, value in stored.items() if key != "digest"}
-        if stored.get("digest") != digest(kept):
-            problem = "is not as it was written; build, or run `reobserve-papers stage parameters`"
-            raise InputError(str(path), problem)
+        kept = read_json(path, must_be_sealed=True)
         return cls(kept["paper"], kept["parameters"], kept["seed"])
 
     def text(self) -> str:
         """The parameter file as JSON with a digest of it, the same for the same content."""
         stored = {"paper": self.paper, "seed": self.seed, "parameters": self.tree}
-        stored["digest"] = digest(stored)
-        return json.dumps(stored, indent=1, ensure_ascii=False) + "\n"
+        return json.dumps(sealed(stored), indent=1, ensure_ascii=False) + "\n"
 
     @property
     def package(self) -> str:

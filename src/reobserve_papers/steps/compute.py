@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.core.documents import digest, read_json
+from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, ReobserveError, located, shown
 from reobserve.core.files import read_table
+from reobserve.core.seals import digest
 from reobserve.core.validation import parse
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.study_table import StudyTable

@@ -12,8 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from reobserve.core.documents import digest
 from reobserve.core.errors import InputError, located, shown
+from reobserve.core.seals import digest
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.metrics.parts import only
 from reobserve_papers.parameters.parameters import Parameters

@@ -26,6 +26,7 @@ from reobserve.core.files import (
     WHOLE,
     YES_NO,
     Kind,
+    check_replaceable,
     read_columns,
     read_table,
     write_table,
@@ -70,6 +71,21 @@ def test_outputs_replace_only_regular_files(tmp_path: Path) -> None:
             write_text(path, "new")
     assert sorted(os.listdir(tmp_path)) == before
     assert target.read_text() == read_only.read_text() == "kept"
+
+
+@pytest.mark.parametrize("folder", ["", "later/on"])
+def test_output_that_no_folder_takes_is_refused_before_work(tmp_path: Path, folder: str) -> None:
+    for letters in (240, 250, 300):  # what is written first has a longer name than the file
+        path = tmp_path / folder / f"{'x' * (letters - 5)}.yaml"
+        if letters == 240:
+            check_replaceable(path)
+            write_text(path, "a")
+            continue
+        with pytest.raises(InputError, match=r"cannot be written \(File name too long\)"):
+            check_replaceable(path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"cannot be written \(Not a directory\)"):
+        check_replaceable(tmp_path / "file" / "folder" / "a.yaml")
 
 
 def test_temporary_file_does_not_follow_a_link(tmp_path: Path) -> None:

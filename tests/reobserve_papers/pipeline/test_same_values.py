@@ -81,11 +81,12 @@ def test_study_is_bitwise_identical_to_the_library_call(
         tmp_path / "study.csv",
         rows,
         paper_module(PARAMETER_FILES[paper].package, "study_rows").HEADER,
+        seal=True,
     )
     built = (as_built.folder / "results" / paper / f"{study}.study.csv").read_bytes()
     mine = (tmp_path / "study.csv").read_bytes()
     if study in FEW_LEVELS:
-        assert set(mine.splitlines()) < set(built.splitlines())
+        assert set(mine.splitlines()[1:]) < set(built.splitlines()[1:])
     else:
         assert mine == built
 
@@ -96,7 +97,10 @@ def test_table_is_bitwise_identical_to_the_library_call(
 ) -> None:
     rows = EVALUATORS[paper].table(table)
     write_table(
-        tmp_path / "table.csv", rows, paper_module(PARAMETER_FILES[paper].package, "table").HEADER
+        tmp_path / "table.csv",
+        rows,
+        paper_module(PARAMETER_FILES[paper].package, "table").HEADER,
+        seal=True,
     )
     found = as_built.folder / "results" / paper / f"{table}.csv"
     assert found.read_bytes() == (tmp_path / "table.csv").read_bytes()

@@ -274,9 +274,9 @@ from reobserve.core.files import write_table
 evaluator = Evaluator(Parameters.load(Path(), "toy", seed=1))
 figure = evaluator.figure("fig1")
 write_metrics("mine/metrics.csv", figure.numbers)
-write_table("mine/study.csv", figure.rows, list(figure.rows[0]))
+write_table("mine/study.csv", figure.rows, list(figure.rows[0]), seal=True)
 rows = evaluator.table("table1")
-write_table("mine/table.csv", rows, list(rows[0]))
+write_table("mine/table.csv", rows, list(rows[0]), seal=True)
 """
 
 

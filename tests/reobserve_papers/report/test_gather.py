@@ -179,7 +179,7 @@ DAMAGED = [
     ("results/toy/table1.csv", 'a,b\n"1,2\n', "cannot be read (unexpected end of data)"),
     ("results/toy/robustness.json", "{", "is not JSON"),
     ("results/toy/robustness.json", "[]", "must be a mapping"),
-    ("results/toy/parameters.json", "{}", "is not as it was written"),
+    ("results/toy/parameters.json", "{}", "is not what was written"),
     ("results/claims.csv", "a,b\n", "has the columns"),
     ("config/claims/toy.yaml", "claims: {}", "claims.toy.limitations: is missing"),
     ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "errata.toy.sign.printed: is missing"),

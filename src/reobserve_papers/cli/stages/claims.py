@@ -37,7 +37,7 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
             rows += _rows(project, results, name)
         except InputError as error:
             rows.append(broken_row(name, str(error)))
-    write_table(output, rows, HEADER)
+    write_table(output, rows, HEADER, seal=True)
 
 
 def _rows(project: Path, results: Path, paper: str) -> list[dict[str, Any]]:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from reobserve.core.files import write_text
+from reobserve.core.seals import sealed
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import compute_design, provenance
 
@@ -19,4 +20,4 @@ def run(parameter_file: Path, design: str, output: Path) -> None:
             parameters, "design", design, parameters.settings("design", design)
         ),
     }
-    write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(output, json.dumps(sealed(stored), indent=1, ensure_ascii=False) + "\n")

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reobserve.core.documents import digest
 from reobserve.core.errors import InputError, shown
+from reobserve.core.seals import digest
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Series

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.files import write_text
+from reobserve.core.seals import sealed
 from reobserve_papers.claims.cached_samples import read_cached
 from reobserve_papers.claims.known_samples import read_chunks
 from reobserve_papers.claims.registry import read_registry
@@ -36,4 +37,4 @@ def run(
         "samples": samples,
         "claims": {name: to_data(one) for name, one in found.items()},
     }
-    write_text(output, json.dumps(stored, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(output, json.dumps(sealed(stored), ensure_ascii=False) + "\n")

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from reobserve.core.files import write_text
+from reobserve.core.seals import sealed
 from reobserve_papers.cli.stages.records import read_record
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import compute, provenance
@@ -23,7 +24,7 @@ def run(parameter_file: Path, plant_file: Path, search: str, output: Path) -> No
     plant = read_record(plant_file, parameters, settings["search"]["scenario"])
     found = compute(parameters, "search", search, settings, plant, _tell)
     stored = {"search": found, "provenance": provenance(parameters, "search", search, settings)}
-    write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(output, json.dumps(sealed(stored), indent=1, ensure_ascii=False) + "\n")
 
 
 def _tell(line: str) -> None:

@@ -19,4 +19,4 @@ def run(
     design = named_design(parameters, settings["study"], design_file)
     plant = read_record(plant_file, parameters, settings["study"]["scenario"])
     rows = compute(parameters, "study", study, settings, plant, *design)
-    write_table(output, rows, paper_module(parameters.package, "study_rows").HEADER)
+    write_table(output, rows, paper_module(parameters.package, "study_rows").HEADER, seal=True)

@@ -15,4 +15,4 @@ def run(parameter_file: Path, table: str, design_file: Path, output: Path) -> No
     settings = parameters.settings("table", table)
     design = named_design(parameters, settings["table"], design_file)
     rows = compute(parameters, "table", table, settings, *design)
-    write_table(output, rows, paper_module(parameters.package, "table").HEADER)
+    write_table(output, rows, paper_module(parameters.package, "table").HEADER, seal=True)
