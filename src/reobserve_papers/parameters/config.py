@@ -88,6 +88,9 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     for key in config:
         if key not in known:
             raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
+    for key, value in config.items():
+        if value is None:
+            raise InputError(f"config.{key}", "is left empty; give it a value, or leave it out")
     parse(Configuration, config, "config")
     for key, there in (("papers", papers), ("bench", known_tasks(project))):
         for name in config.get(key, ()):

@@ -31,13 +31,16 @@ _DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
 
 
 def check_metadata(project: Path) -> None:
-    """Check the files in which Snakemake remembers how results were made.
+    """Check the files in which Snakemake remembers how results were made, and their folder.
 
     Raises
     ------
     InputError
-        If one of them is damaged, which Snakemake answers with a traceback.
+        If one of them is damaged, or a folder has braces, which Snakemake answers with tracebacks.
     """
+    for folder in (str(project.absolute()), str(Path(sys.executable).parent)):
+        if "{" in folder or "}" in folder:
+            raise InputError(folder, "has braces, which Snakemake takes for wildcards; rename it")
     for path in sorted((project / ".snakemake" / "metadata").glob("*")):
         if not _is_record(path):
             time.sleep(0.5)  # a job may be writing it

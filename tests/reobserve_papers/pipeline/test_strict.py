@@ -178,6 +178,39 @@ def test_unwritable_results_folder_is_reported_in_one_sentence(fresh: Project) -
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("key", ["bench", "papers", "samples", "ilo"])
+def test_key_left_empty_is_refused_in_one_sentence(fresh: Project, key: str) -> None:
+    (fresh.folder / "mine.yaml").write_text(f"{key}:\n")
+    target = "results/ilo/constant/plant.parquet"
+    done = fresh.snakemake(target, "--dry-run", "--configfile", "mine.yaml", check=False)
+    assert done.returncode == 1
+    last = done.stderr.rstrip().splitlines()[-1]
+    assert last.startswith(f"reobserve-papers: config.{key}: is left empty")
+    assert "Traceback" not in done.stderr
+
+
+def test_build_needs_no_home_that_can_be_written(fresh: Project) -> None:
+    (fresh.folder / "home").write_text("")  # which also stops root
+    home = {"HOME": str(fresh.folder / "home"), "XDG_CACHE_HOME": ""}
+    environment = fresh.environment | home
+    fresh.snakemake("results/ilo/constant/plant.parquet", environment=environment)
+    assert (fresh.folder / "results/ilo/constant/plant.parquet").is_file()
+
+
+def test_folder_with_braces_is_refused_in_one_sentence(fresh: Project) -> None:
+    folder = fresh.folder / "with{braces}"
+    folder.mkdir()
+    for part in ("Snakefile", "workflow", "config", "profiles"):
+        (folder / part).symlink_to(fresh.folder / part)
+    done = fresh.run(
+        "snakemake", "--cores", "1", "--dry-run", "--directory", str(folder), check=False
+    )
+    assert done.returncode == 1
+    last = done.stderr.rstrip().splitlines()[-1]
+    assert last.startswith("reobserve-papers: ")
+    assert "with{braces}: has braces, which Snakemake takes for wildcards; rename it" in last
+
+
 @pytest.mark.parametrize(
     ("target", "said"),
     [
