@@ -22,8 +22,10 @@ def leave(main: Callable[[], int]) -> NoReturn:
     """Run a command line and leave at once, with all files written.
 
     To take apart an interpreter that holds compiled loops takes longer than most jobs compute.
+    Plots go to files, whatever a notebook has set for the windows of its own process.
     """
     collect_rarely()
+    os.environ["MPLBACKEND"] = "agg"
     code = main()
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:

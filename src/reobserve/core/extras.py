@@ -7,6 +7,8 @@ by the call, so that what one user needs another may lack.
 from __future__ import annotations
 
 import importlib
+import os
+import sys
 from importlib.util import find_spec
 from typing import Any
 
@@ -69,12 +71,26 @@ def package(name: str, purpose: str, extra: str = "") -> Any:
         If it is not installed, with the command that installs it.
     """
     top = name.partition(".")[0]
+    if top == "matplotlib" and "matplotlib" not in sys.modules:
+        _import_matplotlib()
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name != top:
             raise
         raise MissingPackageError(top, purpose, extra) from None
+
+
+def _import_matplotlib() -> None:
+    """Import it also where MPLBACKEND names a backend that is not here, as of a notebook."""
+    try:
+        importlib.import_module("matplotlib")
+    except ImportError:
+        return  # which the caller sees again
+    except ValueError:
+        os.environ.pop("MPLBACKEND", None)
+        for half_imported in [one for one in sys.modules if one.startswith("matplotlib.")]:
+            del sys.modules[half_imported]
 
 
 def require(name: str, purpose: str, extra: str = "") -> None:

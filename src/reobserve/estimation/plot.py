@@ -97,7 +97,9 @@ class Plot:
             "legend.frameon": False, "pdf.fonttype": 42, "svg.fonttype": "none",
         }  # fmt: skip
         matplotlib = package("matplotlib", "draw a plot")
-        with matplotlib.rc_context(style):
+        default = {key: value for key, value in matplotlib.rcParamsDefault.items()
+                   if key != "backend"}  # fmt: skip
+        with matplotlib.rc_context({**default, **style}):  # whatever a matplotlibrc says
             figure = self._figure(package("matplotlib.figure", "draw a plot"))
             metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix)
             write_whole(

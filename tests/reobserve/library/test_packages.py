@@ -168,3 +168,38 @@ def test_unknown_name_suggests_the_nearest() -> None:
     with pytest.raises(AttributeError, match=r"'SampledIlo'; did you mean 'SampledILO'\?$"):
         reobserve.SampledIlo  # noqa: B018
     assert not hasattr(reobserve, "nothing")
+
+
+BACKENDS = ("module://matplotlib_inline.backend_inline_of_a_notebook", "none")
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_matplotlib_is_imported_whatever_backend_a_notebook_has_set(backend: str) -> None:
+    program = (
+        "from reobserve.core.extras import package\n"
+        "package('matplotlib.figure', 'draw').Figure(layout='constrained').subplots()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "MPLBACKEND": backend}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_plot_of_a_command_is_the_same_whatever_a_matplotlibrc_says(tmp_path: Path) -> None:
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 40\nlines.color: red\n")
+    (tmp_path / "none").touch()
+    base = [sys.executable, "-m", "reobserve", "estimate"]
+
+    def command(*words: str, **environment: str) -> None:
+        done = subprocess.run(
+            [*base, *words], cwd=tmp_path, env={**os.environ, **environment},
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+
+    command("--example", "levant", "--out", "s.yaml", "--data", "r.csv")
+    for name, rc in (("one", "none"), ("other", "matplotlibrc")):
+        settings = {"MATPLOTLIBRC": str(tmp_path / rc), "MPLBACKEND": "none"}
+        command("s.yaml", "r.csv", "--out", "e.csv", "--plot", f"{name}.png", **settings)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 import yaml
 
-from reobserve.core.documents import digest, read_yaml
+from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats
+from reobserve.core.seals import digest
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import OVERRIDDEN
 from reobserve_papers.parameters.parameters import Parameters, leaves
