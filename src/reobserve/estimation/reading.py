@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 BLOCK = 4 * 2**20  # bytes of text, and about as many of numbers
 _NO_NUMBER = re.compile(r"Row #(\d+): CSV conversion error to double: invalid value '(.*)'$")
 _DELIMITER = re.compile(rb"(?:\xef\xbb\xbf)?sep=([,;\t])\r?\n?")
+_LONGEST_HEADER = 2**16  # bytes
 _ENDINGS = (".csv", ".csv.gz", ".parquet")
 
 
@@ -71,12 +72,17 @@ class File:
         """The first two lines of text."""
         first = bytearray()
         with self._text() as stream:
-            while first.count(b"\n") < 2 and len(first) < 2**16:
+            while first.count(b"\n") < 2 and len(first) < _LONGEST_HEADER:
                 chunk = stream.read(4096)
                 if not chunk:
                     break
                 first += chunk
-        return [*bytes(first).split(b"\n"), b""][:2]
+        lines = bytes(first).split(b"\n")
+        header = 1 if _DELIMITER.fullmatch(lines[0]) else 0
+        if len(lines) == header + 1 and len(first) >= _LONGEST_HEADER:
+            problem = f"its header has more than {_LONGEST_HEADER} bytes, or no line ends"
+            raise InputError(str(self.path), problem)
+        return [*lines, b""][:2]
 
     def blocks(
         self, columns: Sequence[str], dated: str = "", report: DataReport | None = None

@@ -78,16 +78,17 @@ def text_jacobian(name: str, texts: tuple[str, ...], names: Names) -> tuple[str,
 def _derivative(expression: Any, x: Any) -> Any:
     """The derivative by x, with e b' b**(e - 1) for that of b**e where e is not of x.
 
-    sympy writes e b' b**e / b, which is nan at b = 0.
+    sympy writes e b' b**e / b, which is nan at b = 0, and a derivative of sinc that is nan at 0.
     """
     import sympy
 
-    power = _power()
+    power, sinc = _power(), _sinc()
     pairs = expression.replace(
         lambda one: one.is_Pow and not one.exp.is_number and not one.exp.has(x),
         lambda one: power(*one.args),
     )
-    return pairs.diff(x).replace(power, sympy.Pow)
+    found = pairs.replace(sympy.sinc, sinc).diff(x)
+    return found.replace(power, sympy.Pow).replace(sinc, sympy.sinc)
 
 
 @cache
@@ -103,6 +104,22 @@ def _power() -> Any:
             return exponent * Power(base, exponent - 1)
 
     return Power
+
+
+@cache
+def _sinc() -> Any:
+    """sinc with a derivative that is 0 at 0."""
+    import sympy
+
+    class Sinc(sympy.Function):  # type: ignore[misc]
+        is_real = True
+
+        def fdiff(self, argindex: int = 1) -> Any:
+            (x,) = self.args
+            slope = (sympy.cos(x) - sympy.sin(x) / x) / x
+            return sympy.Piecewise((slope, sympy.Ne(x, 0)), (0, True))
+
+    return Sinc
 
 
 def _symbols(names: Names) -> tuple[dict[str, Any], dict[Any, str]]:

@@ -87,6 +87,20 @@ def test_large_file_is_never_completely_in_memory(tmp_path: Path) -> None:
     assert record.stat().st_size > 50 * block
 
 
+@pytest.mark.parametrize("first", ["", "sep=,\n"])
+def test_header_too_long_to_be_read_is_refused_as_that(tmp_path: Path, first: str) -> None:
+    for columns in (2000, 20_000):
+        names = ",".join(f"c{k}" for k in range(columns))
+        row = ",".join("0" * columns)
+        (tmp_path / "r.csv").write_text(f"{first}{names}\n{row}\n")
+        file = File(tmp_path / "r.csv", ",", ".", "utf-8", None, 2**20)
+        if columns == 2000:
+            assert len(file.header()) == columns
+            continue
+        with pytest.raises(InputError, match="its header has more than 65536 bytes"):
+            file.header()
+
+
 def test_header_units_are_read_and_output_can_be_input(expected: bytes, tmp_path: Path) -> None:
     titles = {"t": "t [ms]", "speed": "speed [rpm]", "current": "current[mA]"}
     columns = {titles.get(name, name): values for name, values in EVEN.items()}
