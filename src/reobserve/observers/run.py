@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, one_line, shown
 from reobserve.core.extras import package
+
+if TYPE_CHECKING:
+    from reobserve.observers.run_diagnostics import Diagnostics
 
 Array = NDArray[np.float64]
 StateKind = TypeVar("StateKind")
@@ -190,6 +193,19 @@ class Run(Generic[StateKind]):
         from reobserve.observers.run_plot import plot
 
         return plot(self, list(self.estimates if names is None else names))
+
+    def diagnostics(self) -> Diagnostics:
+        """What the innovations and covariances of a Gaussian filter say against its model.
+
+        Raises
+        ------
+        InputError
+            If the run is of many records, or has no innovations.
+        """
+        self._refuse_many()
+        from reobserve.observers.run_diagnostics import diagnose
+
+        return diagnose(self)
 
 
 def _named(estimates: Mapping[str, Array], name: str) -> Array:
