@@ -24,7 +24,11 @@ _COMMANDS = {
         "overview:params_options",
         "parameters.overview:show_params",
     ),
-    "check": ("check everything under config/", "overview:check_options", "cli.stages.check:run"),
+    "check": (
+        "check everything under config/; it runs the code of that project",
+        "overview:check_options",
+        "cli.stages.check:run",
+    ),
     "stage": ("run one stage of the pipeline by hand", "stage_commands:STAGES", ""),
     "report": (
         "write the replication report of the results",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import tempfile
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import read_yaml
+from reobserve.core.files import write_table
 from reobserve_papers.golden.files import read_metrics
-from reobserve_papers.metrics.metrics import write_metrics
+from reobserve_papers.metrics.metrics import HEADER
 
 from .outcome import ROOT, command
 
@@ -73,7 +75,8 @@ def results() -> dict[str, bytes]:
     found["robustness.json"] = json.dumps(nothing).encode()
     for figure in (*paper("eso")["figures"], "theory"):
         file = Path(_FOLDER.name) / f"{figure}.metrics.csv"
-        write_metrics(file, read_metrics(ROOT, "eso", figure))  # the accepted numbers
+        rows = map(asdict, read_metrics(ROOT, "eso", figure))
+        write_table(file, rows, HEADER)  # the accepted numbers
         found[file.name] = file.read_bytes()
     return {f"results/eso/{name}": content for name, content in found.items()}
 

@@ -397,9 +397,9 @@ def test_invalid_robustness_file_is_refused(
     "change",
     [
         lambda t: t.clear(),
-        lambda t: t.pop("digest"),
+        lambda t: t.pop("sha256"),
         lambda t: t.pop("parameters"),
-        lambda t: t.update(digest=None),
+        lambda t: t.update(sha256=None),
         lambda t: t.update(seed=t["seed"] + 1),
         lambda t: t.update(paper="../x"),
         lambda t: t.update(more=1),
