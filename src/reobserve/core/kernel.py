@@ -93,15 +93,21 @@ def inlined_kernel(function: Function) -> Function:
     return cast(Function, InlinedKernel(function))
 
 
-def compiled_with_signature(signature: str, function: Callable[..., Any]) -> Any:
+def compiled_with_signature(signature: Any, function: Callable[..., Any]) -> Any:
     """Compile a function with one signature, which kernels take as an argument."""
     return _cached(function, numba.cfunc, signature, error_model="numpy")
+
+
+def cached_inner(function: Callable[..., Any], **options: Any) -> Any:
+    """Compile what compiled code alone calls, without wrappers for Python and C; cached on disk."""
+    alone = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+    return _cached(function, numba.njit, **alone, **options)
 
 
 class FunctionPointer:
     """A function that is an argument of kernels, compiled on first use, not on import."""
 
-    def __init__(self, signature: str, function: Callable[..., Any]) -> None:
+    def __init__(self, signature: Any, function: Callable[..., Any]) -> None:
         self._signature, self._function = signature, function
 
     @cached_property

@@ -12,9 +12,13 @@ import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import numba
+
+compiling = RLock()
+"""Held while settings of the whole process are changed to compile, such as where to cache."""
 
 
 class _CheckedFile:
@@ -87,12 +91,13 @@ def cache_in(folder: Path | None) -> Iterator[bool]:
         self.__class__ = _CheckedCache
 
     config: Any = numba.config
-    before = config.CACHE_DIR, _CACHE.__init__
-    config.CACHE_DIR, _CACHE.__init__ = str(folder), checked
-    try:
-        yield True
-    finally:
-        config.CACHE_DIR, _CACHE.__init__ = before
+    with compiling:
+        before = config.CACHE_DIR, _CACHE.__init__
+        config.CACHE_DIR, _CACHE.__init__ = str(folder), checked
+        try:
+            yield True
+        finally:
+            config.CACHE_DIR, _CACHE.__init__ = before
 
 
 def own_folder(place: Path, name: str) -> Path | None:

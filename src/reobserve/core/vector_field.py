@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-import copyreg
 import inspect
 from collections.abc import Callable
-from functools import reduce
+from functools import partial, reduce
 from importlib import import_module
 from pickle import PicklingError
 from typing import Any
 
-from numba import NumbaError
+import numpy as np
+from numba import NumbaError, types
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.kernel import compiled_with_signature
+from reobserve.core.kernel import cached_inner
+from reobserve.core.loop_function import in_its_words, loop_pointer
 
-# (point, parameters, out): write the value at a point to out; all are arrays of floats.
-_SIGNATURE = "void(float64[::1], float64[::1], float64[::1])"
+_VECTOR = types.Array(types.float64, 1, "C")
+
+VECTOR_FIELD = types.void(_VECTOR, _VECTOR, _VECTOR)
+"""(point, parameters, out): write the value at a point to out; all are arrays of floats."""
 
 
 def vector_field(function: Callable[..., None]) -> Any:
     """Compile ``function(x, parameters, out)``, so that compiled loops can be handed it.
 
     Unlike a kernel it has one fixed signature and is called through a pointer: a loop is
-    compiled once for all fields, and its machine code is kept on disk.
+    compiled once for all fields. Its machine code is kept on disk. What it raises in a loop, an
+    index beyond an array as well, is raised after the loop.
 
     Raises
     ------
@@ -33,11 +37,24 @@ def vector_field(function: Callable[..., None]) -> Any:
     if not inspect.isfunction(function):
         raise InputError("function", f"{shown(function)} must be a function of Python")
     try:
-        field = compiled_with_signature(_SIGNATURE, function)
+        inner = cached_inner(function, boundscheck=True)
+        inner.compile(VECTOR_FIELD.args)
     except NumbaError as error:
         said = str(error).strip().partition("\n")[0]
         raise InputError("function", f"{function.__name__} cannot be compiled: {said}") from None
-    copyreg.pickle(type(field), _place)
+
+    def again(x: Any, parameters: Any, out: Any) -> None:
+        try:
+            with np.errstate(all="ignore"):
+                function(x, parameters, out)
+        except Exception as error:
+            out[:] = np.nan
+            problem = in_its_words(function.__name__, error, x)
+            if problem is not None:
+                raise problem from None
+
+    field = loop_pointer(VECTOR_FIELD, inner, again)
+    field.pickled = partial(_place, field, function)
     return field
 
 
@@ -51,9 +68,8 @@ def _at(module: str, name: str) -> Any:
     return reduce(getattr, name.split("."), import_module(module))
 
 
-def _place(field: Any) -> tuple[Any, tuple[str, str]]:
+def _place(field: Any, function: Any) -> tuple[Any, tuple[str, str]]:
     """Pickle a vector field by its place, as functions are."""
-    function = field.__wrapped__
     module, name = function.__module__, function.__qualname__
     if "<locals>" in name or _at(module, name) is not field:
         raise PicklingError(f"the vector field {name} stands nowhere in the module {module}")

@@ -23,7 +23,7 @@ from reobserve.core.files import read_text, write_text
 from reobserve.core.validation import items, join, parse, within
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
-from reobserve.systems.linear import as_covariance
+from reobserve.systems.covariances import as_covariance
 
 Array = NDArray[np.float64]
 

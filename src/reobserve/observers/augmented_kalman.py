@@ -20,13 +20,8 @@ from reobserve.observers.linear_loop import FilterRows, PredictedRows
 from reobserve.observers.linear_steps import Gain
 from reobserve.observers.run import AxisNames
 from reobserve.synthesis.linear import undetectable_modes
-from reobserve.systems.linear import (
-    LinearModel,
-    ModelRows,
-    as_covariance,
-    as_covariances,
-    as_matrices,
-)
+from reobserve.systems.covariances import as_covariance, as_covariances
+from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]

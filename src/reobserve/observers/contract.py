@@ -30,13 +30,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_word
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.core.matrices import (
-    all_finite,
-    as_positive,
-    as_row,
-    as_sample_rows,
-    as_samples,
-)
+from reobserve.core.loop_function import RaisedAfterLoop
+from reobserve.core.matrices import all_finite, as_positive, as_row, as_sample_rows, as_samples
 from reobserve.core.value import Value, converter
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
 from reobserve.observers.record import (
@@ -124,7 +119,8 @@ class Observer(Value, ABC, Generic[StateKind]):
     def _fill(self, state: StateKind, record: Record) -> Rows:
         """Run the compiled loop over a record."""
         state, record = self._completed(state, record)
-        rows = self._integrate(state, steps_between(state.sample, record))
+        with RaisedAfterLoop():
+            rows = self._integrate(state, steps_between(state.sample, record))
         begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
         last = np.concatenate([record.y[-1], record.u[-1]])
         return Rows(

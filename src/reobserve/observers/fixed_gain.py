@@ -15,7 +15,7 @@ from reobserve.core.matrices import as_floats, spectral_radius
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, KalmanState
 from reobserve.observers.kalman import LINEAR, TAKES
-from reobserve.observers.linear_steps import Gain, gain_function
+from reobserve.observers.linear_steps import Gain, own_gain_function
 from reobserve.synthesis.linear import place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 
@@ -164,7 +164,7 @@ def steady_kalman(model: LinearModel) -> FixedGainObserver:
     return FixedGainObserver(model, steady_kalman_gain(as_kind("model", model, LinearModel)))
 
 
-@gain_function
+@own_gain_function
 def _given_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:

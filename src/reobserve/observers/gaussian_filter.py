@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_row, as_samples, as_vector
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Observer
@@ -45,7 +46,7 @@ from reobserve.observers.many import in_threads, part
 from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
-from reobserve.systems.linear import as_covariance
+from reobserve.systems.covariances import as_covariance
 
 __all__ = ["KEPT", "Correction", "Gaussian", "GaussianFilter", "KalmanState", "ModeFilter"]
 
@@ -183,11 +184,11 @@ class GaussianFilter(Observer[KalmanState]):
         control = as_vector("u", u, self.whole.inputs)
         model, inputs, _ = self._in_record({}, np.empty((1, m)), np.array([[control, control]]))
         mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self.steps.work(n, m)
-        good = self.steps.predict(
-            model, self.method, inputs[0], for_loop(posterior.mean)[None],
-            for_loop(posterior.covariance)[None], mean, *covariances, work,
-        )  # fmt: skip
-        self._raise_problem()
+        with RaisedAfterLoop():
+            good = self.steps.predict(
+                model, self.method, inputs[0], for_loop(posterior.mean)[None],
+                for_loop(posterior.covariance)[None], mean, *covariances, work,
+            )  # fmt: skip
         if not good:
             cause = self.steps.causes[int(work.cause[0])] if self.steps.causes else ""
             raise DivergenceError(type(self).__name__, 0.0, cause)
@@ -230,11 +231,6 @@ class GaussianFilter(Observer[KalmanState]):
         ahead = self.predict(self._checked(state).posterior, np.zeros(self.inputs))
         one = self.correct(ahead, np.zeros(self.measurements), np.zeros(self.inputs))
         return np.sqrt(np.diag(one.innovation_covariance))
-
-    def _raise_problem(self) -> None:
-        """Raise what a Python function of the model raised, if one did."""
-        if self.steps.causes:
-            self.model.raise_problem()
 
     def _given(self, given: Mapping[str, Any], rows: int) -> Mapping[str, Any]:
         """The values given by name for k rows, for the model of all that is estimated."""
@@ -285,7 +281,8 @@ class GaussianFilter(Observer[KalmanState]):
         def block(one: slice) -> None:
             parts = [None if all_ is None else part(all_, one) for all_ in (after, rows, kept)]
             work = self.steps.work(n, m)
-            self.steps.run(model, method, y[one], inputs[one], fresh, *parts, work, ends[one])
+            with RaisedAfterLoop():
+                self.steps.run(model, method, y[one], inputs[one], fresh, *parts, work, ends[one])
 
         python = bool(getattr(self.whole, "uncompiled", ()))
         if records > 1 and records * k >= ROWS_FOR_THREADS and not python:
@@ -295,9 +292,9 @@ class GaussianFilter(Observer[KalmanState]):
                 work = spare.pop()
             except IndexError:
                 work = self.steps.work(n, m)
-            self.steps.run(model, method, y, inputs, fresh, after, rows, kept, work, ends)
+            with RaisedAfterLoop():
+                self.steps.run(model, method, y, inputs, fresh, after, rows, kept, work, ends)
             spare.append(work)
-        self._raise_problem()
         return rows, kept, ends
 
     @cached_property

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
 from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_floats, as_numbers, as_probabilities, as_row_stochastic
 from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer
@@ -54,7 +55,8 @@ from reobserve.observers.kalman import LINEAR
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_times
-from reobserve.systems.linear import ModelRows, as_covariances
+from reobserve.systems.covariances import as_covariances
+from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
 
@@ -283,11 +285,12 @@ class IMM(Observer[ImmState]):
             model = self._model
             if record.given or state.held is not None or record.periods is not None:
                 model, inputs, held = self._in_record(state, record, inputs)
-            good = run_bank(
-                Bank(model, self._parameters, for_loop(self.transition), self.mixing),
-                self._linear[0].method.function, posteriors, record.y, inputs, fresh,
-                new_bank_work(posteriors, self.mixing), rows,
-            )  # fmt: skip
+            with RaisedAfterLoop():
+                good = run_bank(
+                    Bank(model, self._parameters, for_loop(self.transition), self.mixing),
+                    self._linear[0].method.function, posteriors, record.y, inputs, fresh,
+                    new_bank_work(posteriors, self.mixing), rows,
+                )  # fmt: skip
         variance = rows.covariance.diagonal(axis1=1, axis2=2)
         estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
         reached = ImmState(

@@ -21,6 +21,7 @@ from reobserve.systems.linear import ModelRows
 Array = NDArray[np.float64]
 
 LEAST = 1e-280  # a sum of probabilities above this has all its digits
+FAR = -1000.0  # a logarithm below this loses digits of the logarithm of a sum that is added to it
 
 
 class Bank(NamedTuple):
@@ -131,9 +132,13 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
         greatest = max(greatest, log_probabilities[j])
     for value in log_probabilities:
         total += math.exp(value - greatest)
-    whole = greatest + math.log(total)
+    rest = math.log(total)
+    whole = greatest + rest
     for j in range(len(log_probabilities)):
-        log_probabilities[j] -= whole
+        if greatest > FAR:
+            log_probabilities[j] -= whole
+        else:
+            log_probabilities[j] = (log_probabilities[j] - greatest) - rest
     return whole
 
 

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import FunctionPointer, inlined_kernel
+from reobserve.core.loop_function import GuardedPointer
 
 Array = NDArray[np.float64]
 
@@ -28,8 +31,17 @@ UNROLLED = 5
 
 HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
-_TALL, _FLAT = "float64[:, ::1]", "float64[::1]"
-_SIGNATURE = f"void({_TALL}, {_TALL}, {_FLAT}, {_FLAT}, {_FLAT}, {_TALL})"
+_TALL, _FLAT = (types.Array(types.float64, size, "C") for size in (2, 1))
+_SIGNATURE = types.void(_TALL, _TALL, _FLAT, _FLAT, _FLAT, _TALL)
+
+own_gain_function = partial(FunctionPointer, _SIGNATURE)
+"""As `gain_function`, for functions of the library, which raise nothing and change nothing."""
+
+
+def _shaped(cross: Array, factor: Array, innovation: Array, *others: Array) -> tuple[Array, ...]:
+    m = len(innovation)
+    *vectors, gain = others
+    return cross.reshape(-1, m), factor.reshape(m, m), innovation, *vectors, gain.reshape(-1, m)
 
 
 def gain_function(function: Callable[..., None]) -> FunctionPointer:
@@ -38,9 +50,10 @@ def gain_function(function: Callable[..., None]) -> FunctionPointer:
     It writes the gain K, shape (n, m), to its last argument. ``cross`` is P C', shape (n, m), of
     the predicted covariance, ``factor`` the lower Cholesky factor of the innovation's covariance,
     shape (m, m), ``innovation`` e(k+1|k) and ``error`` the filter's own a posteriori output error
-    e(k|k), both of shape (m,), and ``parameters`` what the filter put there.
+    e(k|k), both of shape (m,), and ``parameters`` what the filter put there. What it raises is
+    raised after the loop.
     """
-    return FunctionPointer(_SIGNATURE, function)
+    return GuardedPointer(_SIGNATURE, function, _shaped)
 
 
 class Gain(NamedTuple):

@@ -20,7 +20,7 @@ from reobserve.observers.nonlinear_filter_work import (
     new_filter_work,
 )
 from reobserve.observers.nonlinear_steps import predict_nonlinear, run_nonlinear
-from reobserve.systems.linear import as_covariances
+from reobserve.systems.covariances import as_covariances
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.nonlinear_flow import NonlinearRows
 

@@ -22,7 +22,7 @@ from reobserve.core.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps
 from reobserve.observers.kalman import LINEAR, TAKES
-from reobserve.observers.linear_steps import Gain, gain_function
+from reobserve.observers.linear_steps import Gain, own_gain_function
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -140,7 +140,7 @@ def _switching(innovation: Array, error: Array, parameters: Array, o: int) -> fl
     return share
 
 
-@gain_function
+@own_gain_function
 def _switching_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:
@@ -171,7 +171,7 @@ def _output_root(cross: Array, parameters: Array) -> Array:
     return root
 
 
-@gain_function
+@own_gain_function
 def _weighted_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
 from reobserve.observers.correlated_noise import TakenOut
@@ -109,11 +110,11 @@ def rts_smoother(
     )
     n = means.shape[1]
     ahead = np.empty((k - 1, n)), np.empty((k - 1, n, n)), np.empty((k - 1, n, n))
-    rows = filter.steps.predict(
-        model, filter.method, held_inputs[0], means, covariances, *ahead,
-        filter.steps.work(n, m),
-    )  # fmt: skip
-    filter._raise_problem()
+    with RaisedAfterLoop():
+        rows = filter.steps.predict(
+            model, filter.method, held_inputs[0], means, covariances, *ahead,
+            filter.steps.work(n, m),
+        )  # fmt: skip
     if rows < k - 1:
         problem = "the prediction from there is not finite"
         raise DivergenceError("rts_smoother", float(run.time[rows]), problem)

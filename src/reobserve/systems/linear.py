@@ -13,14 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_flag
 from reobserve.core.discretisation import held_noise, zero_order_hold
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import (
-    are_covariances,
-    as_floats,
-    as_matrix,
-    as_positive,
-    as_symmetric,
-)
+from reobserve.core.matrices import as_floats, as_positive
 from reobserve.core.value import Value, for_loop
+from reobserve.systems.covariances import as_covariance, as_covariances
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
@@ -313,48 +308,6 @@ class LinearModel(Value):
     def outputs(self) -> int:
         """The number m of outputs."""
         return len(self.C)
-
-
-def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> Array:
-    """A covariance from a number (times identity), a diagonal or the matrix itself.
-
-    A matrix that is symmetric but for rounding is made symmetric.
-
-    Raises
-    ------
-    InputError
-        If it has another size, is not symmetric, has a variance below zero, or correlations with an
-        eigenvalue below zero by more than rounding, or with ``definite`` one that is not above.
-    """
-    matrix = as_symmetric(name, as_matrix(name, value, size))
-    if not are_covariances(matrix, definite=definite):
-        eigenvalues = np.linalg.eigvalsh(matrix)
-        wanted = "definite" if definite else "semidefinite"
-        listed = ", ".join(f"{value:g}" for value in eigenvalues)
-        raise InputError(name, f"must be positive {wanted}, its eigenvalues are {listed}")
-    return matrix
-
-
-def as_covariances(
-    name: str, value: ArrayLike, size: int, rows: int, *, definite: bool = False
-) -> Array:
-    """A covariance as `as_covariance` makes it, shape (1, n, n), or one for each row, (k, n, n).
-
-    Raises
-    ------
-    InputError
-        If it is neither; it names the first row that is not symmetric positive (semi)definite.
-    """
-    array = as_floats(name, value)
-    if array.ndim != 3:
-        return as_covariance(name, array, size, definite=definite)[None]
-    if array.shape != (rows, size, size):
-        wanted = (rows, size, size)
-        raise InputError(name, f"has shape {array.shape}, must be one covariance or {wanted}")
-    low = ~are_covariances(array, definite=definite)
-    for row in np.flatnonzero(low | (array != array.transpose(0, 2, 1)).any(axis=(1, 2))):
-        array[row] = as_covariance(f"{name}[{row}]", array[row], size, definite=definite)
-    return np.ascontiguousarray(array)
 
 
 def as_matrices(name: str, value: ArrayLike, shape: tuple[int, ...], rows: int) -> Array:

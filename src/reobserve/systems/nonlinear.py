@@ -18,7 +18,7 @@ from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_positive, as_scalar
 from reobserve.core.value import for_loop, read_only
-from reobserve.systems.linear import as_covariance
+from reobserve.systems.covariances import as_covariance
 from reobserve.systems.nonlinear_flow import Functions
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
 from reobserve.systems.signal_names import as_names
@@ -364,18 +364,6 @@ class NonlinearModel:
         f, h = self._pointers["f"][0], self._pointers["h"][0]
         F, H = (jacobians.get(name) for name in "FH")
         return Functions(f, F, h, H, self.substeps, for_loop(self.scale))
-
-    def raise_problem(self) -> None:
-        """Raise what a function raised when a loop called it, if one did.
-
-        Raises
-        ------
-        InputError
-            If a function in Python raised an error, or returned another number of values.
-        """
-        for one in self._definitions.values():
-            if isinstance(one, UserFunction):
-                one.raise_problem()
 
 
 def _as_texts(name: str, given: Any) -> Any:

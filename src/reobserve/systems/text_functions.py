@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from contextlib import suppress
+from functools import cache, lru_cache
 from typing import Any
 
+import numpy as np
+
 from reobserve.core.errors import InputError, shown
-from reobserve.core.vector_field import vector_field
+from reobserve.core.kernel import cached_inner
+from reobserve.core.kernel_cache import compiling
+from reobserve.core.loop_function import loop_pointer
+from reobserve.core.vector_field import VECTOR_FIELD
 from reobserve.polynomials.grammar import check_size, parse
 
 
@@ -55,7 +61,7 @@ def python_code(
     large = [one for one in expression.atoms(sympy.Rational) if max(abs(one.p), one.q) >= 2**63]
     written |= {one: sympy.Float(float(one), 17) for one in large}
     try:
-        code = str(sympy.pycode(expression.xreplace(written), fully_qualified_modules=True))
+        code = str(_printer().doprint(expression.xreplace(written)))
     except (ValueError, TypeError, NotImplementedError, RecursionError):
         code = "Not supported"
     if "Not supported" in code or "mpmath" in code:
@@ -75,4 +81,31 @@ def compiled_rows(rows: tuple[str, ...]) -> Any:
     body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))
     namespace: dict[str, Any] = {"math": math}
     exec(f"def field(x, parameters, out):\n{body}", namespace)
-    return vector_field(namespace["field"])
+    field = namespace["field"]
+
+    def again(x: Any, parameters: Any, out: Any) -> None:
+        out[:] = np.nan
+        with np.errstate(all="ignore"), suppress(ArithmeticError, ValueError):
+            field(x, parameters, out)
+
+    inner = cached_inner(field)
+    with compiling:
+        inner.compile(VECTOR_FIELD.args)
+    # It writes to nothing but its output, so that it needs no copies of what it reads.
+    return loop_pointer(VECTOR_FIELD, inner, again, copies=False, pickled=(compiled_rows, (rows,)))
+
+
+@cache
+def _printer() -> Any:
+    """sympy's printer of Python, but for whole negative powers: numba's raise errors at zero."""
+    from sympy.printing.precedence import PRECEDENCE
+    from sympy.printing.pycode import PythonCodePrinter
+
+    class Printer(PythonCodePrinter):  # type: ignore[misc]
+        def _print_Pow(self, expr: Any, rational: bool = False) -> str:
+            if expr.exp.is_Integer and expr.exp < -1:
+                base = self.parenthesize(expr.base, PRECEDENCE["Pow"], strict=False)
+                return f"(1.0/{base}**{-int(expr.exp)})"
+            return str(super()._print_Pow(expr, rational=rational))
+
+    return Printer({"fully_qualified_modules": True})

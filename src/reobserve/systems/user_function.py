@@ -2,19 +2,20 @@
 
 Loops hand them x and one vector of the inputs u and, behind them, the parameters p.
 
-What numba can compile is compiled. Anything else is called back from the compiled loop, some
-microseconds a call; the loop and its results are the same.
+What numba can compile is compiled, with a check of every index. Anything else is called back from
+the compiled loop, some microseconds a call; the loop and its results are the same, and so is what
+the function raises (`reobserve.core.loop_function`).
 """
 
 from __future__ import annotations
 
-import ctypes
 import inspect
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
+from types import CellType, CodeType, FunctionType
 from typing import Any
 
 import numba
@@ -25,12 +26,11 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, one_line, shown
 from reobserve.core.frozen_function import FrozenFunction
+from reobserve.core.kernel_cache import compiling
+from reobserve.core.loop_function import in_its_words, loop_pointer
+from reobserve.core.vector_field import VECTOR_FIELD
 
 Array = NDArray[np.float64]
-
-_VECTOR = types.Array(types.float64, 1, "C")
-_SIGNATURE = types.void(_VECTOR, _VECTOR, _VECTOR)  # that of vector fields
-_POINTER = ctypes.c_void_p
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,6 @@ class UserFunction:
     inputs: int
     shape: tuple[int, ...]
     parameters: tuple[float, ...] = ()
-    problems: list[BaseException] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
         if not callable(self.function) or isinstance(self.function, type):
@@ -84,7 +83,7 @@ class UserFunction:
 
     def _check(self, x: Array, v: Array) -> None:
         before = x.copy(), v.copy()
-        with suppress(ArithmeticError, _DomainError):  # it may be defined elsewhere
+        with suppress(_NoValueError):  # it may be defined elsewhere
             self(x, v)
         if not (np.array_equal(x, before[0]) and np.array_equal(v, before[1])):
             names = "x, u and p" if self._arguments == 3 else "x and u"
@@ -98,25 +97,24 @@ class UserFunction:
         InputError
             If it raises anything but an arithmetic error, or returns something else.
         """
+        return self._value(self._python, x, v)
+
+    def _value(self, function: Callable[..., Any], x: Array, v: Array) -> Array:
         arguments = (x, v[: self.inputs], v[self.inputs :])[: self._arguments]
         try:
             with np.errstate(all="ignore"):
-                value = self._python(*arguments)
-        except ArithmeticError:
-            raise
+                value = function(*arguments)
         except Exception as error:
-            if isinstance(error, ValueError) and _outside(error):
-                raise _DomainError from None
-            said = one_line(f"{type(error).__name__}: {error}", 200)
-            raise InputError(self.name, f"raises {said} at x = {shown(x.tolist())}") from None
+            problem = in_its_words(self.name, error, x)
+            raise (_NoValueError if problem is None else problem) from None
         try:
             array = np.asarray(value)
             if array.dtype.kind not in "iufb":
                 raise TypeError
         except Exception:
             wanted = _wanted(self.shape)
-            problem = f"returns {shown(value)} at x = {shown(x.tolist())}, must return {wanted}"
-            raise InputError(self.name, problem) from None
+            said = f"returns {shown(value)} at x = {shown(x.tolist())}, must return {wanted}"
+            raise InputError(self.name, said) from None
         if array.shape != self.shape and not (array.size == 1 and self.shape in ((), (1,), (1, 1))):
             raise InputError(
                 self.name, f"returns an array of shape {array.shape}, must return "
@@ -124,75 +122,97 @@ class UserFunction:
             )  # fmt: skip
         return array.astype(np.float64).reshape(self.shape)
 
+    def _again(self, function: Callable[..., Any], x: Array, v: Array, out: Array) -> None:
+        with suppress(_NoValueError):  # nan, as where it is compiled
+            out[:] = self._value(function, x, v).ravel()
+
     def compiled(self) -> tuple[Any, str]:
         """A function pointer ``(x, v, out)`` for compiled loops, and why numba refused, or ""."""
-        inputs = self.inputs if self.parameters else None
-        frozen = FrozenFunction(self.function)
-        pointer, refusal = _by_numba(frozen, self._arguments, inputs, len(self.shape))
-        return (self._called_back() if refusal else pointer), refusal
+        pointer, refusal = _by_numba(FrozenFunction(self.function), _Asked(self))
+        if refusal:
+            pointer = loop_pointer(VECTOR_FIELD, None, partial(self._again, self._python))
+        return pointer, refusal
 
-    def _called_back(self) -> Any:
-        behind = self.inputs + len(self.parameters)
-        number, sizes = ctypes.c_double, (self.states, behind, int(np.prod(self.shape)))
 
-        def called(*addresses: int) -> None:
-            x, v, out = (
-                np.ctypeslib.as_array((number * size).from_address(address))
-                if size
-                else np.empty(0)
-                for size, address in zip(sizes, addresses, strict=True)
-            )
-            out[:] = np.nan
-            if self.problems:
-                return
-            try:
-                out[:] = self(x.copy(), v.copy()).ravel()
-            except (ArithmeticError, _DomainError):  # as nan or inf where it is compiled
-                pass
-            except BaseException as error:
-                self.problems.append(error)
+@dataclass(frozen=True)
+class _Asked:
+    """A user's function, equal to others that are to be compiled alike if the function is."""
 
-        callback = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER)(called)
+    user: UserFunction = field(compare=False)
+    key: tuple[Any, ...] = field(init=False)
 
-        def write(x: Any, v: Any, out: Any) -> None:
-            callback(x.ctypes, v.ctypes, out.ctypes)
-
-        pointer: Any = numba.cfunc(_SIGNATURE)(write)
-        pointer.keeps = callback  # alive as long as the pointer
-        return pointer
-
-    def raise_problem(self) -> None:
-        """Raise what the function raised when a loop called it, if it did."""
-        if self.problems:
-            raise self.problems.pop()
+    def __post_init__(self) -> None:
+        user = self.user
+        behind = user.inputs, len(user.parameters)
+        object.__setattr__(self, "key", (user.name, user.states, *behind, user.shape))
 
 
 @lru_cache(maxsize=256)
-def _by_numba(
-    frozen: FrozenFunction, arguments: int, inputs: int | None, dimensions: int
-) -> tuple[Any, str]:
-    """A pointer, and why numba refused, or "", from one compilation a process."""
-    given, signature = frozen.function, (_VECTOR,) * arguments
-    with warnings.catch_warnings():
+def _by_numba(frozen: FrozenFunction, asked: _Asked) -> tuple[Any, str]:
+    """A pointer, and why numba refused, or ""; the same function is compiled once a process."""
+    given, user = frozen.function, asked.user
+    arguments = user._arguments
+    inputs = user.inputs if user.parameters else None
+    signature = (VECTOR_FIELD.args[0],) * arguments
+    with compiling, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            inner: Any = given if is_jitted(given) else numba.njit(error_model="numpy")(given)
-            inner.compile(signature)
-            kind = inner.overloads[signature].signature.return_type
-            writer = _writer(_of_vectors(inner, arguments, inputs), kind, dimensions)
-            return numba.cfunc(_SIGNATURE, error_model="numpy")(writer), ""
+            value = _copied(given, {}, _with_bounds)
+            value.compile(signature)
+            kind = value.overloads[signature].signature.return_type
+            writer = _writer(_of_vectors(value, arguments, inputs), kind, len(user.shape))
+            alone: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+            inner: Any = numba.njit(error_model="numpy", **alone)(writer)
+            inner.compile(VECTOR_FIELD.args)
+            again = partial(user._again, _copied(given, {}, lambda function, _: function))
+            return loop_pointer(VECTOR_FIELD, inner, again), ""
         except Exception as error:
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = next((one for one in lines if not one.startswith("Failed in")), "")
             return None, one_line(reason or type(error).__name__, 160)
 
 
-class _DomainError(Exception):
-    """A function of ``math`` outside its domain."""
+def _with_bounds(function: Any, given: Any) -> Any:
+    """What numba makes of a function, with checked indices; ``given`` has its options."""
+    options: dict[str, Any] = {"error_model": "numpy"}
+    if is_jitted(given):
+        options = {name: one for name, one in given.targetoptions.items() if name != "nopython"}
+    return numba.njit(**(options | {"boundscheck": True, "cache": False}))(function)
 
 
-def _outside(error: ValueError) -> bool:
-    return any(word in str(error) for word in ("domain", "expected a positive", "expected a non"))
+def _copied(given: Any, seen: dict[Any, Any], make: Callable[[Any, Any], Any]) -> Any:
+    """``make`` of a copy of a function and the function; those of numba that it names alike."""
+    if given in seen:
+        return seen[given]
+    function = given.py_func if is_jitted(given) else given
+    copy = FunctionType(
+        function.__code__, dict(function.__globals__), function.__name__, function.__defaults__,
+        tuple(CellType() for _ in function.__closure__ or ()) or None,
+    )  # fmt: skip
+    copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
+    made = seen[given] = make(copy, given)
+    names = copy.__globals__
+    for name in _names_in(function.__code__):
+        if name in names and is_jitted(names[name]):
+            names[name] = _copied(names[name], seen, make)
+    for cell, old in zip(copy.__closure__ or (), function.__closure__ or (), strict=True):
+        with suppress(ValueError):  # it is still empty
+            held: Any = old.cell_contents
+            cell.cell_contents = _copied(held, seen, make) if is_jitted(held) else held
+    return made
+
+
+def _names_in(code: CodeType) -> set[str]:
+    """Names of globals in a code object and in those inside it."""
+    found = set(code.co_names)
+    for one in code.co_consts:
+        if isinstance(one, CodeType):
+            found |= _names_in(one)
+    return found
+
+
+class _NoValueError(Exception):
+    """A function of arithmetic outside its domain."""
 
 
 def _wanted(shape: tuple[int, ...]) -> str:
@@ -231,43 +251,44 @@ def _of_vectors(inner: Any, arguments: int, inputs: int | None) -> Any:
 def _writer(value: Any, kind: Any, dimensions: int) -> Callable[..., None]:
     """The function ``(x, v, out)`` that writes what ``value`` returns, of numba's kind.
 
-    It is nan where the number of values is another one.
+    It raises where the number of values is another one, which Python then says.
     """
     if isinstance(kind, types.Number | types.Boolean):
 
         def write(x: Any, v: Any, out: Any) -> None:
-            out[:] = np.nan
-            if len(out) == 1:
-                out[0] = value(x, v)
+            if len(out) != 1:
+                raise ValueError
+            out[0] = value(x, v)
 
     elif dimensions == 2:
 
         def write(x: Any, v: Any, out: Any) -> None:
-            out[:] = np.nan
             found = value(x, v)
             n = len(x)
-            if len(found) * n == len(out):
-                for i in range(len(found)):
-                    if len(found[i]) == n:
-                        for j in range(n):
-                            out[i * n + j] = found[i][j]
+            if len(found) * n != len(out):
+                raise ValueError
+            for i in range(len(found)):
+                if len(found[i]) != n:
+                    raise ValueError
+                for j in range(n):
+                    out[i * n + j] = found[i][j]
 
     elif isinstance(kind, types.BaseTuple):
 
         def write(x: Any, v: Any, out: Any) -> None:
-            out[:] = np.nan
             found = np.array(value(x, v))
-            if len(found) == len(out):
-                for i in range(len(out)):
-                    out[i] = found[i]
+            if len(found) != len(out):
+                raise ValueError
+            for i in range(len(out)):
+                out[i] = found[i]
 
     else:
 
         def write(x: Any, v: Any, out: Any) -> None:
-            out[:] = np.nan
             found = value(x, v)
-            if len(found) == len(out):
-                for i in range(len(out)):
-                    out[i] = found[i]
+            if len(found) != len(out):
+                raise ValueError
+            for i in range(len(out)):
+                out[i] = found[i]
 
     return write
