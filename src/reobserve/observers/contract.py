@@ -126,7 +126,9 @@ class Observer(Value, ABC, Generic[StateKind]):
         return Rows(
             {name: values[begun:] for name, values in rows.estimates.items()},
             rows.finite - begun,
-            rows.state._with(sample=last),
+            rows.state._with(
+                sample=last, time=None if record.time is None else float(record.time[-1])
+            ),
             {name: values[begun:] for name, values in rows.before.items()},
         )
 
@@ -361,11 +363,12 @@ class Observer(Value, ABC, Generic[StateKind]):
         """The way in which the observer takes uneven times, as the end of a sentence."""
         return ""
 
-    @staticmethod
-    def _last_time(state: Any) -> float | None:
-        """The time [s] of the last sample, None where it is counted."""
-        found: float | None = getattr(state, "time", None)
-        return found
+    def _last_time(self, state: ObserverState) -> float | None:
+        """The time [s] of the last sample, given or counted; None if there was none yet."""
+        if state.time is not None or state.sample is None:
+            return state.time
+        begun = state.count or not np.isnan(state.sample).any()
+        return state.count * self.sampling_period if begun else None
 
     def _timed(
         self, time: ArrayLike | None, state: StateKind, record: Record
@@ -373,10 +376,10 @@ class Observer(Value, ABC, Generic[StateKind]):
         """The times of the rows, and the record with them if they are not counted."""
         rows, last = len(record.y), self._last_time(state)
         if time is None:
-            if last is None:
+            if state.time is None:
                 counted = self._next_row(state) + np.arange(rows, dtype=np.float64)
                 return counted * self.sampling_period, record
-            times = last + self.sampling_period * np.arange(1.0, rows + 1.0)
+            times = state.time + self.sampling_period * np.arange(1.0, rows + 1.0)
             return times, record._replace(time=times)
         times = as_samples("time", time, None, rows=rows, like="y")
         between = np.diff(times if last is None else np.concatenate([[last], times]))

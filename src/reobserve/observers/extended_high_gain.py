@@ -52,6 +52,7 @@ class ExtendedHighGainState(Value):
     recent: Array
     sample: Array | None = None
     count: int = 0
+    time: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,7 +206,7 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
         if state.sample is not None and last is not None:
             state = state._with(sample=np.concatenate([state.sample[:1], last]))
         y_before, y_middle = record.before[0], record.middle[0]
-        return state, Record(record.y, u, (y_before, before), (y_middle, middle))
+        return state, record._replace(u=u, before=(y_before, before), middle=(y_middle, middle))
 
     def _fill(self, state: ExtendedHighGainState, record: Record) -> Rows:
         rows = super()._fill(state, record)

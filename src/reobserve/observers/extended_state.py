@@ -48,6 +48,7 @@ class EsoState(Value):
     estimate: Array
     sample: Array | None = None
     count: int = 0
+    time: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -47,6 +47,7 @@ class HighGainState(Value):
     estimate: Array
     sample: Array | None = None
     count: int = 0
+    time: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -51,6 +51,7 @@ class LevantState(Value):
     derivatives: Array
     sample: Array | None = None
     count: int = 0
+    time: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,7 +165,8 @@ class LevantDifferentiator(Observer[LevantState]):
         rows = np.empty((steps + 1, self.order + 1))
         rows[0] = state.derivatives
         finite = _run(self._law, samples, rows) - begun
-        after = LevantState(rows[-1].copy(), record.y[-1].copy(), state.count + steps)
+        time = None if record.time is None else float(record.time[-1])
+        after = LevantState(rows[-1].copy(), record.y[-1].copy(), state.count + steps, time)
         return Rows({"derivatives": rows[begun:]}, finite, after)
 
 

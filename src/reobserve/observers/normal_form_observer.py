@@ -40,6 +40,7 @@ class NormalFormState(Value):
     values: Array
     sample: Array | None = None
     count: int = 0
+    time: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

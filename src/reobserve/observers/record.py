@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import all_finite, as_numbers
+from reobserve.core.matrices import all_finite, as_numbers, as_scalar
 
 Array = NDArray[np.float64]
 AnyState = TypeVar("AnyState")
@@ -20,7 +20,8 @@ class ObserverState(Protocol):
     """Fields that every state has beside what its method remembers.
 
     ``sample`` holds y and u of the last row that was taken, None before the first one; ``count``
-    sampling periods have passed since that first one.
+    sampling periods have passed since that first one. ``time`` is that of the last row [s], None
+    where it is counted from 0.
     """
 
     @property
@@ -30,6 +31,10 @@ class ObserverState(Protocol):
     @property
     def count(self) -> int:
         """The number of sampling periods."""
+
+    @property
+    def time(self) -> float | None:
+        """The time of the last row [s]."""
 
 
 class Record(NamedTuple):
@@ -138,4 +143,6 @@ def check_state(
     count = getattr(state, "count", 0)
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:
         raise InputError(f"{name}.count", f"{shown(count)} must be a whole number, 0 or more")
+    if (time := getattr(state, "time", None)) is not None:
+        as_scalar(f"{name}.time", time)
     return replace(state, **changed) if changed else state  # type: ignore[type-var]

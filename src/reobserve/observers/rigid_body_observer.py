@@ -51,6 +51,7 @@ class RigidBodyState(Value):
     memory: Array
     sample: Array | None = None
     count: int = 0
+    time: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -41,12 +41,18 @@ def uneven_times(
         if time is None or not able or not model.continuous:
             return None
         times = as_samples("time", time, None, rows=rows, like="y").copy()
-        first = period if state.time is None else times[0] - state.time
+        last = state.count * period if state.time is None and reached else state.time
+        first = period if last is None else times[0] - last
         if held is not None and abs(first - held[0]) > DT_AND_TIME * period:
             problem = (
                 f"begins {first:.9g} s after the row before, from where dt was {held[0]:.9g} s"
             )
             raise InputError("time", problem)
+        if state.time is None and reached and abs(first - period) > EVEN * period:
+            raise InputError(
+                "time", f"begins at {times[0]:.9g} s, but the state was reached without times, "
+                f"which counts as {last:.9g} s; give time to the run before, too",
+            )  # fmt: skip
         periods = np.concatenate([[first], np.diff(times)])
         if periods.min() <= 0:
             row = int(np.argmax(periods <= 0))
@@ -55,11 +61,6 @@ def uneven_times(
         periods[np.abs(periods - period) <= EVEN * period] = period
         if (periods == period).all():
             return times, record._replace(time=times)
-        if state.time is None and reached:
-            raise InputError(
-                "time", "is uneven, but the state was reached without times, so that the first "
-                "period is unknown; give time to the run before, too",
-            )  # fmt: skip
         return times, record._replace(time=times, periods=periods)
     lengths = np.full(rows, period) if given is None else as_floats("dt", given)
     if lengths.shape not in ((), (rows,)) or lengths.min() <= 0:

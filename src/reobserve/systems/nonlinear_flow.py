@@ -9,9 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import inlined_kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 
 Array = NDArray[np.float64]
+
+# Of differences: how far apart the slopes over two lengths may be, and the derivatives with two
+# steps, over the larger; and what rounding may add, over the function.
+ALIKE, AGREE, NOISE = 1e-5, 1e-9, 2e-15
+REDUCTIONS = 8  # of the step, by 256 each
 
 
 class Functions(NamedTuple):
@@ -45,7 +50,7 @@ class NonlinearRows(NamedTuple):
 
 
 class FlowWork(NamedTuple):
-    """Scratch: points and slopes (n,), values (4, n or m), Jacobians (n, n) and (m, n), also flat.
+    """Scratch: points and slopes (n,), values (6, n or m), Jacobians (n, n) and (m, n), also flat.
 
     It is made in Python: to compile the allocation of arrays takes seconds.
     """
@@ -71,7 +76,7 @@ def new_flow_work(states: int, outputs: int) -> FlowWork:
     A, C = np.empty((n, n)), np.empty((m, n))
     vectors, squares = np.empty((4, n)), np.empty((4, n, n))
     return FlowWork(
-        vectors[0], vectors[1], vectors[2], vectors[3], np.empty((4, max(n, m))),
+        vectors[0], vectors[1], vectors[2], vectors[3], np.empty((6, max(n, m))),
         A, A.reshape(-1), C, C.reshape(-1), squares[0], squares[1], squares[2], squares[3],
     )  # fmt: skip
 
@@ -84,6 +89,7 @@ def jacobian(
 
     f'(x) = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d) + O(d^4), with d between 1/1000 and
     1/500 of the larger of |x| and its scale: about twelve digits where f is smooth on that scale.
+    Where slopes over 2d and 4d differ it may not be, and d is reduced until two derivatives agree.
     """
     if derivative is not None:
         call(derivative, (x, u, flat))
@@ -97,16 +103,66 @@ def jacobian(
         # A power of two, so that the differences of x are nearly exact.
         size = max(abs(x[j]), scale[j])
         d = math.ldexp(1.0, math.frexp(size)[1] - 10)
-        for side in range(4):
-            times = (1.0, -1.0, 2.0, -2.0)[side]
-            point[j] = x[j] + times * d
-            call(function, (point, u, work.values[side, :rows]))
-        point[j] = x[j]
-        # df/dx_j = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d)
+        differ(function, x[j], j, d, u, work.values, rows, point)
+        good = True
         for i in range(rows):
+            # f'(x) = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d)
             near = work.values[0, i] - work.values[1, i]
             far = work.values[2, i] - work.values[3, i]
             flat[i * n + j] = (8.0 * near - far) / (12.0 * d)
+            apart, noise = abs(2.0 * near - far), NOISE * abs(work.values[2, i])
+            good = good and apart <= ALIKE * abs(far) + noise
+        point[j] = x[j]
+        if not good:
+            refine(function, x[j], j, d, u, flat, work.values, rows, point)
+
+
+@kernel
+def differ(
+    function: Any, x: float, j: int, d: float, u: Array, values: Array, rows: int, point: Array
+) -> None:
+    """Write f at x + d, x - d, x + 2d and x - 2d, where j is the component that moves."""
+    for side in range(4):
+        point[j] = x + (1.0, -1.0, 2.0, -2.0)[side] * d
+        call(function, (point, u, values[side, :rows]))
+
+
+@kernel
+def refine(
+    function: Any, x: float, j: int, d: float, u: Array, flat: Array, values: Array, rows: int,
+    point: Array,
+) -> None:  # fmt: skip
+    """Reduce the step until two derivatives agree; a derivative that never does stays as it is."""
+    n = len(point)
+    first, done = values[4], values[5]
+    for i in range(rows):
+        first[i], done[i] = flat[i * n + j], 0.0
+    for _ in range(REDUCTIONS):
+        d /= 256.0
+        if d < 1e-11 * abs(x):
+            break
+        differ(function, x, j, d, u, values, rows, point)
+        left = 0
+        for i in range(rows):
+            if done[i] == 1.0:
+                continue
+            near, far = values[0, i] - values[1, i], values[2, i] - values[3, i]
+            found, noise = (8.0 * near - far) / (12.0 * d), NOISE * abs(values[2, i]) / d
+            old = flat[i * n + j]
+            if abs(found - old) <= ALIKE * abs(found) + noise:
+                # The longer step has less noise of rounding; the shorter one less of curvature.
+                good = abs(found - old) <= AGREE * abs(found) + noise
+                done[i] = 1.0
+                flat[i * n + j] = old if good else found
+            else:
+                flat[i * n + j] = found
+                left += 1
+        if left == 0:
+            break
+    for i in range(rows):
+        if done[i] == 0.0 and math.isfinite(first[i]):
+            flat[i * n + j] = first[i]
+    point[j] = x
 
 
 @inlined_kernel
