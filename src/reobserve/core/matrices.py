@@ -63,7 +63,7 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
         if flags.carray or (not writable and flags.c_contiguous and flags.aligned):
             return value
     if _has_other(value):
-        raise InputError(name, f"{shown(value)} is not a number or an array of numbers")
+        raise InputError(name, _no_numbers(value))
     try:
         array = np.asarray(value)
         if array.dtype is _DOUBLE and array.flags.carray:
@@ -74,7 +74,32 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
     except MemoryError:
         raise InputError(name, f"of shape {np.shape(value)} does not fit into memory") from None
     except Exception:  # rows of different lengths, too many of them, or an object's own error
-        raise InputError(name, f"{shown(value)} is not a number or an array of numbers") from None
+        raise InputError(name, _no_numbers(value)) from None
+
+
+def _no_numbers(value: Any) -> str:
+    why = _why(value)
+    return (
+        f"{shown(value)}{f', where {why},' if why else ''} is not a number or an array of numbers"
+    )
+
+
+def _why(value: Any) -> str:
+    """The first entry that is no number, and the dtype; empty if there is no such entry."""
+    try:
+        own = np.asanyarray(value)
+        if np.ma.is_masked(own):
+            return f"the entry {np.argwhere(np.ma.getmaskarray(own))[0].tolist()} is masked"
+        entries = np.asarray(value, dtype=object)
+        kind = "" if isinstance(value, list | tuple) else f" and the dtype {own.dtype}"
+        if entries.ndim:
+            for place, entry in np.ndenumerate(entries):
+                other = isinstance(entry, bool | np.bool_)
+                if other or not isinstance(entry, int | float | np.integer | np.floating):
+                    return f"the entry {list(place)} is {shown(entry)}{kind}"
+        return "the dtype is object" if entries.ndim and own.dtype == object else ""
+    except Exception:  # rows of different lengths, or an object's own error
+        return ""
 
 
 def _has_other(value: Any) -> bool:
@@ -264,8 +289,8 @@ def as_samples(
     try:
         array = as_numbers(name, samples)
     except InputError:
-        masked = ": it has masked entries" if np.ma.is_masked(samples) else ""
-        raise InputError(name, f"is no array of numbers{masked}") from None
+        why = _why(samples)
+        raise InputError(name, f"is no array of numbers{f': {why}' if why else ''}") from None
     shape = array.shape
     wrong = len(shape) != (1 if columns is None else 2) or shape[1:] != (
         () if columns is None else (columns,)

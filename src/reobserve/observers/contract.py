@@ -34,6 +34,7 @@ from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import all_finite, as_positive, as_row, as_sample_rows, as_samples
 from reobserve.core.value import Value, converter
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
+from reobserve.observers.frames import read_frames
 from reobserve.observers.record import (
     Many,
     ObserverState,
@@ -207,7 +208,8 @@ class Observer(Value, ABC, Generic[StateKind]):
         ----------
         y
             Measurements, shape (k, m), or (k,) where m is 1; nan where one is missing, if the
-            observer reads that. Many records at once are (records, k, m).
+            observer reads that. Many records at once are (records, k, m). The columns of a frame
+            are those of the model by name, and its index of times is that of the run's frame.
         u
             Known inputs from each sample on, shape (k, p), or (k,); left out where there are none.
             Many records have one of these, or (records, k, p).
@@ -244,6 +246,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             from reobserve.observers.many import run_many
 
             return run_many(self, y, u, state, time, loud, given)
+        y, u, index = read_frames(self, y, u, time is not None)
         record = self._read(y, u, before, middle, given)
         start = self._start(record.y[0]) if state is None else self._checked(state)
         times, record = self._timed(time, start, record)
@@ -261,7 +264,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             after, diverged_at = start, self._last_finite(start, times, good)
         return Run(
             times[:good], estimates, self._units_of(estimates), after, diverged_at, left, missing,
-            self.component_names,
+            self.component_names, None if index is None else index[:good],
         )  # fmt: skip
 
     def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Many:

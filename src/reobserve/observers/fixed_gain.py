@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
-from reobserve.core.errors import InputError
+from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats, spectral_radius
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, KalmanState
@@ -135,7 +135,12 @@ def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
     """
     A, _, C, _, _, _ = as_kind("model", model, LinearModel).arrays
     # The corrected estimate depends on the state through C A: (I - L C) A = A - L (C A).
-    return FixedGainObserver(model, place(A, C @ A, poles))
+    gain = place(A, C @ A, poles)
+    outside = np.abs(np.atleast_1d(poles)) >= 1.0
+    if outside.any():
+        problem = "must be of discrete time, inside the unit circle, is not"
+        raise InputError("poles", f"{shown(np.atleast_1d(poles)[outside][0].item())} {problem}")
+    return FixedGainObserver(model, gain)
 
 
 def steady_kalman(model: LinearModel) -> FixedGainObserver:

@@ -65,7 +65,7 @@ class Run(Generic[StateKind]):
     the rows up to it. ``state`` is the one to go on from, or after a divergence the one that the
     run started from. ``component_names`` name the components of estimates, a tuple for each axis,
     where the model names its signals; an axis without names is None. ``run["state_position"]`` is
-    the component of that name.
+    the component of that name. ``index`` is that of the frame of measurements, if it is of times.
 
     A run of many records has estimates (records, k, ...), nan from where one diverged, a tuple of
     states, and in ``diverged_at`` and ``missing`` an entry each, nan where one did not diverge;
@@ -89,6 +89,7 @@ class Run(Generic[StateKind]):
     before: Mapping[str, Array] = field(default_factory=dict)
     missing: Any = 0
     component_names: Mapping[str, AxisNames] = field(default_factory=dict)
+    index: Any = None
 
     def __getitem__(self, name: str) -> Array:
         if isinstance(name, str) and name not in self.estimates:
@@ -165,7 +166,9 @@ class Run(Generic[StateKind]):
         ]
 
     def to_pandas(self) -> Any:
-        """A data frame: a row a sample, the time [s] as its index, a column for each component.
+        """A data frame: a row a sample, a column for each component.
+
+        Its index is the time [s], or that of the frame of measurements if it was one of times.
 
         Components are numbered from 1: ``fault_1``, or ``covariance_2_1`` of a matrix. Where the
         model names its signals, they have those names: ``state_position``.
@@ -179,7 +182,8 @@ class Run(Generic[StateKind]):
             for name, values in self.estimates.items()
             for index in np.ndindex(values.shape[1:])
         }
-        return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
+        index = pd.Index(self.time, name="time") if self.index is None else self.index
+        return pd.DataFrame(columns, index=index)
 
     def plot(self, names: Iterable[str] | None = None) -> Any:
         """A matplotlib figure of the estimates ``names`` over time, one panel each, by `run_plot`.

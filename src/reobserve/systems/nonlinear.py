@@ -233,7 +233,8 @@ class NonlinearModel:
         how = "from text, compiled" if text else "compiled"
         if self.uncompiled:
             how = f"{' and '.join(self.uncompiled)} called from Python"
-        ode = f", {self.substeps} Runge-Kutta steps" if self.substeps else ""
+        ending = "s" if self.substeps != 1 else ""
+        ode = f", {self.substeps} Runge-Kutta step{ending}" if self.substeps else ""
         return f"NonlinearModel({size}, sampling_period={self.sampling_period:g}{ode}; {how})"
 
     def __getstate__(self) -> dict[str, Any]:
