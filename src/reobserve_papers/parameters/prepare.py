@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -94,13 +95,12 @@ def load_parameters(
 
 
 def typed_targets() -> list[str]:
-    """The targets of Snakemake's command line, which it tells when all rules have been read."""
-    if "snakemake" not in sys.argv[0] or not any(word.startswith("results/") for word in sys.argv):
-        return []
-    from snakemake.cli import get_argument_parser
+    """The results that Snakemake's command line names, which it tells when all rules are read.
 
-    options, _ = get_argument_parser().parse_known_args(sys.argv[1:])
-    return list(options.targets)
+    Empty if another of its words may be a target, too, as that after ``--profile`` might.
+    """
+    words = [word for word in sys.argv[1:] if not re.fullmatch(r"-.*|\d+|\w+=.*", word)]
+    return words if all(word.startswith("results/") for word in words) else []
 
 
 def _asked(papers: list[str], config: Mapping[str, Any], targets: Collection[str]) -> list[str]:

@@ -51,14 +51,14 @@ def record(observer: Any, rows: int = 10) -> tuple[Any, Any]:
 def test_gap_overlap_and_clock_set_back_are_refused(make: Any, begin: float) -> None:
     observer, state = make()
     y, u = record(observer)
-    stamps = PERIOD * np.arange(10.0)
-    first = observer.run(y, u, state=state, time=1000.0 + stamps)
+    times = PERIOD * np.arange(10.0)
+    first = observer.run(y, u, state=state, time=1000.0 + times)
     assert first.state.time == pytest.approx(1000.9)
     with pytest.raises(InputError, match=r"time: goes from 1000\.9 to"):
-        observer.run(y, u, state=first.state, time=begin + stamps)
+        observer.run(y, u, state=first.state, time=begin + times)
     for kept in (first.state, copy.deepcopy(first.state), pickle.loads(pickle.dumps(first.state))):
-        for given in (None, 1001.0 + stamps):
-            assert observer.run(y, u, state=kept, time=given).time == pytest.approx(1001.0 + stamps)
+        for given in (None, 1001.0 + times):
+            assert observer.run(y, u, state=kept, time=given).time == pytest.approx(1001.0 + times)
 
 
 @pytest.mark.parametrize("make", [high_gain, levant, kalman, uneven])
