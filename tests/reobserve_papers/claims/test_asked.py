@@ -17,7 +17,7 @@ from tests import ROOT
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
-# The theory of lie takes 17 s of CPU time; what it guards, the computation of parts, is the same for
+# The theory of lie takes 17 s of CPU time; what it guards, the computation of parts, is shared by
 # all papers.
 @pytest.mark.parametrize(
     "paper", ["delay", "ilo", "imm", pytest.param("lie", marks=pytest.mark.nightly)]
