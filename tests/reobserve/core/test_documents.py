@@ -9,7 +9,14 @@ from typing import Any
 
 import pytest
 
-from reobserve.core.documents import DEPTH, check_plain, parse_json, read_json, read_yaml
+from reobserve.core.documents import (
+    DEPTH,
+    check_plain,
+    parse_json,
+    parse_yaml,
+    read_json,
+    read_yaml,
+)
 from reobserve.core.errors import InputError, one_line, shown
 
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -157,3 +164,15 @@ def test_messages_quote_only_a_short_excerpt() -> None:
     assert len(shown(["x" * 10_000] * 3)) <= 100
     assert shown(10**6000) == "a int too large to show"
     assert one_line("a\x1b[31mb\ud800") == "a\\x1b[31mb\\ud800"
+
+
+@pytest.mark.parametrize("number", [2**53, -(2**53)])
+def test_largest_integer_is_read(number: int) -> None:
+    assert (
+        parse_yaml(f"a: {number}", "x.yaml")
+        == parse_json(f'{{"a": {number}}}', "")
+        == {"a": number}
+    )
+    for read, text in ((parse_yaml, f"a: {2 * number}"), (parse_json, f'{{"a": {2 * number}}}')):
+        with pytest.raises(InputError, match=r"a: is an integer beyond 2\^53"):
+            read(text, "x.yaml")

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,17 @@ RecordOf = Callable[[Case], dict[str, Any]]
 SHORT = 40  # rows of a part that need not settle
 
 
+@cache
+def made(name: str) -> Case:
+    """A case, whose record takes up to half a second to simulate."""
+    return CASES[name]()
+
+
 @pytest.fixture(params=CASES)
 def case(request: pytest.FixtureRequest) -> Case:
-    return CASES[request.param]()
+    """A case with arrays of its own."""
+    one = made(request.param)
+    return replace(one, y=one.y.copy(), u=None if one.u is None else one.u.copy())
 
 
 def part(case: Case, first: int, last: int, state: Any) -> Any:
