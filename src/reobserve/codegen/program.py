@@ -225,7 +225,7 @@ class Program:
         self.code(w, _SOLVE_LOWER, w=w, L=L, e=e, m=e.shape[0])
 
     def code(self, target: Name, template: str, **parts: Name | int | float) -> None:
-        """Lines of C that assign a target; names and numbers take the places of a template."""
+        """Add lines of C that assign a target, a template whose places names and numbers take."""
         self._assigned(target)
         space = "    " * self._depth
         text = template.format(**parts)

@@ -64,7 +64,7 @@ def _derivatives(columns: int, rate: float, period: float) -> Array:
 
 
 def _simulated(observer: GaussianFilter | IMM, state: Any, u: Array) -> Array:
-    """Measurements as the filter predicts them, with noise; of a bank, as its first filter does."""
+    """Measurements as the filter, or the first one of a bank, predicts them, with noise."""
     first: Any = observer
     if isinstance(observer, IMM):
         first = observer.filters[0]

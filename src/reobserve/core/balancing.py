@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 
 
 class Scales(NamedTuple):
-    """Powers of two: ``states`` r, -inf where no output depends on it; ``outputs`` s; ``rate``."""
+    """Powers of two: ``states`` r (-inf where no output depends on it), ``outputs`` s and ``rate``."""
 
     states: Array
     outputs: Array
     rate: float
 
     def rounded(self) -> Scales:
-        """With whole powers, by which scaling is exact."""
+        """The scales with whole powers, by which scaling is exact."""
         return Scales(np.rint(self.states), np.rint(self.outputs), float(np.rint(self.rate)))
 
     def transition(self, A: Array) -> Array:
@@ -46,14 +46,14 @@ class Scales(NamedTuple):
 
 
 def powers(matrix: Array, exponents: Array) -> Array:
-    """The matrix times powers of two, entry by entry; exact if they are whole."""
+    """The matrix times powers of two, entry by entry, exact if they are whole."""
     whole = np.rint(exponents)
     found: Array = np.ldexp(matrix * np.exp2(exponents - whole), whole.astype(np.int64))
     return found
 
 
 def logarithm(matrix: Array) -> Array:
-    """Of the sizes of all entries, to base 2; of zero it is -inf."""
+    """Logarithms to base 2 of the sizes of all entries, -inf of zero."""
     with np.errstate(divide="ignore"):
         found: Array = np.log2(np.abs(matrix))
     return found
@@ -110,7 +110,7 @@ def _cycle_mean(steps: Array) -> float:
 
 
 def _fitted(reached: Array) -> Array:
-    """s of the least squares fit of r[j] - s[k]; 0 of an output that depends on no state."""
+    """s of the least squares fit of r[j] - s[k], 0 for an output that depends on no state."""
     outputs, states = np.nonzero(np.isfinite(reached))
     m = len(reached)
     rows = np.zeros((len(outputs), m + reached.shape[1]))

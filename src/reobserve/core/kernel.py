@@ -99,7 +99,7 @@ def compiled_with_signature(signature: Any, function: Callable[..., Any]) -> Any
 
 
 def cached_inner(function: Callable[..., Any], **options: Any) -> Any:
-    """Compile what compiled code alone calls, without wrappers for Python and C; cached on disk."""
+    """Compile what compiled code alone calls, without wrappers for Python and C, cached on disk."""
     alone = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
     return _cached(function, numba.njit, **alone, **options)
 
@@ -112,7 +112,7 @@ class FunctionPointer:
 
     @cached_property
     def compiled(self) -> Any:
-        """As `compiled_with_signature`; the function itself where numba compiles nothing."""
+        """The result of `compiled_with_signature`, or the function where numba compiles nothing."""
         config: Any = numba.config
         if config.DISABLE_JIT:
             return self._function
@@ -182,6 +182,6 @@ def _cache_folder(packages: frozenset[str]) -> Path | None:
 
 
 def _caches_of_user() -> list[Path]:
-    """The user's folder for caches; none without a home. Relative ones are none (XDG says so)."""
+    """The user's folder for caches, None without a home. Relative ones are none (XDG says so)."""
     found = (os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache"))
     return [Path(one) for one in found if os.path.isabs(one)][:1]

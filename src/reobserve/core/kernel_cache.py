@@ -22,13 +22,13 @@ compiling = RLock()
 
 
 class _CheckedFile:
-    """Files of one function; each result with its key and the digest of both."""
+    """Files of one function, each result with its key and the digest of both."""
 
     def __init__(self, file: Any) -> None:
         self._file, self.flush = file, file.flush
 
     def load(self, key: Any) -> Any:
-        """What was saved with a key; None if nothing was, or is no longer."""
+        """The result that was saved with a key, or None if there is none, or no longer."""
         found = self._file.load(key)
         if found is None or hashlib.sha256(found[1]).digest() != found[0]:
             return None
@@ -42,7 +42,7 @@ class _CheckedFile:
 
 
 class _Checked:
-    """What a cache of numba for one function does otherwise: nothing wrong with files is an error.
+    """A cache of numba for one function in which nothing wrong with files is an error.
 
     ``used`` is false if numba went elsewhere, as it does where it cannot write; what it finds
     there is not to be trusted.
@@ -52,13 +52,13 @@ class _Checked:
     used: bool
 
     def load_overload(self, *what: Any) -> Any:
-        """The compiled function; None if it has to be compiled."""
+        """The compiled function, or None if it has to be compiled."""
         with suppress(Exception):  # a damaged pickle raises whatever it likes
             return super().load_overload(*what) if self.used else None  # type: ignore[misc]
         return None
 
     def save_overload(self, *what: Any) -> None:
-        """Save a compiled function, if that can be done; a damaged index is written again."""
+        """Save a compiled function, if that can be done, with a new index if that is damaged."""
         for _ in range(2 * self.used):
             with suppress(OSError):
                 try:
@@ -79,7 +79,7 @@ _CheckedCache = type("_CheckedCache", (_Checked, _CACHE), {}) if _CACHE is not _
 
 @contextmanager
 def cache_in(folder: Path | None) -> Iterator[bool]:
-    """Have numba cache in a folder what is decorated meanwhile; false if there is no folder."""
+    """Have numba cache in a folder what is decorated meanwhile, and say whether there is a folder."""
     if folder is None:
         yield False
         return
@@ -101,7 +101,7 @@ def cache_in(folder: Path | None) -> Iterator[bool]:
 
 
 def own_folder(place: Path, name: str) -> Path | None:
-    """A folder for code that this user alone has written; None if there can be none.
+    """A folder for code that this user alone has written, or None if there can be none.
 
     Who owns a folder may put any code into it. A place that is not absolute would be another one
     in each current folder.

@@ -44,7 +44,7 @@ _AGAIN: dict[int, Again] = {}  # by the number that is compiled into the pointer
 
 
 class _OfThread(threading.local):
-    """What a function raised in a loop of this thread."""
+    """The error that a function raised in a loop of this thread."""
 
     problem: BaseException | None = None
 
@@ -123,7 +123,7 @@ def loop_pointer(
 
 
 def _pickled(pointer: Any) -> tuple[Any, Any]:
-    """How a pickle holds a pointer."""
+    """Pickle a pointer by what makes it."""
     how = getattr(pointer, "pickled", None)
     if how is None:
         raise PicklingError("a compiled function that has no place in a module")
@@ -132,7 +132,7 @@ def _pickled(pointer: Any) -> tuple[Any, Any]:
 
 
 def in_its_words(name: str, error: Exception, x: Array) -> InputError | None:
-    """What a function raised at x, as an error for its author.
+    """The error that a function raised at x, as one for its author.
 
     None for errors of arithmetic, such as a division by zero or the root of a negative number, that
     no statement raises: compiled code has inf or nan there.
@@ -148,7 +148,7 @@ def in_its_words(name: str, error: Exception, x: Array) -> InputError | None:
 
 
 def _by_statement(error: Exception) -> bool:
-    """Whether an error comes of a ``raise``."""
+    """True if an error comes of a ``raise``."""
     last = error.__traceback__
     while last is not None and last.tb_next is not None:
         last = last.tb_next
@@ -159,7 +159,7 @@ def _by_statement(error: Exception) -> bool:
 
 @intrinsic(prefer_literal=True)
 def _call_guarded(_: Any, inner: Any, number: Any, copies: Any, arguments: Any) -> Any:
-    """How numba is to compile a call of ``inner``, and of `_failed` if it raises."""
+    """Compile a call of ``inner``, and of `_failed` if it raises."""
     compiled = None
     if isinstance(inner, types.Dispatcher):
         compiled = inner.dispatcher.overloads[tuple(arguments)]
@@ -215,7 +215,7 @@ def _copy(context: Any, builder: Any, kind: Any, given: Any) -> Any:
 
 
 class GuardedPointer(FunctionPointer):
-    """A user's function of arrays as an argument of kernels; compiled on first use.
+    """A user's function of arrays as an argument of kernels, compiled on first use.
 
     ``shaped`` gives flat arrays their shapes, to call the function from Python.
     """
@@ -227,7 +227,7 @@ class GuardedPointer(FunctionPointer):
 
     @cached_property
     def compiled(self) -> Any:
-        """As `loop_pointer`."""
+        """The pointer, as `loop_pointer` makes it."""
         inner = cached_inner(self._function, boundscheck=True)
         with compiling:
             inner.compile(self._signature.args)

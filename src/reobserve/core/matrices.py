@@ -85,7 +85,7 @@ def _no_numbers(value: Any) -> str:
 
 
 def _why(value: Any) -> str:
-    """The first entry that is no number, and the dtype; empty if there is no such entry."""
+    """The first entry that is no number, and the dtype, or nothing if there is no such entry."""
     try:
         own = np.asanyarray(value)
         if np.ma.is_masked(own):
@@ -213,7 +213,7 @@ def as_symmetric(name: str, matrix: Matrix) -> Matrix:
 
 
 def are_covariances(matrices: Matrix, *, definite: bool) -> NDArray[np.bool_]:
-    """Whether symmetric matrices, (., n, n), are positive semidefinite, or definite; in any units.
+    """True where symmetric matrices, (., n, n), are positive (semi)definite, in any units.
 
     No entry of a diagonal is below zero; the rest is decided on correlations.
     """

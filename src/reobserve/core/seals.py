@@ -26,7 +26,7 @@ def sealed_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[li
 def opened_rows(
     place: str, header: list[str], rows: list[list[str]]
 ) -> tuple[list[str], list[list[str]]]:
-    """The same without its digest, if it has one; `InputError` if it is not that of the rest."""
+    """The same without its digest, if it has one, or `InputError` if it is not that of the rest."""
     if not header or not header[-1].startswith(_MARK):
         return header, rows
     found, own = header[:-1], [row[:-1] for row in rows]
@@ -36,12 +36,12 @@ def opened_rows(
 
 
 def sealed(tree: dict[str, Any]) -> dict[str, Any]:
-    """What is to be written as JSON, with its digest."""
+    """The tree with its digest, to be written as JSON."""
     return {**tree, _KEY: digest(json.loads(json.dumps(tree, allow_nan=False)))}
 
 
 def opened(place: str, tree: dict[str, Any], must_be_sealed: bool = False) -> dict[str, Any]:
-    """The tree read as JSON without its digest; raises `InputError` if that is not of the rest."""
+    """The tree read as JSON without its digest, or `InputError` if that is not of the rest."""
     rest = {name: part for name, part in tree.items() if name != _KEY}
     if (must_be_sealed or _KEY in tree) and tree.get(_KEY) != digest(rest):
         raise InputError(place, _CHANGED)

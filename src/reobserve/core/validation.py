@@ -353,7 +353,7 @@ MatrixValue = float | list[float] | list[list[float]]
 
 
 def matrix(size: int) -> PlainValidator:
-    """A number (times the identity), a diagonal or a square matrix; a type `MatrixValue`."""
+    """A number (times the identity), a diagonal or a square matrix, as the type `MatrixValue`."""
     return as_stated(lambda place, value: as_matrix(place, value, size))
 
 

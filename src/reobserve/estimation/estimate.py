@@ -96,7 +96,7 @@ class Estimation:
         self.report.warnings += self.design.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
-        """The estimates of a row of zeros: their shapes; it compiles what is to run.
+        """The estimates of a row of zeros, for their shapes, which compiles what is to run.
 
         Where measurements may be missing they are, since a model need not have a value there.
         """

@@ -79,7 +79,7 @@ def check_unit(place: str, text: str) -> None:
 
 
 def _has_low_powers(text: str) -> bool:
-    """Whether each exponent is a number, none is a power itself, and their product is small."""
+    """True if each exponent is a number, none is a power itself, and their product is small."""
     plain = _RAISED.sub(lambda found: f"**{found[0].translate(_DIGITS)}", text)
     *between, last = _POWER.split(plain)[1:] or [""]
     found = [_EXPONENT.match(rest) for rest in (*between, *[last] * bool(last))]

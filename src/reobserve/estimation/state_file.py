@@ -153,7 +153,7 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
 
 
 def identity(specification: Path, files: Iterable[Path]) -> str:
-    """What tells one specification from another: its content, and that of the files it names."""
+    """The content of a specification, and of the files it names, which tells it from others."""
     named = [digest_of(read_text(path)) for path in files]
     return digest_of("".join([read_text(specification), *named]))
 

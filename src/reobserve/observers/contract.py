@@ -367,7 +367,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         return ""
 
     def _last_time(self, state: ObserverState) -> float | None:
-        """The time [s] of the last sample, given or counted; None if there was none yet."""
+        """The time [s] of the last sample, given or counted, or None if there was none yet."""
         if state.time is not None or state.sample is None:
             return state.time
         begun = state.count or not np.isnan(state.sample).any()

@@ -50,7 +50,7 @@ def _index(value: Any) -> Any:
 
 
 def _columns(value: Any) -> list[str] | None:
-    """The names of the columns of a frame; None if they are not all texts."""
+    """The names of the columns of a frame, or None if they are not all texts."""
     columns = getattr(value, "columns", None)
     if columns is None or not hasattr(value, "index"):
         return None

@@ -199,7 +199,7 @@ class Run(Generic[StateKind]):
         return plot(self, list(self.estimates if names is None else names))
 
     def diagnostics(self) -> Diagnostics:
-        """What the innovations and covariances of a Gaussian filter say against its model.
+        """Signs against the model in the innovations and covariances of a Gaussian filter.
 
         Raises
         ------

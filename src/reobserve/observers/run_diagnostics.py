@@ -1,4 +1,4 @@
-"""What the numbers of a Gaussian filter's run say against its model."""
+"""Signs against the model in the numbers of a Gaussian filter's run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FALSE = 1e-3  # the probability that a run of a right model has a row in `infla
 
 @dataclass(frozen=True, eq=False)
 class Diagnostics:
-    """What a run of a Gaussian filter says against its model; both lists are empty where it holds.
+    """Signs against the model in a Gaussian filter's run (both lists are empty where it holds).
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ def diagnose(run: Run[Any]) -> Diagnostics:
 
 
 def _least(P: NDArray[np.float64]) -> float:
-    """The smallest eigenvalue of P_ij / sqrt(P_ii P_jj); a variance of zero is left as it is."""
+    """The smallest eigenvalue of P_ij / sqrt(P_ii P_jj), with variances of zero left as they are."""
     size = np.sqrt(np.maximum(np.einsum("kii->ki", P), 0.0))
     size[size == 0.0] = 1.0
     scaled = P / size[:, :, None] / size[:, None, :]

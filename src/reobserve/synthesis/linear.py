@@ -180,7 +180,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
 
 
 def kalman_gain_error(model: LinearModel, gain: ArrayLike) -> Array:
-    """By how much the Riccati equation moves a steady gain, as parts of it, shape (n, m).
+    """The change of a steady gain by the Riccati equation, as parts of it, shape (n, m).
 
     One step of Newton's method: it finds the error of a gain near Kalman's, in any units.
 
@@ -243,7 +243,7 @@ def _kalman_gain(even: _Even, P: Array) -> Array:
 
 
 def _covariance(even: _Even, gain: Array) -> Array:
-    """P of the predicted error with a constant gain; LinAlgError if it does not decay.
+    """P of the predicted error with a constant gain, or LinAlgError if it does not decay.
 
     P = F P F' + A K R K' A' + Q with F = A (I - K C), as the sum of F^k (...) F'^k by doubling.
     """

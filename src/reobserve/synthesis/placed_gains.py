@@ -46,7 +46,7 @@ def checked(A: Array, C: Array, gain: Array, poles: NDArray[np.complex128]) -> A
 
 
 def _rounded(matrix: Array) -> Array:
-    """With half of the digits."""
+    """The array with half of the digits."""
     fractions, exponents = np.frexp(matrix)
     found: Array = np.ldexp(np.rint(fractions * _HALF) / _HALF, exponents)
     return found

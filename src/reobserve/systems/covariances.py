@@ -83,7 +83,7 @@ def as_covariances(
 
 
 def _are_good(matrices: Array, definite: bool) -> Any:
-    """Which of the matrices, (k, n, n), are covariances as they stand, symmetric to the bit."""
+    """True for matrices, (k, n, n), that are covariances as they stand, symmetric to the bit."""
     variances = matrices.diagonal(axis1=1, axis2=2)
     good = (variances > 0 if definite else variances >= 0).all(axis=1)
     good &= (matrices == matrices.transpose(0, 2, 1)).all(axis=(1, 2))

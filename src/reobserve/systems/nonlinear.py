@@ -342,7 +342,7 @@ class NonlinearModel:
         return found
 
     def code(self, name: str) -> tuple[str, ...] | None:
-        """Expressions of f, h, F or H, row by row, as Python; None of functions in Python.
+        """Expressions of f, h, F or H, row by row, as Python, or None of functions in Python.
 
         They are in ``x`` and ``parameters``, which holds the inputs, then the parameters.
         """

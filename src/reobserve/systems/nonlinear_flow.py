@@ -132,7 +132,7 @@ def refine(
     function: Any, x: float, j: int, d: float, u: Array, flat: Array, values: Array, rows: int,
     point: Array,
 ) -> None:  # fmt: skip
-    """Reduce the step until two derivatives agree; a derivative that never does stays as it is."""
+    """Reduce the step until two derivatives agree (one that never does stays as it is)."""
     n = len(point)
     first, done = values[4], values[5]
     for i in range(rows):

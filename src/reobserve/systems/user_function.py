@@ -149,7 +149,7 @@ class _Asked:
 
 @lru_cache(maxsize=256)
 def _by_numba(frozen: FrozenFunction, asked: _Asked) -> tuple[Any, str]:
-    """A pointer, and why numba refused, or ""; the same function is compiled once a process."""
+    """A pointer, and why numba refused, or "", from one compilation a process."""
     given, user = frozen.function, asked.user
     arguments = user._arguments
     inputs = user.inputs if user.parameters else None
@@ -173,7 +173,7 @@ def _by_numba(frozen: FrozenFunction, asked: _Asked) -> tuple[Any, str]:
 
 
 def _with_bounds(function: Any, given: Any) -> Any:
-    """What numba makes of a function, with checked indices; ``given`` has its options."""
+    """The function compiled by numba with checked indices and the options of ``given``."""
     options: dict[str, Any] = {"error_model": "numpy"}
     if is_jitted(given):
         options = {name: one for name, one in given.targetoptions.items() if name != "nopython"}
@@ -181,7 +181,7 @@ def _with_bounds(function: Any, given: Any) -> Any:
 
 
 def _copied(given: Any, seen: dict[Any, Any], make: Callable[[Any, Any], Any]) -> Any:
-    """``make`` of a copy of a function and the function; those of numba that it names alike."""
+    """``make`` of a copy of a function and the function, and so for those of numba that it names."""
     if given in seen:
         return seen[given]
     function = given.py_func if is_jitted(given) else given

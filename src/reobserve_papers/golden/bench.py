@@ -46,7 +46,7 @@ def built_table(results: Path, task: str) -> Path:
 
 
 def compare_task(project: Path, results: Path, task: str) -> list[Moved]:
-    """What moved in the table of a task; `InputError` if one is missing or damaged."""
+    """The changes in the table of a task, or `InputError` if one is missing or damaged."""
     golden = _read(golden_table(project, task), task, read_tolerances(project, task))
     return list(compare(golden, _read(built_table(results, task), task), f"bench {task}"))
 
@@ -103,7 +103,7 @@ def wider(golden: Mapping[Key, GoldenNumber], repeats: list[dict[Key, GoldenNumb
 
 
 def read_tolerances(project: Path, task: str) -> Tolerances:
-    """The stored tolerances of a task; none if there is no file."""
+    """The stored tolerances of a task, none if there is no file."""
     path = tolerances_file(project)
     rows = read_table(path, _HEADER, {"tolerance": NUMBER}, _HEADER[:3]) if path.exists() else []
     return {
@@ -125,7 +125,7 @@ def _write_tolerances(project: Path, task: str, found: Tolerances) -> None:
 
 
 def _read(path: Path, task: str, stored: Tolerances | None = None) -> dict[Key, GoldenNumber]:
-    """By method, then condition, training set, whether the noise is given, and column."""
+    """Rows by method, then condition, training set, whether the noise is given, and column."""
     header, rows = read_rows(path)
     numbers: dict[Key, GoldenNumber] = {}
     for condition, method, training, given, *cells in rows:

@@ -37,7 +37,7 @@ def window(
 def scored(
     key: str, time: Array, start: float, end: float, *, closed: Literal["left", "right"] = "left"
 ) -> NDArray[np.bool_]:
-    """As `window`, for what is to be scored.
+    """The samples of a `window` that are to be scored.
 
     Raises
     ------

@@ -111,7 +111,7 @@ def check_stated(stated: Any, checks: Checks) -> None:
 
 
 def _job(stated: Any, whole: AnyJob, one: str, branch: Any) -> AnyJob:
-    """What a job of the branch receives."""
+    """The arguments of a job of the branch."""
     seen = {one: branch}
     if hasattr(branch, "scenario"):
         seen["scenario"] = stated.scenarios[branch.scenario]

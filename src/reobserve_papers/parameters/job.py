@@ -117,7 +117,7 @@ AnyFigure = Annotated[
 
 
 def read_job(keys: type, settings: Settings) -> AnyJob:
-    """The settings of a job, checked and as types; see `Parameters.settings`.
+    """The settings of a job, checked and as types (see `Parameters.settings`).
 
     Raises
     ------

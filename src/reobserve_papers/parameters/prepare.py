@@ -112,7 +112,7 @@ def _asked(papers: list[str], config: Mapping[str, Any], targets: Collection[str
 
 
 def _paper_of(target: str) -> str:
-    """The paper that a file is a result of; empty if it is of none, or of several."""
+    """The paper that a file is a result of, empty if it is of none, or of several."""
     match target.split("/"):
         case ["results", paper, *_, _]:
             return paper

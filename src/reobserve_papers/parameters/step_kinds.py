@@ -13,7 +13,7 @@ SEED = "seed"
 
 @dataclass(frozen=True)
 class StepKind:
-    """What a step is.
+    """The definition of a kind of step.
 
     Attributes
     ----------

@@ -220,7 +220,7 @@ def figure_data(
     estimates: Mapping[str, Series],
     rows: Rows | None = None,
 ) -> FigureData[AnyJob]:
-    """The data of a figure of a paper; ``rows`` are those of its study, if it has one.
+    """The data of a figure of a paper. ``rows`` are those of its study, if it has one.
 
     Raises
     ------
@@ -238,6 +238,6 @@ def figure_data(
 
 
 def measure(parameters: Parameters, data: FigureData[AnyJob]) -> list[Metric]:
-    """The metrics of a figure; `InputError` if a setting of the metrics cannot be used."""
+    """The metrics of a figure, or `InputError` if a setting of the metrics cannot be used."""
     with located(parameters.paper):
         return list(paper_module(parameters.package, "metrics").measure(data))

@@ -151,7 +151,7 @@ def _imports(module: str) -> tuple[str, ...]:
 
 
 def _names(text: str, module: str, path: Path) -> Iterator[str]:
-    """What a module imports when it runs: names under ``if TYPE_CHECKING`` are left out."""
+    """The names that a module imports when it runs, without those under ``if TYPE_CHECKING``."""
     for origin, listed in _IMPORT.findall(_TYPES_ONLY.sub("", text)):
         parts = re.sub(r"#.*", "", listed).strip("()").split(",")
         names = [name for part in parts if (name := part.split(" as ")[0].strip())]

@@ -23,7 +23,7 @@ from reobserve.systems.linear import LinearModel
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """Those of a model as a program names them; for a bank, of one mode.
+    """Matrices of a model as a program names them, of a bank those of one mode.
 
     Where the measurement is not C x + D u, ``expected`` is h(x, u), and C its Jacobian.
     """
@@ -131,7 +131,7 @@ def filter_program(
     gain: Callable[[Program], GainFunction] | None = None,
     split: int = 0,
 ) -> Program:
-    """A filter with its covariance; ``gain`` states its constants, left out it is Kalman's."""
+    """A filter with its covariance, and Kalman's gain unless ``gain`` states another's constants."""
     program, n = Program(title, model.outputs, model.inputs), model.states
     m = matrices(program, model)
     switching = None if gain is None else gain(program)
@@ -219,7 +219,7 @@ class Switching:
     def write(
         self, program: Program, m: Matrices, PC: Name, L: Name, e: Name, error: Name, K: Name
     ) -> None:
-        """As `GainFunction`."""
+        """Write K as `GainFunction` says."""
         _switching_gain(program, m, PC, e, error, self, K)
 
 

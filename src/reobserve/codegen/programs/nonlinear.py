@@ -45,7 +45,7 @@ for (int32_t j = 0; j < {n}; ++j) {{
 
 
 class _Filter:
-    """What both have in common: the model's functions, the memory, the estimates."""
+    """Parts that both have in common: the model's functions, the memory, the estimates."""
 
     def __init__(self, title: str, model: NonlinearModel, state: KalmanState) -> None:
         self.program = program = Program(title, model.outputs, model.inputs)
@@ -95,7 +95,7 @@ class _Filter:
             yield
 
     def report(self, e: Name, log_likelihood: Name) -> Program:
-        """Add the estimates; the last statements."""
+        """Add the estimates, the last statements."""
         program = self.program
         linear.estimate_innovation(program, e)
         program.estimate("state", self.x)
@@ -134,7 +134,7 @@ def extended(observer: ExtendedKalmanFilter, state: KalmanState) -> Program:
 
 
 def _derived_step(made: _Filter) -> Name:
-    """Move the mean; its Jacobian A by the mean before: A' = F(x, u) A, stage by stage."""
+    """Move the mean and its Jacobian A by the mean before: A' = F(x, u) A, stage by stage."""
     program, x, n, u = made.program, made.x, made.model.states, made.inputs.held
     A = program.local("A", (n, n))
     if not made.model.substeps:

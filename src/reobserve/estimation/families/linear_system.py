@@ -96,7 +96,7 @@ def check_shape(name: str, value: Any, shape: tuple[int, ...]) -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FilterDesign(Design):
-    """A filter of mean and covariance; of a constant gain no deviations are known."""
+    """A filter of mean and covariance (of a constant gain no deviations are known)."""
 
     left_out: ClassVar[tuple[str, ...]] = ("variance", "innovation", "log_likelihood")
 

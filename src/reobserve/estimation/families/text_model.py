@@ -113,7 +113,7 @@ class TextSystem(System):
 
     @cached_property
     def model(self) -> NonlinearModel:
-        """The model; raises `InputError` for the key that is wrong."""
+        """The model, or `InputError` for the key that is wrong."""
         given: Mapping[str, Any] = {
             "f": [str(self.dynamics[name]) for name in self.states],
             "h": [str(self.output[name]) for name in self.measurements],
@@ -183,7 +183,7 @@ class TextFilterDesign(FilterDesign):
         return {name: float(np.sqrt(value)) for name, value in variances.items()}
 
     def summary(self) -> list[str]:
-        """What was checked, and what cannot be."""
+        """Sentences on what was checked, and what cannot be."""
         known = [
             f"{one.name} {self.certificate[f'sigma_{one.name}']:.4g} {one.unit}"
             for one in self.states

@@ -95,7 +95,7 @@ MEANINGS = {
 
 
 def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
-    """The numbers of a figure; see `MEANINGS`."""
+    """The numbers of a figure (see `MEANINGS`)."""
     plant = data.plant
     if data.study:  # the mean over the runs at each level
         coordinates = ("observer", "quantity", "unit", "sweep", "level")

@@ -46,7 +46,7 @@ def estimate(job: keys.Job, plant: Series) -> Series:
 
 
 def build_extended(job: keys.Job, observer: keys.Extended) -> ExtendedHighGainObserver:
-    """The extended observer that an ``observers`` branch states; `InputError` if it cannot be."""
+    """The extended observer that an ``observers`` branch states, or `InputError` if wrong."""
     model = build_model(job.plant, observer.model)
     as_vector("initial_estimate", observer.initial_estimate, model.states)
     _check_delay(job, observer.initial_delay)
@@ -64,7 +64,7 @@ def build_extended(job: keys.Job, observer: keys.Extended) -> ExtendedHighGainOb
 
 
 def build_standard(job: keys.Job, observer: keys.Standard) -> HighGainObserver:
-    """The standard observer that an ``observers`` branch states; `InputError` if it cannot be."""
+    """The standard observer that an ``observers`` branch states, or `InputError` if wrong."""
     model = build_model(job.plant, observer.model)
     as_vector("initial_estimate", observer.initial_estimate, model.states)
     return HighGainObserver(model, observer.rho, sampling_period=observer.sampling_period)
@@ -94,7 +94,7 @@ def build_estimator(job: keys.Job, observer: keys.Estimator) -> DelayEstimator:
 
 
 def build(job: keys.Job) -> ExtendedHighGainObserver | HighGainObserver | DelayEstimator:
-    """The observer of any branch, initial values checked; `InputError` if they are wrong."""
+    """The observer of any branch, initial values checked, or `InputError` if they are wrong."""
     match job.observer:
         case keys.Extended() as observer:
             built = build_extended(job, observer)

@@ -51,7 +51,7 @@ def inputs(job: keys.Job, observer: keys.Extended, plant: Series) -> Pair:
 
 
 def check_derivatives(job: keys.Job, observer: keys.Extended) -> None:
-    """Check the differentiator of an observer that has one; `InputError` names the problem."""
+    """Check the differentiator of an observer that has one, or raise `InputError`."""
     if observer.derivatives == "levant":
         differentiator(job, observer)
 
@@ -98,7 +98,7 @@ def check_mean_delay(job: keys.Job, mean: float) -> None:
 
 
 def delayed_input(job: keys.Job, plant: Series, delay: float) -> Pair:
-    """The measured u a fixed delay [s] ago; before the start the input itself, without noise.
+    """The measured u a fixed delay [s] ago, before the start the input itself, without noise.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def delayed_input(job: keys.Job, plant: Series, delay: float) -> Pair:
 
 
 def past_and_present(job: keys.Job, plant: Series, every: int) -> Pair:
-    """u and u' over the maximum delay before the start, and from the start on; shapes (k, 2).
+    """Arrays (k, 2) of u and u' over the maximum delay before the start, and from the start on.
 
     Raises
     ------

@@ -24,7 +24,7 @@ _QUANTITIES = (
 
 
 def draw(data: FigureData[keys.Job]) -> Figure:
-    """Plot one panel for each method; the dotted line is the tuning of Fig. 3."""
+    """Plot one panel for each method, with the tuning of Fig. 3 as a dotted line."""
     job = data.job
     figure = blank(4.6)
     panels = figure.subplots(2, 2, sharey=True)

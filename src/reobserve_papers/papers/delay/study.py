@@ -46,7 +46,7 @@ def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
 
 
 def tradeoff(job: keys.Job, study: keys.Tradeoff, plant: Series) -> Iterator[Row]:
-    """For each observer, rho and run: RMS errors of delay and states; run 0 is without noise.
+    """RMS errors of delay and states for each observer, rho and run, where run 0 has no noise.
 
     Run 1 has the noise of ``plant``.
 
@@ -103,7 +103,7 @@ Levels = list[tuple[float, keys.Observer]]
 
 
 def _tuned(job: keys.Job, study: keys.Tuning) -> Iterator[tuple[str, str, str, Levels]]:
-    """For each method: the varied parameter, the key of its levels, and the observer at each."""
+    """The varied parameter of each method, the key of its levels, and the observer at each."""
     found: Levels
     extended = named(job.observers, "extended_lag", keys.Extended)
     found = [(level, replace(extended, rho=level)) for level in study.rhos]

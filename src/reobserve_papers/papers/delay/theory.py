@@ -16,7 +16,7 @@ from reobserve_papers.papers.delay import (
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the theory; see `MEANINGS` of `metrics`.
+    """The numbers of the theory (see `MEANINGS` of `metrics`).
 
     Raises
     ------

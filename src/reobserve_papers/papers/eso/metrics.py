@@ -64,7 +64,7 @@ MEANINGS = {
 
 
 def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
-    """The numbers of a figure; see `MEANINGS`.
+    """The numbers of a figure (see `MEANINGS`).
 
     Raises
     ------

@@ -14,7 +14,7 @@ from reobserve_papers.signals.series import Channel, Series
 
 
 def build(job: keys.Job, design: Mapping[str, Any]) -> ExtendedStateObserver:
-    """Construct the observer with the gains of a design; its period is two steps of the plant.
+    """Construct the observer with the gains of a design, its period two steps of the plant.
 
     Raises
     ------

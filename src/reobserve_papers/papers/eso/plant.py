@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def build(job: keys.Job) -> MotorExperiment:
-    """Check a scenario and construct its parts; see `experiment`."""
+    """Check a scenario and construct its parts (see `experiment`)."""
     return experiment(job.plant, job.scenario)
 
 

@@ -27,7 +27,7 @@ _BAND = 0.02  # of the step, within which the speed counts as settled
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """Compute the numbers of the theory; see `MEANINGS` of `metrics`.
+    """Compute the numbers of the theory (see `MEANINGS` of `metrics`).
 
     Raises
     ------

@@ -89,7 +89,7 @@ LEARNING = "learning"
 
 
 def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
-    """The numbers of a figure, observer by observer; see `MEANINGS`."""
+    """The numbers of a figure, observer by observer (see `MEANINGS`)."""
     scores = [one for name in data.estimates for one in scores_of(name, _scores(data, name))]
     yield from scores
     if keys.VARIANTS.keys() <= data.estimates.keys():

@@ -39,7 +39,7 @@ class Errors:
         return self.of_steps(window(self.time, first, last))
 
     def scored(self, key: str, first: float) -> Errors:
-        """The steps that start at ``first`` or later; there must be some, by that key."""
+        """The steps that start at ``first`` or later, of which there must be some, by that key."""
         return self.of_steps(scored(key, self.time, first, np.inf))
 
     def of_steps(self, chosen: NDArray[np.bool_]) -> Errors:

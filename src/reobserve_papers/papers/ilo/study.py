@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
-    """Run the study; one row for each run, with the columns of `study_rows.HEADER`.
+    """Run the study, with one row for each run and the columns of `study_rows.HEADER`.
 
     ``level`` is Gamma, the noise, or the end of a second [s]. The error of a second is divided by
     the fault in the window of the metrics, as all errors are.

@@ -32,7 +32,7 @@ _AXES = 3
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """Compute the numbers of the theory; see `MEANINGS` of `metrics`.
+    """Compute the numbers of the theory (see `MEANINGS` of `metrics`).
 
     Raises
     ------

@@ -77,7 +77,7 @@ MEANINGS = {
 
 
 def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
-    """The numbers of a figure; see `MEANINGS`.
+    """The numbers of a figure (see `MEANINGS`).
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _leaves(worst: dict[float, float], levels: list[float], band: float) -> floa
 
 
 def _off(job: keys.Job, name: str, quantity: str, value: float) -> float:
-    """Distance of a mean probability from the quoted one; zero if the paper quotes none."""
+    """Distance of a mean probability from the quoted one, or zero if the paper quotes none."""
     if name not in job.observers:
         return 0.0 if np.isfinite(value) else np.inf
     observer = job.observers[name]

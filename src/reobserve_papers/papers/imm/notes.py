@@ -24,7 +24,7 @@ _SWITCHING_CONDITIONS = {
 
 
 def note(job: keys.Job) -> str:
-    """How curves are drawn, the input, noise, sampling and the banks."""
+    """Notes on how curves are drawn, the input, noise, sampling and the banks."""
     scenario, first = job.scenario, next(iter(job.observers.values()))
     noise = "with noise" if any(scenario.noise) else "no noise"
     how = "from the least to the greatest value, if these differ"

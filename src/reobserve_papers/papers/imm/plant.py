@@ -14,7 +14,7 @@ from reobserve_papers.signals.series import Channel, Series
 
 
 def build(job: keys.Job) -> ActuatorExperiment:
-    """The scenario, checked; see `experiment`."""
+    """The scenario, checked (see `experiment`)."""
     return experiment(job.plant, job.scenario)
 
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def check_rules(rules: keys.Metrics, horizon: float, period: float) -> None:
-    """Refuse windows that hold no sample; these are ``period`` [s] apart."""
+    """Refuse windows that hold no sample of those ``period`` [s] apart."""
     windows = {name: getattr(rules, name) for name in ("before", "after", "overshoot")}
     check_windows(windows, horizon, period, closed="right")
 

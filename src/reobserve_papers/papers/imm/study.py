@@ -38,7 +38,7 @@ def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
 
 
 def check_study(job: keys.Job) -> None:
-    """Refuse what the study's method cannot use; `InputError` names the key of the study."""
+    """Refuse what the study's method cannot use, with an `InputError` that names its key."""
     match job.study:
         case keys.Changes() as study:
             calibration.check_changes(job, study)

@@ -57,7 +57,7 @@ def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
 
 
 def check(job: keys.Job, study: keys.Causes) -> None:
-    """Refuse observers that cannot be frozen; `InputError` names them."""
+    """Refuse observers that cannot be frozen, with an `InputError` that names them."""
     list(_tasks(job, study))
 
 

@@ -39,7 +39,7 @@ Observers = dict[str, keys.Observer]
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
+    """The numbers of the paper's theory (see `MEANINGS` of `metrics`).
 
     Raises
     ------

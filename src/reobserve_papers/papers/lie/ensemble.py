@@ -111,7 +111,7 @@ def axis(half_width: float, points: int) -> Array:
 
 
 def run(job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]) -> list[Row]:
-    """For each initial state and observer: ``ise`` [s], and ``settled`` and ``diverged`` (0, 1).
+    """Run each initial state and observer: ``ise`` [s], and ``settled`` and ``diverged`` (0, 1).
 
     The name of a row is the kind of gain of the identity form, ``transformed``, or the name of an
     observer of the study. The plant's own record is not used.

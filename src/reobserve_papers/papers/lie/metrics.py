@@ -73,7 +73,7 @@ MEANINGS = {
 
 
 def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
-    """The numbers of a figure; see `MEANINGS`."""
+    """The numbers of a figure (see `MEANINGS`)."""
     for name in data.estimates:
         yield from scores_of(name, _scores(data, name))
     yield from _FROM_STUDY[data.job.study.method](data)
@@ -140,7 +140,7 @@ def _ensemble(data: FigureData[keys.Job]) -> Iterator[Metric]:
 
 
 def _injections(data: FigureData[keys.Job]) -> Iterator[Metric]:
-    """The study's observers; share of mostly better cubic injections, and the best median."""
+    """The study's observers: share of mostly better cubic injections, and the best median."""
     study = data.study
     for name in data.job.study.observers:
         for (quantity,), rows in study.where(form=name).groups("quantity"):

@@ -13,7 +13,7 @@ from reobserve_papers.signals.series import Channel, Series
 
 
 def build(job: keys.Job) -> PolynomialPlant:
-    """The plant, its grid and its initial state checked; `InputError` if they cannot be used."""
+    """The plant, its grid and its initial state checked, or `InputError` if they cannot be used."""
     grid(job.plant)
     plant = PolynomialPlant(build_system(job.plant))
     with located("scenario"):

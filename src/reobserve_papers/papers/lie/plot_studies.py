@@ -84,7 +84,7 @@ def _by_level(study: StudyTable, form: str, quantity: str) -> tuple[Any, Any]:
 
 
 def draw_ensemble(data: FigureData[keys.Job]) -> Figure:
-    """Shares that settle and that are better by order; where the order of Fig. 1 is better."""
+    """Draw shares that settle and that are better by order, and where that of Fig. 1 is better."""
     job = data.job
     stated = as_kind("study", job.study, keys.EnsembleStudy)
     mapped, estimate = job.observers["order4"].order, job.observers["order4"].initial_estimate

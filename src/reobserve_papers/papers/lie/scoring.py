@@ -27,7 +27,7 @@ def settling_time(error: Array, step: float, band: float) -> float:
 
 
 def decay_rate(error: Array, step: float, start: float, end: float) -> float:
-    """The mean slope of log |e| between two times [1/s]; nan beyond the record or at zero."""
+    """The mean slope of log |e| between two times [1/s], or nan beyond the record or at zero."""
     check_windows({"decay_window": (start, end)}, step * (len(error) - 1), step, least=2)
     first, last = round(start / step), round(end / step)
     if last >= len(error):

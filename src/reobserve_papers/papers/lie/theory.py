@@ -56,7 +56,7 @@ Array = NDArray[np.float64]
 
 
 def measure(job: keys.Job, designs: Mapping[str, Any]) -> list[Metric]:
-    """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
+    """The numbers of the paper's theory (see `MEANINGS` of `metrics`).
 
     Raises
     ------
@@ -276,7 +276,7 @@ def _form(problem: NormalFormProblem) -> NormalForm:
 
 
 def _inverse_radius(job: keys.Job, design: keys.InjectionDesign, degree: int) -> float:
-    """Inverse of the radius of convergence of S; 0 if it ends, nan if its degree is too low."""
+    """Inverse of the radius of convergence of S, or 0 if it ends, nan if its degree is too low."""
     found = float("nan")
     # The high degrees of a series that ends are rounding, so the low degree is tried first.
     for each in (design.degree, degree):
