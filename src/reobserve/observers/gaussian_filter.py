@@ -46,6 +46,7 @@ from reobserve.observers.many import in_threads, part
 from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
+from reobserve.observers.vague_start import warn_of_start
 from reobserve.systems.covariances import as_covariance
 
 __all__ = ["KEPT", "Correction", "Gaussian", "GaussianFilter", "KalmanState", "ModeFilter"]
@@ -344,6 +345,10 @@ class GaussianFilter(Observer[KalmanState]):
         )  # fmt: skip
         last = reached(after, 0, state, record, held, self._sizes)
         good, cause = ends[0].tolist()
+        n, _, m = self._sizes
+        if state.count <= n and n * m > 1:  # of one number Joseph's form loses nothing
+            variances = rows[1][0, : min(good, n + 1)].diagonal(axis1=1, axis2=2)
+            warn_of_start(posterior.covariance.diagonal(), variances)
         return Rows(found, good, last, finding=self.steps.causes[cause] if cause else "")
 
     @cached_property

@@ -23,6 +23,7 @@ from reobserve.observers.run import Run
 from reobserve.observers.uneven_times import EVEN
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 from reobserve.observers.unscented_kalman_loop import take_root
+from reobserve.observers.vague_start import warn_of_smoothed
 
 Array = NDArray[np.float64]
 
@@ -124,6 +125,7 @@ def rts_smoother(
         raise DivergenceError(
             "rts_smoother", float(run.time[row]), "going backwards it fails there"
         )
+    warn_of_smoothed(*(one.diagonal(axis1=1, axis2=2) for one in (covariances, smooth_covariances)))
     estimates = _by_name(filter, smooth_means, smooth_covariances)
     return Run(
         run.time, estimates, dict.fromkeys(estimates, ""), run.state, run.diverged_at,

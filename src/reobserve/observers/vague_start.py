@@ -1,0 +1,54 @@
+"""What covariances of a start lose to rounding when measurements are far more precise.
+
+A correction from the variance p to the variance q leaves of 16 digits about 16 - log10(p / q): the
+covariance after it is the small difference of large numbers.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FILTERED = 1e12  # how far the variance of a state may fall from one row to the next
+SMOOTHED = 1e10  # or by what later rows say of it
+
+
+class VagueStartWarning(UserWarning):
+    """The covariance of a start is so large beside that of measurements that digits are lost."""
+
+
+def warn_of_start(start: Array, variances: Array) -> None:
+    """Warn if a variance falls too far in one of the first rows.
+
+    ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n).
+    """
+    rows = np.concatenate([start[None], variances])
+    falls = rows[:-1] > FILTERED * rows[1:]
+    if falls.any():
+        row, state = np.argwhere(falls)[0].tolist()
+        before, after = rows[row : row + 2, state]
+        _warn(
+            f"the variance of state {state + 1} falls from {before:g} to {after:g} at row {row}",
+            "begin with a smaller covariance",
+        )
+
+
+def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
+    """Warn if smoothed variances, (k, n), are too far below those of the filter, or negative."""
+    falls = smoothed * SMOOTHED < filtered
+    if falls.any():
+        row, state = np.argwhere(falls)[0].tolist()
+        _warn(
+            f"the variance of state {state + 1} is {filtered[row, state]:g} at row {row} before, "
+            f"and {smoothed[row, state]:g} after smoothing",
+            "begin the filter with a smaller covariance",
+        )
+
+
+def _warn(problem: str, remedy: str) -> None:
+    sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
+    warnings.warn(sentence, VagueStartWarning, stacklevel=4)

@@ -1,0 +1,47 @@
+"""Vague starts: correct, or a warning that names the covariance; probabilities of far-off modes."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from reobserve import IMM, KalmanFilter, LinearModel, rts_smoother
+from reobserve.observers.vague_start import VagueStartWarning
+
+MOTION = LinearModel([[1.0, 1.0], [0.0, 1.0]], C=[[1.0, 0.0]], Q=0.0, R=1.0)
+Y = [1.0, 3.0, 2.0, 5.0, 4.0]
+
+
+@pytest.mark.parametrize("start", [1e13, [1.0, 1e15], 1e17])
+def test_start_that_loses_digits_is_said(start: float) -> None:
+    kalman = KalmanFilter(MOTION)
+    with pytest.warns(VagueStartWarning, match=r"covariance: the variance of state \d falls from"):
+        kalman.run(Y, state=kalman.init([0.0, 0.0], start))
+
+
+def test_usual_start_is_least_squares_without_a_warning() -> None:
+    kalman = KalmanFilter(MOTION)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = kalman.run(Y, state=kalman.init([0.0, 0.0], 1e8))
+        smoothed = rts_smoother(kalman, run)
+    slope, offset = np.polyfit(np.arange(5.0), Y, 1)
+    assert run["state"][-1] == pytest.approx([offset + 4 * slope, slope], rel=1e-6)
+    assert smoothed["state"][:, 0] == pytest.approx(offset + slope * np.arange(5.0), rel=1e-6)
+
+
+def test_smoother_says_that_digits_are_lost() -> None:
+    kalman = KalmanFilter(MOTION)
+    run = kalman.run(Y, state=kalman.init([0.0, 0.0], 5e11))
+    with pytest.warns(VagueStartWarning, match="after smoothing"):
+        rts_smoother(kalman, run)
+
+
+@pytest.mark.parametrize("far", [1.0, 1e7, 2e8, -1e9, 1e12])
+def test_probabilities_of_modes_sum_to_one(far: float) -> None:
+    models = [LinearModel([[0.9]], C=[[1.0]], Q=q, R=1.0) for q in (0.1, 1.0, 2.0)]
+    bank = IMM([KalmanFilter(one) for one in models], np.full((3, 3), 1 / 3))
+    run = bank.run([far, 0.0, 1.0], state=bank.init([0.0], 1.0))
+    assert run["probability"].sum(axis=1) == pytest.approx(1.0, abs=1e-12)
