@@ -26,6 +26,10 @@ _HEADER = """\
 
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
 #define {upper}_SAMPLING_PERIOD {period}    /* [s] */
 
 /* What the observer remembers from row to row. */
@@ -39,12 +43,33 @@ typedef struct {{
 void {name}_start({name}_memory *memory);
 
 {arguments}
+{missing}
  * Returns 0, or 1 if the observer has left the range of numbers: then start it again. */
 int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
     {name}_estimate *estimate);
 
+#ifdef __cplusplus
+}}
+#endif
+
 #endif
 """
+
+# What is compiled with these takes nan for a number: results are wrong, and no test can tell.
+STRICT_MATH = """\
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST)
+#error "compile without -ffast-math, -Ofast or /fp:fast: this code needs nan and infinity"
+#endif
+#if defined(__FINITE_MATH_ONLY__) && (__FINITE_MATH_ONLY__ + 0)
+#error "compile without -ffinite-math-only: this code needs nan and infinity"
+#endif
+"""
+
+_MISSING = (
+    "A nan in y says that this number was not measured: the estimate goes on without it.",
+    "Every number of y must be finite: after a nan or an infinity the observer has left the range "
+    "of numbers.",
+)
 
 _SOURCE = """\
 /* {title} */
@@ -52,6 +77,7 @@ _SOURCE = """\
 
 #include <math.h>
 
+{strict}
 {constants}{functions}void {name}_start({name}_memory *memory)
 {{
 {start}}}
@@ -65,14 +91,23 @@ int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
 _MOST_ASSIGNED = 60  # numbers of a memory; more are copied from a table
 
 
-def header(program: Program, name: str, signals: tuple[str, str], about: str, period: float) -> str:
-    """The header, in which ``signals`` say what the columns of y and u are."""
+def header(
+    program: Program, name: str, signals: tuple[str, str], about: str, period: float,
+    missing: bool = False,
+) -> str:  # fmt: skip
+    """The header, in which ``signals`` say what the columns of y and u are.
+
+    ``missing`` says whether a nan in y stands for what was not measured.
+    """
     text = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
     arguments = "\n".join(wrap(text, WIDTH, initial_indent="/* ", subsequent_indent=" *   "))
     return _HEADER.format(
         title=program.title, name=name, guard=f"{name.upper()}_H", upper=name.upper(),
         about="\n".join(wrap(about, WIDTH, initial_indent=" * ", subsequent_indent=" *   ")),
         and_inputs=" and inputs" if program.inputs else "", arguments=arguments,
+        missing="\n".join(
+            wrap(_MISSING[not missing], WIDTH, initial_indent=" * ", subsequent_indent=" * ")
+        ),
         period=repr(period), p=program.measurements, u=_u(program),
         memory="".join(
             f"    {'int32_t' if part.counter else 'double'} {each}{_size(part.initial.shape)};\n"
@@ -93,7 +128,7 @@ def source(program: Program, name: str) -> str:
         if kept.initial.size > _MOST_ASSIGNED:
             constants[f"{each}_at_start"] = kept.initial
     return _SOURCE.format(
-        title=program.title, name=name, p=program.measurements, u=_u(program),
+        title=program.title, name=name, p=program.measurements, u=_u(program), strict=STRICT_MATH,
         constants="".join(
             f"static const double {each}{_size(values.shape)} = {literal(values)};\n"
             for each, values in constants.items()

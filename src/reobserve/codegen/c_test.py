@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.codegen.c_code import literal
+from reobserve.codegen.c_code import STRICT_MATH, literal
 from reobserve.codegen.program import Program
 
 Array = NDArray[np.float64]
@@ -23,21 +23,36 @@ _TEST = """\
  */
 #include "{name}.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <string.h>
 
+{strict}
 #define ROWS {rows}
 
 {data}
+/* 0 of a finite number, 1 of an infinity, 2 of nan: by the bits, whatever the flags. */
+static int32_t kind(double number)
+{{
+    const uint64_t exponent = UINT64_C(0x7ff0000000000000);
+    uint64_t bits;
+    memcpy(&bits, &number, sizeof bits);
+    bits &= ~(UINT64_C(1) << 63);
+    return (bits > exponent) + (bits >= exponent);
+}}
+
 static double off(const double *found, const double *expected, int32_t size)
 {{
     double most = 0.0;
     for (int32_t i = 0; i < size; ++i) {{
-        const double apart = fabs(found[i] - expected[i]);
-        const int32_t both = (isnan(found[i]) != 0) && (isnan(expected[i]) != 0);
-        if (both == 0 && !(apart <= most)) {{
-            most = isnan(apart) ? HUGE_VAL : apart;
+        if (kind(found[i]) != kind(expected[i])) {{
+            return DBL_MAX;
+        }}
+        if (kind(found[i]) == 0) {{
+            const double apart = fabs(found[i] - expected[i]);
+            most = (apart > most) ? apart : most;
         }}
     }}
     return most;
@@ -89,6 +104,7 @@ def test_source(
         )
     return _TEST.format(
         name=name, compile=COMPILE.format(name=name), rows=rows, tolerance=_TOLERANCE,
+        strict=STRICT_MATH,
         data="\n".join(data), count=len(compared), u=" u[k]," if program.inputs else "",
         compared="".join(compared), reported="".join(reported),
     )  # fmt: skip

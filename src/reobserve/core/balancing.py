@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Scales(NamedTuple):
-    """Powers of two: ``states`` r (-inf where no output depends on it), ``outputs`` s and ``rate``."""
+    """Powers of two: ``states`` r (-inf if no output depends on it), ``outputs`` s, ``rate``."""
 
     states: Array
     outputs: Array
@@ -31,6 +31,22 @@ class Scales(NamedTuple):
     def rounded(self) -> Scales:
         """The scales with whole powers, by which scaling is exact."""
         return Scales(np.rint(self.states), np.rint(self.outputs), float(np.rint(self.rate)))
+
+    def completed(self, A: Array, driven: Array | None = None) -> Scales:
+        """With scales of states that no output depends on, by what moves them; 0 if nothing does.
+
+        ``driven`` is log2 of what moves states beside each other, in their units.
+        """
+        r, steps = np.array(self.states), logarithm(A) - self.rate
+        hidden = ~np.isfinite(r)
+        if not hidden.any():
+            return self
+        sources = np.full(len(r), -np.inf) if driven is None else driven
+        if not hidden.all():
+            sources = np.maximum(sources, (steps[:, ~hidden] - r[~hidden]).max(axis=1))
+        moved = (best_paths(steps[np.ix_(hidden, hidden)]) + sources[hidden]).max(axis=1)
+        r[hidden] = np.where(np.isfinite(moved), -moved, 0.0)
+        return self._replace(states=r)
 
     def transition(self, A: Array) -> Array:
         """2^r A 2^-r."""

@@ -79,7 +79,7 @@ _CheckedCache = type("_CheckedCache", (_Checked, _CACHE), {}) if _CACHE is not _
 
 @contextmanager
 def cache_in(folder: Path | None) -> Iterator[bool]:
-    """Have numba cache in a folder what is decorated meanwhile, and say whether there is a folder."""
+    """Have numba cache in a folder what is decorated meanwhile, and say if there is one."""
     if folder is None:
         yield False
         return

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind
-from reobserve.core.errors import InputError, shown
+from reobserve.core.arguments import as_kind, as_poles
+from reobserve.core.balancing import output_scales, powers
+from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, spectral_radius
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, KalmanState
@@ -29,9 +30,11 @@ class FixedGainObserver(GaussianFilter):
         x-(k) = A x^(k-1) + B u(k-1)
         x^(k) = x-(k) + L [y(k) - C x-(k) - D u(k)]
 
-    The error is multiplied by (I - L C) A each sample. `luenberger` and `steady_kalman` find L. The
-    covariance is that of any linear filter with this gain; the other estimates do not depend on Q
-    and R.
+    The error is multiplied by (I - L C) A each sample. This is the filter form, in which x^(k)
+    knows y(k). Gains of the predictor form x-(k+1) = A x-(k) + B u(k) + Lp [y(k) - ...], as
+    python-control's ``dlqe`` gives them, are Lp = A L: `filter_gain` finds L from those,
+    `luenberger` and `steady_kalman` from the model. The covariance is that of any linear filter
+    with this gain; the other estimates do not depend on Q and R.
 
     `init` takes the mean of x; `run` and `step` take y, shape (k, m), nan where missing, and u,
     (k, p), and by name what `KalmanFilter` takes, without S. Estimates, in units of the model:
@@ -43,7 +46,8 @@ class FixedGainObserver(GaussianFilter):
     model
         The linear model of the plant.
     gain
-        L, shape (n, m).
+        L of the filter form, shape (n, m): x^(k) = x-(k) + L [y(k) - C x-(k) - D u(k)]. For a gain
+        of the predictor form, such as that of ``dlqe``, give ``filter_gain(model, Lp)``.
 
     Raises
     ------
@@ -134,19 +138,20 @@ def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
      [2. ]]
     """
     A, _, C, _, _, _ = as_kind("model", model, LinearModel).arrays
+    for pole in as_poles("poles", poles):
+        if not abs(pole) < 1:
+            said = "is not inside the unit circle: poles are of discrete time, z = exp(s T)"
+            raise InputError("poles", f"{pole if pole.imag else pole.real:.6g} {said}")
     # The corrected estimate depends on the state through C A: (I - L C) A = A - L (C A).
-    gain = place(A, C @ A, poles)
-    outside = np.abs(np.atleast_1d(poles)) >= 1.0
-    if outside.any():
-        problem = "must be of discrete time, inside the unit circle, is not"
-        raise InputError("poles", f"{shown(np.atleast_1d(poles)[outside][0].item())} {problem}")
-    return FixedGainObserver(model, gain)
+    return FixedGainObserver(model, place(A, C @ A, poles))
 
 
 def steady_kalman(model: LinearModel) -> FixedGainObserver:
     """The Kalman filter with its steady gain, from the first row on.
 
         P = A P A' + Q - A L C P A',    L = P C' (C P C' + R)^-1
+
+    L is of the filter form; ``dlqe`` of other packages gives A L.
 
     Parameters
     ----------
@@ -167,6 +172,42 @@ def steady_kalman(model: LinearModel) -> FixedGainObserver:
      [0.092]]
     """
     return FixedGainObserver(model, steady_kalman_gain(as_kind("model", model, LinearModel)))
+
+
+def filter_gain(model: LinearModel, predictor_gain: ArrayLike) -> Array:
+    """L of the filter form, shape (n, m), from Lp = A L of the predictor form, that of ``dlqe``.
+
+    Parameters
+    ----------
+    model
+        The linear model of the plant.
+    predictor_gain
+        Lp, shape (n, m).
+
+    Raises
+    ------
+    InputError
+        If the gain has another shape, or no L has A L = Lp.
+
+    Examples
+    --------
+    >>> from reobserve import LinearModel, filter_gain
+    >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
+    >>> print(filter_gain(model, [[0.168], [0.092]]).round(3))
+    [[0.159]
+     [0.092]]
+    """
+    A, _, C, _, _, _ = as_kind("model", model, LinearModel).arrays
+    given, shape = as_floats("predictor_gain", predictor_gain), (len(A), len(C))
+    if given.shape != shape:
+        raise InputError("predictor_gain", f"has shape {given.shape}, must be {shape}")
+    scales = output_scales(A, C).completed(A)
+    even = scales.transition(A)
+    wanted = powers(given, scales.states[:, None] - scales.outputs)
+    found = np.asarray(np.linalg.lstsq(even, wanted, rcond=None)[0], dtype=np.float64)
+    if np.abs(even @ found - wanted).max() > 1e-9 * np.abs(wanted).max():
+        raise InputError("predictor_gain", "is no A L: A is singular, and no filter has this gain")
+    return scales.gain(found)
 
 
 @own_gain_function

@@ -76,7 +76,7 @@ def diagnose(run: Run[Any]) -> Diagnostics:
 
 
 def _least(P: NDArray[np.float64]) -> float:
-    """The smallest eigenvalue of P_ij / sqrt(P_ii P_jj), with variances of zero left as they are."""
+    """The smallest eigenvalue of P_ij / sqrt(P_ii P_jj), variances of zero left as they are."""
     size = np.sqrt(np.maximum(np.einsum("kii->ki", P), 0.0))
     size[size == 0.0] = 1.0
     scaled = P / size[:, :, None] / size[:, None, :]

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind, as_poles
 from reobserve.core.balancing import (
     Scales,
-    best_paths,
     logarithm,
     output_scales,
     powers,
@@ -215,16 +214,8 @@ class _Even(NamedTuple):
 def _noise_scaled(model: LinearModel) -> _Even:
     A, _, C, _, Q, R = model.arrays
     scales = output_scales(A, C, -0.5 * logarithm(np.diag(R)), rate=0.0)
-    r, driven = np.array(scales.states), 0.5 * logarithm(np.diag(Q))
-    hidden = ~np.isfinite(r)
-    if hidden.any():  # these are scaled by what moves them
-        steps = logarithm(A)
-        sources = driven.copy()
-        if not hidden.all():
-            sources = np.maximum(sources, (steps[:, ~hidden] - r[~hidden]).max(axis=1))
-        paths = best_paths((steps - scales.rate)[np.ix_(hidden, hidden)])
-        moved = (paths + sources[hidden]).max(axis=1)
-        r[hidden] = np.where(np.isfinite(moved), -moved, 0.0)
+    driven, hidden = 0.5 * logarithm(np.diag(Q)), ~np.isfinite(scales.states)
+    r = np.array(scales.completed(A, driven).states)
     # All states alike, so that what measurements tell and what noise adds is of one size.
     largest = float(np.max((driven + r)[~hidden], initial=-np.inf))
     r[~hidden] -= 0.5 * largest if np.isfinite(largest) else 0.0

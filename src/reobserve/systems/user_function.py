@@ -181,7 +181,7 @@ def _with_bounds(function: Any, given: Any) -> Any:
 
 
 def _copied(given: Any, seen: dict[Any, Any], make: Callable[[Any, Any], Any]) -> Any:
-    """``make`` of a copy of a function and the function, and so for those of numba that it names."""
+    """``make`` of a copy of a function and the function, so for those of numba in it."""
     if given in seen:
         return seen[given]
     function = given.py_func if is_jitted(given) else given

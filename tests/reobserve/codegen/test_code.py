@@ -164,6 +164,47 @@ def test_generated_c_test_detects_a_changed_digit(folder: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
+@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only"])
+def test_flags_that_take_nan_for_a_number_are_refused(flag: str, folder: Path) -> None:
+    write("kalman", folder)
+    for file in ("kalman.c", "kalman_test.c"):
+        done = ran(folder, "cc", "-std=c99", flag, "-c", file)
+        assert done.returncode != 0
+        assert "this code needs nan and infinity" in done.stderr
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
+@pytest.mark.parametrize("flags", [["-O2"], ["-Ofast", "-fno-finite-math-only"]])
+def test_generated_c_test_fails_on_nan_under_any_flags(flags: list[str], folder: Path) -> None:
+    write("luenberger", folder)
+    source = (folder / "luenberger.c").read_text()
+    broken = source.replace(
+        "return isfinite(finite) ? 0 : 1;", "estimate->state[0] = NAN; return 0;"
+    )
+    assert broken != source
+    test = (folder / "luenberger_test.c").read_text()
+    for file, text in (("luenberger.c", broken), ("luenberger_test.c", test)):
+        (folder / file).write_text(text.replace("#error", "/* no error */ //"))
+    command = [*c_test.COMPILE.format(name="luenberger").split(), *flags, "-std=gnu99", "-Wno-all"]
+    done = ran(folder, *command, "-o", "nan")
+    assert done.returncode == 0, done.stderr
+    assert ran(folder, "./nan").returncode == 1
+
+
+@pytest.mark.skipif(shutil.which("c++") is None, reason="there is no compiler of C++")
+def test_a_program_in_cpp_links_with_the_c_code(folder: Path) -> None:
+    write("kalman", folder)
+    (folder / "main.cpp").write_text(
+        '#include "kalman.h"\n'
+        "int main() {\n    kalman_memory memory;\n    kalman_start(&memory);\n    return 0;\n}\n"
+    )
+    assert ran(folder, "cc", "-std=c99", "-c", "kalman.c").returncode == 0
+    done = ran(folder, "c++", "-Wall", "-Werror", "main.cpp", "kalman.o", "-lm", "-o", "linked")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert ran(folder, "./linked").returncode == 0
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 def test_c_code_reports_overflow(folder: Path) -> None:
     write("identity", folder)
     (folder / "far.c").write_text(

@@ -120,8 +120,10 @@ def test_unobservable_or_invalid_model_is_refused() -> None:
     hidden = LinearModel(np.diag([0.5, 0.9]), np.zeros((2, 1)), [[1.0, 0.0]], Q=1.0, R=1.0)
     with pytest.raises(InputError, match=r"^A, C: do not show the mode of the eigenvalue 0.9"):
         luenberger(hidden, [0.1, 0.2])
-    with pytest.raises(InputError, match=r"^gain: gives no stable observer"):
+    with pytest.raises(InputError, match=r"^poles: 1.5 is not inside the unit circle"):
         luenberger(NORMAL, [0.1, 0.2, 0.3, 1.5])
+    with pytest.raises(InputError, match=r"^gain: gives no stable observer"):
+        FixedGainObserver(NORMAL, 10.0 * luenberger(NORMAL, POLES).gain)
     for build in (steady_kalman, lambda model: luenberger(model, POLES)):
         with pytest.raises(InputError, match=r"^model: 3 must be of type LinearModel"):
             build(3)  # type: ignore[arg-type]

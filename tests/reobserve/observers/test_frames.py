@@ -83,5 +83,5 @@ def test_entry_that_is_no_number_is_named(y: Any, said: str) -> None:
 
 def test_poles_outside_the_unit_circle_are_named() -> None:
     model = LinearModel([[1.0, 0.1], [0.0, 1.0]], C=[[1.0, 0.0]], Q=1.0, R=1.0)
-    with pytest.raises(InputError, match=r"poles: -3\.0 must be of discrete time"):
+    with pytest.raises(InputError, match=r"poles: -3 is not inside the unit circle"):
         luenberger(model, [-3.0, -4.0])

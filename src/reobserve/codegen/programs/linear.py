@@ -131,7 +131,7 @@ def filter_program(
     gain: Callable[[Program], GainFunction] | None = None,
     split: int = 0,
 ) -> Program:
-    """A filter with its covariance, and Kalman's gain unless ``gain`` states another's constants."""
+    """A filter with its covariance, and Kalman's gain unless ``gain`` states another."""
     program, n = Program(title, model.outputs, model.inputs), model.states
     m = matrices(program, model)
     switching = None if gain is None else gain(program)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import NoneType
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_type_hints
@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_typ
 import numpy as np
 
 from reobserve.core.documents import Tree
-from reobserve.core.errors import InputError, located
+from reobserve.core.errors import DivergenceError, InputError, located
 from reobserve.core.matrices import FloatArray, as_positive
 from reobserve.core.validation import checked, parse
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
@@ -111,6 +111,12 @@ class Design(ABC):
         if gains is not None:
             gains = parse(hints["gains"], gains, "gains")
         return parse(hints["system"], rest), gains
+
+    @classmethod
+    def needs_gains(cls) -> bool:
+        """Whether there is no design of this family without gains."""
+        hint = get_type_hints(cls)["gains"]
+        return hint not in (NoneType, Any) and NoneType not in get_args(hint)
 
     @classmethod
     def designed(cls, tree: Tree) -> Self:
@@ -219,6 +225,20 @@ class Design(ABC):
     def summary(self) -> list[str]:
         """A few sentences on what the certificate says."""
 
+    def try_out(self) -> None:
+        """Start the observer and run it over some rows of zeros.
+
+        Raises
+        ------
+        InputError
+            If it refuses the initial state or what it reads; it names the key.
+        """
+        rows, inputs = np.zeros((3, self.widths[0][0])), np.zeros((3, self.widths[1][0]))
+        with self.keyed():
+            state = self.start()
+            with suppress(DivergenceError), np.errstate(all="ignore"):  # zero may be no valid row
+                self.observer.run(rows, inputs if self.observer.inputs else None, state=state)
+
     def checked(self) -> Design:
         """The design, if its certificate is the one of its system and gains, and it can start.
 
@@ -229,6 +249,8 @@ class Design(ABC):
         """
         with self.keyed():
             found = self.certify()
+        with self.keyed():
+            self.start()
         _compare("certificate", self.certificate, found)
         with located("system"), self.keyed():
             self.start()

@@ -39,9 +39,9 @@ def run(
     if model is None or out is None:
         raise InputError("MODEL.yaml and --out", "must be given, or --example")
     tree: Tree = {**read_yaml(model), **dict(map(_change, changed))}
-    with naming(model):
+    with naming(model), chosen.keyed():
         found = chosen.designed(tree)
-    saved = save_design(out, found)
+        saved = save_design(out, found)
     print(*saved.summary(), sep="\n")
     print(f"{out}: certified; loading it certifies it again")
 

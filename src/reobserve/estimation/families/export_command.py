@@ -71,7 +71,9 @@ def exported(design: Design, name: str) -> dict[str, str]:
     y, u, found = records.test_run(design.observer, state, columns)
     expected = {each: found[each] for each in program.estimates}
     return {
-        f"{name}.h": c_code.header(program, name, signals, about, period),
+        f"{name}.h": c_code.header(
+            program, name, signals, about, period, design.observer.reads_missing
+        ),
         f"{name}.c": c_code.source(program, name),
         f"{name}_test.c": c_test.test_source(program, name, y, u, expected),
     }

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import metadata
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -56,6 +57,8 @@ def load_design(path: str | Path) -> Design:
     body = {name: part for name, part in tree.items() if name not in _HEADER}
     if "certificate" not in body:
         raise InputError(f"{path}: certificate", "is missing; a design file needs it")
+    if "gains" not in body and kind.needs_gains():
+        raise InputError(f"{path}: gains", f"are missing; a design of {tree['kind']} needs them")
     with naming(path):
         return parse(kind, body).checked()
 
@@ -63,13 +66,20 @@ def load_design(path: str | Path) -> Design:
 def save_design(path: str | Path, design: DesignKind) -> DesignKind:
     """Certify a design, write its file, whole or not at all, and return it with its certificate.
 
+    Before, the observer is started and run over some rows.
+
     Raises
     ------
     InputError
-        As `Design.certify`; or if it is no design, or the file cannot be written.
+        As `Design.certify` and `Design.try_out`; or if it is no design, a number of the certificate
+        is not finite, or the file cannot be written.
     """
     name = name_of(type(design))
     certified = replace(design, certificate=design.certify())
+    for key, value in certified.certificate.items():
+        if isinstance(value, float) and not isfinite(value):
+            raise InputError(f"certificate.{key}", "is beyond floating-point numbers")
+    certified.try_out()
     tree = {
         "format": FORMAT,
         "schema": SCHEMA,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from math import inf
 from typing import Any
@@ -13,8 +13,9 @@ from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
-from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
+from reobserve.synthesis.extended_state.feasible_point import SOLVERS, strictly_feasible
 from reobserve.synthesis.extended_state.inequality import Variables
+from reobserve.synthesis.extended_state.matrix_terms import Units
 from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
@@ -94,6 +95,31 @@ def accepted(
     return CertifiedGains(method, gains, gamma, solver, status, objective, certificate)
 
 
+def in_some_units(
+    attempt: Callable[[Units | None], CertifiedGains],
+    even: Callable[[], Units],
+    solver: str,
+    advice: str,
+) -> CertifiedGains:
+    """The design in the units of the system or, if a solver finds none, in even ones.
+
+    Raises
+    ------
+    InputError
+        As `optimised` in the units of the system, with what else might help.
+    """
+    try:
+        return attempt(None)
+    except InputError as error:
+        if error.parameter != "solver" or solver not in SOLVERS:
+            raise
+        said = str(error).removeprefix("solver: ")
+    try:
+        return attempt(even())
+    except InputError:
+        raise InputError("solver", f"{said}; {advice}") from None
+
+
 def optimised(
     method: str,
     system: AugmentedSystem,
@@ -103,6 +129,7 @@ def optimised(
     solver: str,
     decay: float = 0.0,
     bound: float = inf,
+    units: Units | None = None,
 ) -> CertifiedGains:
     """The design at the minimiser of ``problem``, if its certificate holds.
 
@@ -114,6 +141,9 @@ def optimised(
         Of the matrices; one that the problem does not have is zero.
     gamma
         The promised bound of the norm, none if there is none or if the problem finds it.
+    units
+        That the problem is stated in, those of the system if left out. The certificate is in the
+        units of the system in any case.
 
     Raises
     ------
@@ -129,6 +159,7 @@ def optimised(
     if problem.radius is not None:
         objective = gamma = float(x[-1])
     found = problem.matrices(x)
+    found = found if units is None else units.original(found)
     nothing = np.zeros((system.outputs, system.size))
     variables = kind(*(found.get(field.name, nothing) for field in fields(kind)))
     design = accepted(method, system, variables, gamma, solver, status, objective, decay, bound)

@@ -25,11 +25,13 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.core.arguments import as_kind
+from reobserve.core.balancing import output_scales, powers
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import Matrix, as_positive
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _NULL = 1e-10  # of the largest singular value: a smaller one counts as zero
+_MODERATE = 20.0  # powers of two between the scales of states that are left as they are
 _TINIEST, _LARGEST = 1e-150, 1e150  # whose squares are floats
 
 
@@ -47,14 +49,21 @@ def gamma_lower_bound(system: AugmentedSystem) -> float:
     unseen = inputs - (system.outputs - system.faults)
     if unseen <= 0:
         return 0.0
-    states = system.states + system.outputs
-    matrix = np.vstack([system.A_tilde[:states], system.C_tilde])
-    right = np.vstack([-system.Da, np.zeros((system.outputs, inputs))])
+    states, A, C, Da = system.states + system.outputs, system.A_tilde, system.C_tilde, system.Da
+    scales = output_scales(A, C).completed(A).rounded()
+    if np.ptp(scales.states) > _MODERATE:
+        A, C = scales.transition(A), scales.output(C)
+        Da = powers(Da, scales.states[:states, None])
+    else:
+        scales = scales._replace(states=np.zeros(system.size))
+    matrix = np.vstack([A[:states], C])
+    right = np.vstack([-Da, np.zeros((system.outputs, inputs))])
     left, values, rows = np.linalg.svd(matrix)
     size = system.size
     misfit = left[:, size:].T @ right
     solvable = _null_space(misfit, float(np.linalg.norm(right, 2)))
     gains = rows.T @ ((left[:, :size].T @ right @ solvable) / values[:, None])
+    gains = powers(gains, -scales.states[:, None])
     found = np.linalg.svd(gains, compute_uv=False)[::-1]
     return float(found[unseen - 1])
 

@@ -29,13 +29,22 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.matrices import as_positive
 from reobserve.synthesis.extended_state.central_path import Constraint, Problem
 from reobserve.synthesis.extended_state.certificate import as_strip
-from reobserve.synthesis.extended_state.design import CertifiedGains, optimised
+from reobserve.synthesis.extended_state.design import CertifiedGains, in_some_units, optimised
 from reobserve.synthesis.extended_state.gamma_bound import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
-from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_constraints
+from reobserve.synthesis.extended_state.matrix_terms import (
+    Units,
+    above,
+    even_units,
+    pd_pi_constraints,
+)
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _LEAST = 0.01  # eigenvalue of P1 and of the symmetric part of P3
+_ADVICE = (
+    "a larger factor or gamma, or a faster filter (Az, filter_rate), leaves gains more freedom"
+)
+_ADVICE_OF_MINIMUM = "a larger radius, gap or bound, or a smaller decay, leaves gains more freedom"
 _GAP = 1e-5  # of the sum of squares to its optimum, relative: none would move gains by 2e-4
 
 
@@ -51,7 +60,8 @@ def design(
     Indriawati, Agustinah & Jazidie, (19).
 
     Subject to P1 >= 0.01 I and P3 + P3^T >= 0.02 I, and to 1e-5 of the sum: none is below the
-    design's ``lower``.
+    design's ``lower``. Where no such matrices are found, all this is asked of the same system in
+    even units; gamma remains that of the units given, and the certificate is in these.
 
     Parameters
     ----------
@@ -75,8 +85,13 @@ def design(
     """
     gamma = as_gamma(system, factor, gamma)
     method = f"{'PD/PI' if derivative else 'PI'}, minimum norm"
-    problem = _problem(system, pd_pi_constraints(system, gamma, derivative=derivative), _GAP)
-    return optimised(method, system, problem, PdPiVariables, gamma, solver)
+
+    def attempt(units: Units | None) -> CertifiedGains:
+        constraints = pd_pi_constraints(system, gamma, derivative=derivative, units=units)
+        problem = _problem(system, constraints, _GAP)
+        return optimised(method, system, problem, PdPiVariables, gamma, solver, 0.0, inf, units)
+
+    return in_some_units(attempt, lambda: even_units(system, gamma), solver, _ADVICE)
 
 
 def design_minimum_gamma(
@@ -106,10 +121,14 @@ def design_minimum_gamma(
     as_kind("system", system, AugmentedSystem)
     decay, bound = as_strip(decay, bound)
     radius, gap = as_positive("radius", radius), as_positive("gap", gap)
-    constraints = pd_pi_constraints(system, None, decay, bound, derivative)
-    problem = _problem(system, constraints, gap, radius)
     method = f"{'PD/PI' if derivative else 'PI'}, minimum gamma"
-    return optimised(method, system, problem, PdPiVariables, None, solver, decay, bound)
+
+    def attempt(units: Units | None) -> CertifiedGains:
+        constraints = pd_pi_constraints(system, None, decay, bound, derivative, units)
+        problem = _problem(system, constraints, gap, radius)
+        return optimised(method, system, problem, PdPiVariables, None, solver, decay, bound, units)
+
+    return in_some_units(attempt, lambda: even_units(system), solver, _ADVICE_OF_MINIMUM)
 
 
 def _problem(

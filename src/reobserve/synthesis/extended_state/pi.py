@@ -26,10 +26,20 @@ from reobserve.synthesis.extended_state.central_path import (
     Problem,
     minimiser,
 )
-from reobserve.synthesis.extended_state.design import CertifiedGains, accepted, optimised
+from reobserve.synthesis.extended_state.design import (
+    CertifiedGains,
+    accepted,
+    in_some_units,
+    optimised,
+)
 from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
 from reobserve.synthesis.extended_state.inequality import PiVariables
-from reobserve.synthesis.extended_state.matrix_terms import above, pi_constraints
+from reobserve.synthesis.extended_state.matrix_terms import (
+    Units,
+    above,
+    even_units,
+    pi_constraints,
+)
 from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
@@ -39,6 +49,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem
 # the norm alone to fix it the centre would be several times as slow as what Clarabel returns.
 SOLUTIONS = ("minimum_norm", "positive", "largest_margin")
 
+_ADVICE = "a smaller decay, or a faster filter (Az, filter_rate), leaves gains more freedom"
 _GAP = 1e-5  # of the sum of squares to its optimum, relative
 _RADIUS = 100.0  # Frobenius norm of P1 and Y, without which gains tend to infinity
 _MARGIN_GAP = 1e-3  # of the margin to the largest
@@ -89,22 +100,29 @@ def design_feasible(
     size = as_kind("system", system, AugmentedSystem).size
     if solution not in SOLUTIONS:
         raise InputError("solution", f"{solution!r} must be one of {', '.join(SOLUTIONS)}")
-    if solution != "minimum_norm":
-        return _inside(system, decay, solver, solution)
-    shapes = {"P1": (size, size), "Y": (system.outputs, size)}
-    constraints = (*pi_constraints(system, decay), above("P1", size, 1.0))
-    problem = Problem(shapes, frozenset({"P1"}), constraints, _GAP)
-    return optimised("PI, feasible", system, problem, PiVariables, None, solver, decay)
+
+    def attempt(units: Units | None) -> CertifiedGains:
+        if solution != "minimum_norm":
+            return _inside(system, decay, solver, solution, units)
+        shapes = {"P1": (size, size), "Y": (system.outputs, size)}
+        constraints = (*pi_constraints(system, decay, units), above("P1", size, 1.0))
+        problem = Problem(shapes, frozenset({"P1"}), constraints, _GAP)
+        method = "PI, feasible"
+        return optimised(method, system, problem, PiVariables, None, solver, decay, units=units)
+
+    return in_some_units(attempt, lambda: even_units(system), solver, _ADVICE)
 
 
-def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -> CertifiedGains:
+def _inside(
+    system: AugmentedSystem, decay: float, solver: str, solution: str, units: Units | None
+) -> CertifiedGains:
     """The design of a solution far inside the inequality, polished to all digits.
 
     The matrices are those of minimum gamma where -gamma I is the margin of all that is positive, or
     where nothing but gamma > 0 holds gamma, so that it is the barriers that decide.
     """
     size, one = system.size, np.eye(system.size)
-    (lyapunov,), positive = pi_constraints(system, decay), above("P1", size, 0.0)
+    (lyapunov,), positive = pi_constraints(system, decay, units), above("P1", size, 0.0)
     constraints = [lyapunov, positive]
     if solution == "largest_margin":
         constraints = [replace(lyapunov, slope=one), replace(positive, slope=2.0 * one)]
@@ -117,6 +135,7 @@ def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -
     start, status = strictly_feasible(problem, solver)
     x = np.array([float(entry) for entry in polished(problem, minimiser(problem, start)).x])
     found = problem.matrices(x)
+    found = found if units is None else units.original(found)
     method = f"PI, feasible, {solution.replace('_', ' ')}"
     variables = PiVariables(found["P1"], found["Y"])
     objective = float(x[-1]) if solution == "largest_margin" else 0.0

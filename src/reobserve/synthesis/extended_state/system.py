@@ -231,8 +231,9 @@ def _check_reconstruction(system: AugmentedSystem) -> None:
             raise InputError(
                 name, f"has rank {rank}, must have {matrix.shape[1]}: a fault has an effect"
             )
-    lasting = -_RANK * np.abs(A).max()
-    for pole in np.linalg.eigvals(A):
+    poles = np.linalg.eigvals(A)
+    lasting = -_RANK * np.abs(poles).max()
+    for pole in poles:
         if pole.real >= lasting and (rank := _rank(np.vstack([A - pole * np.eye(n), C]))) < n:
             raise InputError(
                 "C",

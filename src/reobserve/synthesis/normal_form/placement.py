@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_kind, as_poles
+from reobserve.core.balancing import Scales, output_scales
 from reobserve.core.errors import InputError
 from reobserve.synthesis.linear import unobservable_modes
 from reobserve.synthesis.normal_form.problem import refuse_undetectable
 from reobserve.systems.polynomial import PolynomialSystem
 
+_MODERATE = 10.0  # powers of two between scales of states that are left as they are
 _REACHED = 1e-6  # relative distance at which a pole counts as placed
 
 
@@ -52,6 +54,10 @@ def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray
             "among the poles, or give the injection itself",
         )
     # Outputs that say the same twice are taken together: scipy wants H of full rank.
+    scales = output_scales(F, H).completed(F).rounded()
+    if np.ptp(scales.states) <= _MODERATE:
+        scales = Scales(np.zeros(len(F)), np.zeros(len(H)), 0.0)
+    F, H = scales.transition(F), scales.output(H)
     U, sizes, V = np.linalg.svd(H)
     rank = int(np.sum(sizes > _REACHED * sizes[0]))
     reduced = sizes[:rank, None] * V[:rank]
@@ -69,5 +75,5 @@ def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray
             f"{shown} cannot be placed, only {', '.join(f'{v:.4g}' for v in reached)}: the pair "
             "(F, H) is hardly observable; give the injection itself",
         )
-    found: NDArray[np.float64] = np.ascontiguousarray(gain.real)
+    found: NDArray[np.float64] = np.ascontiguousarray(scales.gain(gain.real))
     return found

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import InputError
+from reobserve.core.matrices import spectral_radius
 from reobserve.polynomials.arithmetic import Coefficients
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
@@ -132,7 +133,7 @@ def refuse_undetectable(system: PolynomialSystem) -> None:
         With the mode.
     """
     F, H = system.F.astype(np.float64), system.H.astype(np.float64)
-    rounding = 1e-12 * max(1.0, float(np.linalg.norm(F)))
+    rounding = 1e-12 * max(1.0, spectral_radius(F))
     for mode in unobservable_modes(F, H):
         if mode.real >= -rounding:
             raise InputError(

@@ -156,6 +156,7 @@ def _filters() -> Iterator[Call]:
     yield from called({
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
+        "observers.fixed_gain.filter_gain": (model, [[0.5], [0.1]]),
         "synthesis.linear.steady_kalman_gain": (model,),
         "synthesis.linear.kalman_gain_error": (model, steady_kalman_gain(model)),
         "synthesis.linear.unobservable_modes": (model.A, model.C),
