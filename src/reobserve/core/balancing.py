@@ -33,7 +33,7 @@ class Scales(NamedTuple):
         return Scales(np.rint(self.states), np.rint(self.outputs), float(np.rint(self.rate)))
 
     def completed(self, A: Array, driven: Array | None = None) -> Scales:
-        """With scales of states that no output depends on, by what moves them; 0 if nothing does.
+        """The scales with those of states that no output depends on, by what moves them, else 0.
 
         ``driven`` is log2 of what moves states beside each other, in their units.
         """

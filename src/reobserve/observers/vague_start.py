@@ -1,4 +1,4 @@
-"""What covariances of a start lose to rounding when measurements are far more precise.
+"""Digits that covariances of a start lose when measurements are far more precise.
 
 A correction from the variance p to the variance q leaves of 16 digits about 16 - log10(p / q): the
 covariance after it is the small difference of large numbers.

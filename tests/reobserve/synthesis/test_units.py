@@ -144,7 +144,7 @@ def test_unobservable_modes_are_those_of_any_units(seed: int, x: Array, y: Array
     assert len(hidden) == (seed % 4 == 0)
 
 
-def test_gain_of_the_predictor_form_is_told_from_that_of_the_filter() -> None:
+def test_gains_of_predictor_and_filter_form_are_distinguished() -> None:
     model = LinearModel([[1.0, 0.1], [0.0, 0.9]], None, [[1.0, 0.0]], None, [1e-4, 1e-3], 1e-2)
     filtering = steady_kalman(model).gain
     assert filter_gain(model, model.A @ filtering) == pytest.approx(filtering, rel=1e-12)

@@ -114,7 +114,7 @@ class Design(ABC):
 
     @classmethod
     def needs_gains(cls) -> bool:
-        """Whether there is no design of this family without gains."""
+        """True if there is no design of this family without gains."""
         hint = get_type_hints(cls)["gains"]
         return hint not in (NoneType, Any) and NoneType not in get_args(hint)
 

@@ -29,7 +29,7 @@ _LOOSE = 12.0  # power of two
 
 
 class Units(NamedTuple):
-    """What inequalities are stated with: A~, C~, Bo, T^2 and U^2, and the powers of two in T, S."""
+    """The terms of inequalities: A~, C~, Bo, T^2 and U^2, and the powers of two in T, S."""
 
     A: Matrix
     C: Matrix
@@ -46,7 +46,7 @@ class Units(NamedTuple):
 
 
 def given_units(system: AugmentedSystem) -> Units:
-    """Those that the system is given in."""
+    """The units that the system is given in."""
     size, inputs = system.Bo.shape
     none = Scales(np.zeros(size), np.zeros(system.outputs), 0.0)
     ones = np.ones(size), np.ones(inputs)
