@@ -113,7 +113,8 @@ def sampled(plant: Plant, sign: float = 1.0) -> tuple[Matrix, Matrix]:
 def simulate(job: Job) -> Series:
     """From rest, under a square wave of force and gusts that are new at every step."""
     plant, (A, effects) = job.plant, sampled(job.plant)
-    time = np.arange(round(plant.horizon / plant.step) + 1) * plant.step
+    rows = np.arange(round(plant.horizon / plant.step) + 1, dtype=np.float64)
+    time = rows * plant.step
     force = np.where(time % plant.force_period < plant.force_period / 2, plant.force, -plant.force)
     gusts, noise = random_stream(job.seed, "two_mass").normal(size=(2, len(time)))
     state = np.zeros((len(time), 4))
