@@ -192,3 +192,19 @@ def test_invalid_pole_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"must be a number, or one like -1|must be finite"):
         as_pole_list("poles", ["-2", text])
     assert as_pole_list("", [-2, ".5e1-3.25j", "-1+2i"]) == [-2, 5 - 3.25j, -1 + 2j]
+
+
+@pytest.mark.parametrize("kind", ["ilo", "adaptive"])
+def test_rigid_body_starts_from_the_stated_rate_and_fault(kind: str) -> None:
+    rate, fault = [0.1, -0.2, 0.3], [0.5, 0.0, -0.5]
+    built = design(kind, initial_state=rate, initial_fault=fault)
+    wanted = built.observer.init(rate, fault)
+    found = built.start()
+    assert np.array_equal(found.rate, wanted.rate)
+    y, u = np.tile(rate, (3, 1)), np.zeros((3, 3))
+    runs = [built.observer.run(y, u, state=state)["fault"] for state in (found, wanted)]
+    assert np.array_equal(*runs)
+    for given, said in (({"initial_fault": fault}, "goes with"), ({"initial_state": rate,
+                        "initial_fault": fault[:2]}, r"has shape \(2,\)")):  # fmt: skip
+        with pytest.raises(InputError, match=rf"^initial_fault: {said}"):
+            design(kind, **given)
