@@ -45,20 +45,22 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
         matrix = 0.5 * matrix + 0.5 * matrix.T  # a sum of halves does not overflow
         if _are_good(matrix[None], definite)[0]:
             return matrix
-    problem = f"its eigenvalues are {_eigenvalues(matrix)}"
-    i = int(np.argmin(variances))
-    if size > 1 and (variances[i] < 0 or (definite and variances[i] == 0)):
+    eigenvalues, i = np.linalg.eigvalsh(matrix), int(np.argmin(variances))
+    problem = f"its eigenvalues are {_listed(eigenvalues)}"
+    if eigenvalues[0] <= (0.0 if definite else -_ROUNDING * eigenvalues[-1]):
+        pass  # which says it all
+    elif size > 1 and (variances[i] < 0 or (definite and variances[i] == 0)):
         problem += f", and the variance at [{i}, {i}] is {variances[i]:g}"
     elif np.isfinite(scaled).all() and (variances > 0).all():
-        problem += f", and those of its correlation matrix {_eigenvalues(scaled)}"
+        problem += f", and those of its correlation matrix {_listed(np.linalg.eigvalsh(scaled))}"
     elif np.count_nonzero(matrix[variances == 0]):
         problem += f", and beside the variance of 0 at [{i}, {i}] there are covariances"
     wanted = "definite" if definite else "semidefinite"
     raise InputError(name, f"must be positive {wanted}, {problem}")
 
 
-def _eigenvalues(matrix: Array) -> str:
-    return ", ".join(f"{one:g}" for one in np.linalg.eigvalsh(matrix))
+def _listed(eigenvalues: Any) -> str:
+    return ", ".join(f"{one:g}" for one in eigenvalues)
 
 
 def as_covariances(

@@ -204,7 +204,7 @@ def test_covariance_is_decided_in_units_of_its_deviations() -> None:
         assert np.allclose(as_covariance("P", P, n), P, rtol=1e-15)
         wrong = P.copy()
         wrong[0, 1] = wrong[1, 0] = 1.001 * math.sqrt(P[0, 0] * P[1, 1])
-        with pytest.raises(InputError, match="correlation matrix"):
+        with pytest.raises(InputError, match="P: must be positive semidefinite"):
             as_covariance("P", wrong, n)
     with pytest.raises(InputError, match=r"variance at \[1, 1\] is -1e-09"):
         as_covariance("P", [1e20, -1e-9], 2)
