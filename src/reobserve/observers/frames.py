@@ -74,8 +74,8 @@ def _compare(name: str, index: Any, period: float) -> None:
     if kind == "f":
         seconds = index.to_numpy(np.float64)
     else:
-        entries = index.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
-        seconds = (entries - entries[:1]) / np.timedelta64(1, "ns") * 1e-9
+        timestamps = index.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
+        seconds = (timestamps - timestamps[:1]) / np.timedelta64(1, "ns") * 1e-9
     off = np.abs(np.diff(seconds) - period) <= UNEVEN * period
     if not off.all():
         row = int(np.argmin(off)) + 1

@@ -51,14 +51,16 @@ def record(observer: Any, rows: int = 10) -> tuple[Any, Any]:
 def test_gap_overlap_and_clock_set_back_are_refused(make: Any, begin: float) -> None:
     observer, state = make()
     y, u = record(observer)
-    times = PERIOD * np.arange(10.0)
-    first = observer.run(y, u, state=state, time=1000.0 + times)
+    timestamps = PERIOD * np.arange(10.0)
+    first = observer.run(y, u, state=state, time=1000.0 + timestamps)
     assert first.state.time == pytest.approx(1000.9)
     with pytest.raises(InputError, match=r"time: goes from 1000\.9 to"):
-        observer.run(y, u, state=first.state, time=begin + times)
+        observer.run(y, u, state=first.state, time=begin + timestamps)
     for kept in (first.state, copy.deepcopy(first.state), pickle.loads(pickle.dumps(first.state))):
-        for given in (None, 1001.0 + times):
-            assert observer.run(y, u, state=kept, time=given).time == pytest.approx(1001.0 + times)
+        for given in (None, 1001.0 + timestamps):
+            assert observer.run(y, u, state=kept, time=given).time == pytest.approx(
+                1001.0 + timestamps
+            )
 
 
 @pytest.mark.parametrize("make", [high_gain, levant, kalman, uneven])
