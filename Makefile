@@ -20,7 +20,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: figures bench unlock report archive quick test nightly check elsewhere benchmarks figdiff accept samples mutations pages docs lock \
+.PHONY: figures bench unlock report archive quick test nightly check elsewhere mixed benchmarks figdiff accept samples mutations pages docs lock \
 	package env cluster clean distclean help
 .DEFAULT_GOAL := figures
 
@@ -75,9 +75,11 @@ OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 MIXED := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
 BENCH := tests/reobserve_papers/bench/test_tuned.py::test_comparison_agrees_with_golden_numbers
 
-elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of three other processors
+elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of a newer and an older processor
 	$(NEWER) pytest tests/reobserve_papers/golden/test_golden.py
 	$(OLDER) pytest tests/reobserve_papers/golden/test_golden.py
+
+mixed: $(STAMP)  ## the same, and the bench, with compiled loops of the older processor and other libraries of this one
 	$(MIXED) pytest -m "" tests/reobserve_papers/golden/test_golden.py $(BENCH)
 
 benchmarks: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
