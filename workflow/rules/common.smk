@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from reobserve.__main__ import collect_rarely
-from reobserve.core.documents import digest, read_yaml
+from reobserve.core.documents import read_yaml
+from reobserve.core.seals import digest
 from reobserve.core.errors import ReobserveError
 from reobserve_papers.claims.evidence import check_evidence
 from reobserve_papers.claims.registry import claims_text, decisive
