@@ -24,6 +24,8 @@ def read_frames(observer: Any, y: Any, u: Any, timed: bool) -> tuple[Any, Any, A
         If columns have other names than the model's signals, an index of times does not go on by
         the sampling period, or y and u have different ones.
     """
+    if type(y) is np.ndarray and (u is None or type(u) is np.ndarray):
+        return y, u, None
     index, other = _index(y), _index(u)
     if index is None and other is None and not (_columns(y) or _columns(u)):
         return y, u, None

@@ -347,7 +347,7 @@ class GaussianFilter(Observer[KalmanState]):
         good, cause = ends[0].tolist()
         n, _, m = self._sizes
         if state.count <= n and n * m > 1:  # of one number Joseph's form loses nothing
-            variances = rows[1][0, : min(good, n + 1)].diagonal(axis1=1, axis2=2)
+            variances = rows.covariance[0, : min(good, n + 1)].diagonal(0, 1, 2)
             warn_of_start(posterior.covariance.diagonal(), variances)
         return Rows(found, good, last, finding=self.steps.causes[cause] if cause else "")
 

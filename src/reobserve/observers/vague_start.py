@@ -22,19 +22,21 @@ class VagueStartWarning(UserWarning):
 
 
 def warn_of_start(start: Array, variances: Array) -> None:
-    """Warn if a variance falls too far in one of the first rows.
+    """Warn the caller of `run` or `step` if a variance falls too far in one of the first rows.
 
     ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n).
     """
-    rows = np.concatenate([start[None], variances])
-    falls = rows[:-1] > FILTERED * rows[1:]
-    if falls.any():
-        row, state = np.argwhere(falls)[0].tolist()
-        before, after = rows[row : row + 2, state]
-        _warn(
-            f"the variance of state {state + 1} falls from {before:g} to {after:g} at row {row}",
-            "begin with a smaller covariance",
-        )
+    before = start.tolist()
+    for row, found in enumerate(variances.tolist()):  # few: numpy takes longer
+        for state, (last, after) in enumerate(zip(before, found, strict=True)):
+            if last > FILTERED * after:
+                _warn(
+                    f"the variance of state {state + 1} falls from {last:g} to {after:g} at row "
+                    f"{row}",
+                    "begin with a smaller covariance", 5,
+                )  # fmt: skip
+                return
+        before = found
 
 
 def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
@@ -45,10 +47,10 @@ def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
         _warn(
             f"the variance of state {state + 1} is {filtered[row, state]:g} at row {row} before, "
             f"and {smoothed[row, state]:g} after smoothing",
-            "begin the filter with a smaller covariance",
-        )
+            "begin the filter with a smaller covariance", 4,
+        )  # fmt: skip
 
 
-def _warn(problem: str, remedy: str) -> None:
+def _warn(problem: str, remedy: str, level: int) -> None:
     sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
-    warnings.warn(sentence, VagueStartWarning, stacklevel=4)
+    warnings.warn(sentence, VagueStartWarning, stacklevel=level)

@@ -17,8 +17,12 @@ Y = [1.0, 3.0, 2.0, 5.0, 4.0]
 @pytest.mark.parametrize("start", [1e13, [1.0, 1e15], 1e17])
 def test_start_that_loses_digits_is_said(start: float) -> None:
     kalman = KalmanFilter(MOTION)
-    with pytest.warns(VagueStartWarning, match=r"covariance: the variance of state \d falls from"):
-        kalman.run(Y, state=kalman.init([0.0, 0.0], start))
+    said = r"covariance: the variance of state \d falls from"
+    with pytest.warns(VagueStartWarning, match=said) as warned:
+        run = kalman.run(Y, state=kalman.init([0.0, 0.0], start))
+    with pytest.warns(VagueStartWarning, match="after smoothing") as later:
+        rts_smoother(kalman, run)
+    assert {one.filename for one in [*warned, *later]} == {__file__}  # the line that called
 
 
 def test_usual_start_is_least_squares_without_a_warning() -> None:
