@@ -15,7 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
-from types import CellType, CodeType, FunctionType
+from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
@@ -181,7 +181,7 @@ def _with_bounds(function: Any, given: Any) -> Any:
 
 
 def _copied(given: Any, seen: dict[Any, Any], make: Callable[[Any, Any], Any]) -> Any:
-    """``make`` of a copy of a function and the function, so for those of numba in it."""
+    """``make`` of a copy of a function and the function, so for those of numba that it names."""
     if given in seen:
         return seen[given]
     function = given.py_func if is_jitted(given) else given
@@ -191,15 +191,28 @@ def _copied(given: Any, seen: dict[Any, Any], make: Callable[[Any, Any], Any]) -
     )  # fmt: skip
     copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
     made = seen[given] = make(copy, given)
-    names = copy.__globals__
-    for name in _names_in(function.__code__):
-        if name in names and is_jitted(names[name]):
-            names[name] = _copied(names[name], seen, make)
+    names, known = _names_in(function.__code__), copy.__globals__
+    for name in names & known.keys():
+        known[name] = _copied_value(known[name], names, seen, make)
     for cell, old in zip(copy.__closure__ or (), function.__closure__ or (), strict=True):
         with suppress(ValueError):  # it is still empty
-            held: Any = old.cell_contents
-            cell.cell_contents = _copied(held, seen, make) if is_jitted(held) else held
+            cell.cell_contents = _copied_value(old.cell_contents, names, seen, make)
     return made
+
+
+def _copied_value(value: Any, names: set[str], seen: dict[Any, Any], make: Any) -> Any:
+    """A copy of a function of numba, and of a module in which such functions have these names."""
+    if is_jitted(value):
+        return _copied(value, seen, make)
+    if not isinstance(value, ModuleType):
+        return value
+    inside = {name: vars(value)[name] for name in names & vars(value).keys()}
+    copies = {name: _copied_value(one, names - {name}, seen, make) for name, one in inside.items()}
+    if all(copies[name] is one for name, one in inside.items()):
+        return value
+    module = ModuleType(value.__name__)
+    vars(module).update(vars(value) | copies)
+    return module
 
 
 def _names_in(code: CodeType) -> set[str]:

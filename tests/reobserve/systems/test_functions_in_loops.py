@@ -7,6 +7,7 @@ import math
 import pickle
 import threading
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 import numba
@@ -45,6 +46,17 @@ def estimates(kind: Any, f: Any, y: list[float], start: float = 0.0) -> Array:
     return state
 
 
+# Functions of numba in modules, and such a function that calls one.
+TABLES, PACKAGE = ModuleType("tables"), ModuleType("package")
+vars(TABLES).update(looked_up=looked_up, scale=1.0)
+vars(PACKAGE).update(tables=TABLES)
+
+
+@numba.njit
+def looked_up_there(x: float) -> float:
+    return TABLES.looked_up(x)  # type: ignore[no-any-return]
+
+
 class Uncompiled:
     """What numba does not compile."""
 
@@ -61,11 +73,14 @@ class Uncompiled:
     [
         lambda x: TABLE[int(x[0])],
         lambda x: looked_up(x[0]),
+        lambda x: TABLES.scale * TABLES.looked_up(x[0]),
+        lambda x: PACKAGE.tables.looked_up(x[0]),
+        lambda x: looked_up_there(x[0]),
         Uncompiled(lambda x: TABLE[int(x[0])]),
     ],
 )
 def test_index_beyond_a_table_has_the_words_of_python(kind: Any, f: Any) -> None:
-    looked_up(1.0)  # compiled before, without checks
+    looked_up_there(1.0)  # compiled before, as is what it calls, without checks
     assert estimates(kind, f, [0.5, 1.5, 2.5])[-1, 0] == pytest.approx(2.5)
     with pytest.raises(InputError, match="f: raises IndexError: index 7 is out of bounds"):
         estimates(kind, f, [0.5, 7.5, 2.5])
