@@ -20,6 +20,7 @@ from reobserve.core.balancing import (
     powers,
 )
 from reobserve.core.errors import InputError, shown
+from reobserve.core.finite import finite
 from reobserve.core.matrices import as_floats, spectral_radius
 from reobserve.synthesis.placed_gains import checked, least_sensitive, only_gain, searched
 from reobserve.systems.linear import LinearModel
@@ -178,6 +179,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     return even.scales.gain(gain)
 
 
+@finite("gain")
 def kalman_gain_error(model: LinearModel, gain: ArrayLike) -> Array:
     """The change of a steady gain by the Riccati equation, as parts of it, shape (n, m).
 
