@@ -1,5 +1,5 @@
-# The parameters of papers, and what a job depends on besides input files: the values that it reads,
-# code that it imports, versions.
+# The parameters of papers, and what a job depends on besides input files: values that it reads,
+# code, versions.
 
 import shlex
 import sys

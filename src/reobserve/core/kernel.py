@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from reobserve.core.kernel_cache import cache_in, own_folder
+from reobserve.core.kernel_cache import cache_in, compiling, own_folder
 
 # In modules that hold compiled code.
 _MARKS = (b"@kernel", b"@inlined_kernel", b"@allocating_kernel", b"intrinsic(_")
@@ -98,10 +98,18 @@ def compiled_with_signature(signature: Any, function: Callable[..., Any]) -> Any
     return _cached(function, numba.cfunc, signature, error_model="numpy")
 
 
-def cached_inner(function: Callable[..., Any], **options: Any) -> Any:
-    """Compile what compiled code alone calls, without wrappers for Python and C, cached on disk."""
+def cached_inner(signature: Any, function: Callable[..., Any], **options: Any) -> Any:
+    """Compile what compiled code alone calls, without wrappers for Python and C, cached on disk.
+
+    The result is None where numba compiles nothing.
+    """
     alone = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
-    return _cached(function, numba.njit, **alone, **options)
+    inner = _cached(function, numba.njit, **alone, **options)
+    if inner is function:
+        return None
+    with compiling:
+        inner.compile(signature.args)
+    return inner
 
 
 class FunctionPointer:

@@ -228,9 +228,7 @@ class GuardedPointer(FunctionPointer):
     @cached_property
     def compiled(self) -> Any:
         """The pointer, as `loop_pointer` makes it."""
-        inner = cached_inner(self._function, boundscheck=True)
-        with compiling:
-            inner.compile(self._signature.args)
+        inner = cached_inner(self._signature, self._function, boundscheck=True)
         return loop_pointer(self._signature, inner, self._again)
 
     def _again(self, *given: Array) -> None:

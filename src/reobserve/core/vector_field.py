@@ -37,8 +37,7 @@ def vector_field(function: Callable[..., None]) -> Any:
     if not inspect.isfunction(function):
         raise InputError("function", f"{shown(function)} must be a function of Python")
     try:
-        inner = cached_inner(function, boundscheck=True)
-        inner.compile(VECTOR_FIELD.args)
+        inner = cached_inner(VECTOR_FIELD, function, boundscheck=True)
     except NumbaError as error:
         said = str(error).strip().partition("\n")[0]
         raise InputError("function", f"{function.__name__} cannot be compiled: {said}") from None

@@ -227,6 +227,8 @@ def _like(template: Any, saved: Any, place: str) -> Any:
         return tuple(_like(one, part, join(place, str(k))) for k, (one, part) in pairs)
     if isinstance(template, np.ndarray):
         return _array(template, saved, place)
+    if template is None and saved is not None:
+        raise InputError(place, f"{shown(saved)} must be null")
     kind = float if isinstance(template, np.floating) else type(template)
     return parse(kind, saved, place, finite=False) if template is not None else None
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.kernel import cached_inner
-from reobserve.core.kernel_cache import compiling
 from reobserve.core.loop_function import loop_pointer
 from reobserve.core.vector_field import VECTOR_FIELD
 from reobserve.polynomials.grammar import check_size, parse
@@ -88,9 +87,7 @@ def compiled_rows(rows: tuple[str, ...]) -> Any:
         with np.errstate(all="ignore"), suppress(ArithmeticError, ValueError):
             field(x, parameters, out)
 
-    inner = cached_inner(field)
-    with compiling:
-        inner.compile(VECTOR_FIELD.args)
+    inner = cached_inner(VECTOR_FIELD, field)
     # It writes to nothing but its output, so that it needs no copies of what it reads.
     return loop_pointer(VECTOR_FIELD, inner, again, copies=False, pickled=(compiled_rows, (rows,)))
 

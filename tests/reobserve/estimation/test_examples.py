@@ -57,6 +57,7 @@ def test_driven_plant_is_integrated_to_fourth_order() -> None:
 
 DERIVATIVES = {
     "pendulum": {"angle": "rate"}, "driven_pendulum": {"angle": "rate"},
+    "swing": {"angle": "rate"},
     "lag": {"level": "level_rate", "valve": "valve_rate"}, "signal": {"v0": "v1", "v1": "v2"},
 }  # fmt: skip
 

@@ -511,7 +511,8 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
         observe(case, **arguments)
     assert reported.value.time == run.diverged_at
     # Resuming with the diverging row, the last finite time is before the record.
-    before, rest = observe(case, y=y[: len(run)], u=None if u is None else u[: len(run)]), len(run)
+    rest = len(run)
+    before = observe(case, y=y[:rest], u=None if u is None else u[:rest], time=times[:rest])
     again = case.observer.run(
         y[rest:], None if u is None else u[rest:], state=before.state, time=times[rest:],
         on_divergence="return",

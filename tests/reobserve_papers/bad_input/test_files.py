@@ -68,7 +68,7 @@ def errata() -> readers.Reader:
 
 def stored_parameters(paper: str) -> readers.Reader:
     line = words("stage", "plant", "in.json", valid.OBSERVERS[paper][0], "--output", "out.parquet")
-    return Reader("in.json", line, _unsealed(valid.parameters(paper).read_bytes()))
+    return Reader("in.json", line, json.loads(valid.parameters(paper).read_bytes()))
 
 
 def paper_design(paper: str) -> readers.Reader:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from reobserve.core.seals import sealed
 from reobserve_papers.cli.main import main
 from tests.reobserve_papers.papers import fixed
 
@@ -303,7 +304,7 @@ def test_divergent_observer_reports_the_time(
     parameters = json.loads(parameter_file.read_text(encoding="utf-8"))
     del parameters["sha256"]
     parameters["parameters"]["observers"]["adaptive"]["observer_gain"]["value"] = 1e6
-    parameter_file.write_text(json.dumps(parameters), encoding="utf-8")
+    parameter_file.write_text(json.dumps(sealed(parameters)), encoding="utf-8")
     output = record.with_name("adaptive.parquet")
     said = refused(
         capsys, "stage", "observe", parameter_file, record, "adaptive", "--output", output

@@ -389,8 +389,9 @@ def test_missing_extra_or_wrong_design_is_reported_in_one_sentence(toy: Project)
         "reobserve-papers: --design-file: is given, but the parameter file names no design here"
     )
     other = toy.folder / "other.json"
-    text = (toy.folder / DESIGN).read_text()
-    other.write_text(text.replace('"job": "gains"', '"job": "others"'))
+    tree = json.loads((toy.folder / DESIGN).read_text())
+    del tree["sha256"]
+    other.write_text(json.dumps(tree).replace('"job": "gains"', '"job": "others"'))
     assert refused(toy, "stage", "table", PARAMETERS, "table1", "--design-file", "other.json") == (
         "reobserve-papers: other.json: is 'others' of toy, must be 'gains' of toy"
     )

@@ -132,7 +132,7 @@ def test_package_of_a_paper_elsewhere_is_in_the_digest_of_its_jobs(
     provenance._source.cache_clear()
     folder = tmp_path / "elsewhere" / "mine"
     folder.mkdir(parents=True)
-    for name in ("../__init__", "__init__", "plant", "helper"):
+    for name in ("../__init__", "__init__", "plant", "keys", "helper"):
         (folder / f"{name}.py").write_text("from elsewhere.mine import helper\n")
     modules = provenance.stage_modules("plant", "elsewhere.mine")
     closure = provenance.import_closure(modules)

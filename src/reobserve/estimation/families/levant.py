@@ -144,7 +144,8 @@ class LevantDesign(Design):
     def certify(self) -> Certificate:
         """The error that some steps leave for a signal within the bound: L T^(n+1-i) of each."""
         powers = self.gains.order + 1 - np.arange(self.gains.order + 1)
-        scales = self.observer.L * self.observer.sampling_period**powers
+        with np.errstate(over="ignore"):  # what is not finite is refused
+            scales = self.observer.L * self.observer.sampling_period**powers
         return {f"scale_{i}": float(scale) for i, scale in enumerate(scales)}
 
     def summary(self) -> list[str]:

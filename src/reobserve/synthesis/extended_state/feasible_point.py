@@ -53,7 +53,8 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
             warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
             stated.solve(solver=solver, **SOLVERS[solver])
     except (cvxpy.SolverError, ValueError) as error:  # ValueError: constraints that overflow
-        raise InputError("solver", f"{solver} failed: {str(error).splitlines()[0]}") from None
+        said = str(error).splitlines()[0].rstrip(".")
+        raise InputError("solver", f"{solver} failed: {said}") from None
     if stated.status != "optimal":
         raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")
     found = {name: np.array(each.value) for name, each in unknowns.items()}

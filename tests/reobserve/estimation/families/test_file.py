@@ -160,7 +160,7 @@ ALSO_TEXT = {
     "luenberger": ("poles",), "normal-form": ("poles",), "high-gain": ("drift", "input_gain"),
     "extended-high-gain": ("drift", "input_gain"),
 }  # fmt: skip
-MAY_BE_LEFT_OUT = ("gamma", "update_interval")
+MAY_BE_LEFT_OUT = ("gamma", "update_interval", "substeps")
 
 
 @pytest.mark.parametrize("kind", FAMILIES)
