@@ -31,14 +31,6 @@ Matrix = FloatArray
 # Of arrays with more entries a message tells the shape alone.
 _SHOWN = 9
 
-# How far from symmetric a matrix may be, over the entry or over the square root of the entries of
-# the diagonal in its row and column. Rounding makes a product like R J R^T asymmetric by about
-# n 2e-16, which is less up to n = 1000; a wrong digit is more.
-_SYMMETRIC = 1e-12
-
-_SEMIDEFINITE = 1e-10  # of correlations: how far below zero an eigenvalue is rounding
-_DEFINITE = 4e-16  # times their number: what an eigenvalue of definite ones is above
-
 _DOUBLE = np.dtype(np.float64)  # the one object of this type in native order
 
 _FEW = 24  # entries that Python looks at sooner than numpy is called, as each step of an observer
@@ -197,56 +189,6 @@ def as_matrix(name: str, value: ArrayLike | Any, size: int) -> Matrix:
         f"has shape {array.shape}, must be one number (times the identity), "
         f"{size} numbers (a diagonal) or a {size} x {size} matrix",
     )
-
-
-def as_symmetric(name: str, matrix: Matrix) -> Matrix:
-    """A square matrix that is symmetric but for rounding, made so, else `InputError`."""
-    if np.array_equal(matrix, matrix.T):
-        return matrix
-    with np.errstate(over="ignore"):
-        apart = np.abs(matrix - matrix.T)
-    sizes = np.sqrt(np.abs(np.diag(matrix)))
-    if np.any(apart > _SYMMETRIC * np.maximum(np.outer(sizes, sizes), np.abs(matrix))):
-        raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
-    # A sum of halves does not overflow.
-    return 0.5 * matrix + 0.5 * matrix.T
-
-
-def are_covariances(matrices: Matrix, *, definite: bool) -> NDArray[np.bool_]:
-    """True where symmetric matrices, (., n, n), are positive (semi)definite, in any units.
-
-    No entry of a diagonal is below zero; the rest is decided on correlations.
-    """
-    n = matrices.shape[-1]
-    if not n:
-        return np.ones(matrices.shape[:-2], dtype=np.bool_)
-    diagonal = np.diagonal(matrices, axis1=-2, axis2=-1)
-    # Where a variance is zero, so is its row: another entry there counts as a correlation of one.
-    largest = np.abs(matrices).max(axis=-1)
-    sizes = np.where(diagonal > 0, np.sqrt(np.abs(diagonal)), largest)
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    scaled = matrices / sizes[..., :, None] / sizes[..., None, :]
-    good = (diagonal > 0 if definite else diagonal >= 0).all(axis=-1)
-    good &= np.isfinite(scaled).all(axis=(-2, -1))
-    scaled = np.where(np.asarray(good)[..., None, None], scaled, np.eye(n))
-    least = np.linalg.eigvalsh(scaled)[..., 0]
-    found: NDArray[np.bool_] = good & (
-        least > n * _DEFINITE if definite else least >= -_SEMIDEFINITE
-    )
-    return found
-
-
-def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Matrix:
-    """`as_symmetric`, and positive definite. `InputError` gives the eigenvalues if it is not."""
-    matrix = as_matrix(name, value, size)
-    if not size:
-        raise InputError(name, "is empty, must have one row or more")
-    matrix = as_symmetric(name, matrix)
-    if not are_covariances(matrix, definite=True):
-        eigenvalues = np.linalg.eigvalsh(matrix)
-        listed = ", ".join(f"{value:g}" for value in eigenvalues)
-        raise InputError(name, f"must be positive definite, its eigenvalues are {listed}")
-    return matrix
 
 
 def as_rows(name: str, value: ArrayLike, like: Matrix | None = None) -> Matrix:

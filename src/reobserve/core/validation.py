@@ -23,10 +23,11 @@ from typing import Annotated, Any, TypeVar, overload
 
 import numpy as np
 
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.documents import check_plain
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.extras import package
-from reobserve.core.matrices import as_floats, as_matrix, as_positive_definite, as_vector
+from reobserve.core.matrices import as_floats, as_matrix, as_vector
 
 package("pydantic", "check keys and values")
 from pydantic import (  # noqa: E402

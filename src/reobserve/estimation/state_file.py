@@ -17,13 +17,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.covariances import as_covariance
 from reobserve.core.documents import parse_json
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.files import read_text, write_text
 from reobserve.core.validation import items, join, parse, within
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
-from reobserve.systems.covariances import as_covariance
 
 Array = NDArray[np.float64]
 

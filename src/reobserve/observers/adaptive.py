@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.kernel import kernel
-from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
+from reobserve.core.matrices import Matrix, as_matrix
 from reobserve.core.value import converter, for_loop
 from reobserve.observers.rigid_body_observer import (
     Array,

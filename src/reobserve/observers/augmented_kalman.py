@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
+from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
 from reobserve.observers.gaussian_filter import KEPT, GaussianFilter
@@ -20,7 +21,6 @@ from reobserve.observers.linear_loop import FilterRows, PredictedRows
 from reobserve.observers.linear_steps import Gain
 from reobserve.observers.run import AxisNames
 from reobserve.synthesis.linear import undetectable_modes
-from reobserve.systems.covariances import as_covariance, as_covariances
 from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
 from reobserve.systems.signal_names import as_names
 

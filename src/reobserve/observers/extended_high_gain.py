@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_word
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_positive, as_positive_definite, as_scalar, as_vector
+from reobserve.core.matrices import as_positive, as_scalar, as_vector
 from reobserve.core.value import Value, converter, for_loop
 from reobserve.observers.contract import Observer
 from reobserve.observers.extended_high_gain_loop import run

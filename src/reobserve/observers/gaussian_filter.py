@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
+from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_row, as_samples, as_vector
@@ -47,7 +48,6 @@ from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
 from reobserve.observers.vague_start import warn_of_start
-from reobserve.systems.covariances import as_covariance
 
 __all__ = ["KEPT", "Correction", "Gaussian", "GaussianFilter", "KalmanState", "ModeFilter"]
 

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.core.arguments import as_flag
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
-from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
+from reobserve.core.matrices import Matrix, as_matrix, as_positive
 from reobserve.core.value import converter, for_loop
 from reobserve.observers.rigid_body_observer import (
     Array,

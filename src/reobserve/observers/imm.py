@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
+from reobserve.core.covariances import as_covariances
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_floats, as_numbers, as_probabilities, as_row_stochastic
@@ -55,7 +56,6 @@ from reobserve.observers.kalman import LINEAR
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_times
-from reobserve.systems.covariances import as_covariances
 from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.covariances import as_covariances
 from reobserve.core.errors import InputError
 from reobserve.core.value import for_loop
 from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
@@ -20,7 +21,6 @@ from reobserve.observers.nonlinear_filter_work import (
     new_filter_work,
 )
 from reobserve.observers.nonlinear_steps import predict_nonlinear, run_nonlinear
-from reobserve.systems.covariances import as_covariances
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.nonlinear_flow import NonlinearRows
 

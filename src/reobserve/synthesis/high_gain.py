@@ -35,8 +35,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammainc
 
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_floats, as_positive, as_positive_definite
+from reobserve.core.matrices import as_floats, as_positive
 
 Array = NDArray[np.float64]
 

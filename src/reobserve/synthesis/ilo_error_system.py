@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive, as_positive_definite
+from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive
 
 Verdict = Literal["stable", "marginal", "unstable"]
 Complex = NDArray[np.complex128]

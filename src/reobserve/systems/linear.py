@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
+from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.discretisation import held_noise, zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_positive
 from reobserve.core.value import Value, for_loop
-from reobserve.systems.covariances import as_covariance, as_covariances
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]

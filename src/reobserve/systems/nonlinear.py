@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
+from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_positive, as_scalar
 from reobserve.core.value import for_loop, read_only
-from reobserve.systems.covariances import as_covariance
 from reobserve.systems.nonlinear_flow import Functions
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
 from reobserve.systems.signal_names import as_names

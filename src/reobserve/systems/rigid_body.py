@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
+from reobserve.core.covariances import as_positive_definite
+from reobserve.core.matrices import Matrix, as_matrix
 from reobserve.core.value import Value, converter
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reobserve.core.covariances import as_covariance, as_positive_definite
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import (
     all_finite,
@@ -15,14 +16,12 @@ from reobserve.core.matrices import (
     as_matrix,
     as_numbers,
     as_positive,
-    as_positive_definite,
     as_probabilities,
     as_row_stochastic,
     as_rows,
     as_sample_rows,
     as_samples,
     as_scalar,
-    as_symmetric,
     as_vector,
     spectral_radius,
 )
@@ -37,10 +36,12 @@ ACCEPTED: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any], Any]] 
     (as_row_stochastic, ([[0.2, 0.8], [1.0, 0.0]], 2), {}, [[0.2, 0.8], [1.0, 0.0]]),
     (as_matrix, (3, 2), {}, [[3.0, 0.0], [0.0, 3.0]]),
     (as_matrix, ([1, 2], 2), {}, [[1.0, 0.0], [0.0, 2.0]]),
-    (as_symmetric, (np.array([[2.0, 1.0], [1.0 + 1.9e-12, 2.0]]),), {},
-     [[2.0, 1.0 + 0.95e-12], [1.0 + 0.95e-12, 2.0]]),
-    (as_symmetric, (np.array([[1e308, 1e308], [1e308 * (1 + 4e-16), 1e308]]),), {},
+    (as_covariance, ([[1.0, 0.5], [0.5 + 0.9e-12, 1.0]], 2), {},
+     [[1.0, 0.5 + 0.45e-12], [0.5 + 0.45e-12, 1.0]]),
+    (as_covariance, ([[1e308, 1e308], [1e308 * (1 + 4e-16), 1e308]], 2), {},
      [[1e308, 1e308], [1e308, 1e308]]),
+    (as_covariance, ([[1.0, 1.0 - 1e-15], [1.0 - 1e-15, 1.0]], 2), {"definite": True},
+     [[1.0, 1.0], [1.0, 1.0]]),
     (as_positive_definite, ([[1.0, 0.999], [0.999, 1.0]], 2), {}, [[1.0, 0.999], [0.999, 1.0]]),
     (as_samples, (EVEN, 2), {}, EVEN),
     (as_samples, (np.ones((3, 2)), 2), {"halves": True}, np.ones((3, 2))),
@@ -75,7 +76,9 @@ REFUSED: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any], str]] =
     (as_row_stochastic, ([[1.0, 0.0], [0.6, 0.5]], 2), {}, r"it\[1\]: \[0.6, 0.5\] must be"),
     (as_row_stochastic, (np.eye(3), 2), {}, r"has shape \(3, 3\), must be \(2, 2\)"),
     (as_matrix, ([1, 2, 3], 2), {}, r"has shape \(3,\), must be one number"),
-    (as_symmetric, (np.array([[1.0, 1.0], [1.0 + 2e-12, 1.0]]),), {}, "must be symmetric"),
+    (as_covariance, ([[1.0, 1.0], [1.0 + 2e-12, 1.0]], 2), {}, "must be symmetric"),
+    (as_covariance, ([[1.0, 1.0 - 3e-16], [1.0 - 3e-16, 1.0]], 2), {"definite": True}, "definite"),
+    (as_covariance, (-np.eye(10), 10), {}, "semidefinite, its eigenvalues are from -1 to -1$"),
     (as_positive_definite, ([[1.0, 1.0], [1.0, 1.0]], 2), {}, "must be positive definite, its"),
     (as_positive_definite, (np.zeros((0, 0)), 0), {}, "is empty, must have one row or more"),
     (as_samples, (np.ones((0, 2)), 2), {}, "must have one row or more of 2 numbers$"),

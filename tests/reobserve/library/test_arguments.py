@@ -8,17 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import (
-    as_floats,
-    as_matrix,
-    as_numbers,
-    as_positive_definite,
-    as_row,
-    as_rows,
-    as_samples,
-)
+from reobserve.core.matrices import as_floats, as_matrix, as_numbers, as_row, as_rows, as_samples
 from reobserve.core.vector_field import vector_field
 from reobserve.observers import linear_loop
 from reobserve.observers.extended_state import ExtendedStateObserver

@@ -22,9 +22,9 @@ from reobserve import (
     NonlinearModel,
     UnscentedKalmanFilter,
 )
+from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.vector_field import vector_field
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.systems.covariances import as_covariance, as_covariances
 from reobserve.systems.triangular import TriangularModel
 from reobserve.systems.triangular_text import triangular_model
 

@@ -6,16 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
+from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
-from reobserve.core.matrices import (
-    Matrix,
-    as_matrix,
-    as_positive,
-    as_positive_definite,
-    as_rows,
-    as_scalar,
-)
+from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_rows, as_scalar
 
 
 @finite("rate_bound")

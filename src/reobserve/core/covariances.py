@@ -17,7 +17,11 @@ from reobserve.core.matrices import as_floats, as_matrix
 Array = NDArray[np.float64]
 
 # How far from symmetric a correlation matrix may be, and how far below zero its eigenvalues.
+# Rounding makes a product like R J R^T asymmetric by about n 2e-16.
 _ROUNDING = 1e-12
+_DEFINITE = 4e-16  # times their number: what the eigenvalues of definite ones are above
+
+_LISTED = 9  # eigenvalues of larger matrices are not listed in messages
 
 
 def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> Array:
@@ -60,7 +64,17 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
 
 
 def _listed(eigenvalues: Any) -> str:
+    if len(eigenvalues) > _LISTED:
+        return f"from {eigenvalues[0]:g} to {eigenvalues[-1]:g}"
     return ", ".join(f"{one:g}" for one in eigenvalues)
+
+
+def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Array:
+    """A positive definite matrix, as definite covariances are, of one row or more."""
+    matrix = as_covariance(name, value, size, definite=True)
+    if not size:
+        raise InputError(name, "is empty, must have one row or more")
+    return matrix
 
 
 def as_covariances(
@@ -97,7 +111,7 @@ def _are_good(matrices: Array, definite: bool) -> Any:
     scaled = _correlations(matrices)
     good &= np.isfinite(scaled).all(axis=(1, 2))
     least = np.linalg.eigvalsh(np.where(good[:, None, None], scaled, 1.0))[:, 0]
-    good &= least > 0 if definite else least >= -_ROUNDING
+    good &= least > matrices.shape[1] * _DEFINITE if definite else least >= -_ROUNDING
     return good
 
 
