@@ -47,7 +47,7 @@ from reobserve.observers.many import in_threads, part
 from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
-from reobserve.observers.vague_start import warn_of_start
+from reobserve.observers.vague_start import warn_of_start, warn_of_starts
 
 __all__ = ["KEPT", "Correction", "Gaussian", "GaussianFilter", "KalmanState", "ModeFilter"]
 
@@ -387,7 +387,11 @@ class GaussianFilter(Observer[KalmanState]):
             np.array([state.posterior.covariance for state in states]),
             np.array([state.posterior.error for state in states]),
         )
+        starts = after.covariances.diagonal(0, 1, 2).copy()
         rows, kept, ends = self._filtered(model, inputs, y, fresh, after, keep)
+        n, _, m = self._sizes
+        if first.count <= n and n * m > 1:
+            warn_of_starts(starts, rows.covariance[:, : n + 1].diagonal(0, 2, 3), ends[:, 0])
         causes = self.steps.causes
         return Many(
             self._named(rows, kept, keep), {}, ends[:, 0].tolist(),

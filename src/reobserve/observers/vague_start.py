@@ -21,10 +21,11 @@ class VagueStartWarning(UserWarning):
     """The covariance of a start is so large beside that of measurements that digits are lost."""
 
 
-def warn_of_start(start: Array, variances: Array) -> None:
+def warn_of_start(start: Array, variances: Array, level: int = 5) -> bool:
     """Warn the caller of `run` or `step` if a variance falls too far in one of the first rows.
 
-    ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n).
+    ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n). True
+    if there was a warning; ``level`` is that of the caller.
     """
     before = start.tolist()
     for row, found in enumerate(variances.tolist()):  # few: numpy takes longer
@@ -33,10 +34,22 @@ def warn_of_start(start: Array, variances: Array) -> None:
                 _warn(
                     f"the variance of state {state + 1} falls from {last:g} to {after:g} at row "
                     f"{row}",
-                    "begin with a smaller covariance", 5,
+                    "begin with a smaller covariance", level,
                 )  # fmt: skip
-                return
+                return True
         before = found
+    return False
+
+
+def warn_of_starts(starts: Array, variances: Array, goods: NDArray[np.int64]) -> None:
+    """Do so for the first of many records with such a start.
+
+    The arrays are (records, n) and (records, k, n); ``goods`` are the good rows of each.
+    """
+    before = np.concatenate([starts[:, None], variances[:, :-1]], axis=1)
+    for record in np.flatnonzero((before / FILTERED > variances).any(axis=(1, 2))):
+        if warn_of_start(starts[record], variances[record, : goods[record]], 7):
+            return
 
 
 def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:

@@ -25,6 +25,18 @@ def test_start_that_loses_digits_is_said(start: float) -> None:
     assert {one.filename for one in [*warned, *later]} == {__file__}  # the line that called
 
 
+def test_start_of_one_of_many_records_is_said() -> None:
+    kalman = KalmanFilter(MOTION)
+    states = [kalman.init([0.0, 0.0], start) for start in (1.0, 1e17, 1.0)]
+    said = r"the variance of state 1 falls from 1e\+17 to 1 at row 0"
+    with pytest.warns(VagueStartWarning, match=said) as warned:
+        kalman.run(np.array([Y, Y, Y])[:, :, None], state=states)
+    assert [one.filename for one in warned] == [__file__]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        kalman.run(np.array([Y, Y])[:, :, None], state=[states[0], states[2]])
+
+
 def test_usual_start_is_least_squares_without_a_warning() -> None:
     kalman = KalmanFilter(MOTION)
     with warnings.catch_warnings():
