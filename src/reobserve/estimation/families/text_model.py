@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -98,7 +99,12 @@ class TextSystem(System):
                 kind = "a state" if name in self.states else "an input"
                 raise InputError(f"parameters.{name}", f"is the name of {kind}, too")
             if not re.search(rf"\b{re.escape(name)}\b", texts):
-                raise InputError(f"parameters.{name}", "is in no text of dynamics or output")
+                words = set(re.findall(r"[^\W\d]\w*", texts)) - {*self.states, *self.inputs}
+                close = difflib.get_close_matches(name, sorted(words - {*self.parameters}), n=1)
+                hint = f", which name {close[0]}" if close else ""
+                raise InputError(
+                    f"parameters.{name}", f"is in no text of dynamics or output{hint}"
+                )  # fmt: skip
         if self.substeps is not None and self.time == "discrete":
             problem = "must be left out where time is discrete: nothing is integrated"
             raise InputError("substeps", problem)

@@ -47,6 +47,8 @@ MODELS: list[tuple[str, dict[str, Any], str]] = [
     ("extended-kalman", {"parameters": {"rate": 1}}, "parameters.rate: is the name of a state, to"),
     ("extended-kalman", {"parameters": {"torque": 1}}, "parameters.torque: is the name of an inpu"),
     ("extended-kalman", {"parameters": {"k": 1}}, "parameters.k: is in no text of dynamics or out"),
+    ("extended-kalman", {"parameters": {"stifness": 1}}, "parameters.stifness: is in no text of dy"
+     "namics or output, which name stiffness"),
     ("extended-kalman", {"time": "discrete"}, "substeps: must be left out where time is discrete"),
     ("extended-kalman", {"time": "sampled"}, "time: 'sampled' must be one of continuous, discrete"),
     ("extended-kalman", {"initial_state": [1]}, "initial_state: has shape (1,), must be"),
