@@ -29,7 +29,8 @@ def read_frames(observer: Any, y: Any, u: Any, timed: bool) -> tuple[Any, Any, A
     index, other = _index(y), _index(u)
     if index is None and other is None and not (_columns(y) or _columns(u)):
         return y, u, None
-    model = observer.filters[0].model if hasattr(observer, "filters") else observer.model
+    filters = getattr(observer, "filters", [observer])
+    model = getattr(filters[0], "model", None)  # of which some observers have none
     y = _in_order("y", y, getattr(model, "output_names", None))
     u = _in_order("u", u, getattr(model, "input_names", None))
     for name, one in (("y", index), ("u", other)):

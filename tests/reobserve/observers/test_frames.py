@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from reobserve import InputError, KalmanFilter, LinearModel, luenberger
+from tests.reobserve.observers.case import observe
+from tests.reobserve.observers.cases import CASES
 
 pd = pytest.importorskip("pandas")
 
@@ -85,3 +87,15 @@ def test_poles_outside_the_unit_circle_are_named() -> None:
     model = LinearModel([[1.0, 0.1], [0.0, 1.0]], C=[[1.0, 0.0]], Q=1.0, R=1.0)
     with pytest.raises(InputError, match=r"poles: -3 is not inside the unit circle"):
         luenberger(model, [-3.0, -4.0])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_observer_takes_frames_with_times(name: str) -> None:
+    case = CASES[name]()
+    y, u = case.y[:5], None if case.u is None else case.u[:5]
+    index = pd.to_timedelta(case.observer.sampling_period * np.arange(5.0), unit="s")
+    found = observe(case, y=pd.DataFrame(y, index=index), u=None if u is None else pd.DataFrame(u))
+    sought = observe(case, y=y, u=u)
+    assert found.index.equals(index)
+    for estimate in sought:
+        assert np.array_equal(found[estimate], sought[estimate], equal_nan=True)
