@@ -15,6 +15,7 @@ from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
 from reobserve.observers.correlated_noise import TakenOut
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.frames import read_frames
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
@@ -96,6 +97,7 @@ def rts_smoother(
             f"{shown(filter)} must be a Kalman filter, extended or unscented or augmented",
         )
     means, covariances = _filtered(filter, run)
+    y, u, _ = read_frames(filter, y, u, True)
     k, m = len(means), filter.measurements
     if u is None and filter.inputs:
         raise InputError("u", f"is left out, must have shape {(k, filter.inputs)}")
@@ -129,7 +131,7 @@ def rts_smoother(
     estimates = _by_name(filter, smooth_means, smooth_covariances)
     return Run(
         run.time, estimates, dict.fromkeys(estimates, ""), run.state, run.diverged_at,
-        missing=run.missing, component_names=filter.component_names,
+        missing=run.missing, component_names=filter.component_names, index=run.index,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve import InputError, KalmanFilter, LinearModel, luenberger
+from reobserve import InputError, KalmanFilter, LinearModel, luenberger, rts_smoother
 from tests.reobserve.observers.case import observe
 from tests.reobserve.observers.cases import CASES
 
@@ -40,6 +40,21 @@ def test_columns_are_matched_by_name_and_dates_stay() -> None:
     assert table.index.equals(DATES)
     assert table["state_load"].tolist() == sought["state"][:, 1].tolist()
     assert run(frame(index=None), PUSH.reset_index(drop=True)).to_pandas().index.name == "time"
+
+
+def test_smoother_takes_columns_by_name_and_keeps_dates() -> None:
+    model = LinearModel(
+        0.9 * np.eye(2), np.diag([1.0, 5.0]), np.eye(2), Q=1.0, R=1.0, sampling_period=0.5,
+        input_names=["push", "pull"],
+    )  # fmt: skip
+    kalman, u = KalmanFilter(model), frame("push pull")
+    filtered = kalman.run(pd.DataFrame(VALUES, index=DATES), u, state=kalman.init([0.0, 0.0], 1.0))
+    sought = rts_smoother(kalman, filtered, VALUES)
+    found = rts_smoother(kalman, filtered, u[["pull", "push"]])
+    assert np.array_equal(found["state"], sought["state"])
+    assert found.to_pandas().index.equals(DATES)
+    with pytest.raises(InputError, match="u: has the columns push, load, must have push, pull"):
+        rts_smoother(kalman, filtered, frame("push load"))
 
 
 def test_columns_without_names_are_taken_by_position() -> None:
