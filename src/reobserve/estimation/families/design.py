@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -236,7 +237,8 @@ class Design(ABC):
         rows, inputs = np.zeros((3, self.widths[0][0])), np.zeros((3, self.widths[1][0]))
         with self.keyed():
             state = self.start()
-            with suppress(DivergenceError), np.errstate(all="ignore"):  # zero may be no valid row
+            with suppress(DivergenceError), np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # zero may be no valid row
                 self.observer.run(rows, inputs if self.observer.inputs else None, state=state)
 
     def checked(self) -> Design:
