@@ -16,8 +16,7 @@ from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
 from reobserve_papers.parameters.prepare import check_metadata, load_parameters
-from reobserve_papers.parameters.prepare import refuse_beside_another_build, typed_targets
-from reobserve_papers.parameters.prepare import write_parameters
+from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
 from reobserve_papers.parameters.step_kinds import SECTIONS
 from reobserve_papers.steps.provenance import closure_digest, code_digest, files_digest, versions
 from reobserve_papers.signals.inputs import sample_files
@@ -48,7 +47,7 @@ configfile: "config/config.yaml"
 
 
 with refused_in_one_sentence():
-    PARAMETERS = load_parameters(Path(), config, typed_targets())
+    PARAMETERS = load_parameters(Path(), config)
     for parameters in PARAMETERS.values():
         check_evidence(Path(), parameters)
     if not workflow.dryrun and "--unlock" not in sys.argv:

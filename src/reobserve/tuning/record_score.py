@@ -60,9 +60,9 @@ def _lag(estimate: Array, truth: Array, first: int) -> float:
         before, here, after = here, after, misfit(shift + 1)
     if not np.isfinite(before):
         return 0.0
-    # The vertex of a parabola through the three, unless they differ by rounding alone.
+    # The vertex of a parabola through the three, unless they are on a line.
     bend = before - 2 * here + after
-    return shift + (0.5 * (before - after) / bend if bend > 0.0 else 0.0)
+    return shift + (0.5 * (before - after) / bend if bend else 0.0)
 
 
 def score_of(task: Task, run: Runner, record: TaskRecord, *, details: bool = True) -> Score:

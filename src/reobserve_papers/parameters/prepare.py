@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import sys
 import time
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -59,14 +58,10 @@ def _is_record(path: Path) -> bool:
         return path.is_dir()
 
 
-def load_parameters(
-    project: Path, config: dict[str, Any], targets: Collection[str] = ()
-) -> dict[str, Parameters]:
-    """The parameters of the papers to build, with the overrides of ``config``.
+def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Parameters]:
+    """The parameters of all papers with the overrides of ``config``, to which defaults are added.
 
-    All their keys are checked; `write_parameters` also constructs plants and observers. Defaults
-    are added to ``config``. If all ``targets`` are results of papers, others are not read unless
-    they are overridden, and are struck off its papers.
+    All keys are checked; `write_parameters` also constructs plants and observers.
 
     Raises
     ------
@@ -86,37 +81,11 @@ def load_parameters(
 
         read_sheet(project / style_sheet(config["style"]))
     found = {}
-    for paper in _asked(papers, config, targets):
+    for paper in papers:
         found[paper] = Parameters.load(project, paper, config.get(paper), config["seed"])
         read_parameters(found[paper])
         _check_files(found[paper])
-    config["papers"] = [paper for paper in config["papers"] if paper in found]
     return found
-
-
-def typed_targets() -> list[str]:
-    """The results that Snakemake's command line names, which it tells when all rules are read.
-
-    Empty if another of its words may be a target, too, as that after ``--profile`` might.
-    """
-    words = [word for word in sys.argv[1:] if not re.fullmatch(r"-.*|\d+|\w+=.*", word)]
-    return words if all(word.startswith("results/") for word in words) else []
-
-
-def _asked(papers: list[str], config: Mapping[str, Any], targets: Collection[str]) -> list[str]:
-    """The papers whose results are to be built, and those with overrides, which are checked."""
-    asked = {_paper_of(target) for target in targets} or set(config["papers"])
-    if not asked <= {*papers}:
-        return papers
-    return [paper for paper in papers if paper in asked or paper in config]
-
-
-def _paper_of(target: str) -> str:
-    """The paper that a file is a result of, empty if it is of none, or of several."""
-    match target.split("/"):
-        case ["results", paper, *_, _]:
-            return paper
-    return ""
 
 
 def write_parameters(

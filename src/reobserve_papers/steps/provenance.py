@@ -25,7 +25,7 @@ _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clara
 
 
 # What a job runs that evaluates figures in its own process.
-_EVALUATED = (*(step for step, kind in KINDS.items() if kind.function), "study_rows")
+_EVALUATED = ("plant", "design", "observe", "study", "study_rows", "theory", "metrics")
 
 # What writes or reads the table of a study.
 _STUDIED = ("study", *(step for step, kind in KINDS.items() if "study" in kind.results))

@@ -298,6 +298,8 @@ LATE = {
     "reobserve.observers.halving",  # and on divergence, which does not occur in the build
     "reobserve.observers.many",  # and for many records at once
     "reobserve.observers.run_plot",  # and when a run is plotted
+    "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
+    "reobserve_papers.parameters.parameter_file",  # where parameters are checked, once a build
 }
 
 

@@ -54,7 +54,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Design:
-    """Where all poles of the error lie."""
+    """The place of all poles of the error."""
 
     pole: Positive
     title: str = ""
@@ -80,7 +80,7 @@ class NoiseStudy(Study):
 
 @dataclass(frozen=True)
 class Metrics:
-    """From when on errors count."""
+    """The time from which errors count."""
 
     settled: Positive
 
@@ -102,7 +102,7 @@ Job = job.Job[Plant, Scenario, Observer, Metrics, AnyFigure, None, NoiseStudy, D
 
 
 def sampled(plant: Plant, sign: float = 1.0) -> tuple[Matrix, Matrix]:
-    """A and the effects of u and d over a step; ``sign`` is that of the damper in (2)."""
+    """A and the effects of u and d over a step, where ``sign`` is that of the damper in (2)."""
     (m1, m2), k, c = plant.masses, plant.stiffness, plant.damping
     forces = [[-k, k, -c, c], [k, -k, sign * c, -sign * c]]
     inverse = np.diag([1 / m1, 1 / m2])
@@ -111,7 +111,7 @@ def sampled(plant: Plant, sign: float = 1.0) -> tuple[Matrix, Matrix]:
 
 
 def simulate(job: Job) -> Series:
-    """From rest, under a square wave of force and gusts that are new at every step."""
+    """Simulate from rest, under a square wave of force and gusts that are new at every step."""
     plant, (A, effects) = job.plant, sampled(job.plant)
     rows = np.arange(round(plant.horizon / plant.step) + 1, dtype=np.float64)
     time = rows * plant.step
@@ -155,7 +155,7 @@ MEANINGS = {
 
 
 def rms_error(job: Job, record: Series, found: Matrix) -> float:
-    """Of x2 [m]."""
+    """The error of x2 [m]."""
     settled = record.time >= job.metrics.settled
     return float(root_mean_square((found - record["position"])[settled, 1]))
 
