@@ -114,7 +114,7 @@ def test_extras_of_packages_are_those_that_are_declared() -> None:
         assert {*extras} == {extra for extra, names in brought.items() if package in names}
     assert declared("all") == brought["papers"]
     core = {Requirement(line).name for line in DECLARED["dependencies"]}
-    assert core == {"numpy", "scipy", "numba"}
+    assert core == {"numpy", "scipy", "numba", "llvmlite"}
 
 
 def test_table_of_extras_is_that_of_the_declaration() -> None:
