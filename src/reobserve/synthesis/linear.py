@@ -37,11 +37,12 @@ _DOUBLINGS = 80  # more than a mode needs that floats can tell from the unit cir
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
-def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike, *, balance: bool = True) -> Array:
+def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
     """The gain L, shape (n, m), with which A - L C has these eigenvalues.
 
     With several outputs it is the one of scipy's ``place_poles``, whose eigenvalues are the least
-    sensitive that it finds. With one output there is only one.
+    sensitive that it finds, in scales that do not depend on units. With one output there is only
+    one.
 
     Parameters
     ----------
@@ -52,9 +53,6 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike, *, balance: bool = True)
     poles
         n eigenvalues, complex ones in conjugate pairs; each as often as C has independent rows, or,
         with one output, as often as you like.
-    balance
-        Whether the least sensitive is meant in scales that do not depend on units, or in the units
-        of A and C.
 
     Raises
     ------
@@ -82,7 +80,7 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike, *, balance: bool = True)
     # The poles, too, say how fast states are: a chain of integrators has no cycle.
     with np.errstate(divide="ignore"):
         rate = float(np.log2(np.abs(chosen).max()))
-    scales = output_scales(A, C, rate=rate) if balance else _unscaled(A, C)
+    scales = output_scales(A, C, rate=rate)
     a, c = scales.transition(A), scales.output(C)
     rank = int(np.linalg.matrix_rank(c))
     if len(C) == 1 and n <= _EXACT:
@@ -92,13 +90,9 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike, *, balance: bool = True)
     if often > rank:
         said = f"have one {often} times, at most {rank} times is possible with rank {rank} of C"
         raise InputError("poles", said)
-    if not balance or often > 1:
+    if often > 1:
         return scales.gain(searched(a, c, chosen))
     return scales.gain(least_sensitive(a, c, chosen))
-
-
-def _unscaled(A: Array, C: Array) -> Scales:
-    return Scales(np.zeros(len(A)), np.zeros(len(C)), 0.0)
 
 
 def ackermann(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:

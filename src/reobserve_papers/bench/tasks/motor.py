@@ -23,7 +23,7 @@ from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.synthesis.linear import place
+from reobserve.synthesis.placed_gains import searched
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.search import Settings
 from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
@@ -165,7 +165,7 @@ def with_fault_states(plant: Plant, s: Settings, period: float, _: float) -> Run
     C = np.hstack([np.eye(2), NONE, FS])
     model = LinearModel(whole, np.vstack([B, NONE]), C, None, 0.0, 1.0, sampling_period=period)
     poles = np.exp(-period * np.array([s[f"rate_{k}"] for k in range(1, 5)]))
-    observer = FixedGainObserver(model, place(whole, C @ whole, poles, balance=False))
+    observer = FixedGainObserver(model, searched(whole, C @ whole, poles))
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs

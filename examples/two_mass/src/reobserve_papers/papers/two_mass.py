@@ -155,7 +155,7 @@ MEANINGS = {
 
 
 def rms_error(job: Job, record: Series, found: Matrix) -> float:
-    """The error of x2 [m]."""
+    """The RMS error of x2 [m]."""
     settled = record.time >= job.metrics.settled
     return float(root_mean_square((found - record["position"])[settled, 1]))
 
