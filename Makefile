@@ -91,8 +91,8 @@ figdiff: $(STAMP)  ## build papers and bench, compare with the accepted figures 
 accept: $(STAMP)  ## build papers and bench, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve-papers accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
-samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MAX=400] [PAPER=ilo]
-	reobserve-papers samples $(PAPER) --max-samples $(or $(MAX),40)
+samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MAX=400] [PAPER=ilo] [CLAIM=any_fault]
+	reobserve-papers samples $(PAPER) $(if $(MAX),--max-samples $(MAX)) $(if $(CLAIM),--claim $(CLAIM))
 
 mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
 	python -m pip install --quiet --require-hashes -r requirements-mutation.lock

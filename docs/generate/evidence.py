@@ -15,13 +15,14 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
+from reobserve_papers.claims.alternatives import Changed, Judge, Title, decide
 from reobserve_papers.claims.cached_samples import CachedSamples, read_cached
 from reobserve_papers.claims.checks import THEORY
+from reobserve_papers.claims.choices import chosen
 from reobserve_papers.claims.errata import Erratum, read_errata
-from reobserve_papers.claims.outcomes import outcome
 from reobserve_papers.claims.registry import Claim as Registered
 from reobserve_papers.claims.registry import Registry, read_registry
-from reobserve_papers.claims.robustness import Robustness
+from reobserve_papers.claims.robustness import Robustness, Trial
 from reobserve_papers.claims.table import HEADER, row
 from reobserve_papers.golden.files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
@@ -98,19 +99,39 @@ class Paper:
         InputError
             If a claim was not accepted, or numbers and samples give another verdict.
         """
-        cached = read_cached(self.root / samples_path(self.name), self.name)
-        return tuple(self._claim(one, cached.get(one.name)) for one in self.registry.claims)
+        return tuple(map(self._claim, self.registry.claims))
 
-    def _claim(self, claim: Registered, cached: CachedSamples | None) -> ReportedClaim:
+    @cached_property
+    def judge(self) -> Judge:
+        """Whoever decides the claims, from golden numbers and cached samples."""
+        cached = read_cached(self.root / samples_path(self.name), self.name)
+        numbers = {name: lookup(found) for name, found in self.numbers.items()}
+        samples = {
+            one.name: _samples(self.parameters, one, found)
+            for one in self.registry.claims
+            if (found := cached.get(one.name)) is not None
+        }
+        return Judge(self.registry, numbers, samples, self.seed)
+
+    @cached_property
+    def decided(self) -> tuple[list[Changed], Title]:
+        """What each alternative changes, and the title."""
+        return decide(self.judge)
+
+    def _claim(self, claim: Registered) -> ReportedClaim:
         place = f"claims.{self.name}.{claim.name}"
         if claim.name not in self.accepted:
             raise InputError(place, "has no accepted verdict: make accept keeps it")
         accepted = self.accepted[claim.name]["verdict"]
-        numbers = {name: lookup(found) for name, found in self.numbers.items()}
-        drawn = _robustness(claim, cached, numbers)
-        cells = {
-            key: str(value) for key, value in row(claim, self.parameters, numbers, drawn).items()
-        }
+        judge = self.judge
+        drawn = judge.samples.get(claim.name)
+        changes = "; ".join(
+            one.alternative.name
+            for one in self.decided[0]
+            if one.claim == claim.name and one.other != one.verdict
+        )
+        found = row(claim, judge, judge.numbers, drawn, changes)
+        cells = {key: str(value) for key, value in found.items()}
         if cells["verdict"] != accepted:
             problem = (
                 f"{cells['verdict']} by golden numbers and cached samples, accepted as {accepted}"
@@ -161,17 +182,13 @@ def papers(root: Path) -> list[Paper]:
     ]
 
 
-def _robustness(
-    claim: Registered,
-    cached: CachedSamples | None,
-    numbers: Mapping[str, Mapping[tuple[str, str], float]],
-) -> Robustness | None:
-    """What the cached samples say of a claim; None where nothing was sampled."""
-    if cached is None:
-        return None
-    stated = outcome(claim, numbers)
-    found = Robustness(stated, claim.knob_names, looked=cached.looked, basis=cached.basis)
-    found.reversal = cached.reversal
-    for number in range(len(cached.samples)):
-        found.add(claim, (), cached.numbers(number), cached=True)
-    return found
+def _samples(parameters: Parameters, claim: Registered, cached: CachedSamples) -> Robustness:
+    """The cached samples of a claim."""
+    cells = claim.cells
+    trials = [
+        Trial(chosen(parameters, claim.choices, number), cached.found(number))
+        for number in range(len(cached.samples))
+    ]
+    return Robustness(
+        {}, claim.knob_names, trials, None if cells is None else len(cells), cached.basis
+    )

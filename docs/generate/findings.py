@@ -13,8 +13,7 @@ from docs.generate.markdown import code, heading, plain, table, ticks
 from reobserve.core.documents import read_yaml
 from reobserve_papers.claims.errata import Erratum
 from reobserve_papers.claims.verdict_table import table as verdict_table
-from reobserve_papers.claims.verdict_table import titles as title_table
-from reobserve_papers.claims.verdicts import VERDICTS, replicated, title_margin
+from reobserve_papers.claims.verdicts import VERDICTS
 from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.gather import cited
 
@@ -24,9 +23,8 @@ _THRESHOLDS = {
     "after": "The bound was set after its numbers were known.",
 }
 _QUANTIFIERS = {
-    "can": "It states that something can be so: one setting with which the checks hold decides it.",
-    "always": "It states that something is always so: one setting with which a check fails decides"
-    " against it.",
+    "can": "It states that something can be so.",
+    "always": "It states that something is always so: one counterexample contradicts it.",
 }
 _CERTAINTIES = {
     "certain": "certain",
@@ -37,13 +35,9 @@ _CERTAINTIES = {
 
 def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
     """How many claims of each paper got which verdict, with links into the ``folder``."""
-    counted = verdict_table(_rows(papers))
+    titles = {paper.name: paper.decided[1] for paper in papers}
+    counted = verdict_table(_rows(papers), titles)
     return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`]({folder}\1.md) |", counted, flags=re.MULTILINE)
-
-
-def titles(papers: Sequence[Paper]) -> str:
-    """The title of each paper under the rule for main claims, and under others."""
-    return title_table(_rows(papers))
 
 
 def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
@@ -57,7 +51,7 @@ def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
 
 def findings(paper: Paper) -> str:
     """What git holds of a paper: its claims with their verdicts, its errata, its figures."""
-    make = (_claims, _errata, _figures, _cite)
+    make = (_claims, _history, _errata, _figures, _cite)
     return "\n\n".join(section(paper) for section in make)
 
 
@@ -95,10 +89,13 @@ def summary(paper: Paper) -> str:
     rows = _rows([paper])
     counts = [(word, sum(row["verdict"] == word for row in rows)) for word in VERDICTS]
     chips = ", ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
-    title = "[Re]" if replicated(rows) else "[¬Re]"
+    title = paper.decided[1]
+    reasons = "\n".join(f"- {plain(reason)}" for reason in title.reasons)
+    why = f", since\n\n{reasons}\n\n" if reasons else ": nothing that was tried changes it. "
     return (
         f"{', '.join(lines)}.\n\n"
-        f"**{plain(title)}**: {plain(title_margin(rows))}. Of its {len(rows)} claims:\n\n"
+        f"**{plain(title.word)}**{why}"
+        f"Of its {len(rows)} claims:\n\n"
         f"{chips}\n\n"
         f"**Limitations.** {ticks(paper.registry.limitations)}"
     )
@@ -134,7 +131,7 @@ def _claim(paper: Paper, claim: ReportedClaim) -> str:
     ]
     if claim.measured:
         parts.append("\n".join(f"- {_measured(paper, one)}" for one in claim.measured))
-    margin = f" With the same verdict, {plain(claim.margin)}." if claim.margin else ""
+    margin = f" The verdict is the same for {plain(claim.margin)}." if claim.margin else ""
     if claim.why:
         parts.append(ticks(claim.why))
     if claim.quantifier in _QUANTIFIERS:
@@ -143,22 +140,48 @@ def _claim(paper: Paper, claim: ReportedClaim) -> str:
         parts.append(f"{_THRESHOLDS[claim.threshold]}{margin}")
     found = claim.robustness
     if found:
-        held = f"Held in {found.held} of {found.samples} samples: {_share(claim)}."
-        held += f" {found.diverged} diverged." if found.diverged else ""
-        held += f" {found.refused} refused." if found.refused else ""
-        if found.reversal_key:
-            key = _key(paper, found.reversal_key)
-            moved = plain(found.reversal)
-            held += f" The smallest change of one number that reverses it: {key} {moved}."
-        else:
-            held += " No change of one number was found that reverses it." if found.looked else ""
+        what = "settings, which are all" if found.whole else "samples"
+        held = f"Held in {found.held} of {found.samples} {what}: {_share(claim)}."
+        if found.tied:
+            held += f" {found.tied} are ties; the opposite holds in {found.opposed}."
+        held += f" {found.lost} diverged or were refused." if found.lost else ""
+        if found.null is not None:
+            held += f" With an estimator that knows nothing: {100 * found.null:.0f} %."
         parts.append(held)
+    if claim.setting:
+        fails = claim.verdict == "contradicted" and claim.quantifier == "always"
+        parts.append(
+            f"A setting at which it {'fails' if fails else 'holds'}: {plain(claim.setting)}."
+        )
+    if claim.changes:
+        parts.append(f"Another verdict with: {plain('; '.join(claim.changes))}.")
     if claim.depends_on:
         keys = ", ".join(_key(paper, key) for key in claim.depends_on)
         parts.append(f"Depends on {keys}.")
     elif claim.verdict != "not testable":
         parts.append("Depends on nothing that the paper leaves open.")
     return "\n\n".join(parts) + "\n"
+
+
+def _history(paper: Paper) -> str:
+    """Verdicts that changed with what was asked, while they were known."""
+    rows = [
+        (
+            plain(_words(one.claim)),
+            plain(one.verdict),
+            plain(one.was),
+            plain(one.now),
+            plain(one.why),
+        )
+        for one in paper.registry.history
+    ]
+    if not rows:
+        return "## What was asked before\n\nNothing has changed since the claims were registered."
+    listed = table(("claim", "verdict then", "what was asked", "now", "why"), rows)
+    return (
+        "## What was asked before\n\nVerdicts that were others before a bound, range, quantifier, "
+        f"window or promise changed, each with the verdict known at the time.\n\n{listed}"
+    )
 
 
 def _words(name: str) -> str:
@@ -170,6 +193,8 @@ def _share(claim: ReportedClaim) -> str:
         return ""
     found = claim.robustness
     share, low, high = (f"{100 * part:.0f}" for part in (found.share, found.low, found.high))
+    if found.whole:
+        return f"{share} % of all"
     return f"{share} % ({low} to {high} %)"
 
 

@@ -50,7 +50,6 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
     }
     return {
         "verdicts": lambda: findings.verdicts(papers),
-        "titles": lambda: findings.titles(papers),
         "verdicts on the start page": lambda: findings.verdicts(papers, "findings/"),
         "papers": lambda: findings.what_it_is_about(papers),
         "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),

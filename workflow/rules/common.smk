@@ -11,6 +11,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.seals import digest
 from reobserve.core.errors import ReobserveError
 from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.claims.conventions import conventions_text
 from reobserve_papers.claims.registry import claims_text, decisive
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
@@ -227,19 +228,21 @@ def cached(wildcards):
 
 
 def sampled(wildcards):
-    """A params function: a digest of the parameters with their ranges and of the checks."""
+    """A params function: a digest of the parameters with their ranges and of what is sampled."""
     parameters = PARAMETERS[wildcards.paper]
-    return digest(
-        [parameters.decisive(), parameters.seed, decisive(claims_text(Path(), wildcards.paper))]
-    )
+    asked = decisive(claims_text(Path(), wildcards.paper), conventions_text(Path()))
+    return digest([parameters.decisive(), parameters.seed, asked])
 
 
-def checks(wildcards):
-    """A params function: a digest of the checks, and of which claims are main ones."""
-    claims = claims_text(Path(), wildcards.paper)
-    bodies = claims.get("claims", {}).items()
-    main = [name for name, body in bodies if isinstance(body, dict) and body.get("promised")]
-    return digest([decisive(claims), main])
+def registered(wildcards):
+    """A params function: a digest of a paper's claims and of the conventions."""
+    paper = wildcards.paper
+    return digest([claims_text(Path(), paper), conventions_text(Path()), PARAMETERS[paper].seed])
+
+
+def numbers_behind(wildcards):
+    """An input function: all metrics of a paper."""
+    return [path for path in NUMBERS if path.split("/")[1] == wildcards.paper]
 
 
 def tuned_settings(wildcards):

@@ -72,24 +72,53 @@ rule robustness:
         settings=sampled,
         code=code("robustness"),
         packages=PACKAGES,
-        options=f"--samples {config['samples']}"
-        + ("" if config["reversals"] else " --no-reversals"),
+        options=f"--samples {config['samples']}",
     message:
-        "{wildcards.paper}: decide the claims over Monte Carlo samples of what is left open"
+        "{wildcards.paper}: compute Monte Carlo samples of what is left open"
     shell:
         "(set -x; reobserve-papers stage robustness results/{wildcards.paper}/parameters.json {params.options}"
         " --cached {input.cached} --chunk-files {input.chunks} --study-files {input.studies}"
         " --output {output}) &> {log}"
 
 
-rule sensitivity:
+rule alternatives:
     input:
         "results/{paper}/robustness.json",
+        numbers_behind,
+    output:
+        report(
+            "results/{paper}/alternatives.csv",
+            caption="../report/alternatives.rst",
+            category="{paper}",
+            subcategory="evidence",
+            labels={"figure": "claims", "what": "alternatives"},
+        ),
+    log:
+        "logs/{paper}/alternatives.log",
+    benchmark:
+        "logs/{paper}/alternatives.tsv"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        claims=registered,
+        code=code_of("reobserve_papers.cli.stages.alternatives"),
+        packages=PACKAGES,
+    message:
+        "{wildcards.paper}: decide the claims by each alternative to a convention"
+    shell:
+        "(set -x; reobserve-papers stage alternatives results/{wildcards.paper}/parameters.json {input[0]}"
+        " --output {output}) &> {log}"
+
+
+rule sensitivity:
+    input:
+        robustness="results/{paper}/robustness.json",
+        alternatives="results/{paper}/alternatives.csv",
     output:
         report(
             expand(
                 "results/{{paper}}/{name}.{kind}",
-                name=["specification", "sensitivity"],
+                name=["alternatives", "specification", "sensitivity"],
                 kind=FORMATS,
             ),
             caption="../report/sensitivity.rst",
@@ -104,20 +133,20 @@ rule sensitivity:
     conda:
         "../envs/reobserve.yaml"
     params:
-        checks=checks,
+        claims=registered,
         code=code_of("reobserve_papers.cli.stages.sensitivity"),
         packages=PACKAGES,
     message:
         "{wildcards.paper}: plot which choices decide the claims"
     shell:
-        "(set -x; reobserve-papers stage sensitivity results/{wildcards.paper}/parameters.json {input}"
-        " --outputs {output}) &> {log}"
+        "(set -x; reobserve-papers stage sensitivity results/{wildcards.paper}/parameters.json"
+        " {input.robustness} --alternatives-file {input.alternatives} --outputs {output}) &> {log}"
 
 
 rule claims:
     input:
         [path for path in NUMBERS if path.split("/")[1] in CLAIMED],
-        expand("results/{paper}/robustness.json", paper=CLAIMED),
+        expand("results/{paper}/{name}", paper=CLAIMED, name=["robustness.json", "alternatives.csv"]),
     output:
         report(
             "results/claims.csv",
@@ -135,7 +164,10 @@ rule claims:
         papers=CLAIMED,
         code=code_of("reobserve_papers.cli.stages.claims"),
         claims=digest(
-            [[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED]
+            [
+                conventions_text(Path()),
+                [[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED],
+            ]
         ),
     message:
         "decide all claims"
@@ -179,6 +211,7 @@ rule report:
 rule verdicts:
     input:
         claims="results/claims.csv",
+        alternatives=expand("results/{paper}/alternatives.csv", paper=CLAIMED),
         report="results/report.html",
     output:
         "results/verdicts.md",
@@ -191,7 +224,7 @@ rule verdicts:
     message:
         "count the verdicts"
     shell:
-        "(set -x; reobserve-papers stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve-papers stage verdicts {input.claims} --alternatives-files {input.alternatives} --output {output}) 2>&1 | tee {log} >&2"
 
 
 # On demand: the build as an RO-Crate, with the bench if built, to be deposited and cited.

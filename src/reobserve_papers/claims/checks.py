@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -124,6 +124,27 @@ class Check:
     def references(self) -> tuple[Reference, ...]:
         """All numbers that it looks up."""
         return self.value + self.other
+
+    def of_others(self, others: Mapping[str, str]) -> Check:
+        """The same check of other observers, by name."""
+        value, other = (
+            tuple(one._replace(observer=others.get(one.observer, one.observer)) for one in listed)
+            for listed in (self.value, self.other)
+        )
+        return replace(self, value=value, other=other)
+
+    @property
+    def mirrored(self) -> Check | None:
+        """The check of the opposite where it says which of two numbers is less, else None.
+
+        Of ``a / b < 0.95`` it is ``b / a < 0.95``, of ``a - b < 0`` it is ``b - a < 0``.
+        """
+        neutral = {"over": 1.0, "minus": 0.0}.get(self.how)
+        if neutral is None or self.relation not in ("below", "above"):
+            return None
+        if (self.bound - neutral) * (1 if self.relation == "above" else -1) < 0:
+            return None  # it tolerates the opposite, and says nothing of which is less
+        return replace(self, value=self.other, other=self.value)
 
     @property
     def name(self) -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from reobserve_papers.parameters.overrides import follow, links_in
 from reobserve_papers.parameters.parameters import Parameters, leaves, matches
 
 SEED = "seed"  # the root of all random streams: nobody states it
+
+_MOST_CELLS = 64  # combinations of discrete choices that are counted instead of sampled
 
 _DECADE = 10.0  # a range that spans as much is one of magnitudes
 
@@ -36,6 +39,17 @@ class Knob:
     multiple: float = 0.0
     words: tuple[Any, ...] = ()
     named: tuple[Any, ...] = field(default=(), repr=False)
+
+    @property
+    def levels(self) -> tuple[Any, ...]:
+        """Its values where they are few: words, or whole numbers; else none."""
+        if self.words:
+            return self.words
+        low, high = self.span
+        whole = all(type(number) is int for number in (self.value, low, high))
+        if not whole or self.multiple or high - low >= _MOST_CELLS:
+            return ()
+        return tuple(range(int(low), int(high) + 1))
 
     @property
     def name(self) -> str:
@@ -113,15 +127,24 @@ def find_choice(parameters: Parameters, pattern: str) -> Choice:
     return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
 
 
-def sample(
-    parameters: Parameters, choices: Iterable[Choice], number: int
-) -> tuple[Parameters, tuple[Any, ...]]:
-    """The parameters with every choice sampled from its range, and the values.
+def cells(choices: Iterable[Choice]) -> list[tuple[Any, ...]] | None:
+    """All values that the choices can have together, or None if these are not few and discrete."""
+    levels = [choice_levels for choice in choices for choice_levels in _levels(choice)]
+    if not levels or not all(levels) or math.prod(map(len, levels)) > _MOST_CELLS:
+        return None
+    return list(product(*levels))
 
-    The reader of a ``number`` sets a choice the same, whichever others are asked of him.
-    """
+
+def _levels(choice: Choice) -> list[tuple[Any, ...]]:
+    """The values of each knob, none where these are no few words or counts."""
+    return [knob.levels for knob in choice.knobs] or [()]
+
+
+def with_values(
+    parameters: Parameters, choices: Iterable[Choice], values: Iterable[Any]
+) -> Parameters:
+    """The parameters with these values of the choices, one for each of their names."""
     choices = list(choices)
-    values = chosen(parameters, choices, number)
     drawn, seed, left = parameters.tree, parameters.seed, iter(values)
     for choice in choices:
         for knob in choice.knobs:
@@ -130,11 +153,18 @@ def sample(
             seed = next(left)
     keys = {key for choice in choices for key in choice.keys}
     drawn = follow(drawn, links_in(parameters.entries()), keys)
-    return Parameters(parameters.paper, drawn, seed), values
+    return Parameters(parameters.paper, drawn, seed)
 
 
 def chosen(parameters: Parameters, choices: Iterable[Choice], number: int) -> tuple[Any, ...]:
-    """The values that the reader of a number sets, one for each of the choices' names."""
+    """The values that the reader of a number sets, one for each of the choices' names.
+
+    He sets a choice the same, whichever others are asked of him. Where choices are few and discrete
+    (see `cells`) the number is that of their combination.
+    """
+    choices = tuple(choices)
+    if (counted := cells(choices)) is not None:
+        return counted[number]
 
     def stream(name: str) -> np.random.Generator:
         return random_stream(parameters.seed, "claims", parameters.paper, name, str(number))
@@ -145,14 +175,6 @@ def chosen(parameters: Parameters, choices: Iterable[Choice], number: int) -> tu
         if choice.keys == (SEED,):
             values.append(int(stream(SEED).integers(2**31)))
     return tuple(values)
-
-
-def change(parameters: Parameters, knob: Knob, value: Any) -> Parameters:
-    """The parameter file with one number another."""
-    turned = _turned(parameters.tree, knob, value)
-    return Parameters(
-        parameters.paper, follow(turned, links_in(parameters.entries()), knob.keys), parameters.seed
-    )
 
 
 def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:

@@ -18,13 +18,13 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
 from reobserve.core.seals import sealed
 from reobserve.core.validation import parse
-from reobserve_papers.claims.cached_samples import CachedSamples, alike, as_text, numbers_in
+from reobserve_papers.claims.cached_samples import CachedSamples, alike, as_text, from_text
+from reobserve_papers.claims.checks import Reference
+from reobserve_papers.claims.outcomes import Found
 
-# What decides the checks of a claim; None where the code refuses a sample.
-Numbers = tuple[float, ...] | None
-
-# Samples that were made ahead: by claim, by the digest of what they depend on, and by number.
-MadeSamples = Mapping[str, Mapping[str, Mapping[int, Numbers]]]
+# Samples that were made ahead: by claim, by the digest of what they depend on, and by number. None
+# is where the code refuses a sample.
+MadeSamples = Mapping[str, Mapping[str, Mapping[int, Found | None]]]
 
 # Of samples that are cached so many are made again, to see whether the code still gives what it
 # gave.
@@ -36,17 +36,14 @@ class KnownSamples:
     """Samples of one claim: those that are ``cached``, and those that this build has ``made``."""
 
     cached: CachedSamples | None = None
-    made: dict[int, Numbers] = field(default_factory=dict)
+    made: dict[int, Found | None] = field(default_factory=dict)
 
     @staticmethod
-    def of(
-        name: str, basis: str, cached: Mapping[str, CachedSamples], made: MadeSamples
-    ) -> KnownSamples:
-        """The samples of a claim that depend on what has this digest."""
-        past = cached.get(name)
-        known = KnownSamples(past if past and past.basis == basis else None)
-        for number, numbers in sorted(made.get(name, {}).get(basis, {}).items()):
-            known.take(number, numbers)
+    def of(cached: CachedSamples | None, made: Mapping[int, Found | None]) -> KnownSamples:
+        """The samples of a claim, of which some are cached and others were made ahead."""
+        known = KnownSamples(cached)
+        for number, found in sorted(made.items()):
+            known.take(number, found)
         return known
 
     @property
@@ -61,15 +58,15 @@ class KnownSamples:
     def __contains__(self, number: int) -> bool:
         return number in self.made or self.is_cached(number)
 
-    def __getitem__(self, number: int) -> Numbers:
+    def __getitem__(self, number: int) -> Found | None:
         if self.cached and self.is_cached(number):
-            return self.cached.numbers(number)
+            return self.cached.found(number)
         return self.made[number]
 
-    def take(self, number: int, numbers: Numbers) -> None:
+    def take(self, number: int, found: Found | None) -> None:
         """Add a new result of a sample, and drop the cached samples if it differs from theirs."""
-        self.made[number] = numbers
-        if self.cached and number < self.length and not alike(numbers, self.cached.numbers(number)):
+        self.made[number] = found
+        if self.cached and number < self.length and not alike(found, self.cached.found(number)):
             self.cached = None
 
 
@@ -78,6 +75,7 @@ class _StoredSamples:
     """Samples of one claim in a chunk, by number, as in `CachedSamples`."""
 
     basis: str
+    metrics: tuple[str, ...]
     numbers: tuple[int, ...]
     samples: tuple[str | None, ...]
 
@@ -88,12 +86,14 @@ class _StoredSamples:
             raise InputError("samples", f"{len(self.samples)} must be {len(self.numbers)}")
         self.made()
 
-    def made(self) -> dict[int, Numbers]:
+    def made(self) -> dict[int, Found | None]:
         """The samples by number, or `InputError` for what is no sample."""
+        references = tuple(map(Reference.parse, self.metrics))
         try:
-            return dict(zip(self.numbers, map(numbers_in, self.samples), strict=True))
+            found = [from_text(references, sample) for sample in self.samples]
         except ValueError as error:
             raise InputError("samples", f"must be numbers ({error})") from None
+        return dict(zip(self.numbers, found, strict=True))
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,18 @@ class _Stored:
 
 
 def write_chunk(
-    path: Path, paper: str, bases: Mapping[str, str], made: Mapping[str, Mapping[int, Numbers]]
+    path: Path,
+    paper: str,
+    bases: Mapping[str, str],
+    wanted: Mapping[str, tuple[Reference, ...]],
+    made: Mapping[str, Mapping[int, Found | None]],
 ) -> None:
     """Write the samples of a chunk by claim, each with the digest of what it depends on."""
     claims = {
         name: {
-            "basis": bases[name], "numbers": sorted(samples),
-            "samples": [as_text(samples[number]) for number in sorted(samples)],
+            "basis": bases[name], "metrics": list(map(str, wanted[name])),
+            "numbers": sorted(samples),
+            "samples": [as_text(wanted[name], samples[number]) for number in sorted(samples)],
         }
         for name, samples in made.items()
     }  # fmt: skip
@@ -124,7 +129,7 @@ def read_chunks(paths: Iterable[Path], paper: str) -> MadeSamples:
     InputError
         If a file is missing or damaged, or of another paper.
     """
-    found: dict[str, dict[str, dict[int, Numbers]]] = {}
+    found: dict[str, dict[str, dict[int, Found | None]]] = {}
     for path in paths:
         stored = parse(_Stored, read_json(path), str(path))
         if stored.paper != paper:

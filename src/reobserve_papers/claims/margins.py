@@ -4,30 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reobserve_papers.claims.checks import Check
-from reobserve_papers.claims.outcomes import Outcome
-from reobserve_papers.claims.registry import Claim, Quantifier
-from reobserve_papers.claims.robustness import finding
+from reobserve_papers.claims.outcomes import Found, deciding, nested
+from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.verdicts import Counted, possible
 
 _MOVABLE = ("below", "above")
 
 
 def margins(
-    claim: Claim, stated: Outcome, drawn: Sequence[Outcome] = ()
+    claim: Claim, found: Sequence[Found | None], whole: bool, share: float
 ) -> dict[Check, tuple[float, float]]:
     """Values between which a bound may be without another verdict, by check with one bound.
 
-    The outcomes are those with the parameter file as it is and of the samples. The ends are numbers
-    at which an outcome turns over, or infinite.
+    What was ``found`` are the samples. The ends are numbers at which an outcome turns over, or
+    infinite.
     """
+    numbers = [deciding(claim, None if one is None else nested(one)) for one in found]
     return {
-        check: (_end(claim, k, stated, drawn, -1), _end(claim, k, stated, drawn, 1))
+        check: (
+            _end(claim, k, numbers, whole, share, -1),
+            _end(claim, k, numbers, whole, share, 1),
+        )
         for k, check in enumerate(claim.checks)
         if check.relation in _MOVABLE
     }
@@ -36,65 +37,41 @@ def margins(
 def format_margins(found: dict[Check, tuple[float, float]]) -> str:
     """The same for a reader."""
     return "; ".join(
-        f"{check.relation} {check.bound:g} could be {_format(low, high)}"
+        f"{check.name} {check.relation} {_format(low, high)}"
         for check, (low, high) in found.items()
     )
 
 
 def _format(low: float, high: float) -> str:
     if math.isinf(low) and math.isinf(high):
-        return "any"
+        return "any number"
     if math.isinf(high):
-        return f"{low:.3g} or more"
-    return f"{high:.3g} or less" if math.isinf(low) else f"{low:.3g} to {high:.3g}"
+        return f"{low:.3g} or any greater number"
+    if math.isinf(low):
+        return f"{high:.3g} or any less number"
+    return f"any number from {low:.3g} to {high:.3g}"
 
 
-def _end(claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome], way: int) -> float:
+def _end(
+    claim: Claim, k: int, numbers: Sequence[tuple[float, ...]], whole: bool, share: float, way: int
+) -> float:
     """The first number on the way beyond which the verdict is another."""
-    bound = claim.checks[k].bound
-    verdict = _Verdict.of(claim, k, stated, drawn)
-    found = verdict.at(bound)
-    ends = {one.numbers[k] for one in (stated, *drawn) if one.numbers}
-    ahead = [end for end in ends if math.isfinite(end) and way * end >= way * bound]
+    check = claim.checks[k]
+    rest = [(j, other) for j, other in enumerate(claim.checks) if j != k]
+    # Only where all other checks hold does this bound decide.
+    open_ones = [one[k] for one in numbers if one and all(c.satisfied_by(one[j]) for j, c in rest)]
+
+    def verdicts(bound: float) -> tuple[str, ...]:
+        moved = replace(check, bound=bound)
+        held = sum(moved.satisfied_by(number) for number in open_ones)
+        return possible(claim.quantifier, Counted(held, len(numbers), whole), share)
+
+    found = verdicts(check.bound)
+    ends = {number for number in open_ones if math.isfinite(number)}
+    ahead = [end for end in ends if way * end >= way * check.bound]
     ahead.sort(reverse=way < 0)
     for end, following in pairwise([*ahead, way * math.inf]):
         beyond = (end + following) / 2 if math.isfinite(following) else end + way
-        if verdict.at(beyond) != found:
+        if verdicts(beyond) != found:
             return end
     return way * math.inf
-
-
-@dataclass(frozen=True)
-class _Verdict:
-    """Verdict on whether a claim holds, and whether that is firm, by the bound of one check.
-
-    ``numbers`` are those that decide the check, as stated and in the samples, and ``others`` tells
-    where all other checks hold, both of shape (1 + samples,).
-    """
-
-    quantifier: Quantifier
-    check: Check
-    numbers: NDArray[np.float64]
-    others: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome]) -> _Verdict:
-        outcomes = (stated, *drawn)
-        rest = [(j, check) for j, check in enumerate(claim.checks) if j != k]
-        return cls(
-            claim.quantifier,
-            claim.checks[k],
-            np.array([one.numbers[k] if one.numbers else math.nan for one in outcomes]),
-            np.array(
-                [
-                    bool(one.numbers) and all(c.satisfied_by(one.numbers[j]) for j, c in rest)
-                    for one in outcomes
-                ]
-            ),
-        )
-
-    def at(self, bound: float) -> tuple[bool, bool | None]:
-        """The verdict with another bound."""
-        met = self.numbers < bound if self.check.relation == "below" else self.numbers > bound
-        holds, *drawn = (self.others & met).tolist()
-        return finding(self.quantifier, holds, sum(drawn), len(drawn))

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal
 
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.seals import digest
-from reobserve_papers.claims.checks import THEORY, Check, Numbers
+from reobserve_papers.claims.checks import THEORY, Numbers, Reference
+from reobserve_papers.claims.choices import Choice
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
 
+# Whether a claim holds. Where it says which of two numbers is less, its opposite may hold, or
+# neither (a tie); else it is opposed where it does not hold. Lost is what diverged or was refused.
+Outcome = Literal["holds", "tie", "opposed", "lost"]
 
-@dataclass(frozen=True)
-class Outcome:
-    """Outcome of a claim: whether it holds, and the number that decides each of its checks.
-
-    Where something that it needs diverges, it does not hold and has no numbers.
-    """
-
-    held: bool
-    numbers: tuple[float, ...] = ()
+# What came out of one sample: by reference, without those of a figure that diverged.
+Found = Mapping[Reference, float]
 
 
 class Outcomes:
-    """Outcomes of claims with other parameters, running only what a change touches."""
+    """Numbers of claims with other parameters, running only what a change touches."""
 
     def __init__(self, base: Evaluator, claims: Iterable[Claim]) -> None:
         # What others start from: all that the claims need.
@@ -41,8 +39,8 @@ class Outcomes:
         other._base = self._base.apart()
         return other
 
-    def at(self, parameters: Parameters, claims: Iterable[Claim]) -> dict[str, Outcome]:
-        """The outcomes by claim.
+    def at(self, parameters: Parameters, claims: Iterable[Claim]) -> dict[str, Found]:
+        """What the claims want to know, by claim.
 
         Raises
         ------
@@ -50,40 +48,81 @@ class Outcomes:
             If the parameter file cannot be run, or a claim names a number that does not exist.
         """
         evaluator = self._base.sibling(parameters)
-        numbers: dict[str, dict[tuple[str, str], float]] = {}
-        diverged = set()
-        outcomes: dict[str, Outcome] = {}
-        asked = frozenset(ref.metric for claim in claims for ref in claim.references(THEORY))
-        for claim in claims:
-            for figure in claim.figures:
-                if figure in numbers or figure in diverged:
-                    continue
-                try:
-                    numbers[figure] = lookup(metrics_of(evaluator, figure, asked))
-                except DivergenceError:
-                    diverged.add(figure)
-            lost = diverged.intersection(claim.figures)
-            outcomes[claim.name] = Outcome(False) if lost else outcome(claim, numbers)
-        return outcomes
+        claims = list(claims)
+        wanted = [one for claim in claims for one in claim.wanted]
+        asked = frozenset(one.metric for one in wanted if one.figure == THEORY)
+        numbers: dict[str, Mapping[tuple[str, str], float]] = {}
+        for figure in dict.fromkeys(one.figure for one in wanted):
+            try:
+                numbers[figure] = lookup(metrics_of(evaluator, figure, asked))
+            except DivergenceError:
+                continue
+        return {claim.name: taken(claim.wanted, numbers) for claim in claims}
 
-    def basis(self, claim: Claim) -> str:
-        """See `basis_of`."""
-        return basis_of(self._base, claim)
-
-    def stated(self, claim: Claim) -> Outcome | None:
-        """The outcome with the stated parameters, or None if it names an unknown number."""
+    def stated(self, claim: Claim) -> Found | None:
+        """What came out with the stated parameters, or None if it names an unknown number."""
         try:
-            return outcome(claim, self._stated)
+            for check in claim.checks:
+                check.values(self._stated)
         except InputError:
             return None
+        return {
+            one: self._stated[one.figure][one.observer, one.metric]
+            for one in claim.wanted
+            if (one.observer, one.metric) in self._stated.get(one.figure, {})
+        }
+
+    def basis(self, claim: Claim, known: Sequence[str] | None = None) -> str:
+        """See `basis_of`."""
+        return basis_of(self._base, claim, known)
 
 
-def basis_of(evaluator: Evaluator, claim: Claim) -> str:
-    """A digest of all but code that samples of a claim depend on."""
-    seen = [evaluator.digest(None if figure == THEORY else figure) for figure in claim.figures]
-    asked = [repr(part) for part in (*claim.checks, *claim.choices)]
-    asked += [repr(knob.named) for choice in claim.choices for knob in choice.knobs if knob.named]
-    return digest([seen, asked, evaluator.parameters.seed])
+def basis_of(evaluator: Evaluator, claim: Claim, known: Sequence[str] | None = None) -> str:
+    """A digest of all but code that samples of a claim depend on.
+
+    ``known`` are the keys of the parameter file that there were when they were made: keys that have
+    been added since do not count. Which numbers are taken of a sample and what is asked of them
+    does not count either.
+    """
+    parameters = evaluator.parameters
+    if known is not None and set(known) != set(parameters.by_key):
+        evaluator = Evaluator(_without_new(parameters, frozenset(known)))
+    figures = dict.fromkeys(one.figure for one in claim.wanted)
+    seen = {
+        figure: evaluator.digest(None if figure == THEORY else figure)
+        for figure in figures
+        if figure in claim.figures
+    }
+    return digest([seen, [_described(choice) for choice in claim.choices], parameters.seed])
+
+
+def _described(choice: Choice) -> list[Any]:
+    """What a sample draws, in plain values."""
+    return [
+        [list(choice.keys)],
+        *(
+            [list(knob.keys), list(knob.path), list(knob.span), knob.multiple,
+             list(knob.words), list(knob.named)]
+            for knob in choice.knobs
+        ),
+    ]  # fmt: skip
+
+
+def _without_new(parameters: Parameters, known: frozenset[str]) -> Parameters:
+    """The parameters without entries that are not known."""
+
+    def pruned(tree: Any, place: str) -> Any:
+        if not isinstance(tree, Mapping):
+            return tree
+        kept = {}
+        for key, value in tree.items():
+            here = f"{place}.{key}" if place else str(key)
+            if here in parameters.by_key and here not in known:
+                continue
+            kept[key] = value if here in parameters.by_key else pruned(value, here)
+        return kept
+
+    return replace(parameters, tree=pruned(parameters.tree, ""))
 
 
 def metrics_of(
@@ -93,12 +132,34 @@ def metrics_of(
     return evaluator.theory(asked) if figure == THEORY else evaluator.figure(figure).numbers
 
 
-def outcome(claim: Claim, numbers: Numbers) -> Outcome:
-    """The outcome of a claim, given the numbers behind figures (see `Check.deciding`)."""
-    return decided(claim, tuple(check.deciding(numbers) for check in claim.checks))
+def taken(wanted: Iterable[Reference], numbers: Numbers) -> dict[Reference, float]:
+    """The numbers that a claim wants, without those of figures that diverged."""
+    return {one: one.look_up(numbers) for one in wanted if one.figure in numbers}
 
 
-def decided(claim: Claim, numbers: tuple[float, ...]) -> Outcome:
-    """The outcome where these numbers decide the checks, or none because something diverged."""
-    satisfied = bool(numbers) and all(map(Check.satisfied_by, claim.checks, numbers))
-    return Outcome(satisfied, numbers)
+def nested(found: Found) -> dict[str, dict[tuple[str, str], float]]:
+    """The same numbers, by figure."""
+    numbers: dict[str, dict[tuple[str, str], float]] = {}
+    for one, value in found.items():
+        numbers.setdefault(one.figure, {})[one.observer, one.metric] = value
+    return numbers
+
+
+def outcome(claim: Claim, numbers: Numbers | None) -> Outcome:
+    """The outcome of a claim, given the numbers behind figures, None where these were refused."""
+    if numbers is None or any(figure not in numbers for figure in claim.figures):
+        return "lost"
+    if all(check.holds(numbers) for check in claim.checks):
+        return "holds"
+    mirrored = [check.mirrored for check in claim.checks]
+    if not any(mirrored):
+        return "opposed"
+    turned = (other or check for check, other in zip(claim.checks, mirrored, strict=True))
+    return "opposed" if all(check.holds(numbers) for check in turned) else "tie"
+
+
+def deciding(claim: Claim, numbers: Numbers | None) -> tuple[float, ...]:
+    """The number that decides each check, none where something diverged or was refused."""
+    if numbers is None or any(figure not in numbers for figure in claim.figures):
+        return ()
+    return tuple(check.deciding(numbers) for check in claim.checks)

@@ -16,9 +16,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve_papers.claims.checks import Check
+from reobserve_papers.claims.outcomes import deciding as deciding_of
+from reobserve_papers.claims.outcomes import nested
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Robustness
-from reobserve_papers.claims.sensitivity import FEWEST, as_places, deciding_check, influences, ranks
+from reobserve_papers.claims.sensitivity import (
+    FEWEST,
+    as_places,
+    deciding_check,
+    deciding_numbers,
+    influences,
+    ranks,
+)
 from reobserve_papers.plotting.look import WIDTH
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
@@ -52,7 +61,7 @@ def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness
 def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
     """Draw how much of the deciding number each choice explains, of claims that they turn over."""
     drawn = [(claim, found[claim.name]) for claim in claims if claim.name in found]
-    each = influences(one for _, one in drawn)
+    each = influences(drawn)
     shown = [
         (claim, one, bars[:_MAX_BARS])
         for (claim, one), bars in zip(drawn, each, strict=True)
@@ -67,7 +76,7 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
         axes.barh(places, [max(bar.share, 0.0) for bar in bars], color=colors, height=0.7)
         _label_rows(axes, [bar.name for bar in bars])
         axes.set_title(
-            f"{_spoken(claim)}: held in {one.held} of {one.samples} samples", fontsize=7.5
+            f"{_spoken(claim)}: held in {_held(claim, one)} of {one.samples} samples", fontsize=7.5
         )
         axes.grid(axis="y", visible=False)
         axes.set_xlim(0, 1)
@@ -100,14 +109,16 @@ def _stack(places: Sequence[tuple[float, float]], below: float) -> tuple[Figure,
 def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
     k = deciding_check(claim, one)
     check = claim.checks[k]
-    trials = sorted(
-        (trial for trial in one.trials if trial.outcome.numbers),
-        key=lambda trial: _last_if_none(trial.outcome.numbers[k]),
+    outcomes, deciding = one.outcomes(claim), deciding_numbers(claim, one)
+    order = sorted(
+        (number for number, found in enumerate(deciding) if found),
+        key=lambda number: _last_if_none(deciding[number][k]),
     )
-    numbers = [trial.outcome.numbers[k] for trial in trials]
+    numbers = [deciding[number][k] for number in order]
+    holding = [outcomes[number] == "holds" for number in order]
     marks = [
-        _OTHER if not trial.outcome.held and check.satisfied_by(number) else trial.outcome.held
-        for trial, number in zip(trials, numbers, strict=True)
+        _OTHER if not holds and check.satisfied_by(number) else holds
+        for holds, number in zip(holding, numbers, strict=True)
     ]
     for kind, (label, color, marker) in _MARKS.items():
         places = [x for x, mark in enumerate(marks) if mark == kind and math.isfinite(numbers[x])]
@@ -116,20 +127,23 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
             curve.plot(places, shown, marker, color=color, markersize=3, label=label)
     for bound in _bounds(check):
         curve.axhline(bound, color="0.4", linewidth=0.8, linestyle=(0, (5, 2)))
-    stated = one.stated.numbers[k] if one.stated.numbers else math.nan
+    own = deciding_of(claim, nested(one.stated))
+    stated = own[k] if own else math.nan
     if math.isfinite(stated):
         curve.axhline(stated, color=_STATED, linewidth=0.8, label="parameter file")
     _scale(curve, [*filter(math.isfinite, [*numbers, stated]), *_bounds(check)])
-    lost = one.samples - len(trials)
+    lost = one.samples - len(order)
     noted = f" ({lost} diverged or were refused)" if lost else ""
-    curve.set_title(f"{_spoken(claim)}: held in {one.held} of {one.samples} samples{noted}")
+    curve.set_title(
+        f"{_spoken(claim)}: held in {_held(claim, one)} of {one.samples} samples{noted}"
+    )
     curve.set_ylabel("\n".join(textwrap.wrap(_spelled(check), 26)), fontsize=_SMALL)
     curve.legend(fontsize=_SMALL, ncols=3, loc="best")
     curve.set_xticks([])
     for row in range(len(one.names)):
-        shades = _in_range([trial.values[row] for trial in trials])
+        shades = _in_range([one.trials[number].values[row] for number in order])
         choices.scatter(
-            range(len(trials)), [row] * len(trials), c=shades, cmap="Greys", vmin=-0.25, vmax=1.0,
+            range(len(order)), [row] * len(order), c=shades, cmap="Greys", vmin=-0.25, vmax=1.0,
             s=9, marker="s", linewidths=0,
         )  # fmt: skip
     _label_rows(choices, one.names)
@@ -140,6 +154,10 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
     )
     choices.set_xticks([])
     choices.grid(visible=False)
+
+
+def _held(claim: Claim, one: Robustness) -> int:
+    return one.outcomes(claim).count("holds")
 
 
 def _bounds(check: Check) -> list[float]:

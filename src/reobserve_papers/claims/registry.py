@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, nearest, shown
-from reobserve.core.validation import Text, distinct, items
+from reobserve.core.validation import Text, distinct, items, parse
 from reobserve_papers.claims.checks import THEORY, Check, Reference
-from reobserve_papers.claims.choices import Choice, find_choice
+from reobserve_papers.claims.choices import Choice, cells, find_choice
+from reobserve_papers.claims.conventions import (
+    Conventions,
+    changed,
+    filled,
+    names_in,
+    read_conventions,
+    words_in,
+)
 from reobserve_papers.parameters.names import claims_path
 from reobserve_papers.parameters.parameter_file import Interval, Model, parse_file
 from reobserve_papers.parameters.parameters import Parameters
@@ -71,10 +79,20 @@ class ClaimEntry(Model):
         description="Where the paper promises it of its own method: abstract, conclusions. Such a"
         " claim is a main claim.",
     )
+    purpose: Annotated[list[Promise], distinct] = Field(
+        [],
+        description="Where the paper states it as a purpose only. It is a main claim if the"
+        " convention `purpose` counts them.",
+    )
     quantifier: Quantifier = Field(
         "is",
-        description="In how many settings it must hold: `can` in one, `is` in nine of ten, `always`"
-        " in all.",
+        description="What it says of the settings that the paper leaves open: it `can` be so, it"
+        " `is` so, it is `always` so, which one counterexample contradicts.",
+    )
+    printed: bool = Field(
+        False,
+        description="Whether it is about numbers that the paper prints, to which settings"
+        " can be fitted.",
     )
     checks: Annotated[list[CheckEntry], items()] | None = Field(
         None, description="All of them must hold."
@@ -89,9 +107,20 @@ class ClaimEntry(Model):
         [],
         description="What samples vary: keys of parameters, patterns of keys, groups of `choices`.",
     )
-    expensive: bool = Field(
-        False,
-        description="Whether the search for a reversal tries only the ends of ranges, for speed.",
+    null: Annotated[dict[str, str], Field(min_length=1)] | None = Field(
+        None,
+        description="By observer: one that knows nothing, with which the checks should fail.",
+    )
+    samples: Annotated[int, Field(ge=36)] | None = Field(
+        None, description="The maximum number of samples, where a formula makes them cheap."
+    )
+    departs: dict[str, Text] = Field(
+        {}, description="By convention: why the claim departs from it."
+    )
+    setting: Text | None = Field(
+        None,
+        description="A setting at which it is known to hold from a search, with the ranges, the"
+        " method, the seed and the budget of that.",
     )
     not_testable: Text | None = Field(None, description="Why nothing can test it.")
 
@@ -105,6 +134,16 @@ class ClaimEntry(Model):
         return self
 
 
+class Earlier(Model):
+    """A verdict that was another before a bound, range, quantifier, window or promise changed."""
+
+    claim: Text = Field(description="The claim, as it was called.")
+    verdict: Text = Field(description="The verdict before.")
+    was: Text = Field(description="What was asked then.")
+    now: Text = Field(description="What is asked now, or where it went.")
+    why: Text = Field(description="The reason for the change.")
+
+
 class ClaimsFile(Model):
     """The claims of a paper, ``config/claims/<paper>.yaml``."""
 
@@ -116,6 +155,9 @@ class ClaimsFile(Model):
         dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry],
         Field(min_length=1),
     ]
+    history: list[Earlier] = Field(
+        [], description="Verdicts that changed with what was asked, while the verdict was known."
+    )
 
 
 @dataclass(frozen=True)
@@ -124,8 +166,8 @@ class Claim:
 
     ``why`` is the reason for the bounds, or why nothing can test it; ``threshold``
     says who set them: the paper (`stated`), or we, `before` or `after` the numbers were known.
-    ``promised`` says where the paper promises it of its own method, ``quantifier`` for how many
-    settings it must be true.
+    ``promised`` says where the paper promises it of its own method, ``purpose`` where it states
+    it as a purpose, ``quantifier`` for how many settings it must be true.
     """
 
     paper: str
@@ -133,18 +175,40 @@ class Claim:
     place: str = ""
     statement: str = ""
     promised: tuple[str, ...] = ()
+    purpose: tuple[str, ...] = ()
     quantifier: Quantifier = "is"
+    printed: bool = False
     checks: tuple[Check, ...] = ()
     why: str = ""
     threshold: str = ""
     choices: tuple[Choice, ...] = ()
-    expensive: bool = False
     testable: bool = True
+    null: Mapping[str, str] = field(default_factory=dict)
+    maximum: int | None = None
+    setting: str = ""
+    wanted: tuple[Reference, ...] = ()
 
     @property
     def is_main(self) -> bool:
         """True if the title of the replication depends on it."""
         return bool(self.promised)
+
+    @property
+    def cells(self) -> list[tuple[Any, ...]] | None:
+        """All that its choices can be together, if these are few words and counts."""
+        return cells(self.choices)
+
+    @property
+    def with_null(self) -> Claim:
+        """The same claim of estimators that know nothing (see `ClaimEntry.null`)."""
+        checks = tuple(check.of_others(self.null) for check in self.checks)
+        return replace(self, checks=checks, null={})
+
+    @property
+    def references_of_all(self) -> list[Reference]:
+        """The numbers that its checks name, and those of its null."""
+        claims = (self, self.with_null) if self.null else (self,)
+        return [one for claim in claims for check in claim.checks for one in check.references]
 
     @property
     def figures(self) -> list[str]:
@@ -169,10 +233,36 @@ class Claim:
 
 @dataclass(frozen=True)
 class Registry:
-    """The claims of a paper, and the limitations to replicating it."""
+    """The claims of a paper, and the limitations to replicating it.
+
+    ``conventions`` are those by which the claims are read; `variant` reads one by others.
+    """
 
     limitations: str = ""
     claims: list[Claim] = field(default_factory=list)
+    history: list[Earlier] = field(default_factory=list)
+    conventions: Conventions = field(default_factory=Conventions)
+    bodies: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    _read: Callable[[str, Any, Conventions], Claim] | None = field(default=None, repr=False)
+
+    def variant(
+        self, name: str, conventions: Conventions, changes: Mapping[str, Any] | None = None
+    ) -> Claim:
+        """A claim by other conventions, or with other values of some of its keys.
+
+        Raises
+        ------
+        InputError
+            If there is no such claim or key, or a value cannot be used.
+        """
+        assert self._read is not None
+        if name not in self.bodies:
+            raise InputError("claims", f"there is no {shown(name)}{nearest(name, self.bodies)}")
+        return self._read(name, changed(self.bodies[name], changes or {}), conventions)
+
+    def naming(self, convention: str) -> list[str]:
+        """The claims that name a convention."""
+        return [name for name, body in self.bodies.items() if convention in names_in(body)]
 
 
 def claims_file(project: Path, paper: str) -> Path:
@@ -182,7 +272,18 @@ def claims_file(project: Path, paper: str) -> Path:
 
 def read_claims(project: Path, paper: str) -> ClaimsFile:
     """Read the claims of a paper as its file has them, or raise `InputError` for what is wrong."""
-    return parse_file(ClaimsFile, read_yaml(claims_file(project, paper)), "claims", paper)
+    return _parsed(read_yaml(claims_file(project, paper)), read_conventions(project), paper)
+
+
+def _parsed(tree: Any, conventions: Conventions, paper: str) -> ClaimsFile:
+    claims = tree.get("claims") if isinstance(tree, dict) else None
+    if isinstance(claims, dict):
+        bodies = {}
+        for name, body in claims.items():
+            with located(f"claims.{paper}.{name}"):
+                bodies[name] = filled(body, conventions.values)
+        tree = {**tree, "claims": bodies}
+    return parse_file(ClaimsFile, tree, "claims", paper)
 
 
 def read_registry(project: Path, parameters: Parameters) -> Registry:
@@ -194,13 +295,55 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
         If the file is missing or no YAML, or with the key of the first claim that is wrong: in
         itself, or since there is no figure, metric or parameter that it names.
     """
-    stated = read_claims(project, parameters.paper)
+    paper = parameters.paper
+    tree, conventions = read_yaml(claims_file(project, paper)), read_conventions(project)
+    stated = _parsed(tree, conventions, paper)
     known = meanings(parameters.package)
+    asked: dict[str, tuple[Choice, ...]] = {}
     claims = []
     for name, entry in stated.claims.items():
-        with located(f"claims.{parameters.paper}.{name}"):
-            claims.append(_claim(parameters, name, entry, stated.choices, known))
-    return Registry(stated.limitations, claims)
+        with located(f"claims.{paper}.{name}"):
+            asked[name] = _choices(parameters, entry.depends_on, stated.choices)
+            claims.append(_claim(parameters, name, entry, asked[name], known))
+
+    def read(name: str, body: Any, others: Conventions) -> Claim:
+        if body.get("depends_on", []) != tree["claims"][name].get("depends_on", []):
+            raise InputError("depends_on", "must stay: samples vary what the claim states")
+        entry = parse(ClaimEntry, filled(body, others.values), f"{paper}.{name}")
+        return _claim(parameters, name, entry, asked[name], known)
+
+    registry = Registry(
+        stated.limitations, claims, stated.history, conventions, tree["claims"], read
+    )
+    wanted = _wanted(registry, paper)
+    claims[:] = [replace(claim, wanted=wanted[claim.name]) for claim in claims]
+    return registry
+
+
+def _wanted(registry: Registry, paper: str) -> dict[str, tuple[Reference, ...]]:
+    """By claim: the numbers that its checks name, by these conventions or by any alternative.
+
+    Raises
+    ------
+    InputError
+        With the key of the first alternative that cannot be applied.
+    """
+    found = {claim.name: [*claim.references_of_all] for claim in registry.claims}
+    conventions = registry.conventions
+    for name, convention in conventions.stated.items():
+        concerned = registry.naming(name)
+        for label, value in convention.alternatives.items():
+            with located(f"conventions.{name}.alternatives.{label}"):
+                for claim in concerned:
+                    other = registry.variant(claim, conventions.with_value(name, value))
+                    found[claim] += other.references_of_all
+    for name, one in conventions.single.items():
+        if one.paper != paper:
+            continue
+        with located(f"alternatives.{name}"):
+            for claim, changes in one.claims.items():
+                found[claim] += registry.variant(claim, conventions, changes).references_of_all
+    return {name: tuple(dict.fromkeys(listed)) for name, listed in found.items()}
 
 
 def amiss(claims: Sequence[Claim]) -> Iterator[str]:
@@ -228,21 +371,26 @@ def claims_text(project: Path, paper: str) -> Tree:
     return tree if isinstance(tree.get("claims"), dict) else {"problem": tree}
 
 
-def decisive(tree: Tree) -> Tree:
-    """The part of a registry that decides whether claims hold, over which samples: no wording."""
-    cached = ("checks", "quantifier", "depends_on", "expensive")
+def decisive(tree: Tree, conventions: Tree) -> Tree:
+    """The part of a registry that decides which numbers are sampled: no wording, and no bounds."""
     claims = {
-        name: {key: body[key] for key in cached if key in body} if isinstance(body, dict) else body
+        name: [sorted(set(words_in(body))), body.get("depends_on", [])]
+        if isinstance(body, dict)
+        else body
         for name, body in tree.get("claims", {}).items()
     }
-    return {"choices": tree.get("choices", {}), "claims": claims}
+    return {
+        "choices": tree.get("choices", {}),
+        "claims": claims,
+        "words": sorted(set(words_in(conventions))),
+    }
 
 
 def _claim(
     parameters: Parameters,
     name: str,
     entry: ClaimEntry,
-    groups: Mapping[str, list[str]],
+    choices: tuple[Choice, ...],
     known: Meanings,
 ) -> Claim:
     checks = []
@@ -250,19 +398,29 @@ def _claim(
         with located(f"checks.{index}"):
             checks.append(Check.parse(one.model_dump(exclude_none=True)))
             _check_names(parameters, checks[-1], known)
+    if entry.null:
+        observers = {one.observer for check in checks for one in check.references}
+        for observer in entry.null:
+            if observer not in observers:
+                problem = f"there is no {shown(observer)}{nearest(observer, observers)}"
+                raise InputError("null", problem)
     return Claim(
         parameters.paper,
         name,
         place=entry.place,
         statement=entry.statement,
         promised=tuple(entry.promised),
+        purpose=tuple(entry.purpose),
         quantifier=entry.quantifier,
+        printed=entry.printed,
         checks=tuple(checks),
         why=entry.why or entry.not_testable or "",
         threshold=entry.threshold or "",
-        choices=_choices(parameters, entry.depends_on, groups),
-        expensive=entry.expensive,
+        choices=choices,
         testable=entry.not_testable is None,
+        null=entry.null or {},
+        maximum=entry.samples,
+        setting=entry.setting or "",
     )
 
 

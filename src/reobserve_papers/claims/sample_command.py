@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
-from reobserve.core.errors import ReobserveError
-from reobserve_papers.claims.cached_samples import CachedSamples, alike, read_cached, write_cached
+from reobserve.core.errors import InputError, ReobserveError, nearest, shown
+from reobserve_papers.claims.cached_samples import (
+    Cache,
+    CachedSamples,
+    alike,
+    read_cached,
+    write_cached,
+)
 from reobserve_papers.claims.registry import Claim, claims_file, read_registry
-from reobserve_papers.claims.robustness import Robustness, assess
+from reobserve_papers.claims.robustness import assess
+from reobserve_papers.claims.verdicts import possible
 from reobserve_papers.parameters.config import known_papers, named_papers
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
@@ -17,11 +25,14 @@ from reobserve_papers.steps.evaluation import Evaluator
 _FIRST = 40  # samples of the first step; each later step doubles them and caches the results
 
 
-def sample_command(project: Path, paper: Sequence[str], max_samples: int, check: bool) -> None:
+def sample_command(
+    project: Path, paper: Sequence[str], claim: Sequence[str], max_samples: int | None, check: bool
+) -> None:
     """Sample until claims are decided, starting from the cached samples.
 
     With ``check`` nothing is written: the cached samples are recomputed and compared.
-    ``max_samples`` limits the samples of each claim.
+    ``max_samples`` limits the samples of each claim (None: the convention `samples`, or what the
+    claim says itself), ``claim`` says which claims are sampled (none: all).
 
     Raises
     ------
@@ -32,57 +43,103 @@ def sample_command(project: Path, paper: Sequence[str], max_samples: int, check:
     differing = []
     for one in named_papers(known, paper):
         parameters = default_parameters(project, one)
-        claims = read_registry(project, parameters).claims
+        registry = read_registry(project, parameters)
+        claims = _named(registry.claims, claim)
+        most = max_samples or registry.conventions.values["samples"]
+        share = registry.conventions.values["share"]
         if check:
-            differing += _differences(parameters, claims, _cached(project, one), max_samples)
+            differing += _differences(parameters, claims, share, _cached(project, one), most)
         else:
-            _sample_on(project, parameters, claims, max_samples)
+            _sample_on(project, parameters, claims, share, max_samples, most)
     if differing:
         print("\n".join(differing))
         raise ReobserveError(f"{len(differing)} claims have samples that differ")
 
 
-def keep(project: Path, paper: str, found: Mapping[str, Robustness]) -> None:
-    """Keep what was found of a paper's claims."""
-    write_cached(project, paper, {name: one.to_keep for name, one in found.items() if one.looked})
+def keep(project: Path, parameters: Parameters, found: Mapping[str, CachedSamples]) -> None:
+    """Keep the samples of a paper's claims, and those that there were of others."""
+    cached = _cached(project, parameters.paper)
+    names = [one.name for one in read_registry(project, parameters).claims]
+    past = {name: one for name in names if (one := cached.get(name)) is not None}
+    kept = past | dict(found)
+    write_cached(project, parameters, {name: kept[name] for name in names if name in kept})
+
+
+def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:
+    known = [one.name for one in claims]
+    for name in named:
+        if name not in known:
+            raise InputError("--claim", f"there is no {shown(name)}{nearest(name, known)}")
+    return [one for one in claims if not named or one.name in named]
 
 
 def _sample_on(
-    project: Path, parameters: Parameters, claims: list[Claim], max_samples: int
+    project: Path,
+    parameters: Parameters,
+    claims: list[Claim],
+    share: float,
+    asked: int | None,
+    most: int,
 ) -> None:
     """Sample in steps, so that little is lost if the command is stopped."""
-    step = min(_FIRST, max_samples)
+    limits = {one.name: asked or one.maximum or most for one in claims}
+    longest, step = max(limits.values(), default=0), _FIRST
+    evaluator = Evaluator(parameters)
     while True:
+        cached = _with_all_numbers(_cached(project, parameters.paper), claims)
         found = assess(
-            Evaluator(parameters), claims, step, cached=_cached(project, parameters.paper)
-        )
-        keep(project, parameters.paper, found)
-        left = [one for one in found.values() if one.firm is None]
+            evaluator.apart(), claims, partial(_limited, limits, step),
+            share, cached,
+        )  # fmt: skip
+        by_name = {one.name: one for one in claims}
+        keep(project, parameters, {name: one.to_keep(by_name[name]) for name, one in found.items()})
+        judged = {
+            name: possible(
+                by_name[name].quantifier, one.counted(one.outcomes(by_name[name])), share
+            )
+            for name, one in found.items()
+        }
+        left = [name for name, one in judged.items() if len(one) > 1]
         drawn = f"{sum(one.samples for one in found.values())} samples"
         print(
             f"{parameters.paper}: {drawn}, {len(left)} of {len(found)} claims undecided", flush=True
         )
-        if step == max_samples or not left:
+        if step >= longest or all(found[name].samples >= limits[name] for name in left):
             return
-        step = min(2 * step, max_samples)
+        step *= 2
+
+
+def _limited(limits: Mapping[str, int], step: int, claim: Claim) -> int:
+    return min(step, limits[claim.name])
+
+
+def _with_all_numbers(cached: Cache, claims: list[Claim]) -> Cache:
+    """The cached samples that have all numbers which checks and alternatives name."""
+    wanted = {one.name: set(one.wanted) for one in claims}
+    return Cache(
+        cached.keys,
+        {
+            name: one
+            for name, one in (cached.claims or {}).items()
+            if wanted.get(name, set()).issubset(one.references)
+        },
+    )
 
 
 def _differences(
-    parameters: Parameters,
-    claims: list[Claim],
-    cached: Mapping[str, CachedSamples],
-    max_samples: int,
+    parameters: Parameters, claims: list[Claim], share: float, cached: Cache, max_samples: int
 ) -> list[str]:
     """The claims whose recomputed samples differ from the cached ones, a sentence each."""
     said = []
-    for name, one in assess(Evaluator(parameters), claims, max_samples, reversals=False).items():
+    by_name = {one.name: one for one in claims}
+    for name, one in assess(Evaluator(parameters), claims, lambda _: max_samples, share).items():
         place, past = f"claims.{parameters.paper}.{name}", cached.get(name)
         if past is None or past.basis != one.basis:
             said.append(f"{place}: there are no cached samples of the claim as it is")
             continue
-        made = one.to_keep
+        made = one.to_keep(by_name[name])
         both = range(min(len(made.samples), len(past.samples)))
-        moved = [k for k in both if not alike(made.numbers(k), past.numbers(k))]
+        moved = [k for k in both if not alike(made.found(k), past.found(k))]
         if moved:
             k = moved[0]
             said.append(
@@ -92,6 +149,6 @@ def _differences(
     return said
 
 
-def _cached(project: Path, paper: str) -> dict[str, CachedSamples]:
+def _cached(project: Path, paper: str) -> Cache:
     path = project / samples_path(paper)
-    return read_cached(path, paper) if path.exists() else {}
+    return read_cached(path, paper) if path.exists() else Cache()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from reobserve_papers.claims.known_samples import AGAIN, Numbers
+from reobserve_papers.claims.known_samples import AGAIN
+from reobserve_papers.claims.outcomes import Found
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Inquiry
 
 
-def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]]:
+def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Found | None]]:
     """The samples of a chunk by claim, without those that are cached.
 
     Nothing is sampled of a claim that the cached samples before the chunk decide. Chunks do not
@@ -20,10 +21,10 @@ def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]
         inquiry.ask(number, again)
     joined = {claim.name for claim in inquiry.claims if _joins(inquiry, claim, numbers.start)}
     for number in numbers:
-        going = [claim for claim in inquiry.claims if not inquiry.found[claim.name].decided]
+        going = [claim for claim in inquiry.claims if not inquiry.decided(claim)]
         inquiry.ask(number, [claim for claim in going if number not in known[claim.name]])
         for claim in going:
-            if claim.name in joined:
+            if claim.name in joined and number in known[claim.name]:
                 inquiry.add(number, claim)
     return {
         name: {number: one.made[number] for number in numbers if number in one.made}
@@ -34,7 +35,7 @@ def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]
 def _joins(inquiry: Inquiry, claim: Claim, start: int) -> bool:
     """Take all samples of a claim before ``start`` that are known, and return whether it is all."""
     for number in range(start):
-        if inquiry.found[claim.name].decided:
+        if inquiry.decided(claim):
             break
         if number not in inquiry.known[claim.name]:
             return False

@@ -18,10 +18,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from reobserve_papers.claims.outcomes import deciding, nested
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Robustness
 
 FEWEST = 16  # samples; with less, chance makes half of the scale
+_RAREST = 5  # of either outcome; with less, its probability by chance is wrong
 
 
 class Influence(NamedTuple):
@@ -34,7 +36,7 @@ class Influence(NamedTuple):
 
 def deciding_check(claim: Claim, robustness: Robustness) -> int:
     """The check that fails in most samples, the first of those that fail as often."""
-    drawn = [trial.outcome.numbers for trial in robustness.trials if trial.outcome.numbers]
+    drawn = [numbers for numbers in deciding_numbers(claim, robustness) if numbers]
     fails = [
         sum(not check.satisfied_by(numbers[k]) for numbers in drawn)
         for k, check in enumerate(claim.checks)
@@ -42,26 +44,35 @@ def deciding_check(claim: Claim, robustness: Robustness) -> int:
     return fails.index(max(fails))
 
 
-def influences(found: Iterable[Robustness]) -> list[list[Influence]]:
+def deciding_numbers(claim: Claim, robustness: Robustness) -> list[tuple[float, ...]]:
+    """The numbers that decide the checks, none for a sample that diverged or was refused."""
+    return [
+        deciding(claim, None if trial.found is None else nested(trial.found))
+        for trial in robustness.trials
+    ]
+
+
+def influences(found: Iterable[tuple[Claim, Robustness]]) -> list[list[Influence]]:
     """The influence of every choice with a range on each claim, largest first.
 
-    Empty for a claim with too few samples, or one that holds in all of them or in none. The
+    Empty for a claim with too few samples, or that holds or fails in fewer than five. The
     probabilities are corrected for the number of choices of all claims together.
     """
     from scipy.stats import false_discovery_control
 
-    each = [_influences(one) for one in found]
+    each = [_influences(*one) for one in found]
     chances = [bar.chance for bars in each for bar in bars]
     corrected = iter(false_discovery_control(chances, method="by") if chances else ())
     each = [[bar._replace(chance=float(next(corrected))) for bar in bars] for bars in each]
     return [sorted(bars, key=lambda bar: -bar.share) for bars in each]
 
 
-def _influences(robustness: Robustness) -> list[Influence]:
+def _influences(claim: Claim, robustness: Robustness) -> list[Influence]:
     from scipy.stats import chatterjeexi
 
-    outcomes = [int(trial.outcome.held) for trial in robustness.trials]
-    if len(outcomes) < FEWEST or len(set(outcomes)) < 2:
+    outcomes = [int(one == "holds") for one in robustness.outcomes(claim)]
+    held = sum(outcomes)
+    if len(outcomes) < FEWEST or min(held, len(outcomes) - held) < _RAREST:
         return []
     found = []
     for column, name in enumerate(robustness.names):

@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import COUNT, GAP, NAME, Kind
+from reobserve_papers.claims.alternatives import Judge
 from reobserve_papers.claims.checks import Numbers
 from reobserve_papers.claims.margins import format_margins, margins
-from reobserve_papers.claims.outcomes import outcome
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.reversals import Reversal, is_number
 from reobserve_papers.claims.robustness import Robustness
-from reobserve_papers.claims.verdicts import BROKEN, VERDICTS, verdict
-from reobserve_papers.parameters.parameters import Parameters, leaves
+from reobserve_papers.claims.verdicts import BROKEN, CALIBRATED, CONTRADICTED, VERDICTS
 
 HEADER = (
     "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds",
-    "measured", "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "share",
-    "low", "high", "reversal", "problem",
+    "measured", "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "tied",
+    "opposed", "share", "low", "high", "null", "setting", "changes", "problem",
 )  # fmt: skip
-
-NOT_LOOKED_FOR = "not looked for"  # in place of a reversal
 
 
 # A broken claim has a problem and nothing else; what depends on nothing was not sampled.
 KINDS = {
     "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
-    "samples": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
+    "samples": COUNT, "held": COUNT, "tied": COUNT, "opposed": COUNT, "share": GAP, "low": GAP,
+    "high": GAP, "null": GAP,
 }  # fmt: skip
 
 
 def row(
-    claim: Claim, parameters: Parameters, numbers: Numbers, robustness: Robustness | None
+    claim: Claim, judge: Judge, numbers: Numbers, samples: Robustness | None, changes: str = ""
 ) -> dict[str, Any]:
     """The row of a claim, which is broken if it names a number that nobody has."""
     cells: dict[str, Any] = {
@@ -48,75 +44,51 @@ def row(
         "figures": " ".join(claim.figures),
         "depends_on": " ".join(claim.keys),
     }
+    if not claim.testable:
+        return cells | {"verdict": judge.judged[claim.name].verdict}
+    place = f"claims.{claim.paper}.{claim.name}"
     try:
-        stated = outcome(claim, numbers)
         measured = "; ".join(check.measured(numbers) for check in claim.checks)
     except InputError as error:
-        problem = f"claims.{claim.paper}.{claim.name}: {error}"
-        return cells | {"verdict": BROKEN, "problem": problem}
-    if robustness is not None and robustness.alike:
+        return cells | {"verdict": BROKEN, "problem": f"{place}: {error}"}
+    if samples is not None and samples.alike(claim):
         problem = (
-            f"claims.{claim.paper}.{claim.name}: all {robustness.samples} samples give the same "
+            f"{place}: all {samples.samples} samples give the same "
             "numbers, must name a choice that reaches them or depend on nothing"
         )
         return cells | {"verdict": BROKEN, "problem": problem}
-    cells["verdict"] = verdict(claim, parameters, stated.held, robustness)
-    if not claim.testable:
-        return cells
-    drawn = [trial.outcome for trial in robustness.trials] if robustness else []
+    share = judge.conventions.values["share"]
+    outcomes = judge.outcomes(claim) if samples or not claim.choices else []
+    counted = judge.counted(claim, outcomes) if outcomes else None
+    found = [trial.found for trial in samples.trials] if samples else [judge.stated(claim)]
+    word = judge.judged[claim.name].verdict
     cells |= {
-        "holds": "yes" if stated.held else "no",
+        "verdict": word,
+        "holds": "yes" if judge.holds(claim) else "no",
         "measured": measured,
-        "margin": format_margins(margins(claim, stated, drawn)),
+        "changes": changes,
     }
-    if robustness is not None and robustness.samples:
-        low, high = robustness.interval()
+    if counted is not None:
+        cells["margin"] = format_margins(margins(claim, found, counted.whole, share))
+    if word in (CALIBRATED, CONTRADICTED) and (setting := judge.setting(claim)):
+        cells["setting"] = setting
+    if samples is not None and counted is not None:
+        low, high = counted.interval()
         cells |= {
-            "samples": robustness.samples,
-            "held": robustness.held,
-            "share": f"{robustness.share:.4g}",
+            "samples": counted.samples,
+            "held": counted.held,
+            "tied": outcomes.count("tie"),
+            "opposed": outcomes.count("opposed"),
+            "share": f"{counted.held / counted.samples:.4g}",
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
-            "reversal": format_reversal(robustness.reversal)
-            if robustness.looked
-            else NOT_LOOKED_FOR,
         }
+    if claim.null:
+        nulls = judge.outcomes(claim.with_null)
+        cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"
     return cells
 
 
 def broken_row(paper: str, problem: str) -> dict[str, Any]:
     """The row in place of the claims of a paper whose registry cannot be read."""
     return {"paper": paper, "claim": "all", "verdict": BROKEN, "problem": problem}
-
-
-def format_reversal(reversal: Reversal | None) -> str:
-    """A change of the parameter file in words, or nothing if none reverses the claim."""
-    if reversal is None:
-        return ""
-    if is_number(reversal.start):
-        unit = _unit(reversal)
-        return (
-            f"{reversal.key} from {reversal.start:.4g} to {reversal.end:.4g}{unit and ' '}{unit} "
-            f"({100 * reversal.size:.2g} % of its range)"
-        )
-    before, after = dict(leaves(reversal.start)), dict(leaves(reversal.end))
-    if before.keys() != after.keys():
-        return f"{reversal.key} from {_spelled(before)} to {_spelled(after)}"
-    # Of a signal only what is different.
-    moved = [path for path in before if before[path] != after[path]]
-    place = f" {', '.join(str(path[-1]) for path in moved)}" if moved[0] else ""
-    start, end = (", ".join(str(side[path]) for path in moved) for side in (before, after))
-    return f"{reversal.key}{place} from {start} to {end}"
-
-
-def _unit(reversal: Reversal) -> str:
-    """The unit of one number, or of an entry with several that of its place, if it has a place."""
-    units = reversal.unit.split(", ")
-    if len(units) == 1:
-        return "" if reversal.unit == "1" else reversal.unit
-    place = reversal.key.rpartition(".")[2]
-    return units[int(place)] if place.isdigit() and int(place) < len(units) else ""
-
-
-def _spelled(found: Mapping[tuple[str | int, ...], Any]) -> str:
-    return " ".join(str(value) for value in found.values())

@@ -8,25 +8,18 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
-from reobserve_papers.claims.verdicts import (
-    CONTRADICTED,
-    MAIN_CLAIMS,
-    REPRODUCED,
-    VERDICTS,
-    count,
-    main_claims,
-    replicated,
-)
+from reobserve_papers.claims.alternatives import Title
+from reobserve_papers.claims.verdicts import VERDICTS, count
 
 # Who set the thresholds of a claim: the paper, or we, before or after their numbers were known.
 THRESHOLDS = ("stated", "before", "after")
 
 
-def table(rows: Sequence[Mapping[str, str]]) -> str:
+def table(rows: Sequence[Mapping[str, str]], titles: Mapping[str, Title]) -> str:
     """Papers, their titles in the manner of ReScience, and how many claims got which verdict.
 
     In the last column stands how many claims have thresholds that the paper states, that were set
-    here before their numbers were known, and after.
+    here before their numbers were known, and after. Below stand the reasons of each title.
     """
     lines = [
         f"| paper | replication | claims | {' | '.join(VERDICTS)} | thresholds |",
@@ -34,33 +27,30 @@ def table(rows: Sequence[Mapping[str, str]]) -> str:
     ]
     for paper, found in count(rows).items():
         cells = [str(found[word]) for word in VERDICTS]
-        title = _title(replicated(_of(rows, paper)))
         who = [row["threshold"] for row in _of(rows, paper)]
         cells.append(", ".join(f"{who.count(one)} {one}" for one in THRESHOLDS))
-        lines.append(f"| `{paper}` | {title} | {sum(found.values())} | {' | '.join(cells)} |")
+        word = titles[paper].word
+        lines.append(f"| `{paper}` | {word} | {sum(found.values())} | {' | '.join(cells)} |")
+    lines.append("")
+    lines += [f"- `{paper}` {in_words(titles[paper])}" for paper in count(rows)]
     return "\n".join(lines) + "\n"
 
 
-def titles(rows: Sequence[Mapping[str, str]]) -> str:
-    """The titles under the rule for main_claims and under others, in Markdown."""
-    lines = [f"| paper | {' | '.join(MAIN_CLAIMS)} |", f"|---|{'---|' * len(MAIN_CLAIMS)}"]
-    for paper in count(rows):
-        cells = []
-        for rule in MAIN_CLAIMS:
-            found = main_claims(_of(rows, paper), rule)
-            good, bad = (found.count(word) for word in (REPRODUCED, CONTRADICTED))
-            title = _title(replicated(_of(rows, paper), rule))
-            cells.append(f"{title} {good} of {len(found)}, {bad} contradicted" if found else "none")
-        lines.append(f"| `{paper}` | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+def in_words(title: Title, most: int = 3) -> str:
+    """A title and its reasons, of each list of names the first ones."""
+    said = []
+    for reason in title.reasons:
+        head, joint, names = reason.partition(" with ")
+        listed = names.split("; ")
+        more = f" and {len(listed) - most} more" if len(listed) > most else ""
+        said.append(f"{head}{joint}{'; '.join(listed[:most])}{more}" if joint else reason)
+    return (
+        f"{title.word}: {'. '.join(said)}." if said else f"{title.word}: nothing tried changes it."
+    )
 
 
 def _of(rows: Sequence[Mapping[str, str]], paper: str) -> list[Mapping[str, str]]:
     return [row for row in rows if row["paper"] == paper]
-
-
-def _title(good: bool) -> str:
-    return "[Re]" if good else "[¬Re]"
 
 
 # Between these the README holds what `reobserve-papers stage verdicts` writes.
@@ -89,12 +79,13 @@ def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
 
 def _merged(old: str, new: str, papers: Sequence[str]) -> str:
     """The rows of ``papers``: in ``new``, or else in ``old``."""
-    rows = _rows(new)
+    rows = _rows(new, r"\|")
     head = new.partition(next(iter(rows.values())))[0] if rows else new
-    merged = _rows(old) | rows
-    return head + "".join(merged[one] for one in papers if one in merged)
+    merged, reasons = _rows(old, r"\|") | rows, _rows(old, "-") | _rows(new, "-")
+    cells = "".join(merged[one] for one in papers if one in merged)
+    return f"{head}{cells}\n" + "".join(reasons[one] for one in papers if one in reasons)
 
 
-def _rows(text: str) -> dict[str, str]:
-    """The rows of a table of `table` by paper."""
-    return {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\n", text, re.M)}
+def _rows(text: str, mark: str) -> dict[str, str]:
+    """The lines of `table` that begin with a mark and the name of a paper, by paper."""
+    return {found[1]: found[0] for found in re.finditer(rf"^{mark} `(\w+)` .*\n", text, re.M)}

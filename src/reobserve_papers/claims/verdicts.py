@@ -1,13 +1,19 @@
-"""The word for what was found of a claim."""
+"""The verdict on a claim, and the title of a replication.
+
+A verdict is a share: of all settings that a paper leaves open, in how many does the claim hold? A
+share of nine tenths or more (the convention ``share``) is reproduced, one of a tenth or less is
+contradicted, and between the two the claim depends on choices that the paper does not state. The
+settings of the parameter file are one of many and have no vote.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
-from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Robustness, finding
-from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.claims import sequential
+from reobserve_papers.claims.registry import Quantifier
 
 REPRODUCED = "reproduced"
 CALIBRATED = "reproduced only by calibration"
@@ -18,41 +24,73 @@ NOT_TESTABLE = "not testable"
 BROKEN = "broken"
 VERDICTS = (REPRODUCED, CALIBRATED, DEPENDS, CONTRADICTED, UNDECIDED, NOT_TESTABLE)
 
+RE, NOT_RE, OPEN = "[Re]", "[¬Re]", "[Re?]"
+
 Row = Mapping[str, str]  # of the table of claims
 
 
-def verdict(claim: Claim, parameters: Parameters, held: bool, robustness: Robustness | None) -> str:
-    """The verdict on a claim.
+@dataclass(frozen=True)
+class Counted:
+    """The settings in which a claim was tried, and in how many it held.
+
+    ``whole`` says that these are all that there are; else they are random samples.
+    """
+
+    held: int
+    samples: int
+    whole: bool = False
+
+    def at_least(self, share: float) -> bool | None:
+        """True if it holds in this share of all settings or more, None if that is undecided."""
+        if self.whole:
+            return self.held >= share * self.samples - 1e-9
+        return sequential.above(share, self.held, self.samples)
+
+    def at_most(self, share: float) -> bool | None:
+        """True if it holds in this share of all settings or less, None if that is undecided."""
+        failed = Counted(self.samples - self.held, self.samples, self.whole)
+        return failed.at_least(1 - share)
+
+    def interval(self) -> tuple[float, float]:
+        """The interval of the share, each end wrong with probability `sequential.ERROR`."""
+        if self.whole:
+            share = self.held / self.samples
+            return share, share
+        if 2 * self.held >= self.samples:
+            return sequential.interval(self.held, self.samples)
+        low, high = sequential.interval(self.samples - self.held, self.samples)
+        return 1 - high, 1 - low
+
+
+def possible(
+    quantifier: Quantifier, counted: Counted, share: float, fitted: bool = False
+) -> tuple[str, ...]:
+    """The verdicts that what was counted allows; if it is one, the claim is decided.
 
     Parameters
     ----------
-    claim
-        Of the paper of the parameter file.
-    parameters
-        Says which of the values that the claim depends on were chosen for a claim.
-    held
-        Whether its checks hold with the parameter file.
-    robustness
-        Over samples of what it depends on; None if that is nothing. What they decide is in
-        `reobserve_papers.claims.robustness.finding`.
+    quantifier
+        One counterexample contradicts a claim of what is `always` so.
+    counted
+        In how many settings it was tried, and held.
+    share
+        The share of settings from which on a claim is reproduced.
+    fitted
+        Whether a setting is known at which it holds, and the claim is one of what `can` be, or of
+        numbers that the paper prints: it is not contradicted where such settings are rare.
     """
-    if not claim.testable:
-        return NOT_TESTABLE
-    if claim.quantifier == "is" and held and chosen_keys(claim, parameters):
-        return CALIBRATED
-    number, true = (robustness.samples, robustness.held) if robustness is not None else (0, 0)
-    found, firm = finding(claim.quantifier, held, true, number)
-    if firm is None:
-        return UNDECIDED
-    if not firm:
-        return DEPENDS
-    return REPRODUCED if found else CONTRADICTED
-
-
-def chosen_keys(claim: Claim, parameters: Parameters) -> list[str]:
-    """The keys that a claim depends on whose values were chosen for a claim."""
-    entries = dict(parameters.entries())
-    return [key for key in claim.keys if "chosen_for" in entries.get(key, {})]
+    low = CALIBRATED if fitted else CONTRADICTED
+    if quantifier == "always":
+        if counted.held < counted.samples:
+            return (CONTRADICTED,)
+        return (REPRODUCED,) if counted.at_least(share) else (REPRODUCED, CONTRADICTED)
+    often, seldom = counted.at_least(share), counted.at_most(1 - share)
+    if often:
+        return (REPRODUCED,)
+    if seldom:
+        return (low,)
+    allowed = [REPRODUCED] if often is None else []
+    return (*allowed, DEPENDS, *([low] if seldom is None else []))
 
 
 def count(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
@@ -64,47 +102,61 @@ def count(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
     return counts
 
 
-# Which claims are main_claims: the rule, and what else one might have chosen.
-MAIN_CLAIMS: Mapping[str, Callable[[Row], bool]] = {
-    "abstract and conclusions": lambda row: bool(row["promised"]),
-    "abstract": lambda row: "abstract" in row["promised"],
-    "conclusions": lambda row: "conclusions" in row["promised"],
-    "figures": lambda row: re.search(r"\bFigs?\b", row["place"]) is not None,
-    "all claims": lambda row: True,
+@dataclass(frozen=True)
+class Judged:
+    """What of a claim decides a title: whether it is a main claim, and the verdicts it may have."""
+
+    name: str
+    place: str
+    promised: tuple[str, ...]
+    purpose: tuple[str, ...]
+    verdicts: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """The verdict, in one word."""
+        return self.verdicts[0] if len(self.verdicts) == 1 else UNDECIDED
+
+
+# Which claims are main claims: by each value of the convention `main`.
+_MAIN: Mapping[str, Callable[[Judged, tuple[str, ...]], bool]] = {
+    "abstract and conclusions": lambda claim, promised: bool(promised),
+    "abstract": lambda claim, promised: "abstract" in promised,
+    "conclusions": lambda claim, promised: "conclusions" in promised,
+    "figures": lambda claim, promised: re.search(r"\bFigs?\b", claim.place) is not None,
+    "all claims": lambda claim, promised: True,
 }
-RULE = "abstract and conclusions"
 
 
-def main_claims(rows: Iterable[Row], rule: str = RULE) -> list[str]:
-    """The verdicts on the main claims of a paper, without claims that nothing can test."""
-    found = [row["verdict"] for row in rows if MAIN_CLAIMS[rule](row)]
-    return [word for word in found if word != NOT_TESTABLE]
+def main_claims(claims: Iterable[Judged], main: str, purpose: str) -> list[Judged]:
+    """The main claims of a paper by two conventions, without those that nothing can test."""
+    chosen = []
+    for claim in claims:
+        promised = claim.promised + (claim.purpose if purpose == "counts" else ())
+        if _MAIN[main](claim, promised) and claim.verdict != NOT_TESTABLE:
+            chosen.append(claim)
+    return chosen
 
 
-def replicated(rows: Iterable[Row], rule: str = RULE) -> bool:
-    """True if a paper's replication is titled [Re], from the rows of its claims.
-
-    That is so if no main claim is contradicted or broken, and more than half are reproduced.
-    """
-    found = main_claims(rows, rule)
-    failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
-    return not failed and 2 * found.count(REPRODUCED) > len(found)
+def plain_title(verdicts: Sequence[str], majority: float) -> str:
+    """The title by the verdicts on the main claims, as if nothing could be seen otherwise."""
+    if CONTRADICTED in verdicts or BROKEN in verdicts:
+        return NOT_RE
+    return RE if verdicts.count(REPRODUCED) > majority * len(verdicts) else OPEN
 
 
-def title_margin(rows: Iterable[Row]) -> str:
-    """The distance of a replication's title from the other one, or nothing without main claims."""
-    rows = list(rows)
-    found = main_claims(rows)
-    if not found:
-        return ""
-    good = found.count(REPRODUCED)
-    failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
-    needed = len(found) // 2 + 1
-    counts = f"{good} of {len(found)} main claims are reproduced and {failed} contradicted"
-    if replicated(rows):
-        lost = good - needed + 1
-        return f"{counts}; it would be [¬Re] with one contradicted or {lost} fewer reproduced"
-    wanted = [f"{failed} fewer contradicted"] if failed else []
-    # One that is no longer contradicted may be one that is reproduced.
-    wanted += [f"{needed - good} more reproduced"] if needed > good else []
-    return f"{counts}; it would be [Re] with {' and '.join(wanted)}"
+def title_of(claims: Sequence[Judged], majority: float) -> str:
+    """The title by main claims, of which some may be undecided: then they count as neither."""
+    return plain_title([claim.verdict for claim in claims], majority)
+
+
+def open_verdicts(claims: Sequence[Judged], majority: float) -> Iterator[tuple[str, str, str]]:
+    """What an open interval would change: a claim, the verdict that it allows, and the title."""
+    title = title_of(claims, majority)
+    for claim in claims:
+        if len(claim.verdicts) == 1:
+            continue
+        for word in claim.verdicts:
+            others = [word if one is claim else one.verdict for one in claims]
+            if (other := plain_title(others, majority)) != title:
+                yield claim.name, word, other

@@ -15,8 +15,10 @@ def samples_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--max-samples",
         type=whole(1, 1_000_000),
-        default=40,
-        help="maximum number of samples per claim (default: 40)",
+        help="maximum number of samples per claim (default: the convention, or the claim's own)",
+    )
+    command.add_argument(
+        "--claim", nargs="+", default=[], metavar="NAME", help="only these claims (default: all)"
     )
     command.add_argument(
         "--check", action="store_true", help="repeat the cached samples and compare; write nothing"

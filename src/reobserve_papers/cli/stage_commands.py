@@ -27,9 +27,10 @@ Each command that `snakemake --printshellcmds` prints can be run the same way.
 _STAGES = {
     "parameters": "check a parameter file with overrides, and write it for the other stages",
     **{step: kind.text for step, kind in KINDS.items()},
-    "robustness": "decide a paper's claims with samples of what it leaves open",
+    "robustness": "compute the samples that decide a paper's claims",
     "sample": "compute a chunk of samples for `robustness`",
     "sensitivity": "plot specification curves, and the choices that decide claims",
+    "alternatives": "decide a paper's claims by every alternative to a convention",
     "claims": "decide all claims",
     "verdicts": "count verdicts; fail if a claim is broken",
     "archive": "pack a build as an RO-Crate, for deposit",
@@ -71,15 +72,11 @@ def robustness_options(command: argparse.ArgumentParser) -> None:
     most = "maximum number of samples per claim"
     command.add_argument("--samples", type=whole(1, 1_000_000), required=True, help=most)
     command.add_argument(
-        "--no-reversals", dest="reversals", action="store_false",
-        help="skip the search for the smallest change that reverses a claim, the slowest part",
-    )  # fmt: skip
-    command.add_argument(
         "--chunk-files", type=Path, nargs="*", default=[], metavar="FILE",
         help="from `reobserve-papers stage sample`; missing samples are computed here",
     )  # fmt: skip
     _what_is_known(command)
-    add_output(command, "shares and smallest changes, JSON")
+    add_output(command, "the samples, JSON")
     add_project(command)
 
 
@@ -95,11 +92,21 @@ def sample_options(command: argparse.ArgumentParser) -> None:
 def sensitivity_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `sensitivity`."""
     _parameter_file(command)
+    _robustness_file(command)
+    text = "the figures alternatives, specification and sensitivity, in any of the formats"
     command.add_argument(
-        "robustness_file", type=Path, help="from `reobserve-papers stage robustness`"
-    )
-    text = "the figures specification and sensitivity, in any of the formats"
+        "--alternatives-file", type=Path, required=True,
+        help="from `reobserve-papers stage alternatives`",
+    )  # fmt: skip
     command.add_argument("--outputs", type=Path, nargs="+", required=True, help=text)
+    add_project(command)
+
+
+def alternatives_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of `alternatives`."""
+    _parameter_file(command)
+    _robustness_file(command)
+    add_output(command, "what each changes, CSV")
     add_project(command)
 
 
@@ -119,6 +126,10 @@ def claims_options(command: argparse.ArgumentParser) -> None:
 def verdicts_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `verdicts`."""
     command.add_argument("claims_file", type=Path, help="from `reobserve-papers stage claims`")
+    command.add_argument(
+        "--alternatives-files", type=Path, nargs="*", default=[], metavar="FILE",
+        help="from `reobserve-papers stage alternatives`, one for each paper",
+    )  # fmt: skip
     add_output(command, "the counts, Markdown")
 
 
@@ -132,6 +143,12 @@ def archive_options(command: argparse.ArgumentParser) -> None:
 def _parameter_file(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "parameter_file", type=Path, help="made by `reobserve-papers stage parameters`"
+    )
+
+
+def _robustness_file(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "robustness_file", type=Path, help="from `reobserve-papers stage robustness`"
     )
 
 

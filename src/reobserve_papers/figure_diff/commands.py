@@ -10,6 +10,7 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import write_text
+from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.claims.sample_command import keep
 from reobserve_papers.claims.verdict_table import put_into
@@ -21,7 +22,7 @@ from reobserve_papers.golden import claims as golden_claims
 from reobserve_papers.golden.acceptance import renew
 from reobserve_papers.golden.guard import check_may_accept, keep_reason
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
-from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.meanings import write_lists
 
 
@@ -77,7 +78,11 @@ def _keep_samples(project: Path, results: Path, paper: str) -> None:
     """Keep the Monte Carlo samples of the build, if the paper has claims."""
     path = results / paper / "robustness.json"
     if path.exists():
-        keep(project, paper, read_robustness(path, paper))
+        parameters = default_parameters(project, paper)
+        claims = read_registry(project, parameters).claims
+        found = read_robustness(path, paper)
+        kept = {one.name: found[one.name].to_keep(one) for one in claims if one.name in found}
+        keep(project, parameters, kept)
 
 
 def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> list[str]:

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from reobserve_papers.claims.robustness import Robustness as Drawn
-from reobserve_papers.claims.table import NOT_LOOKED_FOR
 from reobserve_papers.report.reading import Gap
 
 _DRAWN = ("samples", "held", "share", "low", "high")
@@ -15,21 +14,23 @@ _DRAWN = ("samples", "held", "share", "low", "high")
 
 @dataclass(frozen=True)
 class ReportedRobustness:
-    """Firmness of a verdict: over samples of the unstated choices, and by single moves.
+    """The share of settings in which a claim holds, of those that the paper leaves open.
 
-    ``share`` of the samples held the claim, with its 95 % interval ``low`` to ``high``.
+    ``share`` of the samples held the claim, with its 95 % interval ``low`` to ``high``; of the
+    others some ``tied`` and in some the claim was ``opposed``. ``whole`` says that the samples are
+    all settings, counted. ``null`` is the share with an estimator that knows nothing.
     """
 
     samples: int
     held: int
+    tied: int
+    opposed: int
     share: float
     low: float
     high: float
-    reversal_key: str
-    reversal: str
-    looked: bool
-    diverged: int
-    refused: int
+    whole: bool
+    null: float | None
+    lost: int
     cached: int
 
 
@@ -49,6 +50,8 @@ class ReportedClaim:
     margin: str
     figures: tuple[str, ...]
     depends_on: tuple[str, ...]
+    setting: str
+    changes: tuple[str, ...]
     robustness: ReportedRobustness | None
     problem: Gap | None
 
@@ -73,6 +76,7 @@ def claim_of_row(
             "why",
             "threshold",
             "margin",
+            "setting",
         )
     }
     return ReportedClaim(
@@ -81,6 +85,7 @@ def claim_of_row(
         measured=tuple(filter(None, re.split(r"; (?=(?:fig\w+|theory) )", row["measured"]))),
         figures=tuple(row["figures"].split()),
         depends_on=tuple(row["depends_on"].split()),
+        changes=tuple(filter(None, row["changes"].split("; "))),
         robustness=_robustness(row, samples),
         problem=problem,
         **texts,
@@ -90,18 +95,17 @@ def claim_of_row(
 def _robustness(row: Mapping[str, str], samples: Drawn) -> ReportedRobustness | None:
     if not all(row[key] for key in _DRAWN) or int(row["samples"]) == 0:
         return None
-    looked = row["reversal"] != NOT_LOOKED_FOR
-    key, _, moved = row["reversal"].partition(" ") if looked else ("", "", "")
+    counted, held, tied, opposed = (int(row[key]) for key in ("samples", "held", "tied", "opposed"))
     return ReportedRobustness(
-        samples=int(row["samples"]),
-        held=int(row["held"]),
+        samples=counted,
+        held=held,
+        tied=tied,
+        opposed=opposed,
         share=float(row["share"]),
         low=float(row["low"]),
         high=float(row["high"]),
-        reversal_key=key,
-        reversal=moved,
-        looked=looked,
-        diverged=samples.diverged,
-        refused=len(samples.refused),
+        whole=samples.whole == counted,
+        null=float(row["null"]) if row["null"] else None,
+        lost=counted - held - tied - opposed,
         cached=samples.cached,
     )

@@ -15,12 +15,13 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table, read_text
 from reobserve.core.validation import parse
+from reobserve_papers.claims.alternatives import Title, read_alternatives
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import read_claims
 from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.claims.table import HEADER, KINDS
-from reobserve_papers.claims.verdicts import BROKEN, count, replicated, title_margin
+from reobserve_papers.claims.verdicts import BROKEN, count
 from reobserve_papers.parameters.config import known_papers, known_tasks
 from reobserve_papers.parameters.names import caption_template, stored_parameters
 from reobserve_papers.parameters.parameter_file import Configuration
@@ -42,6 +43,7 @@ _TASK_TABLE = "results/bench/{}/table.csv"
 
 # What is drawn of the claims of a paper, and what each shows.
 _PLOTS = {
+    "alternatives": "Verdicts on main claims and the title over all alternatives, each alone",
     "specification": "Main claims over all samples in order, their bounds, and the choices sampled",
     "sensitivity": "Which choices decide the claims that turn over",
 }
@@ -154,7 +156,7 @@ class _Build:
     def _scored(self, paper: str, rows: list[dict[str, str]] | Gap) -> Data:
         """The claims of a paper, what they add up to, and the gap where robustness is missing."""
         if isinstance(rows, Gap):
-            return {"claims": rows, "undrawn": None, "counts": {}, "replicated": None, "margin": ""}
+            return {"claims": rows, "undrawn": None, "counts": {}, "replication": None}
         path = self.folder / f"results/{paper}/robustness.json"
         drawn = self.gaps.attempt(f"{paper}-claims", read_robustness, path, paper)
         known = {} if isinstance(drawn, Gap) else drawn
@@ -169,9 +171,16 @@ class _Build:
             "claims": claims,
             "undrawn": drawn if isinstance(drawn, Gap) else None,
             "counts": count(rows)[paper],
-            "replicated": replicated(rows),
-            "margin": title_margin(rows),
+            "replication": self._replication(paper),
         }
+
+    def _replication(self, paper: str) -> Title | Gap:
+        """The title of a paper's replication, and its reasons."""
+        path = f"results/{paper}/alternatives.csv"
+        found = self.read(
+            f"{paper}-title", path, f"logs/{paper}/alternatives.log", read_alternatives
+        )
+        return found if isinstance(found, Gap) else found[0]
 
     def read(self, place: str, path: str, logged: str, read: Any, *arguments: Any) -> Any:
         """Read a file that a job with this log should have made, or add a gap."""

@@ -8,11 +8,10 @@ from typing import Any
 
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import write_table
-from reobserve_papers.claims.checks import THEORY
+from reobserve_papers.claims.alternatives import read_alternatives
 from reobserve_papers.claims.registry import amiss, read_registry
-from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.claims.table import HEADER, broken_row, row
-from reobserve_papers.metrics.metrics import lookup, read_metrics
+from reobserve_papers.cli.stages.alternatives import judge_of
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import stored_parameters
 from reobserve_papers.parameters.parameters import Parameters
@@ -43,10 +42,16 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
 def _rows(project: Path, results: Path, paper: str) -> list[dict[str, Any]]:
     folder = results / paper
     parameters = Parameters.read(folder / Path(stored_parameters(paper)).name)
-    claims = read_registry(project, parameters).claims
-    named = [*parameters.tree["figures"], *([THEORY] if THEORY in parameters.tree else [])]
-    numbers = {name: lookup(read_metrics(folder / f"{name}.metrics.csv")) for name in named}
-    robustness = read_robustness(folder / "robustness.json", paper)
-    rows = [row(claim, parameters, numbers, robustness.get(claim.name)) for claim in claims]
-    problem = "; ".join(amiss(claims))
+    registry = read_registry(project, parameters)
+    judge = judge_of(parameters, registry, folder / "robustness.json")
+    _, changes = read_alternatives(folder / "alternatives.csv")
+    rows = [
+        row(
+            claim, judge, judge.numbers, judge.samples.get(claim.name),
+            "; ".join(one["alternative"] for one in changes if one["claim"] == claim.name
+                      and one["other"] != one["verdict"]),
+        )
+        for claim in registry.claims
+    ]  # fmt: skip
+    problem = "; ".join(amiss(registry.claims))
     return [*rows, *([broken_row(paper, problem)] if problem else [])]

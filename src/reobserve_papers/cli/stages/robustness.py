@@ -1,4 +1,4 @@
-"""Stage robustness: how firmly the claims of a paper stand, in this one process."""
+"""Stage robustness: samples of the claims of a paper, in this one process."""
 
 from __future__ import annotations
 
@@ -18,23 +18,27 @@ from reobserve_papers.steps.evaluation import Evaluator
 
 
 def run(
-    parameter_file: Path, samples: int, reversals: bool, cached: Path | None,
+    parameter_file: Path, samples: int, cached: Path | None,
     chunk_files: Sequence[Path], study_files: Sequence[Path], output: Path, project: Path,
 ) -> None:  # fmt: skip
-    """Sample, change and write. A claim that is broken is left to the table of claims."""
+    """Sample and write. A claim that is broken is left to the table of claims."""
     parameters = Parameters.read(parameter_file)
-    past = {} if cached is None else read_cached(cached, parameters.paper)
+    past = None if cached is None else read_cached(cached, parameters.paper)
     made = read_chunks(chunk_files, parameters.paper)
     evaluator = Evaluator(parameters)
     if study_files:
         evaluator.take_studies(study_files)
-    found = assess(
-        evaluator, read_registry(project, parameters).claims, samples, reversals, past, made
-    )
+    registry = read_registry(project, parameters)
+    share = registry.conventions.values["share"]
+    found = assess(evaluator, registry.claims, lambda _: samples, share, past, made)
     stored = {
         "paper": parameters.paper,
         "seed": parameters.seed,
         "samples": samples,
-        "claims": {name: to_data(one) for name, one in found.items()},
+        "claims": {
+            claim.name: to_data(claim, found[claim.name])
+            for claim in registry.claims
+            if claim.name in found
+        },
     }
     write_text(output, json.dumps(sealed(stored), ensure_ascii=False) + "\n")

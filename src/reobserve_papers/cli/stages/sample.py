@@ -26,10 +26,13 @@ def run(
     evaluator = Evaluator(parameters)
     if study_files:
         evaluator.take_studies(study_files)
-    past = {} if cached is None else read_cached(cached, parameters.paper)
-    inquiry = Inquiry.begin(evaluator, read_registry(project, parameters).claims, past)
+    past = None if cached is None else read_cached(cached, parameters.paper)
+    registry = read_registry(project, parameters)
+    share = registry.conventions.values["share"]
+    inquiry = Inquiry.begin(evaluator, registry.claims, share, past)
     bases = {name: one.basis for name, one in inquiry.found.items()}
-    write_chunk(output, parameters.paper, bases, make_ahead(inquiry, numbers))
+    wanted = {claim.name: claim.wanted for claim in inquiry.claims}
+    write_chunk(output, parameters.paper, bases, wanted, make_ahead(inquiry, numbers))
 
 
 def numbers_of(chunk: str) -> range:

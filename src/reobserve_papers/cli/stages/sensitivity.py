@@ -1,26 +1,35 @@
-"""Stage sensitivity: plots of the samples that decided the claims of a paper."""
+"""Stage sensitivity: plots of the samples and the alternatives that decide a paper's claims."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from reobserve_papers.claims.alternatives import read_alternatives
+from reobserve_papers.claims.alternatives_plot import alternatives_curve
 from reobserve_papers.claims.plot import sensitivity_bars, specification_curves
 from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.claims.robustness_file import read_robustness
+from reobserve_papers.cli.stages.alternatives import judge_of
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plotting.fitting import fix_layout
 from reobserve_papers.plotting.formats import save
 
-_PLOTS = {"specification": specification_curves, "sensitivity": sensitivity_bars}
 
-
-def run(parameter_file: Path, robustness_file: Path, outputs: list[Path], project: Path) -> None:
+def run(
+    parameter_file: Path, robustness_file: Path, alternatives_file: Path, outputs: list[Path],
+    project: Path,
+) -> None:  # fmt: skip
     """Draw and save. The name of an output, without its suffix, says which plot it is."""
     parameters = Parameters.read(parameter_file)
-    claims = read_registry(project, parameters).claims
-    found = read_robustness(robustness_file, parameters.paper)
-    for name, draw in _PLOTS.items():
-        plot = draw(claims, found)
+    registry = read_registry(project, parameters)
+    judge = judge_of(parameters, registry, robustness_file)
+    title, rows = read_alternatives(alternatives_file)
+    verdicts = {name: one.verdict for name, one in judge.judged.items()}
+    plots = {
+        "alternatives": alternatives_curve(registry.claims, title, rows, verdicts),
+        "specification": specification_curves(registry.claims, judge.samples),
+        "sensitivity": sensitivity_bars(registry.claims, judge.samples),
+    }
+    for name, plot in plots.items():
         fix_layout(plot)
         for output in outputs:
             if output.stem == name:

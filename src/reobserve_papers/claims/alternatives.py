@@ -1,0 +1,436 @@
+"""Alternatives to conventions: each is changed once, alone, and what that changes is said.
+
+Most are re-evaluated from samples that are stored with all numbers that any alternative names:
+another bound, measure, quantifier, promise or rule, fewer of the samples. A narrower range keeps
+the samples in it; other weights keep some of the samples by a seeded draw, since the interval of a
+share does not hold for weighted ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.errors import InputError, located, nearest, shown
+from reobserve.core.files import NAME, Kind, read_table, write_table
+from reobserve.core.random_streams import random_stream
+from reobserve_papers.claims.checks import Numbers
+from reobserve_papers.claims.choices import Knob
+from reobserve_papers.claims.conventions import Conventions, SingleAlternative
+from reobserve_papers.claims.outcomes import Found, Outcome, outcome, taken
+from reobserve_papers.claims.registry import Claim, Registry
+from reobserve_papers.claims.robustness import Robustness
+from reobserve_papers.claims.verdicts import (
+    BROKEN,
+    CONTRADICTED,
+    NOT_TESTABLE,
+    OPEN,
+    REPRODUCED,
+    Counted,
+    Judged,
+    main_claims,
+    open_verdicts,
+    possible,
+    title_of,
+)
+
+HEADER = (
+    "alternative", "kind", "change", "claim", "verdict", "other", "title", "other_title", "note",
+)  # fmt: skip
+KINDS = {"alternative": Kind(bool, "a name"), "kind": NAME}
+STATED = "as stated"
+_BETWEEN = " | "  # reasons in one cell
+
+LACKS = "lacks samples"  # of a verdict that no more than a lack of samples leaves open
+NOT_COMPUTED = "not computed"  # of one whose numbers the samples do not have
+
+# Which samples count: by the values that were chosen, and the number of the sample.
+Keep = Callable[[Mapping[str, Any], int], bool]
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One change, alone: of conventions, of claims, or of which samples of which claims count."""
+
+    name: str
+    kind: str
+    change: str
+    conventions: Conventions
+    claims: Mapping[str, Claim] = field(default_factory=dict)
+    keep: Mapping[str, Keep] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Changed:
+    """What an alternative changes of a claim (none: of no claim), and of the title."""
+
+    alternative: Alternative
+    claim: str
+    verdict: str
+    other: str
+    title: str
+    other_title: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Title:
+    """The title of a replication, and what it would take to change it, by name."""
+
+    word: str
+    reasons: tuple[str, ...] = ()
+
+
+class Judge:
+    """Verdicts of a paper's claims from their samples, by the conventions and by alternatives.
+
+    Parameters
+    ----------
+    registry
+        The claims.
+    numbers
+        The metrics with the parameter file as it is, which decide claims without choices.
+    samples
+        The samples of the others, by name.
+    seed
+        The root of the draws that weigh samples.
+    """
+
+    def __init__(
+        self,
+        registry: Registry,
+        numbers: Numbers,
+        samples: Mapping[str, Robustness],
+        seed: int,
+    ) -> None:
+        self.registry, self.conventions = registry, registry.conventions
+        self.numbers, self.samples, self._seed = numbers, samples, seed
+        self._known: dict[str, list[Outcome]] = {}
+        self.judged = {
+            claim.name: self._judged(claim, self.conventions) for claim in registry.claims
+        }
+
+    @property
+    def title(self) -> str:
+        """The title by the conventions, as if nothing could be seen otherwise."""
+        return self._title(self.judged, self.conventions)
+
+    def outcomes(self, claim: Claim) -> list[Outcome]:
+        """The outcomes in the samples, or with the parameter file where nothing is open."""
+        own = claim is self._own(claim.name)
+        if own and claim.name in self._known:
+            return self._known[claim.name]
+        if claim.choices:
+            found = self.samples[claim.name].outcomes(claim)
+        else:
+            found = [outcome(claim, self.numbers)]
+        if own:
+            self._known[claim.name] = found
+        return found
+
+    def counted(self, claim: Claim, outcomes: Sequence[Outcome]) -> Counted:
+        """In how many settings it holds."""
+        if not claim.choices:
+            return Counted(outcomes.count("holds"), len(outcomes), whole=True)
+        return self.samples[claim.name].counted(outcomes)
+
+    def alternatives(self) -> Iterator[Alternative]:
+        """All alternatives: of conventions, single ones, and of what main claims depend on."""
+        conventions = self.conventions
+        for name, one in conventions.stated.items():
+            concerned = self.registry.naming(name)
+            for label, value in one.alternatives.items():
+                other = conventions.with_value(name, value)
+                claims = {claim: self.registry.variant(claim, other) for claim in concerned}
+                change = f"{name} from {_spelt(one.value)} to {_spelt(value)}"
+                yield Alternative(f"{name}: {label}", "convention", change, other, claims)
+        for name, single in conventions.single.items():
+            if self.registry.claims and single.paper == self.registry.claims[0].paper:
+                with located(f"alternatives.{name}"):
+                    yield self._single(name, single)
+        for claim in main_claims(
+            self.judged.values(), conventions.values["main"], conventions.values["purpose"]
+        ):
+            yield from self._narrower(self._own(claim.name))
+
+    def changes(self, alternatives: Iterable[Alternative]) -> Iterator[Changed]:
+        """What each alternative changes, claim by claim; one row without a claim for nothing."""
+        title = self.title
+        for one in alternatives:
+            judged, rows = dict(self.judged), []
+            for claim in self._concerned(one):
+                before = self.judged[claim.name]
+                after, note = self._other(claim, one)
+                judged[claim.name] = after
+                moved = after.verdict != before.verdict
+                lost = bool(before.promised) and not after.promised
+                gained = bool(after.promised) and not before.promised
+                if moved or note or lost or gained:
+                    other = f"{after.verdict}, no main claim" if lost else after.verdict
+                    rows.append((claim.name, before.verdict, other, note))
+            other_title = self._title(judged, one.conventions)
+            for name, verdict, other, note in rows or [("", "", "", "")]:
+                yield Changed(one, name, verdict, other, title, other_title, note)
+
+    def _own(self, name: str) -> Claim:
+        return next(claim for claim in self.registry.claims if claim.name == name)
+
+    def _concerned(self, one: Alternative) -> list[Claim]:
+        """The claims whose verdict an alternative might change, as it reads them."""
+        rule = one.conventions.values["share"] != self.conventions.values["share"]
+        return [
+            one.claims.get(claim.name, claim)
+            for claim in self.registry.claims
+            if rule or claim.name in one.claims or claim.name in one.keep
+        ]
+
+    def _judged(self, claim: Claim, conventions: Conventions, keep: Keep | None = None) -> Judged:
+        return Judged(
+            claim.name, claim.place, claim.promised, claim.purpose,
+            self._verdicts(claim, conventions, keep),
+        )  # fmt: skip
+
+    def _verdicts(
+        self, claim: Claim, conventions: Conventions, keep: Keep | None
+    ) -> tuple[str, ...]:
+        if not claim.testable:
+            return (NOT_TESTABLE,)
+        if claim.choices and claim.name not in self.samples:
+            return (BROKEN,)
+        try:
+            outcomes = self.outcomes(claim)
+        except InputError:
+            if claim is not self._own(claim.name):
+                raise
+            return (BROKEN,)
+        if claim.quantifier == "always" and self._stated(claim) != "holds":
+            return (CONTRADICTED,)
+        fitted = (claim.quantifier == "can" or claim.printed) and self.setting(claim) != ""
+        if keep is not None:
+            outcomes = self._kept(claim, outcomes, keep)
+        counted = self.counted(claim, outcomes)
+        if keep is not None and claim.choices and self.samples[claim.name].whole is not None:
+            counted = Counted(counted.held, counted.samples, whole=bool(outcomes))
+        return possible(claim.quantifier, counted, conventions.values["share"], fitted)
+
+    def setting(self, claim: Claim) -> str:
+        """A setting at which a claim is known to hold, or for what is `always` so, to fail."""
+        wanted = claim.quantifier != "always"
+        if (self._stated(claim) == "holds") == wanted:
+            return "the parameter file"
+        samples = self.samples.get(claim.name, Robustness())
+        outcomes = self.outcomes(claim) if samples.trials else []
+        for trial, found in zip(samples.trials, outcomes, strict=True):
+            if (found == "holds") == wanted and found != "lost":
+                listed = zip(samples.names, trial.values, strict=True)
+                return ", ".join(f"{name} {_spelt(value)}" for name, value in listed)
+        return claim.setting
+
+    def holds(self, claim: Claim) -> bool:
+        """True if it holds with the parameter file as it is, which has no vote."""
+        return self._stated(claim) == "holds"
+
+    def stated(self, claim: Claim) -> Found:
+        """What came out with the parameter file as it is."""
+        references = [one for check in claim.checks for one in check.references]
+        return taken(references, self.numbers)
+
+    def _stated(self, claim: Claim) -> Outcome:
+        return outcome(claim, self.numbers)
+
+    def _kept(self, claim: Claim, outcomes: list[Outcome], keep: Keep) -> list[Outcome]:
+        samples = self.samples[claim.name]
+        return [
+            found
+            for number, (trial, found) in enumerate(zip(samples.trials, outcomes, strict=True))
+            if keep(dict(zip(samples.names, trial.values, strict=True)), number)
+        ]
+
+    def _other(self, claim: Claim, one: Alternative) -> tuple[Judged, str]:
+        """The verdict by an alternative, or the one there is where that cannot be said."""
+        before, keep = self.judged[claim.name], one.keep.get(claim.name)
+        try:
+            after = self._judged(claim, one.conventions, keep)
+        except InputError:
+            unchanged = Judged(
+                claim.name, claim.place, claim.promised, claim.purpose, before.verdicts
+            )
+            return unchanged, NOT_COMPUTED
+        if len(after.verdicts) > 1 and before.verdict in after.verdicts:
+            unchanged = Judged(
+                claim.name, claim.place, claim.promised, claim.purpose, before.verdicts
+            )
+            return unchanged, LACKS
+        return after, ""
+
+    def _title(self, judged: Mapping[str, Judged], conventions: Conventions) -> str:
+        values = conventions.values
+        mains = main_claims(judged.values(), values["main"], values["purpose"])
+        return title_of(mains, values["majority"])
+
+    def _single(self, name: str, single: SingleAlternative) -> Alternative:
+        claims = {
+            claim: self.registry.variant(claim, self.conventions, changes)
+            for claim, changes in single.claims.items()
+        }
+        keep: dict[str, Keep] = {}
+        limits = [*single.ranges, *single.weights]
+        for claim in self.registry.claims if limits else ():
+            if single.only and claim.name not in single.only:
+                continue
+            knobs = [knob for choice in claim.choices for knob in choice.knobs]
+            ranges = [(knob, _of_key(knob, single.ranges)) for knob in knobs]
+            weights = [(knob, _of_key(knob, single.weights)) for knob in knobs]
+            tests = [_within(knob, listed) for knob, listed in ranges if listed is not None]
+            tests += [self._weighed(knob, by) for knob, by in weights if by is not None]
+            if tests:
+                keep[claim.name] = _all(tests)
+        for key in limits:
+            if not any(
+                _matches(key, knob)
+                for c in self.registry.claims
+                for choice in c.choices
+                for knob in choice.knobs
+            ):
+                known = {k.name for c in self.registry.claims for x in c.choices for k in x.knobs}
+                raise InputError("ranges", f"no claim depends on {shown(key)}{nearest(key, known)}")
+        parts = [*(f"{claim}: {', '.join(map(str, one))}" for claim, one in single.claims.items())]
+        parts += [
+            f"{key} {_spelt(one)}" for key, one in {**single.ranges, **single.weights}.items()
+        ]
+        kind = "claim" if claims else "samples"
+        return Alternative(name, kind, "; ".join(parts), self.conventions, claims, keep)
+
+    def _narrower(self, claim: Claim) -> Iterator[Alternative]:
+        """Ends of ranges of what a claim depends on, and its words, each left out once."""
+        for choice in claim.choices:
+            for knob in choice.knobs:
+                if knob.words:
+                    for word in knob.words:
+                        name = f"{claim.name}: {knob.name} not {_spelt(word)}"
+                        keep = {claim.name: _not(knob, word)}
+                        yield Alternative(name, "samples", name, self.conventions, {}, keep)
+                    continue
+                for label, upper in (("lower", False), ("upper", True)):
+                    name = f"{claim.name}: {knob.name}, {label} half"
+                    keep = {claim.name: _half(knob, upper)}
+                    yield Alternative(name, "samples", name, self.conventions, {}, keep)
+
+    def _weighed(self, knob: Knob, weights: Mapping[Any, float]) -> Keep:
+        def keep(values: Mapping[str, Any], number: int) -> bool:
+            weight = weights.get(values[knob.name], 1.0)
+            stream = random_stream(self._seed, "weights", knob.name, str(number))
+            return bool(stream.random() < weight)
+
+        return keep
+
+
+def decide(judge: Judge) -> tuple[list[Changed], Title]:
+    """What all alternatives change, and the title that follows."""
+    changes = list(judge.changes(judge.alternatives()))
+    return changes, title(judge, changes)
+
+
+def title(judge: Judge, changes: Iterable[Changed]) -> Title:
+    """The title: open where one alternative, or one open interval, would change it."""
+    values = judge.conventions.values
+    plain = judge.title
+    mains = main_claims(judge.judged.values(), values["main"], values["purpose"])
+    reasons: list[str] = []
+    if plain == OPEN:
+        short = [one for one in mains if one.verdict != REPRODUCED]
+        listed = ", ".join(f"{one.name} {one.verdict}" for one in short)
+        reasons.append(
+            f"{len(mains) - len(short)} of {len(mains)} main claims are reproduced: {listed}"
+        )
+    by: dict[str, list[str]] = {}
+    for one in changes:
+        if one.other_title != plain and one.alternative.name not in by.setdefault(
+            one.other_title, []
+        ):
+            by[one.other_title].append(one.alternative.name)
+    reasons += [f"{word} with {'; '.join(names)}" for word, names in by.items() if names]
+    reasons += [
+        f"{other} if {claim} is {word}, which its samples allow"
+        for claim, word, other in open_verdicts(mains, values["majority"])
+    ]
+    changing = any(by.values()) or any(True for _ in open_verdicts(mains, values["majority"]))
+    return Title(OPEN if changing else plain, tuple(reasons))
+
+
+def write_alternatives(path: Path, changes: Iterable[Changed], title: Title) -> None:
+    """Write the title, and a row for each claim that an alternative changes, or one for nothing."""
+    first = {
+        **dict.fromkeys(HEADER, ""), "alternative": STATED, "kind": "title", "title": title.word,
+        "change": _BETWEEN.join(title.reasons),
+    }  # fmt: skip
+    rows = (
+        {
+            "alternative": one.alternative.name, "kind": one.alternative.kind,
+            "change": one.alternative.change, "claim": one.claim, "verdict": one.verdict,
+            "other": one.other, "title": one.title, "other_title": one.other_title,
+            "note": one.note,
+        }
+        for one in changes
+    )  # fmt: skip
+    write_table(path, [first, *rows], HEADER, seal=True)
+
+
+def read_alternatives(path: Path) -> tuple[Title, list[dict[str, str]]]:
+    """The title and the rows of `write_alternatives`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged.
+    """
+    rows = read_table(path, HEADER, KINDS, ("alternative", "claim"))
+    if not rows or rows[0]["kind"] != "title":
+        raise InputError(str(path), "has no title in its first row")
+    return Title(rows[0]["title"], tuple(filter(None, rows[0]["change"].split(_BETWEEN)))), rows[1:]
+
+
+def _spelt(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return " to ".join(map(_spelt, value)) if len(value) == 2 else ", ".join(map(_spelt, value))
+    if isinstance(value, Mapping):
+        return ", ".join(f"{_spelt(key)} {_spelt(one)}" for key, one in value.items())
+    return str(value)
+
+
+def _matches(key: str, knob: Knob) -> bool:
+    return key == knob.name or any(
+        fnmatchcase(".".join((one, *map(str, knob.path))), key) or fnmatchcase(one, key)
+        for one in knob.keys
+    )
+
+
+def _of_key(knob: Knob, listed: Mapping[str, Any]) -> Any:
+    return next((one for key, one in listed.items() if _matches(key, knob)), None)
+
+
+def _within(knob: Knob, listed: Sequence[Any]) -> Keep:
+    def keep(values: Mapping[str, Any], _: int) -> bool:
+        value = values[knob.name]
+        if knob.words:
+            return value in listed
+        return bool(listed[0] <= value <= listed[-1])
+
+    return keep
+
+
+def _not(knob: Knob, word: Any) -> Keep:
+    return lambda values, _: bool(values[knob.name] != word)
+
+
+def _half(knob: Knob, upper: bool) -> Keep:
+    return lambda values, _: (knob.place(values[knob.name]) > 0.5) == upper
+
+
+def _all(tests: Sequence[Keep]) -> Keep:
+    return lambda values, number: all(test(values, number) for test in tests)
