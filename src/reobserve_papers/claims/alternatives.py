@@ -65,7 +65,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Changed:
-    """What an alternative changes of a claim (none: of no claim), and of the title."""
+    """Effect of an alternative on a claim (none: on no claim), and on the title."""
 
     alternative: Alternative
     claim: str
@@ -132,7 +132,7 @@ class Judge:
         return found
 
     def counted(self, claim: Claim, outcomes: Sequence[Outcome]) -> Counted:
-        """In how many settings it holds."""
+        """The number of settings in which it holds."""
         if not claim.choices:
             return Counted(outcomes.count("holds"), len(outcomes), whole=True)
         return self.samples[claim.name].counted(outcomes)
@@ -157,7 +157,7 @@ class Judge:
             yield from self._narrower(self._own(claim.name))
 
     def changes(self, alternatives: Iterable[Alternative]) -> Iterator[Changed]:
-        """What each alternative changes, claim by claim; one row without a claim for nothing."""
+        """Yield what each alternative changes, claim by claim; one without a claim for nothing."""
         title = self.title
         for one in alternatives:
             judged, rows = dict(self.judged), []
@@ -234,7 +234,7 @@ class Judge:
         return self._stated(claim) == "holds"
 
     def stated(self, claim: Claim) -> Found:
-        """What came out with the parameter file as it is."""
+        """The numbers of a claim with the parameter file as it is."""
         references = [one for check in claim.checks for one in check.references]
         return taken(references, self.numbers)
 
@@ -329,7 +329,7 @@ class Judge:
 
 
 def decide(judge: Judge) -> tuple[list[Changed], Title]:
-    """What all alternatives change, and the title that follows."""
+    """Return what all alternatives change, and the title that follows."""
     changes = list(judge.changes(judge.alternatives()))
     return changes, title(judge, changes)
 

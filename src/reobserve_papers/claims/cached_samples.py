@@ -55,7 +55,7 @@ class CachedSamples:
 
     @property
     def references(self) -> tuple[Reference, ...]:
-        """What the numbers are."""
+        """The places of the numbers."""
         return tuple(map(Reference.parse, self.metrics))
 
     def found(self, number: int) -> Found | None:

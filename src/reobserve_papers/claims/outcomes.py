@@ -60,7 +60,7 @@ class Outcomes:
         return {claim.name: taken(claim.wanted, numbers) for claim in claims}
 
     def stated(self, claim: Claim) -> Found | None:
-        """What came out with the stated parameters, or None if it names an unknown number."""
+        """The numbers with the stated parameters, or None if it names an unknown one."""
         try:
             for check in claim.checks:
                 check.values(self._stated)
@@ -97,7 +97,7 @@ def basis_of(evaluator: Evaluator, claim: Claim, known: Sequence[str] | None = N
 
 
 def _described(choice: Choice) -> list[Any]:
-    """What a sample draws, in plain values."""
+    """Describe what a sample draws, in plain values."""
     return [
         [list(choice.keys)],
         *(

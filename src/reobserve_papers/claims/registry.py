@@ -321,7 +321,7 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
 
 
 def _wanted(registry: Registry, paper: str) -> dict[str, tuple[Reference, ...]]:
-    """By claim: the numbers that its checks name, by these conventions or by any alternative.
+    """The numbers that checks name by these conventions or by any alternative, by claim.
 
     Raises
     ------

@@ -82,7 +82,7 @@ class Robustness:
         ]
 
     def counted(self, outcomes: Sequence[Outcome]) -> Counted:
-        """In how many samples a claim holds."""
+        """The number of samples in which a claim holds."""
         return Counted(outcomes.count("holds"), len(outcomes), len(outcomes) == self.whole)
 
     def alike(self, claim: Claim) -> bool:

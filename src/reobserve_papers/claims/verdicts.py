@@ -65,7 +65,7 @@ class Counted:
 def possible(
     quantifier: Quantifier, counted: Counted, share: float, fitted: bool = False
 ) -> tuple[str, ...]:
-    """The verdicts that what was counted allows; if it is one, the claim is decided.
+    """The verdicts that a count allows; if it is one, the claim is decided.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def count(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
 
 @dataclass(frozen=True)
 class Judged:
-    """What of a claim decides a title: whether it is a main claim, and the verdicts it may have."""
+    """The part of a claim that decides a title: its promises, and the verdicts it may have."""
 
     name: str
     place: str
@@ -151,7 +151,7 @@ def title_of(claims: Sequence[Judged], majority: float) -> str:
 
 
 def open_verdicts(claims: Sequence[Judged], majority: float) -> Iterator[tuple[str, str, str]]:
-    """What an open interval would change: a claim, the verdict that it allows, and the title."""
+    """Yield what an open interval would change: claim, verdict that it allows, title."""
     title = title_of(claims, majority)
     for claim in claims:
         if len(claim.verdicts) == 1:
