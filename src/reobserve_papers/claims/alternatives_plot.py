@@ -30,7 +30,7 @@ from reobserve_papers.plotting.look import WIDTH
 # Marks and greys that stay apart in print.
 _VERDICTS = {
     REPRODUCED: ("s", "0.1"), CALIBRATED: ("^", "0.35"), DEPENDS: ("s", "0.65"),
-    UNDECIDED: ("$?$", "0.4"), CONTRADICTED: ("x", "#c4500a"),
+    UNDECIDED: ("+", "0.4"), CONTRADICTED: ("x", "#c4500a"),
 }  # fmt: skip
 _TITLES = {RE: ("o", "0.1"), OPEN: ("D", "0.6"), NOT_RE: ("x", "#c4500a")}
 _SMALL = 6.3  # points
@@ -74,14 +74,16 @@ def alternatives_curve(
     turning = [name for name in order if titles[name] != plain]
     lines = _names(order, turning, len(by) - 1)
     heights = (1.2, 0.16 * max(len(mains), 1), 0.12 * len(lines))
-    figure = Figure(figsize=(WIDTH, sum(heights) + 1.1))
+    figure = Figure(figsize=(WIDTH, sum(heights) + 0.75))
     figure.set_layout_engine("none")
     above, below = _panels(figure, heights)
     for word, (marker, color) in _TITLES.items():
         places = [k for k, name in enumerate(order) if titles[name] == word]
         if places:
             shares = [_share(by[order[k]], mains, verdicts) for k in places]
-            above.plot(places, shares, marker, color=color, markersize=3.5, label=word)
+            above.plot(
+                places, shares, linestyle="", marker=marker, color=color, markersize=3.5, label=word
+            )
     above.set_ylim(-0.08, 1.08)
     above.set_ylabel("share of main\nclaims reproduced", fontsize=_SMALL)
     above.legend(fontsize=_SMALL, ncols=3, loc="lower left", title="title", title_fontsize=_SMALL)
@@ -95,7 +97,10 @@ def alternatives_curve(
             if by[name].get(claim, verdicts[claim]) == word
         ]
         if spots:
-            below.plot(*zip(*spots, strict=True), marker, color=color, markersize=3, label=word)
+            below.plot(
+                *zip(*spots, strict=True), linestyle="", marker=marker, color=color, markersize=3,
+                label=word,
+            )  # fmt: skip
     below.set_yticks(range(len(mains)), [one.replace("_", " ") for one in mains], fontsize=_SMALL)
     below.set_ylim(len(mains) - 0.4, -0.6)
     below.set_xlim(above.get_xlim())
