@@ -8,18 +8,15 @@ share does not hold for weighted ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
 
-from reobserve.core.errors import InputError, located, nearest, shown
+from reobserve.core.errors import InputError, located
 from reobserve.core.files import NAME, Kind, read_table, write_table
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.claims.checks import Numbers
-from reobserve_papers.claims.choices import Knob
 from reobserve_papers.claims.conventions import Conventions, SingleAlternative
+from reobserve_papers.claims.kept_samples import Keep, kept_by, narrower, spelt
 from reobserve_papers.claims.outcomes import Found, Outcome, outcome, taken
 from reobserve_papers.claims.registry import Claim, Registry
 from reobserve_papers.claims.robustness import Robustness
@@ -46,9 +43,6 @@ _BETWEEN = " | "  # reasons in one cell
 
 LACKS = "lacks samples"  # of a verdict that no more than a lack of samples leaves open
 NOT_COMPUTED = "not computed"  # of one whose numbers the samples do not have
-
-# Which samples count: by the values that were chosen, and the number of the sample.
-Keep = Callable[[Mapping[str, Any], int], bool]
 
 
 @dataclass(frozen=True)
@@ -145,7 +139,7 @@ class Judge:
             for label, value in one.alternatives.items():
                 other = conventions.with_value(name, value)
                 claims = {claim: self.registry.variant(claim, other) for claim in concerned}
-                change = f"{name} from {_spelt(one.value)} to {_spelt(value)}"
+                change = f"{name} from {spelt(one.value)} to {spelt(value)}"
                 yield Alternative(f"{name}: {label}", "convention", change, other, claims)
         for name, single in conventions.single.items():
             if self.registry.claims and single.paper == self.registry.claims[0].paper:
@@ -154,7 +148,8 @@ class Judge:
         for claim in main_claims(
             self.judged.values(), conventions.values["main"], conventions.values["purpose"]
         ):
-            yield from self._narrower(self._own(claim.name))
+            for name, keep in narrower(self._own(claim.name)):
+                yield Alternative(name, "samples", name, self.conventions, {}, {claim.name: keep})
 
     def changes(self, alternatives: Iterable[Alternative]) -> Iterator[Changed]:
         """Yield what each alternative changes, claim by claim; one without a claim for nothing."""
@@ -226,7 +221,7 @@ class Judge:
         for trial, found in zip(samples.trials, outcomes, strict=True):
             if (found == "holds") == wanted and found != "lost":
                 listed = zip(samples.names, trial.values, strict=True)
-                return ", ".join(f"{name} {_spelt(value)}" for name, value in listed)
+                return ", ".join(f"{name} {spelt(value)}" for name, value in listed)
         return claim.setting
 
     def holds(self, claim: Claim) -> bool:
@@ -276,56 +271,11 @@ class Judge:
             claim: self.registry.variant(claim, self.conventions, changes)
             for claim, changes in single.claims.items()
         }
-        keep: dict[str, Keep] = {}
-        limits = [*single.ranges, *single.weights]
-        for claim in self.registry.claims if limits else ():
-            if single.only and claim.name not in single.only:
-                continue
-            knobs = [knob for choice in claim.choices for knob in choice.knobs]
-            ranges = [(knob, _of_key(knob, single.ranges)) for knob in knobs]
-            weights = [(knob, _of_key(knob, single.weights)) for knob in knobs]
-            tests = [_within(knob, listed) for knob, listed in ranges if listed is not None]
-            tests += [self._weighed(knob, by) for knob, by in weights if by is not None]
-            if tests:
-                keep[claim.name] = _all(tests)
-        for key in limits:
-            if not any(
-                _matches(key, knob)
-                for c in self.registry.claims
-                for choice in c.choices
-                for knob in choice.knobs
-            ):
-                known = {k.name for c in self.registry.claims for x in c.choices for k in x.knobs}
-                raise InputError("ranges", f"no claim depends on {shown(key)}{nearest(key, known)}")
+        keep = kept_by(self.registry, single, self._seed)
         parts = [*(f"{claim}: {', '.join(map(str, one))}" for claim, one in single.claims.items())]
-        parts += [
-            f"{key} {_spelt(one)}" for key, one in {**single.ranges, **single.weights}.items()
-        ]
+        parts += [f"{key} {spelt(one)}" for key, one in {**single.ranges, **single.weights}.items()]
         kind = "claim" if claims else "samples"
         return Alternative(name, kind, "; ".join(parts), self.conventions, claims, keep)
-
-    def _narrower(self, claim: Claim) -> Iterator[Alternative]:
-        """Ends of ranges of what a claim depends on, and its words, each left out once."""
-        for choice in claim.choices:
-            for knob in choice.knobs:
-                if knob.words:
-                    for word in knob.words:
-                        name = f"{claim.name}: {knob.name} not {_spelt(word)}"
-                        keep = {claim.name: _not(knob, word)}
-                        yield Alternative(name, "samples", name, self.conventions, {}, keep)
-                    continue
-                for label, upper in (("lower", False), ("upper", True)):
-                    name = f"{claim.name}: {knob.name}, {label} half"
-                    keep = {claim.name: _half(knob, upper)}
-                    yield Alternative(name, "samples", name, self.conventions, {}, keep)
-
-    def _weighed(self, knob: Knob, weights: Mapping[Any, float]) -> Keep:
-        def keep(values: Mapping[str, Any], number: int) -> bool:
-            weight = weights.get(values[knob.name], 1.0)
-            stream = random_stream(self._seed, "weights", knob.name, str(number))
-            return bool(stream.random() < weight)
-
-        return keep
 
 
 def decide(judge: Judge) -> tuple[list[Changed], Title]:
@@ -391,46 +341,3 @@ def read_alternatives(path: Path) -> tuple[Title, list[dict[str, str]]]:
     if not rows or rows[0]["kind"] != "title":
         raise InputError(str(path), "has no title in its first row")
     return Title(rows[0]["title"], tuple(filter(None, rows[0]["change"].split(_BETWEEN)))), rows[1:]
-
-
-def _spelt(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return " to ".join(map(_spelt, value)) if len(value) == 2 else ", ".join(map(_spelt, value))
-    if isinstance(value, Mapping):
-        return ", ".join(f"{_spelt(key)} {_spelt(one)}" for key, one in value.items())
-    return str(value)
-
-
-def _matches(key: str, knob: Knob) -> bool:
-    return key == knob.name or any(
-        fnmatchcase(".".join((one, *map(str, knob.path))), key) or fnmatchcase(one, key)
-        for one in knob.keys
-    )
-
-
-def _of_key(knob: Knob, listed: Mapping[str, Any]) -> Any:
-    return next((one for key, one in listed.items() if _matches(key, knob)), None)
-
-
-def _within(knob: Knob, listed: Sequence[Any]) -> Keep:
-    def keep(values: Mapping[str, Any], _: int) -> bool:
-        value = values[knob.name]
-        if knob.words:
-            return value in listed
-        return bool(listed[0] <= value <= listed[-1])
-
-    return keep
-
-
-def _not(knob: Knob, word: Any) -> Keep:
-    return lambda values, _: bool(values[knob.name] != word)
-
-
-def _half(knob: Knob, upper: bool) -> Keep:
-    return lambda values, _: (knob.place(values[knob.name]) > 0.5) == upper
-
-
-def _all(tests: Sequence[Keep]) -> Keep:
-    return lambda values, number: all(test(values, number) for test in tests)

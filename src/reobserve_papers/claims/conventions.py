@@ -60,7 +60,7 @@ class SingleAlternative(Model):
         {},
         description="By key of a choice: the ends between which it lies, or the words that count.",
     )
-    weights: dict[str, dict[Any, Annotated[float, Field(ge=0, le=1)]]] = Field(
+    weights: dict[str, dict[str, Annotated[float, Field(ge=0, le=1)]]] = Field(
         {},
         description="By key of a choice: with which probability samples with a word are kept.",
     )
@@ -102,7 +102,7 @@ def read_conventions(project: Path) -> Conventions:
     path = project / PATH
     if not path.is_file():
         return Conventions()
-    found = parse(ConventionsFile, read_yaml(path), "conventions")
+    found = parse(ConventionsFile, read_yaml(path))
     for name, one in found.conventions.items():
         for value in (one.value, *one.alternatives.values()):
             with located(f"conventions.{name}"):

@@ -1,20 +1,23 @@
-"""Checks of the configuration beside the parameters: claims, errata, cached samples."""
+"""Checks of the configuration beside the parameters: claims, conventions, errata, samples."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from reobserve.core.documents import read_json
-from reobserve.core.errors import InputError, located
+from reobserve.core.errors import InputError, located, nearest, shown
 from reobserve_papers.claims.cached_samples import read_cached
+from reobserve_papers.claims.conventions import read_conventions
 from reobserve_papers.claims.errata import errata_file, read_errata
-from reobserve_papers.claims.registry import amiss, claims_file, read_registry
+from reobserve_papers.claims.kept_samples import kept_by
+from reobserve_papers.claims.registry import Registry, amiss, claims_file, read_registry
+from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
 
 
 def check_evidence(project: Path, parameters: Parameters) -> None:
-    """Check the files of a paper, those that there are.
+    """Check the files of a paper, those that there are, and the conventions.
 
     Raises
     ------
@@ -22,10 +25,13 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
         With the file and the key of the first thing that is wrong.
     """
     paper = parameters.paper
+    _check_papers(project)
     if claims_file(project, paper).exists():
-        for problem in amiss(read_registry(project, parameters).claims):
+        registry = read_registry(project, parameters)
+        for problem in amiss(registry.claims):
             place, _, rest = problem.partition(": ")
             raise InputError(place, rest)
+        _check_alternatives(registry, paper)
     if errata_file(project, paper).exists():
         read_errata(project, paper)
     for key, entry in parameters.entries():
@@ -34,3 +40,19 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
                 read_json(project / entry["value"])
     if (samples := project / samples_path(paper)).exists():
         read_cached(samples, paper)
+
+
+def _check_papers(project: Path) -> None:
+    known = known_papers(project)
+    for name, one in read_conventions(project).single.items():
+        if one.paper not in known:
+            problem = f"there is no {shown(one.paper)}{nearest(one.paper, known)}"
+            raise InputError(f"alternatives.{name}.paper", problem)
+
+
+def _check_alternatives(registry: Registry, paper: str) -> None:
+    """Refuse alternatives that keep samples by what no claim depends on."""
+    for name, one in registry.conventions.single.items():
+        if one.paper == paper:
+            with located(f"alternatives.{name}"):
+                kept_by(registry, one, seed=0)

@@ -57,4 +57,6 @@ def check_options(command: argparse.ArgumentParser) -> None:
 
 def schema_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `schema`."""
-    command.add_argument("kind", choices=("config", "parameters", "claims", "errata", "bench"))
+    command.add_argument(
+        "kind", choices=("config", "parameters", "claims", "conventions", "errata", "bench")
+    )

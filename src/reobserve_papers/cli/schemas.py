@@ -7,6 +7,8 @@ from typing import Any
 
 from reobserve.core.validation import schema
 from reobserve.tuning.task import TaskFile
+from reobserve_papers.claims.conventions import PATH as CONVENTIONS
+from reobserve_papers.claims.conventions import ConventionsFile
 from reobserve_papers.claims.errata import ErrataFile
 from reobserve_papers.claims.registry import ClaimsFile
 from reobserve_papers.parameters.parameter_file import Configuration, ParameterFile
@@ -16,6 +18,7 @@ KINDS: dict[str, tuple[str, Any]] = {
     "config": ("config/config.yaml", Configuration),
     "parameters": ("config/papers/<paper>.yaml", ParameterFile),
     "claims": ("config/claims/<paper>.yaml", ClaimsFile),
+    "conventions": (CONVENTIONS, ConventionsFile),
     "errata": ("config/errata/<paper>.yaml", ErrataFile),
     "bench": ("config/bench/<task>.yaml", TaskFile),
 }

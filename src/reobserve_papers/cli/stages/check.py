@@ -39,7 +39,7 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
         check_units(parameters)
         check_parameters(parameters)
         check_evidence(project, parameters)
-        print(f"{name}: parameters, claims and errata are sound", file=sys.stderr)
+        print(f"{name}: parameters, claims, conventions and errata are sound", file=sys.stderr)
     if not paper:
         for path in sorted((project / "config" / "bench").glob("*.yaml")):
             PackagedTask.read(path)
