@@ -9,7 +9,7 @@ again, and where one comes out otherwise the rest is not used.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,15 +78,14 @@ def as_text(references: Sequence[Reference], found: Found | None) -> str | None:
     return " ".join(f"{found[one]:.{_DIGITS}g}" if one in found else _LOST for one in references)
 
 
-def alike(found: Found | None, other: Found | None) -> bool:
-    """True if two samples came out the same where both looked, but for rounding elsewhere."""
+def alike(found: Found | None, other: Found | None, both: Collection[Reference]) -> bool:
+    """True if two samples came out the same, but for rounding elsewhere, where ``both`` looked."""
     if found is None or other is None:
         return found is other is None
-    if not found or not other:
-        return not found and not other
-    both = [one for one in found if one in other]
-    one, two = ([side[name] for name in both] for side in (found, other))
-    return bool(both) and np.allclose(one, two, rtol=_ROUNDING, atol=0.0, equal_nan=True)
+    if not both or any((one in found) != (one in other) for one in both):
+        return False
+    one, two = ([side[name] for name in both if name in side] for side in (found, other))
+    return np.allclose(one, two, rtol=_ROUNDING, atol=0.0, equal_nan=True)
 
 
 @dataclass(frozen=True)

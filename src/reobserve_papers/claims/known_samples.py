@@ -33,15 +33,23 @@ AGAIN = 2
 
 @dataclass
 class KnownSamples:
-    """Samples of one claim: those that are ``cached``, and those that this build has ``made``."""
+    """Samples of one claim: those that are ``cached``, and those that this build has ``made``.
 
+    ``wanted`` are the numbers that are taken of one.
+    """
+
+    wanted: tuple[Reference, ...] = ()
     cached: CachedSamples | None = None
     made: dict[int, Found | None] = field(default_factory=dict)
 
     @staticmethod
-    def of(cached: CachedSamples | None, made: Mapping[int, Found | None]) -> KnownSamples:
+    def of(
+        wanted: tuple[Reference, ...],
+        cached: CachedSamples | None,
+        made: Mapping[int, Found | None],
+    ) -> KnownSamples:
         """The samples of a claim, of which some are cached and others were made ahead."""
-        known = KnownSamples(cached)
+        known = KnownSamples(wanted, cached)
         for number, found in sorted(made.items()):
             known.take(number, found)
         return known
@@ -66,8 +74,10 @@ class KnownSamples:
     def take(self, number: int, found: Found | None) -> None:
         """Add a new result of a sample, and drop the cached samples if it differs from theirs."""
         self.made[number] = found
-        if self.cached and number < self.length and not alike(found, self.cached.found(number)):
-            self.cached = None
+        if self.cached and number < self.length:
+            both = set(self.wanted).intersection(self.cached.references)
+            if not alike(found, self.cached.found(number), both):
+                self.cached = None
 
 
 @dataclass(frozen=True)

@@ -161,9 +161,8 @@ class Inquiry:
             found[claim.name] = Robustness(
                 stated, claim.knob_names, whole=None if cells is None else len(cells), basis=basis
             )
-            known[claim.name] = KnownSamples.of(
-                past, (made or {}).get(claim.name, {}).get(basis, {})
-            )
+            ahead = (made or {}).get(claim.name, {}).get(basis, {})
+            known[claim.name] = KnownSamples.of(claim.wanted, past, ahead)
         return Inquiry(evaluator.parameters, outcomes, asked, found, known, share)
 
     def limit(self, claim: Claim, samples: Callable[[Claim], int]) -> int:
@@ -207,9 +206,8 @@ class Inquiry:
 
 
 def _fits(claim: Claim, past: CachedSamples, basis: str) -> bool:
-    """True if cached samples are of the claim, and have the numbers that its checks name."""
-    named = {one for check in claim.checks for one in check.references}
-    return past.basis == basis and named.issubset(past.references)
+    """True if cached samples are of the claim, and have the numbers that it and its null name."""
+    return past.basis == basis and set(claim.references_of_all).issubset(past.references)
 
 
 def _rounded(claim: Claim, found: Found | None) -> Found | None:

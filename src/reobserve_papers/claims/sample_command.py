@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from reobserve_papers.claims.cached_samples import (
     read_cached,
     write_cached,
 )
+from reobserve_papers.claims.outcomes import basis_of
 from reobserve_papers.claims.registry import Claim, claims_file, read_registry
 from reobserve_papers.claims.robustness import assess
 from reobserve_papers.claims.verdicts import possible
@@ -58,11 +60,17 @@ def sample_command(
 
 def keep(project: Path, parameters: Parameters, found: Mapping[str, CachedSamples]) -> None:
     """Keep the samples of a paper's claims, and those that there were of others."""
-    cached = _cached(project, parameters.paper)
-    names = [one.name for one in read_registry(project, parameters).claims]
-    past = {name: one for name in names if (one := cached.get(name)) is not None}
-    kept = past | dict(found)
-    write_cached(project, parameters, {name: kept[name] for name in names if name in kept})
+    cached, evaluator = _cached(project, parameters.paper), Evaluator(parameters)
+    kept = {}
+    for claim in read_registry(project, parameters).claims:
+        if claim.name in found:
+            kept[claim.name] = found[claim.name]
+        elif (past := cached.get(claim.name)) is not None:
+            # They are kept with the keys that there are now.
+            if past.basis == basis_of(evaluator, claim, cached.keys):
+                past = replace(past, basis=basis_of(evaluator, claim))
+            kept[claim.name] = past
+    write_cached(project, parameters, kept)
 
 
 def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:
@@ -131,15 +139,16 @@ def _differences(
 ) -> list[str]:
     """The claims whose recomputed samples differ from the cached ones, a sentence each."""
     said = []
-    by_name = {one.name: one for one in claims}
-    for name, one in assess(Evaluator(parameters), claims, lambda _: max_samples, share).items():
+    by_name, evaluator = {one.name: one for one in claims}, Evaluator(parameters)
+    for name, one in assess(evaluator, claims, lambda _: max_samples, share).items():
         place, past = f"claims.{parameters.paper}.{name}", cached.get(name)
-        if past is None or past.basis != one.basis:
+        if past is None or past.basis != basis_of(evaluator, by_name[name], cached.keys):
             said.append(f"{place}: there are no cached samples of the claim as it is")
             continue
         made = one.to_keep(by_name[name])
+        looked = set(made.references).intersection(past.references)
         both = range(min(len(made.samples), len(past.samples)))
-        moved = [k for k in both if not alike(made.found(k), past.found(k))]
+        moved = [k for k in both if not alike(made.found(k), past.found(k), looked)]
         if moved:
             k = moved[0]
             said.append(

@@ -83,7 +83,7 @@ def row(
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
         }
-    if claim.null:
+    if claim.null and counted is not None:
         nulls = judge.outcomes(claim.with_null)
         cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"
     return cells
