@@ -12,7 +12,7 @@ from reobserve.core.seals import digest
 from reobserve.core.errors import ReobserveError
 from reobserve_papers.claims.evidence import check_evidence
 from reobserve_papers.claims.conventions import conventions_text
-from reobserve_papers.claims.registry import claims_text, decisive
+from reobserve_papers.claims.registry import claims_text, deciding, decisive
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
@@ -232,6 +232,12 @@ def sampled(wildcards):
     parameters = PARAMETERS[wildcards.paper]
     asked = decisive(claims_text(Path(), wildcards.paper), conventions_text(Path()))
     return digest([parameters.decisive(), parameters.seed, asked])
+
+
+def decided(wildcards):
+    """A params function: a digest of what is sampled and of the bounds that say when it is enough."""
+    claims = claims_text(Path(), wildcards.paper)
+    return digest([sampled(wildcards), deciding(claims, conventions_text(Path()))])
 
 
 def registered(wildcards):

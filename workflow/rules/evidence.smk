@@ -69,7 +69,7 @@ rule robustness:
     conda:
         "../envs/reobserve.yaml"
     params:
-        settings=sampled,
+        settings=decided,
         code=code("robustness"),
         packages=PACKAGES,
         options=f"--samples {config['samples']}",

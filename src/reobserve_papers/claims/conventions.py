@@ -36,6 +36,8 @@ _ALLOWED = {
     "purpose": ("ignored", "counts"),
     "main": ("abstract and conclusions", "abstract", "conclusions", "figures", "all claims"),
 }
+# Keys of claims and conventions that hold reasons.
+_WORDING = ("why", "note", "statement", "place", "history", "departs", "setting")
 _NAMED = re.compile(r"\$([a-z][a-z0-9_]*)")
 
 
@@ -127,13 +129,20 @@ def words_in(tree: Any) -> Iterator[str]:
     """The words in a tree that may name metrics or levels, without reasons: bounds are numbers."""
     if isinstance(tree, Mapping):
         for key, value in tree.items():
-            if key not in ("why", "note", "statement", "place", "history", "departs", "setting"):
+            if key not in _WORDING:
                 yield from words_in(value)
     elif isinstance(tree, list):
         for value in tree:
             yield from words_in(value)
     elif isinstance(tree, str):
         yield tree
+
+
+def without_reasons(tree: Any) -> Any:
+    """A tree without its reasons, which decide nothing."""
+    if isinstance(tree, Mapping):
+        return {key: without_reasons(one) for key, one in tree.items() if key not in _WORDING}
+    return [without_reasons(one) for one in tree] if isinstance(tree, list) else tree
 
 
 def names_in(tree: Any) -> set[str]:

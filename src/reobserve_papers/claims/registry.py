@@ -21,6 +21,7 @@ from reobserve_papers.claims.conventions import (
     filled,
     names_in,
     read_conventions,
+    without_reasons,
     words_in,
 )
 from reobserve_papers.parameters.names import claims_path
@@ -384,6 +385,17 @@ def decisive(tree: Tree, conventions: Tree) -> Tree:
         "claims": claims,
         "words": sorted(set(words_in(conventions))),
     }
+
+
+def deciding(tree: Tree, conventions: Tree) -> Tree:
+    """The part of a registry that decides how many samples are enough: bounds, no wording."""
+    stated = conventions.get("conventions", {})
+    values = (
+        {name: one.get("value") if isinstance(one, dict) else one for name, one in stated.items()}
+        if isinstance(stated, dict)
+        else {"problem": stated}
+    )
+    return {"claims": without_reasons(tree.get("claims", {})), "conventions": values}
 
 
 def _claim(
