@@ -1,4 +1,4 @@
-"""Robustness with a known answer: the "metric" is itself a number of the parameter file."""
+"""Samples with a known answer: the "metric" is itself a number of the parameter file."""
 
 from __future__ import annotations
 
@@ -6,209 +6,196 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from reobserve.core.errors import DivergenceError, InputError
-from reobserve_papers.claims import outcomes
-from reobserve_papers.claims.checks import Check
-from reobserve_papers.claims.choices import find_choice
+from reobserve_papers.claims.checks import Check, Reference
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.reversals import Reversal
-from reobserve_papers.claims.robustness import Robustness, assess
+from reobserve_papers.claims.robustness import Inquiry, Robustness, assess
 from reobserve_papers.claims.robustness_file import read_robustness, to_data
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.claims.verdicts import Counted, possible
 from reobserve_papers.steps.evaluation import Evaluator
-from tests import ROOT
 
-ILO = Parameters.load(ROOT, "ilo", seed=1)
-GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000: logarithmic
-FORGETTING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
-VARIANT = "metrics.variant"  # the first of these words
-VARIANTS = ("sampled", "continuous", "forgetting")
+from .stub import GAIN, ILO, PERIODS, SHARE, VARIANT, Code, claim, with_checks
+
+pytestmark = pytest.mark.usefixtures("code")
 
 
-@pytest.fixture(autouse=True)
-def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Figures that show gains of the parameter file; one diverges, one is refused; all calls are
-    cached.
-    """
-    calls: list[str] = []
-
-    def metrics_of(evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
-        calls.append(figure)
-        observers = evaluator.parameters.section("observers")
-        gain = observers["continuous"]["K2"]
-        if figure == "fig2" and gain < 1000:
-            raise DivergenceError("it", 1.0)
-        if figure == "fig3" and gain < 1000:
-            raise InputError("K2", "must be 1000 or more")
-        share = observers["forgetting"]["K1"]
-        place = VARIANTS.index(evaluator.parameters.section("metrics")["variant"])
-        numbers = {"gain": gain, "share": share, "variant": place}
-        return [Metric("a", name, value, "1") for name, value in numbers.items()]
-
-    monkeypatch.setattr(outcomes, "metrics_of", metrics_of)
-    return calls
+def found(one: Claim, samples: int = 400, share: float = 0.9) -> Robustness:
+    return assess(Evaluator(ILO), [one], lambda _: samples, share)["it"]
 
 
-def claim(value: str, *keys: str, **relation: Any) -> Claim:
-    checks = (Check.parse({"value": value, **relation}),)
-    return Claim("ilo", "it", checks=checks, choices=tuple(find_choice(ILO, key) for key in keys))
+def counted(one: Claim, samples: Robustness) -> Counted:
+    return samples.counted(samples.outcomes(one))
 
 
-def found(one: Claim, samples: int = 400) -> Robustness:
-    return assess(Evaluator(ILO), [one], samples)["it"]
+def verdicts(one: Claim, samples: Robustness, share: float = 0.9) -> tuple[str, ...]:
+    return possible(one.quantifier, counted(one, samples), share)
 
 
 def test_share_of_samples_agrees_with_the_range() -> None:
-    """Near the threshold of the verdicts, so that no number of samples decides."""
-    one = found(claim("fig1 a gain", GAIN, above=630))  # 0.1 of a decade from 500
-    assert one.firm is None
+    """Near the line of the verdicts, so that no number of samples decides."""
+    near = claim("fig1 a gain", GAIN, above=630)  # 0.1 of a decade from 500
+    one = found(near)
     assert one.samples == 400
-    low, high = one.interval()
+    assert len(verdicts(near, one)) == 2
+    low, high = counted(near, one).interval()
     assert low < 1 - math.log10(1.26) < high
-    assert one.share == one.held / 400
+    assert abs(counted(near, one).held / 400 - 0.9) < 4 * math.sqrt(0.09 / 400)
 
 
 def test_sampling_stops_when_decided() -> None:
-    turns_over = found(claim("fig1 a gain", GAIN, above=1000))
-    assert turns_over.firm is False
-    assert 20 <= turns_over.samples < 100
-    holds = found(claim("fig1 a gain", GAIN, above=400))
-    assert (holds.firm, holds.samples, holds.held) == (True, 36, 36)
-    fails = found(claim("fig1 a gain", GAIN, below=400))
-    assert (fails.firm, fails.samples, fails.held) == (True, 36, 0)
-    assert fails.interval() == (0.0, pytest.approx(1 - holds.interval()[0]))
+    half = claim("fig1 a gain", GAIN, above=1600)
+    assert 20 <= found(half).samples < 100
+    assert verdicts(half, found(half)) == ("depends on unstated choices",)
+    always, never = claim("fig1 a gain", GAIN, above=400), claim("fig1 a gain", GAIN, below=400)
+    assert counted(always, found(always)) == Counted(36, 36)
+    assert counted(never, found(never)) == Counted(0, 36)
+    assert verdicts(never, found(never)) == ("contradicted",)
+    assert counted(never, found(never)).interval() == (
+        0.0,
+        pytest.approx(1 - counted(always, found(always)).interval()[0]),
+    )
+
+
+def test_another_share_decides_after_other_numbers_of_samples() -> None:
+    always = claim("fig1 a gain", GAIN, above=400)
+    assert found(always, share=0.8).samples == 20  # 17 would do, and no fewer than 20 are made
+    assert found(always, share=0.95).samples > 36
+
+
+def test_counterexample_ends_the_samples_of_what_is_always_so() -> None:
+    rare = replace(claim("fig1 a gain", GAIN, below=4000), quantifier="always")
+    one = found(rare)
+    assert one.samples == 20
+    assert verdicts(rare, one) == ("contradicted",)
+    sure = replace(claim("fig1 a gain", GAIN, above=400), quantifier="always")
+    assert (found(sure).samples, verdicts(sure, found(sure))) == (36, ("reproduced",))
 
 
 def test_all_claims_use_the_same_samples() -> None:
     """Samples are shared between claims, and each claim stops when it is decided."""
     quick = claim("fig1 a gain", GAIN, above=1900)
-    slow = replace(claim("fig1 a gain", FORGETTING, GAIN, above=400), name="slow")
-    both = assess(Evaluator(ILO), [quick, slow], 400)
+    slow = claim("fig1 a gain", SHARE, GAIN, above=400, name="slow")
+    both = assess(Evaluator(ILO), [quick, slow], lambda _: 400, 0.9)
     assert (both["it"].samples, both["slow"].samples) == (20, 36)
-    gains = [[trial.outcome.numbers for trial in one.trials] for one in both.values()]
+    gains = [[trial.found for trial in one.trials] for one in both.values()]
     assert gains[0] == gains[1][:20]
 
 
-def test_sample_stores_its_choices_and_outcome() -> None:
+def test_sample_stores_its_choices_and_numbers() -> None:
     one = found(claim("fig1 a gain", GAIN, above=400), 3)
     assert one.names == (GAIN,)
-    assert [trial.outcome.numbers for trial in one.trials] == [t.values for t in one.trials]
-    assert one.stated.numbers == (2000.0,)
+    for trial in one.trials:
+        assert trial.found is not None
+        assert list(trial.found.values()) == pytest.approx(trial.values, rel=1e-9)
+    assert one.stated == {Reference("fig1", "a", "gain"): 2000.0}
 
 
 def test_samples_that_cannot_differ_are_reported() -> None:
-    assert found(claim("fig1 a share", GAIN, above=0)).alike  # K1 does not change with the gain
-    assert not found(claim("fig1 a gain", GAIN, above=0)).alike
-    assert not found(claim("fig1 a share", GAIN, above=0), 7).alike  # too few to decide
+    unreached = claim("fig1 a share", GAIN, above=0)  # K1 does not change with the gain
+    reached = claim("fig1 a gain", GAIN, above=0)
+    assert found(unreached).alike(unreached)
+    assert not found(reached).alike(reached)
+    assert not found(unreached, 7).alike(unreached)  # too few to decide
+
+
+def test_samples_that_differ_in_a_number_of_an_alternative_only_are_alike() -> None:
+    unreached = claim("fig1 a share", GAIN, above=0)
+    more = replace(unreached, wanted=(*unreached.wanted, Reference("fig1", "a", "gain")))
+    assert found(more).alike(more)
 
 
 def test_samples_depend_on_the_seed_but_not_on_other_claims() -> None:
-    one, other = (
-        claim("fig1 a gain", GAIN, above=1000),
-        claim("fig1 a share", FORGETTING, above=0.7),
-    )
-    alone = assess(Evaluator(ILO), [one], 50)["it"]
-    both = assess(Evaluator(ILO), [replace(other, name="other"), one], 50)["it"]
+    one = claim("fig1 a gain", GAIN, above=1000)
+    other = claim("fig1 a share", SHARE, above=0.7, name="other")
+    alone = assess(Evaluator(ILO), [one], lambda _: 50, 0.9)["it"]
+    both = assess(Evaluator(ILO), [other, one], lambda _: 50, 0.9)["it"]
     assert alone == both
+    seeded = replace(ILO, seed=2)
+    assert assess(Evaluator(seeded), [one], lambda _: 50, 0.9)["it"].trials != alone.trials
 
 
-def test_smallest_reversing_change_is_found_within_tolerance() -> None:
-    """From 2000 to 1000 is log10(2) of a decade; the interval from 1/4 of the way is halved."""
-    one = found(claim("fig1 a gain", GAIN, above=1000), 1)
-    assert one.reversal is not None
-    assert (one.reversal.key, one.reversal.unit, one.reversal.start) == (GAIN, "N m s/rad", 2000.0)
-    true = math.log10(2)
-    assert true <= one.reversal.size <= true + 0.75 * math.log10(4) / 16
-    assert one.reversal.end <= 1000
-    assert one.reversal.end == pytest.approx(2000 * 10**-one.reversal.size)
+def test_diverging_sample_is_lost() -> None:
+    one = claim("fig2 a gain", GAIN, above=0)
+    samples = found(one)
+    outcomes = samples.outcomes(one)
+    assert outcomes.count("holds") + outcomes.count("lost") == samples.samples
+    assert 0 < samples.diverged(one) == outcomes.count("lost") < samples.samples
+    assert verdicts(one, samples) == ("depends on unstated choices",)
 
 
-def test_smaller_of_two_reversing_changes_is_reported() -> None:
-    """K1 reaches 0.91 after 0.02 of its range; the gain reaches 4000 after 0.3 of its own."""
-    two = claim("fig1 a gain", GAIN, FORGETTING, below=4000)
-    two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a share", "below": 0.91})))
-    reversal = found(two, 1).reversal
-    assert reversal is not None
-    assert reversal.key == FORGETTING
-    assert 0.01 / 0.49 <= reversal.size < 0.03
-    assert reversal.end >= 0.91
+def test_refused_sample_is_lost() -> None:
+    one = claim("fig3 a gain", GAIN, above=0)
+    samples = found(one)
+    outcomes = samples.outcomes(one)
+    assert (outcomes.count("lost"), samples.diverged(one)) == (samples.refused, 0)
+    gains = [trial.values[0] for trial in samples.trials if trial.found is None]
+    assert gains
+    assert max(gains) < 1000
+    kept = samples.to_keep(one).samples
+    assert [text is None for text in kept] == [trial.found is None for trial in samples.trials]
 
 
-def test_changing_a_word_counts_as_the_whole_range() -> None:
-    one = claim("fig1 a variant", VARIANT, below=1.5)
-    assert found(one, 1).reversal == Reversal(VARIANT, "1", "sampled", "forgetting", 1.0)
-    assert found(claim("fig1 a variant", VARIANT, below=2.5), 1).reversal is None
-    two = claim("fig1 a variant", VARIANT, GAIN, below=1.5)
-    two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a gain", "above": 1900})))
-    reversal = found(two, 1).reversal
-    assert reversal is not None
-    assert reversal.key == GAIN  # which moves by less
+def test_samples_take_the_numbers_of_alternatives_and_nulls() -> None:
+    one = replace(claim("fig1 a gain", GAIN, above=400), null={"a": "idle"})
+    one = with_checks(one, *one.checks)
+    one = replace(one, wanted=(*one.wanted, Reference("fig1", "a", "share")))
+    samples = found(one, 3)
+    names = [(ref.observer, ref.metric) for ref in samples.trials[0].found or ()]
+    assert names == [("a", "gain"), ("idle", "gain"), ("a", "share")]
+    assert samples.outcomes(one.with_null) == ["holds"] * 3  # it is 1000
+    harder = with_checks(one, Check.parse({"value": "fig1 a gain", "above": 1001}))
+    assert samples.outcomes(harder.with_null) == ["opposed"] * 3
 
 
-def test_failing_claim_is_reversed_too_if_possible() -> None:
-    reversal = found(claim("fig1 a gain", GAIN, below=1000), 1).reversal
-    assert reversal is not None
-    assert reversal.end < 1000
-    assert found(claim("fig1 a gain", GAIN, above=1), 1).reversal is None
+# Words and counts that are few are counted.
 
 
-def test_diverging_sample_counts_as_failed() -> None:
-    one = found(claim("fig2 a gain", GAIN, above=0))
-    assert one.firm is False
-    assert one.held + one.diverged == one.samples
-    assert 0 < one.diverged < one.samples
-    assert one.reversal is not None  # to where it diverges
-    assert one.reversal.end < 1000
+def test_few_discrete_choices_are_counted() -> None:
+    words = claim("fig1 a variant", VARIANT, below=1.5)
+    one = found(words, 1)  # a maximum of samples is none of what is counted
+    assert (one.samples, one.whole) == (3, 3)
+    assert [trial.values for trial in one.trials] == [("sampled",), ("continuous",), ("forgetting",)]
+    assert counted(words, one) == Counted(2, 3, whole=True)
+    assert verdicts(words, one) == ("depends on unstated choices",)
+    both = claim("fig1 a variant", VARIANT, PERIODS, below=2.5)
+    one = found(both)
+    assert one.samples == one.whole == 3 * 4
+    assert len({trial.values for trial in one.trials}) == 12
+    assert verdicts(both, one) == ("reproduced",)
 
 
-def test_refused_sample_counts_as_failed() -> None:
-    one = found(claim("fig3 a gain", GAIN, above=0))
-    assert (one.held + len(one.refused), one.diverged) == (one.samples, 0)
-    assert all(gain < 1000 for k in one.refused for gain in one.trials[k].values)
-    assert one.firm is False
-    assert one.reversal is not None  # to where it is refused
-    assert one.reversal.end < 1000
-    assert one.to_keep.samples[one.refused[0]] is None
+def test_what_is_counted_with_what_is_not_is_sampled() -> None:
+    one = found(claim("fig1 a variant", VARIANT, GAIN, below=2.5))
+    assert (one.whole, one.samples) == (None, 36)
 
 
-def test_existence_claim_stops_at_the_first_example() -> None:
-    rare = claim("fig1 a gain", GAIN, above=4000)  # a tenth of the samples, without the nominal one
-    can, seldom = found(replace(rare, quantifier="can")), found(rare)
-    assert (can.firm, can.samples) == (True, 20)
-    assert 0 < can.held < 20
-    assert seldom.samples > 20
-    always = found(replace(claim("fig1 a gain", GAIN, below=4000), quantifier="always"))
-    assert (always.firm, always.samples) == (True, 20)
-    none = found(replace(claim("fig1 a gain", GAIN, above=5001), quantifier="can"))
-    assert (none.firm, none.samples, none.held) == (True, 36, 0)
-
-
-def test_expensive_claim_is_searched_at_range_ends_only(shown: list[str]) -> None:
-    expensive = replace(claim("fig1 a gain", GAIN, above=1000), expensive=True)
-    one = found(expensive, 4)
-    assert one.samples == 4
-    assert one.reversal is not None
-    assert one.reversal.end <= 1000
-    # Nominal, samples, two ends, halvings.
-    assert len(shown) == 1 + 4 + 2 + 4
-
-
-def test_no_reversal_is_reported_without_a_search(shown: list[str], tmp_path: Path) -> None:
-    one = claim("fig1 a gain", GAIN, above=100)
-    silent = assess(Evaluator(ILO), [one], 4, reversals=False)["it"]
-    assert (silent.samples, silent.reversal, silent.looked) == (4, None, False)
-    assert len(shown) == 1 + 4
-    stored = {"paper": "ilo", "seed": 1, "samples": 4, "claims": {"it": to_data(silent)}}
-    (tmp_path / "robustness.json").write_text(json.dumps(stored))
-    assert read_robustness(tmp_path / "robustness.json", "ilo") == {"it": silent}
+def test_claims_with_and_without_counting_are_decided_together() -> None:
+    words = claim("fig1 a variant", VARIANT, below=1.5, name="words")
+    near = claim("fig1 a gain", GAIN, above=630)
+    both = assess(Evaluator(ILO), [words, near], lambda _: 30, 0.9)
+    assert (both["words"].samples, both["it"].samples) == (3, 30)
 
 
 def test_claims_without_choices_and_broken_claims_are_skipped() -> None:
     free = claim("fig1 a gain", above=0)
     unknown = claim("fig1 a gains", GAIN, above=0)
-    assert assess(Evaluator(ILO), [free, unknown], 4) == {}
+    assert assess(Evaluator(ILO), [free, unknown], lambda _: 4, 0.9) == {}
+
+
+def test_alternative_that_names_an_unknown_number_is_refused(code: Code) -> None:
+    one = claim("fig1 a gain", GAIN, above=0)
+    one = replace(one, wanted=(*one.wanted, Reference("fig1", "a", "gian")))
+    said = r"^claims\.ilo\.it: an alternative names fig1 a gian, which there is not$"
+    with pytest.raises(ValueError, match=said):
+        Inquiry.begin(Evaluator(ILO), [one], 0.9)
+
+
+@pytest.mark.parametrize("figure", ["fig1", "fig2", "fig3"])
+def test_stored_samples_are_read_as_they_were(figure: str, tmp_path: Path) -> None:
+    one = claim(f"{figure} a gain", GAIN, VARIANT, above=0)
+    samples = found(one, 40)
+    stored = {"paper": "ilo", "seed": 1, "samples": 40, "claims": {"it": to_data(one, samples)}}
+    (tmp_path / "robustness.json").write_text(json.dumps(stored))
+    assert read_robustness(tmp_path / "robustness.json", "ilo") == {"it": samples}
