@@ -5,8 +5,9 @@ e is the fault torque minus its estimate on the faulty axis. Errors are measured
 observer `learning` is the variant of (3) that `metrics.variant` names. The lower part of the table
 holds the numbers of the theory, in `theory.metrics.csv`. There the observer column may name another
 subject: `identity` is the variant with K1 = I that `theory.identity_variant` names, `best` the
-variant with the minimum error, `integral` an integrator. The stuck fault is that of Fig. 1, and an
-interval is tau.
+variant with the minimum error, `integral` an integrator. Two estimates know nothing of the fault's
+course: `zero` is always zero, `mean` is the mean of the fault. The stuck fault is that of Fig. 1,
+and an interval is tau.
 """
 
 from __future__ import annotations
@@ -24,13 +25,17 @@ from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import first_crossing, peak, settling_time
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
-from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
+from reobserve_papers.papers.ilo.scoring import NORMS, Errors, scored_errors
 from reobserve_papers.parameters.figure_data import FigureData
 
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
     "rms_error": "root mean square of e",
     "relative_rms_error": "the same, divided by that of the fault",
+    "relative_error norm=<norm> window=<window>": (
+        "e over the fault, by root mean squares (rms), mean absolute values (absolute) or largest "
+        "values (largest); from the first onset on (onset), or without what follows each (settled)"
+    ),
     "late_rms_error": "root mean square of e in the last second",
     "residual_before_fault": "largest estimate on any axis before the first onset",
     "detection_delay": "from the first onset until the estimate exceeds the threshold",
@@ -53,6 +58,18 @@ MEANINGS = {
     "noise_gain multiple=<multiple>": (
         "standard deviation of v over that of rate noise drawn at each update and held"
     ),
+    "growth_of_the_constant side=<side>": (
+        "constant of Assumption 2 for errors ten times as large, over the constant: of the whole "
+        "torque (two), or of its component along the error (one)"
+    ),
+    "gaps": "steps of the printed proof that a counterexample refutes",
+    "certified": "1 if Theorem 1 certifies the gains, 0 if not",
+    "sine_error_over rival=<rival>": (
+        "amplitude of e under sin 10 t over that of a rival with the same K2 and tau: without "
+        "learning (none), an integrator K2 / tau with the damping ratio of `theory.damping_ratio` "
+        "(integrator), or with a proportional part K2 / 2 (proportional_integral)"
+    ),
+    "decay_at_rest": "rate at which the slowest error decays at rest, without excitation",
     "worst_round_gain": "largest factor of an error from one interval to the next",
     "sine_error interval=<interval>": "amplitude of e over that of sin 10 t, linear theory",
     "largest_interval frequency=<frequency>": (
@@ -70,12 +87,22 @@ MEANINGS = {
     "late_relative_error_after_other_start": (
         "root mean square of e over the fault in the last second of that run"
     ),
+    "late_relative_error_after_other_start norm=largest": "the same by largest values",
+    "error_left_after_other_start": (
+        "root mean square of e in the last second of that run over that in the first"
+    ),
     "late_relative_error_under_a_constant": (
         "the same of the adaptive observer under the stuck fault"
     ),
     "relative_error slowdown=<factor>": "the same after updates become rarer by a factor",
     "relative_error": "root mean square of e over that of the aperiodic fault, with an integrator",
     "relative_error_under_random_fault": "the same for a fault that joins random values by lines",
+    "relative_error_under_random_fault fault=fastest": (
+        "the same with 10 ms between the random values"
+    ),
+    "relative_error_under_random_fault gains=larger": (
+        "the same with ten times the largest K2 and tau of one sampling period, K1 = I"
+    ),
     "relative_error_under_noise": "the same for the aperiodic fault, measured with noise",
     "relative_error_with_wrong_inertia": (
         "the same without noise, with a wrong inertia, whose torque counts as part of the fault"
@@ -95,10 +122,30 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     if keys.VARIANTS.keys() <= data.estimates.keys():
         named = (one for one in scores if one.observer == data.job.metrics.variant)
         yield from (replace(one, observer=LEARNING) for one in named)
+        yield from _relative_errors(data)
     score = "relative_rms_error"
     if data.study:  # the mean over the runs at each level
         for (observer, sweep, level), runs in data.study.groups("observer", "sweep", "level"):
             yield Metric.at(observer, (score, float(np.mean(runs[score])), "1"), **{sweep: level})
+
+
+def _relative_errors(data: FigureData[keys.Job]) -> Iterator[Metric]:
+    """Errors of the variant that is named and of constant guesses, in all norms and windows."""
+    job, estimate = data.job, data.estimates[data.job.metrics.variant]
+    for window, skip in (("settled", job.metrics.settling_skip), ("onset", 0.0)):
+        errors = scored_errors(job, data.plant, estimate, skip)
+        guesses = {
+            LEARNING: errors,
+            "zero": errors.guessed(0.0),
+            "mean": errors.guessed(errors.mean_fault),
+        }
+        for name, one in guesses.items():
+            for norm in NORMS:
+                score = ("relative_error", one.relative(norm), "1")
+                yield Metric.at(name, score, norm=norm, window=window)
+    begin = float(estimate.time[-1]) - job.metrics.late_window
+    late = Errors.of(data.plant, estimate, job.metrics.axis - 1).window(begin)
+    yield Metric("zero", "late_rms_error", late.guessed(0.0).root_mean_square, "N m")
 
 
 def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:

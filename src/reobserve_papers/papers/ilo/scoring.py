@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve_papers.metrics.responses import (
     check_windows,
+    peak,
     root_mean_square_of_steps,
     scored,
     window,
@@ -18,6 +20,19 @@ from reobserve_papers.papers.ilo import keys
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
+
+
+def _mean_absolute(start: Array, end: Array) -> float:
+    """Mean absolute value of a signal from its limits inside each step (trapezoidal rule)."""
+    return float(np.mean(np.abs(start) + np.abs(end)) / 2)
+
+
+# Sizes of a signal from its limits inside each step.
+NORMS: Mapping[str, Callable[[Array, Array], float]] = {
+    "rms": root_mean_square_of_steps,
+    "absolute": _mean_absolute,
+    "largest": peak,
+}
 
 
 @dataclass(frozen=True)
@@ -54,7 +69,22 @@ class Errors:
     @property
     def relative_root_mean_square(self) -> float:
         """Root mean square of e over that of u_f."""
-        return self.root_mean_square / root_mean_square_of_steps(self.fault_start, self.fault_end)
+        return self.relative("rms")
+
+    def relative(self, norm: str) -> float:
+        """|e| over |u_f|, both measured by one of `NORMS`."""
+        size = NORMS[norm]
+        return size(self.start, self.end) / size(self.fault_start, self.fault_end)
+
+    @property
+    def mean_fault(self) -> float:
+        """Mean of u_f over time [N m]."""
+        return float(np.mean(self.fault_start + self.fault_end) / 2)
+
+    def guessed(self, constant: float) -> Errors:
+        """The errors of an estimate that is always ``constant`` [N m]."""
+        start, end = self.fault_start - constant, self.fault_end - constant
+        return replace(self, start=start, end=end)
 
     @classmethod
     def of(cls, plant: Series, estimate: Series, axis: int) -> Errors:
@@ -80,18 +110,21 @@ def check_rules(rules: keys.Metrics, horizon: float, step: float) -> None:
     check_windows(windows, horizon, 2.0 * step)
 
 
-def scored_errors(job: keys.Job, plant: Series, estimate: Series) -> Errors:
+def scored_errors(
+    job: keys.Job, plant: Series, estimate: Series, skip: float | None = None
+) -> Errors:
     """Errors on the faulty axis from the first onset on, as used in the metrics of figures.
 
-    The ``metrics.settling_skip`` seconds after each onset are left out.
+    The ``skip`` seconds after each onset are left out, by default ``metrics.settling_skip``.
     """
+    skip = job.metrics.settling_skip if skip is None else skip
     errors = Errors.of(plant, estimate, job.metrics.axis - 1)
     onsets = plant.events["onsets"] or (0.0,)
     keep = errors.time > onsets[0] - 1e-9
     for onset in onsets:
-        skipped = onset + job.metrics.settling_skip
+        skipped = onset + skip
         keep &= (errors.time < onset - 1e-9) | (errors.time > skipped - 1e-9)
     if not keep.any():
-        problem = f"{job.metrics.settling_skip:g} s after each onset leave no step to be scored"
+        problem = f"{skip:g} s after each onset leave no step to be scored"
         raise InputError("metrics.settling_skip", problem)
     return errors.of_steps(keep)

@@ -29,6 +29,8 @@ _JUST_OUTSIDE = 1 - 1e-12
 _AMPLE = 1e6  # a Lambda [N m s/rad] that would certify K1 = I if any did
 _ROWS = 20  # cases of Lemma 1 with the same gains
 _AXES = 3
+_LARGE = 1e3  # times |w|: an error at which only the quadratic part of the torque counts
+_PEAKS = 1000  # of the mismatch that refutes the end of the proof
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
@@ -56,7 +58,8 @@ def _without_observers(stated: str) -> tuple[Metric, ...]:
     """Numbers that need no observer, cached, since sampling varies the gains many times."""
     given, *matrices = json.loads(stated)
     theory = keys.Theory(**given)
-    return (*_lemma(theory), *_theorem(theory, RigidBody(*matrices)))
+    body = RigidBody(*matrices)
+    return (*_lemma(theory), *_theorem(theory, body), *_proof(theory, body))
 
 
 def _lemma(theory: keys.Theory) -> Iterator[Metric]:
@@ -93,6 +96,33 @@ def _theorem(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
     yield Metric("theorem_1", "minimum_constant_error", min(left), "1")
     unstable = [_unstable(body, *design) for design in _certified(theory, fault)]
     yield Metric("theorem_1", "unstable_share", float(np.mean(unstable)), "1")
+
+
+def _proof(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
+    """Growth of the constant of Assumption 2 with the error, and the gaps of the printed proof.
+
+    The first gap is Assumption 2, if no constant holds for all errors. The second is the end, where
+    a bounded mean of |e|^2 is said to bound e: it is refuted by peaks |e|^2 = n on [n, n + n^-3).
+    """
+    stream = random_stream(theory.random_seed, "ilo", "assumption 2")
+    rate, *errors = stream.normal(size=(theory.cases // _ROWS + 1, 3))
+    errors = np.array(errors) * _LARGE * np.linalg.norm(rate)
+
+    def constants(error: Array) -> tuple[float, float]:
+        torque = np.cross(rate, body.inertia @ rate)
+        other = rate - error
+        torque = torque - np.cross(other, other @ body.inertia)
+        size = np.linalg.norm(error, axis=1)
+        along = np.abs(np.sum(error * torque, axis=1)) / size**2
+        return float(np.max(np.linalg.norm(torque, axis=1) / size)), float(np.max(along))
+
+    growths = np.divide(constants(10 * errors), constants(errors)).tolist()
+    for side, growth in zip(("two", "one"), growths, strict=True):
+        yield Metric.at("assumption_2", ("growth_of_the_constant", growth, "1"), side=side)
+    peaks = np.arange(1.0, _PEAKS + 1)
+    means = np.cumsum(peaks * peaks**-3) / peaks  # of |e|^2 over [0, n + 1)
+    gaps = [growths[0] > 2, bool(np.max(means) <= means[0] and peaks[-1] > peaks[0])]
+    yield Metric("theorem_1", "gaps", float(sum(gaps)), "1")
 
 
 def _certified(theory: keys.Theory, fault: Array) -> Iterator[tuple[float, Array, Array, float]]:

@@ -8,13 +8,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from reobserve.core.matrices import as_matrix
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
     matched_integrator,
     pi_error_transfer,
     sampled_error_transfer,
 )
-from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.synthesis.ilo_certificate import certify
+from reobserve.synthesis.ilo_error_system import Complex, LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import (
     held_blocks,
     sampled_limit_gain,
@@ -27,6 +29,7 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.metrics import LEARNING
+from reobserve_papers.papers.ilo.setup import pure_integrator
 from reobserve_papers.parameters.job import named
 
 _SHORTEST = 1e-6  # [s] lower end of the search for the longest accurate interval
@@ -44,8 +47,12 @@ def measure(job: keys.Job) -> Iterator[Metric]:
     axis = job.metrics.axis - 1
     laws = {name: _law(job, name) for name in keys.VARIANTS}
     yield from _sampled(laws["sampled"], job.theory, axis)
-    yield from _learning(laws[job.metrics.variant], job.metrics.variant == "sampled", job)
-    yield from _accuracy(laws["continuous"], job.theory, axis)
+    variant = laws[job.metrics.variant], job.metrics.variant == "sampled", job
+    yield from _learning(*variant)
+    yield from _over_rivals(*variant)
+    yield from _at_rest(job)
+    for name in ("continuous", "forgetting"):
+        yield from _accuracy(name, laws[name], job.theory, axis)
 
 
 def _law(job: keys.Job, name: str) -> LearningLaw:
@@ -68,6 +75,52 @@ def _learning(law: LearningLaw, held: bool, job: keys.Job) -> Iterator[Metric]:
     yield Metric(LEARNING, "worst_round_gain", gain, "1")
     distance = _distance(law, held, job.theory.frequency, job.metrics.axis - 1)
     yield Metric(LEARNING, "distance_from_integrator", distance, "1")
+    certified = certify(law.observer_gain, law.fault_matrix, law.K1, law.K2).certified
+    yield Metric(LEARNING, "certified", float(certified), "1")
+
+
+@part
+def _over_rivals(law: LearningLaw, held: bool, job: keys.Job) -> Iterator[Metric]:
+    """Error under a sine over that of rivals with the same K2 and tau; nan if a held v is unstable.
+
+    `zero`, which estimates nothing, has an error of one.
+    """
+    theory, axis = job.theory, job.metrics.axis - 1
+    omega, gains = theory.frequency, matched_integrator(law.K2, law.update_interval)
+    integrator = pure_integrator(job, gains.integral_gain.tolist(), theory.damping_ratio)
+    without = _error(omega, replace(law, K1=0.0 * law.K1), held)
+    body = law.inertia, law.observer_gain, law.fault_matrix
+    both = gains.integral_gain, gains.proportional_gain
+    rivals = {
+        "none": without[axis, axis],
+        "integrator": pi_error_transfer(
+            omega, law.inertia, integrator.observer_gain, law.fault_matrix, integrator.integral_gain
+        )[0, axis, axis],
+        "proportional_integral": pi_error_transfer(omega, *body, *both)[0, axis, axis],
+    }
+    stable = not held or sampled_stability(law).verdict == "stable"
+    mine = abs(_error(omega, law, held)[axis, axis]) if stable else float("nan")
+    for whose, size in ((LEARNING, mine), ("zero", 1.0)):
+        for rival, error in rivals.items():
+            score = ("sine_error_over", float(size / abs(error)), "1")
+            yield Metric.at(whose, score, rival=rival)
+
+
+@part
+def _at_rest(job: keys.Job) -> Iterator[Metric]:
+    """Decay of the adaptive observer's errors at rest, where nothing excites it.
+
+    w~' = J^-1 (B_f e - Lambda w~) and e' = -(Gamma + Kp d/dt) w~ without a change of the fault.
+    """
+    adaptive, body = named(job.observers, "adaptive", keys.Adaptive), known_body(job.plant)
+    observer_gain, integral_gain, proportional_gain = (
+        as_matrix(name, getattr(adaptive, name), 3)
+        for name in ("observer_gain", "integral_gain", "proportional_gain")
+    )
+    rate = -np.linalg.solve(body.inertia, np.hstack([observer_gain, -body.fault_matrix]))
+    fault = np.hstack([-integral_gain, np.zeros((3, 3))]) - proportional_gain @ rate
+    slowest = float(np.max(np.linalg.eigvals(np.vstack([rate, fault])).real))
+    yield Metric("adaptive", "decay_at_rest", -slowest, "1/s")
 
 
 @part
@@ -101,7 +154,7 @@ def _noise_gain(law: LearningLaw, axis: int) -> float:
 
 
 @part
-def _accuracy(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
+def _accuracy(name: str, law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
     """Errors under a sine by interval, and the longest accurate interval by frequency."""
 
     def error(omega: float, interval: float) -> float:
@@ -111,10 +164,10 @@ def _accuracy(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metr
 
     for interval in theory.intervals:
         value = error(theory.frequency, interval)
-        yield Metric.at("continuous", ("sine_error", value, "1"), interval=interval)
+        yield Metric.at(name, ("sine_error", value, "1"), interval=interval)
     for frequency in theory.frequencies:
         longest = _largest_interval(error, frequency, theory.accuracy)
-        yield Metric.at("continuous", ("largest_interval", longest, "s"), frequency=frequency)
+        yield Metric.at(name, ("largest_interval", longest, "s"), frequency=frequency)
 
 
 def _largest_interval(
@@ -135,19 +188,24 @@ def _largest_interval(
     return float(np.pi / omega)
 
 
+def _error(omega: float, law: LearningLaw, held: bool) -> Complex:
+    """Transfer from the fault to its error, if v is held to the component at its frequency."""
+    if not held:
+        return error_transfer(omega, law)[0]
+    turn = 1j * omega * law.update_interval
+    one = np.eye(len(law.K1))
+    estimate = one - sampled_error_transfer(omega, law)[0]
+    return np.asarray(one + estimate * np.expm1(-turn) / turn)
+
+
 def _distance(law: LearningLaw, held: bool, omega: float, axis: int) -> float:
     """Relative distance between the errors of a variant and of an integrator with K2 / tau.
 
     The distance is the smaller of two: without and with a proportional part K2 / 2. Continuous
     updates with K1 = I tend to the latter for small tau. If v is held, only its component at the
-    frequency of the fault counts.
+    frequency of the fault counts (see `_error`).
     """
-    error = error_transfer(omega, law)
-    if held:
-        turn = 1j * omega * law.update_interval
-        one = np.eye(len(law.K1))
-        error = one - (one - sampled_error_transfer(omega, law)) * -np.expm1(-turn) / turn
-    error = error[0, :, axis]
+    error = _error(omega, law, held)[:, axis]
     gains = matched_integrator(law.K2, law.update_interval)
     body = (law.inertia, law.observer_gain, law.fault_matrix)
     distances = []

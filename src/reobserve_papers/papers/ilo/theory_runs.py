@@ -34,6 +34,8 @@ from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 
+_FASTEST = 0.01  # [s] between the values of the fastest fault, the opening time of a small valve
+
 NEEDED = {**keys.VARIANTS, "adaptive": keys.Adaptive}  # the type of each observer
 
 
@@ -69,11 +71,14 @@ class Runs:
         errors = scored_errors(self.job, record, self.estimate(observer, record))
         return errors.relative_root_mean_square
 
-    def late(self, estimate: Series) -> float:
-        """Relative error under the stuck fault in the last window of the run."""
+    def late_errors(self, estimate: Series) -> Errors:
+        """Errors under the stuck fault in the last window of the run."""
         first = float(self.stuck.time[-1]) - self.job.metrics.late_window
-        errors = self.errors(estimate, self.stuck).scored("metrics.late_window", first)
-        return errors.relative_root_mean_square
+        return self.errors(estimate, self.stuck).scored("metrics.late_window", first)
+
+    def late(self, estimate: Series) -> float:
+        """Their root mean square over that of the fault."""
+        return self.late_errors(estimate).relative_root_mean_square
 
     @property
     def learning(self) -> keys.Learning:
@@ -119,6 +124,8 @@ def measure(job: keys.Job) -> Iterator[Metric]:
     yield from _slower(runs)
     yield from _bound(runs)
     yield from _under_random_faults(runs)
+    yield from _under_the_fastest_fault(runs)
+    yield from _with_larger_gains(runs)
     yield from _under_noise(runs)
     yield from _with_wrong_inertia(runs)
     yield from _by_adaptive_gain(runs)
@@ -138,8 +145,14 @@ def _other_start(runs: Runs) -> Iterator[Metric]:
 
 @part
 def _from_other_start_with_identity(runs: Runs) -> Iterator[Metric]:
-    late = runs.late(_started(runs, runs.job.theory.identity_variant))
-    yield Metric("identity", "late_relative_error_after_other_start", late, "1")
+    """The last window in two norms, and over the first one."""
+    estimate = _started(runs, runs.job.theory.identity_variant)
+    late, name = runs.late_errors(estimate), "late_relative_error_after_other_start"
+    yield Metric("identity", name, late.relative_root_mean_square, "1")
+    yield Metric.at("identity", (name, late.relative("largest"), "1"), norm="largest")
+    first = runs.errors(estimate, runs.stuck).window(0.0, runs.job.metrics.late_window)
+    left = late.root_mean_square / first.root_mean_square
+    yield Metric("identity", "error_left_after_other_start", left, "1")
 
 
 def _started(runs: Runs, name: str) -> Series:
@@ -212,21 +225,48 @@ def _under_random_faults(runs: Runs) -> Iterator[Metric]:
 
     The variants have the shortest interval and the largest K2.
     """
-    job, theory = runs.job, runs.job.theory
+    theory = runs.job.theory
+    gain, interval = theory.largest_gain, min(theory.intervals)
+    variants = [
+        replace(runs.variant(name), K2=gain, update_interval=interval) for name in keys.VARIANTS
+    ]
+    found = min(_error_under_random_fault(runs, one) for one in variants)
+    yield Metric("best", "relative_error_under_random_fault", found, "1")
+    integral = pure_integrator(runs.job, theory.adaptive_gain, theory.damping_ratio)
+    found = _error_under_random_fault(runs, integral)
+    yield Metric("integral", "relative_error_under_random_fault", found, "1")
+
+
+@part
+def _under_the_fastest_fault(runs: Runs) -> Iterator[Metric]:
+    """Error of an integrator under a random fault that is as fast as the torque can be."""
+    theory = runs.job.theory
+    integral = pure_integrator(runs.job, theory.adaptive_gain, theory.damping_ratio)
+    found = _error_under_random_fault(runs, integral, _FASTEST)
+    score = ("relative_error_under_random_fault", found, "1")
+    yield Metric.at("integral", score, fault="fastest")
+
+
+@part
+def _with_larger_gains(runs: Runs) -> Iterator[Metric]:
+    """Error under a random fault with K1 = I, beyond the ranges of K2 and tau."""
+    continuous = runs.variant("continuous")
+    gain, interval = 10 * runs.job.theory.largest_gain, continuous.sampling_period
+    beyond = replace(continuous, K1=1.0, K2=gain, update_interval=interval)
+    score = ("relative_error_under_random_fault", _error_under_random_fault(runs, beyond), "1")
+    yield Metric.at("best", score, gains="larger")
+
+
+def _error_under_random_fault(
+    runs: Runs, observer: keys.Observer, spacing: float | None = None
+) -> float:
+    """Relative RMS error after the first second, with ``spacing`` [s] between random values."""
+    job = runs.job
+    theory = job.theory if spacing is None else replace(job.theory, fault_spacing=spacing)
     record = runs.record(random_fault(theory, job.plant.horizon, job.metrics.axis))
     first = record.events["onsets"][0] + job.metrics.settling_skip
-    gain, interval = theory.largest_gain, min(theory.intervals)
-    observers: dict[str, list[keys.Observer]] = {
-        "best": [
-            replace(runs.variant(name), K2=gain, update_interval=interval) for name in keys.VARIANTS
-        ],
-        "integral": [pure_integrator(job, theory.adaptive_gain, theory.damping_ratio)],
-    }
-    for name, tried in observers.items():
-        errors = (runs.errors(runs.estimate(one, record), record) for one in tried)
-        chosen = (one.scored("metrics.settling_skip", first) for one in errors)
-        found = min(one.relative_root_mean_square for one in chosen)
-        yield Metric(name, "relative_error_under_random_fault", found, "1")
+    errors = runs.errors(runs.estimate(observer, record), record)
+    return errors.scored("metrics.settling_skip", first).relative_root_mean_square
 
 
 @part
