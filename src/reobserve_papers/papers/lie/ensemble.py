@@ -22,9 +22,11 @@ from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.scoring import (
+    integral_of_sizes,
     integral_of_squares,
     ratios,
     settling_time,
+    settling_time_of,
     share_better,
 )
 from reobserve_papers.papers.lie.setup import build_observer, build_problem, build_system, forms
@@ -41,20 +43,32 @@ GAINS = ("series", "jacobian")
 
 
 class RunOutcome(NamedTuple):
-    """Outcome of a run: integrals of squared errors [s], and settling time [s], or nan if never."""
+    """Outcome of a run: integrals of squared errors [s], and settling time [s], or nan if never.
+
+    ``sizes`` are the integrals of |x^ - x| and of its components' absolute values [s]. The settling
+    times of components, ``settling_times``, are into the same band.
+    """
 
     squares: tuple[float, ...]
     settling_time: float
     diverged: bool
+    sizes: tuple[float, ...] = ()
+    settling_times: tuple[float, ...] = ()
 
     @property
     def ise(self) -> float:
         """The integral of |x^ - x|^2 [s]."""
         return float(sum(self.squares))
 
-    def ise_of(self, error: str) -> float:
-        """The integral for the whole error, ``x``, or for one component, ``x1`` or ``x2``."""
-        return self.ise if error == "x" else self.squares[int(error[1:]) - 1]
+    def size(self, error: str, measure: str) -> float:
+        """One of `MEASURES` of the whole error, ``x``, or of one component, ``x1`` or ``x2``."""
+        component = 0 if error == "x" else int(error[1:])
+        of = {
+            "square": (self.ise, *self.squares),
+            "absolute": self.sizes,
+            "settling": (self.settling_time, *self.settling_times),
+        }
+        return of[measure][component]
 
     @property
     def settled(self) -> bool:
@@ -76,10 +90,21 @@ class EnsembleRecord:
         state = observer.init(estimate)
         run = run_on_halves(observer, self.output, state=state, on_divergence="return")
         if run.diverged_at is not None:
-            return RunOutcome((float("nan"),) * len(self.start), float("nan"), diverged=True)
-        error = run["state"] - self.states[::2]
-        squares = integral_of_squares(error, self.step).tolist()
-        return RunOutcome(tuple(squares), settling_time(error, self.step, band), diverged=False)
+            none = (float("nan"),) * len(self.start)
+            return RunOutcome(none, float("nan"), True, (float("nan"), *none), none)
+        return self.scored(run["state"], band)
+
+    def scored(self, estimates: Array, band: float) -> RunOutcome:
+        """The outcome of estimates at every step."""
+        error, step = estimates - self.states[::2], self.step
+        level = float(band * np.linalg.norm(error[0]))
+        return RunOutcome(
+            tuple(integral_of_squares(error, step).tolist()),
+            settling_time(error, step, band),
+            diverged=False,
+            sizes=tuple(integral_of_sizes(error, step).tolist()),
+            settling_times=tuple(settling_time_of(np.abs(one), step, level) for one in error.T),
+        )
 
 
 def records(

@@ -241,6 +241,8 @@ class Theory:
     choices: Count
     tries: Annotated[int, within(1, 1000)]
     margin: Positive
+    lie_gain: Literal["eliminated", "open"]
+    brute_force: Literal["by_degree", "all_at_once"]
     compared_order: Order
     compared_gain: Gain
     compared_error: Literal["x", "x1", "x2"]

@@ -60,12 +60,24 @@ MEANINGS = {
     "spectrum_difference": "largest from an eigenvalue of ad_A to those of Lemma 4.17",
     "off_diagonal": "largest off-diagonal entry of ad_A for a diagonal A",
     "share": "of random linear parts, with poles found whose divisors are above a margin",
+    "share states=<states>": "the same with more states than two",
+    "operations degree=<degree>": (
+        "sums, products and quotients of fractions for T up to a degree, the gain of the Lie "
+        "transform as `theory.lie_gain` states and brute force as `theory.brute_force` does"
+    ),
     "decay_rate": "mean slope of log |e| over a turn of the limit cycle; of the theory, of |xi|",
     "error_decay": "mean slope of log |T(z) - x| near the origin; the slowest of random systems",
+    "error_decay growth=<growth>": "the same until the state has grown by this factor, not ten",
     "share_better": "of initial states, with an `ise` below that of the constant gain",
+    "share_better measure=<measure>": (
+        "of initial states, from which the error is smaller than with the constant gain, by the "
+        "integral of its square (square) or absolute value (absolute), or by when it settles "
+        "(settling)"
+    ),
     "share_settled": "of initial states, from which e settles within the run",
     "latest_settling_time": "largest `settling_time` over initial states; `nan` if one is",
-    "largest_improvement": "on the squared error of the constant gain, over initial states",
+    "share_better_at_order_0 measure=<measure>": "the same of the nonlinear injection at order 0",
+    "largest_improvement measure=<measure>": "on the constant gain by that error, in any run",
     "share_mostly_better": "of cubic injections, better than the constant gain from most states",
     "minimum_median_ise_ratio": "minimum over cubic injections",
     "median_ise_ratio": "median over initial states of `ise` over that of the constant gain",
@@ -107,6 +119,8 @@ def _orders(data: FigureData[keys.Job]) -> Iterator[Metric]:
         found = study.where(form=form, quantity="floquet_exponent", order=observer.order)
         for value in found["value"]:
             yield Metric(name, "floquet_exponent", float(value), "1/s")
+    copy = study.value(form="copy", quantity="floquet_exponent")
+    yield Metric("copy", "floquet_exponent", copy, "1/s")
 
 
 def _domain(data: FigureData[keys.Job]) -> Iterator[Metric]:

@@ -27,7 +27,10 @@ NAN = float("nan")
 def run(
     job: keys.Job, study: keys.OrdersStudy, plant: Series, design: Mapping[str, Any]
 ) -> list[Row]:
-    """Rows by gain and order, those of the study's observers, and those of the limit cycle."""
+    """Rows by gain and order, of the study's observers, of the limit cycle and of a plant's copy.
+
+    `copy` is the plant without any correction.
+    """
     observers = job.observers
     known = forms(job, study.design, design)
     form = known[study.design]
@@ -50,6 +53,10 @@ def run(
             built = build_observer(body, other)
         rows += _errors(job, plant, name, built.order, built, body.initial_estimate)
         rows.append(_exponent(cycle, where, other, "jacobian", built.order, name))
+    n = form.problem.system.states
+    slopes = form.problem.system.dynamics.jacobian()(where).reshape(-1, n, n)
+    exponent = floquet_exponents(cycle, slopes)[0]
+    rows.append(summary("copy", 0, "floquet_exponent", exponent, "1/s"))
     return rows
 
 

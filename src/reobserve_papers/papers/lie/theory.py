@@ -32,9 +32,11 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.lie import keys, table
 from reobserve_papers.papers.lie.ensemble import RunOutcome, axis, records
 from reobserve_papers.papers.lie.lie_transform import lie_transform
-from reobserve_papers.papers.lie.scoring import ratios, share_better
+from reobserve_papers.papers.lie.operations import operations
+from reobserve_papers.papers.lie.scoring import MEASURES, largest_improvement, share_better
 from reobserve_papers.papers.lie.setup import build_problem, build_system, stored_form
 from reobserve_papers.papers.lie.theory_runs import (
+    GROWTH,
     Case,
     decay_rate,
     deviation_from_linear,
@@ -53,6 +55,9 @@ from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.signals.grid import multiple
 
 Array = NDArray[np.float64]
+
+_MORE_STATES = (4, 6)  # than the example has
+_COUNTED = (3, 5, 7)  # degrees of T at which operations are counted
 
 
 def measure(job: keys.Job, designs: Mapping[str, Any]) -> list[Metric]:
@@ -74,9 +79,12 @@ def measure(job: keys.Job, designs: Mapping[str, Any]) -> list[Metric]:
         ),
         *_siegel_domain(theory),
         *_nonresonant(theory),
-        *_settled(job, designs["linear"]),
-        *_constant(job, designs["linear"]),
-        *_better(job, designs["linear"]),
+        *_nonresonant_in_more_states(theory),
+        *_operations(job),
+        *_settled(job, designs),
+        *_constant(job, designs),
+        *_better(job, designs),
+        *_injected(job, designs),
     ]  # fmt: skip
 
 
@@ -125,8 +133,16 @@ def _runs(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
         body = job.designs[name]
         yield Metric(name, "inverse_radius", _inverse_radius(job, body, theory.series_degree), "1")
     linear = forms["linear"]
-    decay = error_decay(linear.problem, linear.T, theory.decay_start, theory.decay_duration)
-    yield Metric("linear", "error_decay", decay, "1/s")
+    start = theory.decay_start, theory.decay_duration
+    yield from _decays("linear", [error_decay(linear.problem, linear.T, *start)])
+
+
+def _decays(name: str, found: list[dict[float, float]]) -> Iterator[Metric]:
+    """The slowest of some decays, until the state has grown tenfold or by another factor."""
+    for growth in found[0]:
+        slowest = max(one[growth] for one in found)
+        at = {} if growth == GROWTH else {"growth": growth}
+        yield Metric.at(name, ("error_decay", slowest, "1/s"), **at)
 
 
 @part
@@ -162,7 +178,7 @@ def _random_systems(
         "random": [drawn("random", k, 2 + k % 2, degree - k % 2) for k in range(cases)],
         "unobservable": [drawn("unobservable", k, 3, degree - 1) for k in range(cases)],
     }
-    metrics = []
+    metrics: list[Metric] = []
     for name, problems in systems.items():
         found = [Solutions(problem) for problem in problems]
         decays = [
@@ -170,10 +186,7 @@ def _random_systems(
             for one in found
         ]
         residual = max(one.residual() for one in found)
-        metrics += [
-            Metric(name, "largest_residual", residual, "1"),
-            Metric(name, "error_decay", max(decays), "1/s"),
-        ]
+        metrics += [Metric(name, "largest_residual", residual, "1"), *_decays(name, decays)]
         if name == "random":
             difference = max(one.difference() for one in found)
             metrics.append(Metric(name, "largest_difference", difference, "1"))
@@ -207,52 +220,100 @@ def _nonresonant(theory: keys.Theory) -> Iterator[Metric]:
 
     Up to ``tries`` pairs of poles are drawn for each.
     """
-    stream = random_stream(theory.seed, "lie", "poles")
-    basis = monomials(2, theory.printed_degree)
-    slowest, fastest = sorted(as_vector("poles", theory.poles, 2))
-
-    def far(F: Array) -> bool:
-        found = resonance(F, np.diag(stream.uniform(slowest, fastest, 2)), basis)
-        return found.distance >= theory.margin * found.size
-
-    parts = (stream.standard_normal((2, 2)) for _ in range(theory.choices))
-    good = sum(any(far(F) for _ in range(theory.tries)) for F in parts)
-    yield Metric("nonresonant", "share", good / theory.choices, "1")
+    yield Metric("nonresonant", "share", _nonresonant_share(theory, 2), "1")
 
 
 @part
-def _settled(job: keys.Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+def _nonresonant_in_more_states(theory: keys.Theory) -> Iterator[Metric]:
+    for states in _MORE_STATES:
+        score = ("share", _nonresonant_share(theory, states), "1")
+        yield Metric.at("nonresonant", score, states=states)
+
+
+def _nonresonant_share(theory: keys.Theory, states: int) -> float:
+    label = ("poles",) if states == 2 else ("poles", str(states))
+    stream = random_stream(theory.seed, "lie", *label)
+    basis = monomials(states, theory.printed_degree)
+    slowest, fastest = sorted(as_vector("poles", theory.poles, 2))
+
+    def far(F: Array) -> bool:
+        found = resonance(F, np.diag(stream.uniform(slowest, fastest, states)), basis)
+        return found.distance >= theory.margin * found.size
+
+    parts = (stream.standard_normal((states, states)) for _ in range(theory.choices))
+    good = sum(any(far(F) for _ in range(theory.tries)) for F in parts)
+    return good / theory.choices
+
+
+@part
+def _operations(job: keys.Job) -> Iterator[Metric]:
+    """Section 6: operations of the Lie transform and of brute force (see `operations`)."""
+    theory = job.theory
+    for degree in _COUNTED:
+        problem = build_problem(job.plant, job.designs["linear"], degree=degree, exact=True)
+        found = operations(problem)
+        for name, method in (("lie", theory.lie_gain), ("brute_force", theory.brute_force)):
+            score = ("operations", float(getattr(found, method)), "1")
+            yield Metric.at(name, score, degree=degree)
+
+
+@part
+def _settled(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: share of initial states from which an order settles, in both forms."""
-    for name, outcomes in _outcomes(job, design, "identity", "transformed").items():
+    for name, outcomes in _outcomes(job, designs, "identity", "transformed", "copy").items():
         settled = float(np.mean([one.settled for one in outcomes]))
         yield Metric(name, "share_settled", settled, "1")
 
 
 @part
-def _constant(job: keys.Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+def _constant(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: how long the constant gain takes from the worst initial state."""
-    outcomes = _outcomes(job, design, "constant")["constant"]
-    latest = float(np.max([one.settling_time for one in outcomes]))
-    yield Metric("constant", "latest_settling_time", latest, "s")
+    for name, outcomes in _outcomes(job, designs, "constant", "copy").items():
+        latest = float(np.max([one.settling_time for one in outcomes]))
+        yield Metric(name, "latest_settling_time", latest, "s")
 
 
 @part
-def _better(job: keys.Job, design: Mapping[str, Any]) -> Iterator[Metric]:
-    """Section 6: how often and by how much an order is better than the constant gain."""
-    found = _outcomes(job, design, "identity", "constant")
-    ise, reference = (
-        [one.ise_of(job.theory.compared_error) for one in found[name]]
-        for name in ("identity", "constant")
-    )
-    yield Metric("identity", "share_better", share_better(ise, reference), "1")
-    improvement = 1.0 - float(np.min(ratios(ise, reference)))
-    yield Metric("identity", "largest_improvement", max(0.0, improvement), "1")
+def _better(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: how often and by how much an order is better than the constant gain.
+
+    `over_copy` compares it with the plant's copy instead.
+    """
+    error = job.theory.compared_error
+    found = _outcomes(job, designs, "identity", "constant", "copy")
+    for name, reference in (("identity", "constant"), ("over_copy", "copy")):
+        for measure in MEASURES:
+            pair = found["identity"], found[reference]
+            mine, other = ([one.size(error, measure) for one in runs] for runs in pair)
+            score = ("share_better", share_better(mine, other), "1")
+            yield Metric.at(name, score, measure=measure)
+            score = ("largest_improvement", largest_improvement(mine, other), "1")
+            yield Metric.at(name, score, measure=measure)
 
 
-def _outcomes(job: keys.Job, design: Mapping[str, Any], *names: str) -> dict[str, list[RunOutcome]]:
-    """Outcomes over a grid, of the constant gain and of an order in both forms."""
+@part
+def _injected(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: how often the nonlinear injection at order 0 is better than the constant gain."""
+    found = _outcomes(job, designs, "nonlinear", "constant")
+    for measure in MEASURES:
+        mine, other = (
+            [one.size("x", measure) for one in found[name]] for name in ("nonlinear", "constant")
+        )
+        score = ("share_better_at_order_0", share_better(mine, other), "1")
+        yield Metric.at("nonlinear", score, measure=measure)
+
+
+def _outcomes(
+    job: keys.Job, designs: Mapping[str, Any], *names: str
+) -> dict[str, list[RunOutcome]]:
+    """Outcomes over a grid, of the constant gain, of an order in both forms, and of others.
+
+    Others are the nonlinear injection at order 0, and a copy of the plant without any correction.
+    """
     theory, body = job.theory, named(job.observers, "constant", keys.Identity)
-    form = stored_form(job.plant, job.designs["linear"], design)
+    form, injected = (
+        stored_form(job.plant, job.designs[name], designs[name]) for name in ("linear", "nonlinear")
+    )
     step, order = theory.compared_period, theory.compared_order
     steps = multiple("compared_duration", theory.compared_duration, step, "compared_period")
     with located("compared_order"):
@@ -260,13 +321,21 @@ def _outcomes(job: keys.Job, design: Mapping[str, Any], *names: str) -> dict[str
             "constant": IdentityObserver(form, 0, sampling_period=step),
             "identity": IdentityObserver(form, order, theory.compared_gain, sampling_period=step),
             "transformed": TransformedObserver(form, order, sampling_period=step),
+            "nonlinear": IdentityObserver(injected, 0, sampling_period=step),
         }
     plant = PolynomialPlant(build_system(job.plant))
     estimate = np.array(body.initial_estimate)
+    copy = plant.simulate(estimate, 0.5 * step, 2 * steps)[::2]
     coordinates = axis(theory.compared_half_width, theory.compared_points)
     runs = list(records(plant, coordinates, estimate, steps, step))
+    band = theory.compared_band
     return {
-        name: [run.outcome(observers[name], estimate, theory.compared_band) for run in runs]
+        name: [
+            run.scored(copy, band)
+            if name == "copy"
+            else run.outcome(observers[name], estimate, band)
+            for run in runs
+        ]
         for name in names
     }
 

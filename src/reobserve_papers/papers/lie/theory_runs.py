@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,8 @@ from reobserve_papers.plants.polynomial import PolynomialPlant
 
 Array = NDArray[np.float64]
 
-_GROWTH = 10.0  # of the state, at which it is no longer near the origin
+GROWTH = 10.0  # of the state, at which it is no longer near the origin
+_GROWTHS = (3.0, GROWTH, 100.0)  # other such factors
 
 
 class Case(NamedTuple):
@@ -93,18 +94,20 @@ def decay_rate(problem: NormalFormProblem, start: float, duration: float) -> flo
     def slope(_: float, xi: Array) -> Array:
         return np.asarray(system.dynamics(xi) + problem.injection(system.output(xi)))
 
-    return _mean_slope(slope, np.full(system.states, start), duration, lambda xi: xi)
+    (found,) = _mean_slopes(slope, np.full(system.states, start), duration, lambda xi: xi).values()
+    return found
 
 
 def error_decay(
     problem: NormalFormProblem, T: PolynomialMap, start: float, duration: float
-) -> float:
+) -> dict[float, float]:
     """The mean slope [1/s] of log |T(z) - x| for z' = A z - l(h(x)) from z = 0.
 
     Thomas, Kwatny & Chang, Proposition 3.10.
 
     Each state of the plant begins at ``start``. The run ends before ``duration`` if the state
-    leaves the neighbourhood of the origin, because the observer is local.
+    leaves the neighbourhood of the origin, because the observer is local: if it has grown by a
+    factor. The slopes are by that factor.
     """
     system, n = problem.system, problem.system.states
     A = problem.A.astype(np.float64)
@@ -114,30 +117,45 @@ def error_decay(
         return np.concatenate([system.dynamics(x), A @ z - problem.injection(system.output(x))])
 
     first = np.concatenate([np.full(n, start), np.zeros(n)])
-    return _mean_slope(slope, first, duration, lambda both: T(both[n:]) - both[:n], n)
+    return _mean_slopes(
+        slope, first, duration, lambda both: T(both[n:]) - both[:n], n, growths=_GROWTHS
+    )
 
 
-def _mean_slope(
+def _mean_slopes(
     slope: Callable[[float, Array], Array],
     first: Array,
     duration: float,
     error: Callable[[Array], Array],
     states: int = 0,
-) -> float:
-    """The mean slope of log |error|, until the first ``states`` have grown by `_GROWTH`."""
+    growths: Sequence[float] = (np.inf,),
+) -> dict[float, float]:
+    """The mean slopes of log |error|, until the first ``states`` have grown by each factor."""
     from scipy.integrate import solve_ivp
 
     def right(time: float, values: Array) -> Array:
         return np.asarray(slope(time, values), dtype=np.float64)
 
-    def near(_: float, values: Array) -> float:
-        size = float(np.linalg.norm(values[:states]))
-        return size - _GROWTH * float(np.linalg.norm(first[:states])) - (states == 0)
+    def event(growth: float) -> Callable[[float, Array], float]:
+        def near(_: float, values: Array) -> float:
+            size = float(np.linalg.norm(values[:states]))
+            return size - growth * float(np.linalg.norm(first[:states]))
 
-    near.terminal = True  # type: ignore[attr-defined]
-    flow = solve_ivp(right, (0, duration), first, events=near, rtol=1e-10, atol=1e-14)
-    before, after = (np.linalg.norm(error(flow.y[:, k]).astype(np.float64)) for k in (0, -1))
-    return float(np.log(after / before) / flow.t[-1])
+        near.terminal = growth == max(growths)  # type: ignore[attr-defined]
+        return near
+
+    events = [event(growth) for growth in growths] if states else None
+    flow = solve_ivp(right, (0, duration), first, events=events, rtol=1e-10, atol=1e-14)
+    before = np.linalg.norm(error(flow.y[:, 0]).astype(np.float64))
+    found = {}
+    for k, growth in enumerate(growths):
+        left = bool(states) and len(flow.t_events[k]) > 0
+        time, last = (
+            (flow.t_events[k][0], flow.y_events[k][0]) if left else (flow.t[-1], flow.y[:, -1])
+        )
+        after = np.linalg.norm(error(last).astype(np.float64))
+        found[growth] = float(np.log(after / before) / time)
+    return found
 
 
 def _run(observer: NormalFormObserver, output: Array, case: Case) -> Run[NormalFormState]:

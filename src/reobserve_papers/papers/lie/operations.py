@@ -1,0 +1,118 @@
+"""Operations that the Lie transform and brute force take to find T, over fractions.
+
+Section 6 compares the Lie transform with `brute force`, comparing coefficients. Neither program is
+printed. Coefficients of T can be compared degree by degree, or all at once. In the Lie transform
+the coefficients of the gain can be eliminated at each degree, or left open to the end (Remark
+4.22). Sums, products and quotients of fractions that are not zero are counted. Linear equations
+count as dense elimination of all their unknowns.
+
+What is left open or solved for all at once is found by Newton's method with the Jacobian at the
+start. As each step makes one more degree exact, it takes degree - 1 steps:
+
+    all at once   a step evaluates the equations for T, as the method degree by degree does once
+    open gain     each evaluation is a recursion with given gains; the Jacobian takes one for each
+                  unknown coefficient of the gain
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from reobserve.polynomials.arithmetic import Coefficients
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import Monomials
+from reobserve.synthesis.normal_form.direct_t import solve_t
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.solver import Solver, solver_for
+from reobserve.systems.polynomial import PolynomialSystem
+from reobserve_papers.papers.lie.lie_transform import lie_transform
+
+
+@dataclass(frozen=True)
+class Operations:
+    """Operations by method, up to a degree."""
+
+    by_degree: int
+    all_at_once: int
+    eliminated: int
+    open: int
+
+
+def operations(problem: NormalFormProblem) -> Operations:
+    """Count the operations of all methods on an exact problem."""
+    basis, n, steps = problem.basis, problem.system.states, problem.degree - 1
+    sizes = [n * (part.stop - part.start) for part in map(basis.part, range(2, steps + 2))]
+    gains = n * n * (int(basis.first[steps + 1]) - 1)  # unknown coefficients of L
+    linear = sum(_solution(size, 1) for size in sizes)
+    of_t = _counted(problem, solve_t)
+    lie = _counted(problem, lie_transform) + linear
+    return Operations(
+        by_degree=of_t + linear,
+        all_at_once=steps * of_t + _solution(sum(sizes), steps),
+        eliminated=lie,
+        open=(gains + steps) * lie + _solution(gains, steps),
+    )
+
+
+def _solution(size: int, times: int) -> int:
+    """Operations of a dense LU factorisation, used for so many right-hand sides."""
+    return (4 * size**3 - 3 * size**2 - size) // 6 + times * (2 * size**2 - size)
+
+
+class _Counted(Fraction):
+    """A fraction that counts the operations done with it."""
+
+    __slots__ = ()
+    done = 0
+
+    def __neg__(self) -> _Counted:
+        return _Counted(super().__neg__())
+
+
+def _counting(name: str) -> Callable[[_Counted, Any], Any]:
+    plain = getattr(Fraction, name)
+
+    def operation(self: _Counted, other: Any) -> Any:
+        found = plain(self, other)
+        if found is NotImplemented:
+            return found
+        _Counted.done += self != 0 and other != 0
+        return _Counted(found)
+
+    return operation
+
+
+for _name in ("add", "sub", "mul", "truediv"):
+    for _of in (f"__{_name}__", f"__r{_name}__"):
+        setattr(_Counted, _of, _counting(_of))
+
+
+def _counted(
+    problem: NormalFormProblem, solve: Callable[[NormalFormProblem, Solver], object]
+) -> int:
+    """Operations of a method without those of its linear equations."""
+
+    def counted(one: PolynomialMap) -> PolynomialMap:
+        return PolynomialMap(one.basis, _as_counted(one.coefficients))
+
+    plain = solver_for(problem)
+
+    def solver(basis: Monomials, right: Coefficients, degree: int) -> Coefficients:
+        return _as_counted(plain(basis, right, degree))
+
+    system = PolynomialSystem(*map(counted, (problem.system.dynamics, problem.system.output)))
+    counting = NormalFormProblem(system, counted(problem.injection), problem.degree)
+    _ = counting.injected  # which all methods share
+    before = _Counted.done
+    solve(counting, solver)
+    return _Counted.done - before
+
+
+def _as_counted(values: Coefficients) -> Coefficients:
+    found: Coefficients = np.vectorize(_Counted, otypes=[object])(values)
+    return found
