@@ -30,7 +30,7 @@ class Outcomes:
     def __init__(self, base: Evaluator, claims: Iterable[Claim]) -> None:
         # What others start from: all that the claims need.
         self._base = base
-        figures = dict.fromkeys(figure for claim in claims for figure in claim.figures)
+        figures = dict.fromkeys(one.figure for claim in claims for one in claim.wanted)
         self._stated = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
 
     def apart(self) -> Outcomes:

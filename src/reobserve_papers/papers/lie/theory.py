@@ -25,7 +25,7 @@ from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.homological import SchurSolver
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import resonance
-from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.synthesis.normal_form.solver import identity, solver_for
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
@@ -38,6 +38,7 @@ from reobserve_papers.papers.lie.setup import build_problem, build_system, store
 from reobserve_papers.papers.lie.theory_runs import (
     GROWTH,
     Case,
+    copy_decay,
     decay_rate,
     deviation_from_linear,
     difference_of_forms,
@@ -48,6 +49,7 @@ from reobserve_papers.papers.lie.theory_series import (
     ad_matrix,
     largest,
     random_problem,
+    residual_of_s,
     spectrum_difference,
 )
 from reobserve_papers.parameters.job import named
@@ -135,6 +137,7 @@ def _runs(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     linear = forms["linear"]
     start = theory.decay_start, theory.decay_duration
     yield from _decays("linear", [error_decay(linear.problem, linear.T, *start)])
+    yield from _decays("copy", [copy_decay(linear.problem, *start)])
 
 
 def _decays(name: str, found: list[dict[float, float]]) -> Iterator[Metric]:
@@ -153,6 +156,8 @@ def _series(job: keys.Job) -> Iterator[Metric]:
     found = Solutions(exact)
     yield Metric("linear", "largest_difference", found.difference(), "1")
     yield Metric("linear", "largest_residual", found.residual(), "1")
+    # Of z = x, in which nothing is transformed.
+    yield Metric("copy", "largest_residual", residual_of_s(exact, identity(exact)), "1")
     A = exact.A.astype(np.float64)
     highest = theory.spectrum_degree
     differences = [spectrum_difference(A, d) for d in range(2, highest + 1)]

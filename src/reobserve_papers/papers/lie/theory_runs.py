@@ -122,6 +122,16 @@ def error_decay(
     )
 
 
+def copy_decay(problem: NormalFormProblem, start: float, duration: float) -> dict[float, float]:
+    """As `error_decay`, of a copy of the plant that starts at the origin, and so stays there."""
+    system = problem.system
+    first = np.full(system.states, start)
+    return _mean_slopes(
+        lambda _, x: np.asarray(system.dynamics(x)), first, duration, lambda x: -x, len(first),
+        growths=_GROWTHS,
+    )  # fmt: skip
+
+
 def _mean_slopes(
     slope: Callable[[float, Array], Array],
     first: Array,

@@ -64,11 +64,16 @@ class Solutions:
     def residual(self) -> float:
         """Maximum residual of S' f = A S - l(h) and of T(S(x)) = x, up to the degree."""
         problem, basis = self.problem, self.problem.basis
-        left = problem.injected - problem.A @ self.S
-        for d in range(1, problem.degree + 1):
-            add_derivatives_along(basis, self.S, problem.dynamics, 1, d, d, 1, left)
         back = PolynomialMap(basis, self.T).after(PolynomialMap(basis, self.S), problem.degree)
-        return max(largest(left), largest(back.coefficients - identity(problem)))
+        return max(residual_of_s(problem, self.S), largest(back.coefficients - identity(problem)))
+
+
+def residual_of_s(problem: NormalFormProblem, S: Coefficients) -> float:
+    """Maximum residual of S' f = A S - l(h) up to the degree."""
+    left = problem.injected - problem.A @ S
+    for d in range(1, problem.degree + 1):
+        add_derivatives_along(problem.basis, S, problem.dynamics, 1, d, d, 1, left)
+    return largest(left)
 
 
 def ad_matrix(A: Array, degree: int) -> Array:

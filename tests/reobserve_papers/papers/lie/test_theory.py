@@ -148,6 +148,9 @@ def test_a_copy_of_the_plant_never_settles() -> None:
     for measure in ("square", "absolute", "settling"):
         assert value["over_copy", f"share_better measure={measure}"] == 1
         assert value["over_copy", f"largest_improvement measure={measure}"] > 0.9
+    # Near the origin it grows as e^(t / 2); with z = x the cubic term of f remains.
+    assert value["copy", "error_decay"] == pytest.approx(0.5, abs=0.1)
+    assert value["copy", "largest_residual"] == 1
     numbers = lookup(evaluator().figure("fig1").numbers)
     # Its errors neither grow nor decay along the cycle.
     assert numbers["copy", "floquet_exponent"] == pytest.approx(0, abs=1e-6)
