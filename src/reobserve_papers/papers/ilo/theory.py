@@ -105,8 +105,8 @@ def _proof(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
     a bounded mean of |e|^2 is said to bound e: it is refuted by peaks |e|^2 = n on [n, n + n^-3).
     """
     stream = random_stream(theory.random_seed, "ilo", "assumption 2")
-    rate, *errors = stream.normal(size=(theory.cases // _ROWS + 1, 3))
-    errors = np.array(errors) * _LARGE * np.linalg.norm(rate)
+    rate = stream.normal(size=3)
+    errors = stream.normal(size=(theory.cases // _ROWS, 3)) * _LARGE * np.linalg.norm(rate)
 
     def constants(error: Array) -> tuple[float, float]:
         torque = np.cross(rate, body.inertia @ rate)

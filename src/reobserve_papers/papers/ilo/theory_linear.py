@@ -191,7 +191,7 @@ def _largest_interval(
 def _error(omega: float, law: LearningLaw, held: bool) -> Complex:
     """Transfer from the fault to its error, if v is held to the component at its frequency."""
     if not held:
-        return error_transfer(omega, law)[0]
+        return np.asarray(error_transfer(omega, law)[0])
     turn = 1j * omega * law.update_interval
     one = np.eye(len(law.K1))
     estimate = one - sampled_error_transfer(omega, law)[0]

@@ -134,10 +134,9 @@ def _runs(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
         yield Metric(name, "form_difference", difference_of_forms(form, order, case), "1")
         body = job.designs[name]
         yield Metric(name, "inverse_radius", _inverse_radius(job, body, theory.series_degree), "1")
-    linear = forms["linear"]
-    start = theory.decay_start, theory.decay_duration
-    yield from _decays("linear", [error_decay(linear.problem, linear.T, *start)])
-    yield from _decays("copy", [copy_decay(linear.problem, *start)])
+    linear, size, duration = forms["linear"], theory.decay_start, theory.decay_duration
+    yield from _decays("linear", [error_decay(linear.problem, linear.T, size, duration)])
+    yield from _decays("copy", [copy_decay(linear.problem, size, duration)])
 
 
 def _decays(name: str, found: list[dict[float, float]]) -> Iterator[Metric]:

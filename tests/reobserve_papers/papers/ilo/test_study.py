@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve_papers.metrics.metrics import lookup
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.ilo import study, study_rows
 from reobserve_papers.papers.ilo.observe import estimate
@@ -111,3 +112,24 @@ def test_gain_of_each_axis_is_drawn_where_that_of_the_faulty_axis_is() -> None:
     figure = evaluate(fixed_parameters("ilo", over), "fig4_matched").plot()
     lines = [line.get_xdata()[0] for line in figure.axes[0].lines if line.get_linestyle() == ":"]
     assert 150.0 in lines
+
+
+def test_constant_guesses_do_not_pass_for_the_observer() -> None:
+    """Errors of the variant that is named in all norms and windows, beside those of guesses."""
+    found = lookup(evaluate(fixed_parameters("ilo"), "fig2").numbers)
+    for norm in ("rms", "absolute", "largest"):
+        for window in ("settled", "onset"):
+            name = f"relative_error norm={norm} window={window}"
+            assert found["zero", name] == 1
+            # sin 10 t has hardly any mean over 12 turns.
+            assert found["mean", name] == pytest.approx(1, abs=0.05)
+            assert found["learning", name] < 0.05 or (norm, window) == ("largest", "onset")
+    scored = "relative_error norm=rms window=settled"
+    assert found["learning", scored] == found["learning", "relative_rms_error"]
+    # At the onset the largest error is more than that of the rest of the run.
+    assert (
+        found["learning", "relative_error norm=largest window=onset"]
+        >= found["learning", "relative_error norm=largest window=settled"]
+    )
+    constant = lookup(evaluate(fixed_parameters("ilo"), "fig1").numbers)
+    assert constant["zero", "late_rms_error"] == pytest.approx(0.5)

@@ -15,7 +15,7 @@ from reobserve.synthesis.ilo_sampled_stability import sampled_stability
 from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.papers.ilo import keys, theory, theory_linear
 from reobserve_papers.papers.ilo.metrics import LEARNING
-from reobserve_papers.papers.ilo.scoring import Errors
+from reobserve_papers.papers.ilo.scoring import NORMS, Errors
 from reobserve_papers.parameters.parameters import Parameters
 from tests.reobserve_papers.papers import ROOT
 from tests.reobserve_papers.papers.ilo.conftest import INERTIA, MOMENTS, Measure, typed
@@ -262,6 +262,21 @@ def test_operation_counts_agree_with_hand_counts(settings: dict[str, Any]) -> No
         assert counted(name) == (count, 3 * (4 + 6 + 6))
 
 
+def test_norms_of_errors_agree_with_closed_forms() -> None:
+    # A fault that is 2 for half of the time, then -1, and an estimate that is 1: e = 1, then -2.
+    # From there the fault also runs from -1 to 1 in a step, where e runs from -2 to 0.
+    fault_start, fault_end = np.array([2.0, -1.0, -1.0]), np.array([2.0, -1.0, 1.0])
+    fault = Errors(np.arange(3.0), fault_start, fault_end, fault_start, fault_end)
+    errors = fault.guessed(1.0)
+    assert errors.relative("rms") == pytest.approx(np.sqrt((1 + 4 + 4 / 3) / (4 + 1 + 1 / 3)))
+    assert errors.relative("absolute") == pytest.approx((1 + 2 + 1) / (2 + 1 + 1))
+    assert errors.relative("largest") == 2 / 2
+    assert errors.relative_root_mean_square == errors.relative("rms")
+    assert fault.mean_fault == pytest.approx((2 - 1 + 0) / 3)
+    for norm in NORMS:
+        assert fault.guessed(0.0).relative(norm) == 1
+
+
 def test_window_includes_its_start_and_excludes_its_end() -> None:
     time = np.arange(5) * 0.1
     errors = Errors(time, time + 1, time + 2, time + 3, time + 4)
@@ -270,3 +285,65 @@ def test_window_includes_its_start_and_excludes_its_end() -> None:
     assert window.start.tolist() == (time + 1)[1:3].tolist()
     assert window.fault_end.tolist() == (time + 4)[1:3].tolist()
     assert errors.window(0.1).time.tolist() == time[1:].tolist()
+
+
+def test_rivals_of_learning_agree_with_scalar_transfers(settings: dict[str, Any]) -> None:
+    # With equal moments axes decouple, and e / u_f = (j s + lambda) / (j s + lambda + k(s)) with
+    # k = K2, Gamma / s, Gamma / s + K2 / 2 or K2 / (1 - exp(-s tau)); Gamma = K2 / tau.
+    scalar = copy.deepcopy(settings)
+    j, lam, k2, tau, zeta, s = 20.0, 100.0, 2000.0, 0.01, 0.8, 10j
+    scalar["plant"]["inertia"] = np.diag([j] * 3).tolist()
+    scalar["theory"]["damping_ratio"] = zeta
+    scalar["observers"]["continuous"] |= {"observer_gain": lam, "K2": k2, "update_interval": tau}
+
+    def error(gain: complex, damping: float = lam) -> float:
+        return abs((j * s + damping) / (j * s + damping + gain))
+
+    gamma = k2 / tau
+    rivals = {
+        "none": error(k2),
+        "integrator": error(gamma / s, 2 * zeta * np.sqrt(gamma * j)),
+        "proportional_integral": error(gamma / s + k2 / 2),
+    }
+    mine = error(k2 / (1 - np.exp(-s * tau)))
+    found = limits(scalar, "continuous")
+    for rival, size in rivals.items():
+        assert found[LEARNING, f"sine_error_over rival={rival}"] == pytest.approx(mine / size)
+        assert found["zero", f"sine_error_over rival={rival}"] == pytest.approx(1 / size)
+
+
+def test_unstable_gains_estimate_no_sine(settings: dict[str, Any]) -> None:
+    wild = copy.deepcopy(settings)
+    for factor, stable in ((0.99, True), (1.01, False)):
+        mine = {"observer_gain": 100.0, "update_interval": 0.05}
+        mine["K2"] = factor * scalar_limit(mine["observer_gain"], 1.0, mine["update_interval"])
+        wild["observers"]["sampled"] |= mine
+        ratio = limits(wild)[LEARNING, "sine_error_over rival=none"]
+        assert np.isfinite(ratio) == stable
+
+
+def test_decay_at_rest_is_that_of_the_slowest_pole(settings: dict[str, Any]) -> None:
+    # J s^2 + Lambda s + Gamma on the principal axes
+    mine = settings["observers"]["adaptive"]
+    poles = [
+        np.roots([moment, mine["observer_gain"], mine["integral_gain"]]).real.max()
+        for moment in (*MOMENTS, 26.0)
+    ]
+    assert limits(settings)["adaptive", "decay_at_rest"] == pytest.approx(-max(poles))
+
+
+def test_theorem_1_certifies_no_gains_of_the_figures(settings: dict[str, Any]) -> None:
+    for name in keys.VARIANTS:
+        assert limits(settings, name)[LEARNING, "certified"] == 0
+    # 2 lambda (1 - k1^2) > k1^2 + 2 k2 + k2^2, for B_f = I
+    small = copy.deepcopy(settings)
+    for lam, certified in ((2.17, 1), (2.16, 0)):
+        small["observers"]["forgetting"] |= {"K1": 0.5, "K2": 1.0, "observer_gain": lam}
+        assert limits(small, "forgetting")[LEARNING, "certified"] == certified
+
+
+def test_printed_proof_has_two_gaps(found: Numbers) -> None:
+    # The torque is quadratic in the error, its component along the error linear.
+    assert found["assumption_2", "growth_of_the_constant side=two"] == pytest.approx(10, rel=0.01)
+    assert found["assumption_2", "growth_of_the_constant side=one"] == pytest.approx(1)
+    assert found["theorem_1", "gaps"] == 2

@@ -48,6 +48,30 @@ def test_ramp_is_followed_with_a_constant_error(settings: dict[str, Any], measur
     assert error == pytest.approx(slope * steepness(settings), rel=0.1)
 
 
+def test_random_fault_is_missed_if_fast_and_followed_with_large_gains(measure: Measure) -> None:
+    name = "relative_error_under_random_fault"
+    wanted = measure("_under_random_faults", {"theory": {"fault_spacing": 0.01}})
+    found = measure("_under_the_fastest_fault", {})
+    assert found["integral", f"{name} fault=fastest"] == wanted["integral", name] > 0.5
+    # The learning observer misses it, too, but not with gains beyond their ranges.
+    beyond = measure("_with_larger_gains", {"theory": {"fault_spacing": 0.01}})
+    assert beyond["best", f"{name} gains=larger"] < 0.05 < wanted["best", name]
+
+
+def test_largest_error_stays_where_its_mean_square_falls(
+    settings: dict[str, Any], measure: Measure
+) -> None:
+    """With continuous updates and K1 = I each interval repeats the jump K2 w~(0) of the start."""
+    name = "late_relative_error_after_other_start"
+    over = {"theory": {"identity_variant": "continuous", "start_rate": [0.0, 0.0, 0.0]}}
+    found = measure("_from_other_start_with_identity", over)
+    jump = settings["observers"]["continuous"]["K2"] * settings["plant"]["initial_rate"][0]
+    assert 1 < found["identity", f"{name} norm=largest"] / (jump / 0.5) < 1.25
+    assert found["identity", name] < 0.3 * found["identity", f"{name} norm=largest"]
+    # From the first second to the tenth it falls as t^(-1/4), or a little slower at first.
+    assert 10**-0.3 < found["identity", "error_left_after_other_start"] < 10**-0.15
+
+
 def test_error_under_noise_combines_noise_and_fault_errors(
     settings: dict[str, Any], found: Numbers
 ) -> None:
