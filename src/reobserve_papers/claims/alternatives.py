@@ -196,13 +196,13 @@ class Judge:
         if claim.choices and claim.name not in self.samples:
             return (BROKEN,)
         try:
+            if claim.quantifier == "always" and self._stated(claim) != "holds":
+                return (CONTRADICTED,)
             outcomes = self.outcomes(claim)
         except InputError:
             if claim is not self._own(claim.name):
                 raise
             return (BROKEN,)
-        if claim.quantifier == "always" and self._stated(claim) != "holds":
-            return (CONTRADICTED,)
         fitted = (claim.quantifier == "can" or claim.printed) and self.setting(claim) != ""
         if keep is not None:
             outcomes = self._kept(claim, outcomes, keep)
