@@ -9,6 +9,8 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.checks import Check, Reference
+from reobserve_papers.claims.outcomes import Outcome, outcome
+from reobserve_papers.claims.registry import Claim
 
 NUMBERS = {
     "fig1": {("a", "error"): 0.02, ("b", "error"): 0.1, ("b", "delay"): math.nan},
@@ -153,3 +155,96 @@ def test_worst_of_a_list_is_farthest_from_the_condition(
     numbers = {"f": {("a", "x"): 1.2, ("b", "x"): 3.5, ("c", "x"): 2.1}}
     one = check(value=["f a x", "f b x", "f c x"], **{relation: bound})
     assert one.measured(numbers).endswith(f"the worst is {worst}")
+
+
+A, B = "fig1 a error", "fig1 b error"
+
+
+@pytest.mark.parametrize(
+    ("body", "mirror"),
+    [
+        ({"value": A, "over": B, "below": 0.95}, {"value": B, "over": A, "below": 0.95}),
+        ({"value": A, "over": B, "below": 1}, {"value": B, "over": A, "below": 1}),
+        ({"value": A, "over": B, "above": 2}, {"value": B, "over": A, "above": 2}),
+        ({"value": A, "minus": B, "below": 0}, {"value": B, "minus": A, "below": 0}),
+        ({"value": A, "minus": B, "above": 0.1}, {"value": B, "minus": A, "above": 0.1}),
+        (
+            {"value": [A, "fig1 b delay"], "over": B, "below": 0.9, "share": 0.5},
+            {"value": [B, B], "over": [A, "fig1 b delay"], "below": 0.9, "share": 0.5},
+        ),
+        # Tolerates the opposite.
+        ({"value": A, "over": B, "below": 1.1}, None),
+        ({"value": A, "over": B, "above": 0.9}, None),
+        ({"value": A, "minus": B, "below": 0.1}, None),
+        ({"value": A, "minus": B, "above": -0.1}, None),
+        # Says not which of two is less.
+        ({"value": A, "below": 0.95}, None),
+        ({"value": A, "over": B, "within": [0, 0.5]}, None),
+        ({"value": A, "over": B, "exists": True}, None),
+        ({"value": [A, B], "falling": True}, None),
+        ({"value": [A, B], "minus": B, "rising": True}, None),
+    ],
+)
+def test_mirror_says_the_opposite_of_which_is_less(
+    body: dict[str, Any], mirror: dict[str, Any] | None
+) -> None:
+    mirrored = check(**body).mirrored
+    assert mirrored == (mirror and check(**mirror))
+    assert mirrored is None or mirrored.mirrored == check(**body)
+
+
+LESS = {"value": A, "over": B, "below": 0.95}
+
+
+def of(checks: list[dict[str, Any]], a: float, b: float) -> Outcome:
+    """The outcome with these two errors."""
+    claim = Claim("ilo", "it", checks=tuple(check(**one) for one in checks))
+    return outcome(claim, {"fig1": {("a", "error"): a, ("b", "error"): b}})
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "found"),
+    [
+        (0.9, 1.0, "holds"),
+        (0.96, 1.0, "tie"),
+        (1.0, 0.96, "tie"),
+        (1.0, 0.9, "opposed"),
+        (math.nan, 1.0, "tie"),  # neither is less
+        (0.0, 0.0, "tie"),
+    ],
+)
+def test_outcome_is_held_tied_or_opposed(a: float, b: float, found: Outcome) -> None:
+    assert of([LESS], a, b) == found
+
+
+def test_outcome_without_a_mirror_is_never_tied() -> None:
+    small = {"value": A, "below": 0.5}
+    assert [of([small], a, 1.0) for a in (0.4, 0.6)] == ["holds", "opposed"]
+
+
+def test_outcome_of_several_checks_is_opposed_where_all_opposites_hold() -> None:
+    """A check without a mirror is the same in the opposite of the claim."""
+    small = {"value": A, "below": 5.0}
+    assert of([LESS, small], 1.0, 2.0) == "holds"
+    assert of([LESS, small], 2.0, 1.0) == "opposed"
+    assert of([LESS, small], 6.0, 1.0) == "tie"
+    assert of([LESS, small], 6.0, 9.0) == "tie"
+
+
+def test_outcome_without_a_figure_is_lost() -> None:
+    claim = Claim("ilo", "it", checks=(check(**LESS),))
+    assert outcome(claim, None) == outcome(claim, {}) == "lost"
+
+
+def test_every_outcome_is_one_of_four() -> None:
+    """So that holds, ties, opposed and lost samples add up to all of them."""
+    values = (-1.0, 0.0, 0.5, 1.0, math.nan, math.inf)
+    found = [of([LESS], a, b) for a in values for b in values]
+    kinds: tuple[Outcome, ...] = ("holds", "tie", "opposed", "lost")
+    assert sum(found.count(kind) for kind in kinds) == len(found) == 36
+    assert {"holds", "tie", "opposed"} == set(found)
+
+
+def test_null_is_the_same_check_of_another_observer() -> None:
+    one = check(value=[A, B], over=B, below=0.9).of_others({"b": "idle"})
+    assert one == check(value=[A, "fig1 idle error"], over="fig1 idle error", below=0.9)

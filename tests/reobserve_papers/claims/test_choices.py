@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.choices import Knob, change, find_choice, sample
+from reobserve_papers.claims.choices import (
+    Choice,
+    Knob,
+    cells,
+    chosen,
+    find_choice,
+    with_values,
+)
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
@@ -26,13 +33,16 @@ def parameters(**entries: dict[str, Any]) -> Parameters:
     return Parameters("ilo", tree, 1)
 
 
+def sample(start: Parameters, choice: Choice, number: int) -> Parameters:
+    """The parameters of a sample of one choice."""
+    return with_values(start, [choice], chosen(start, [choice], number))
+
+
 def values(start: Parameters, pattern: str, count: int = 4000) -> np.ndarray:
     """The samples of a choice."""
     choice = find_choice(start, pattern)
     key = choice.keys[0].split(".")
-    return np.array(
-        [sample(start, [choice], k)[0].section(*key[:-1])[key[-1]] for k in range(count)]
-    )
+    return np.array([sample(start, choice, k).section(*key[:-1])[key[-1]] for k in range(count)])
 
 
 def test_magnitude_is_sampled_log_uniformly() -> None:
@@ -72,12 +82,53 @@ def test_overlapping_patterns_allow_only_common_values() -> None:
 
 
 def test_sampled_integers_stay_integers_and_words_stay_words() -> None:
-    drawn = values(parameters(order={"value": 2, "range": [1, 4]}), "plant.order")
-    assert set(drawn.tolist()) == {1, 2, 3, 4}
-    drawn = values(
-        parameters(solver={"value": "A", "range": {"choices": ["A", "B"]}}), "plant.solver", 400
-    )
-    assert abs(np.mean(drawn == "A") - 0.5) < 0.1
+    start = parameters(order={"value": 2, "range": [1, 400]}, solver=TWO_WORDS)
+    drawn = values(start, "plant.order", 400)
+    assert drawn.dtype == int
+    both = [find_choice(start, "plant.solver"), find_choice(start, "plant.order")]
+    words = np.array([chosen(start, both, k)[0] for k in range(400)])
+    assert abs(np.mean(words == "A") - 0.5) < 0.1
+
+
+TWO_WORDS = {"value": "A", "range": {"choices": ["A", "B"]}}
+
+
+def all_cells(start: Parameters, *patterns: str) -> list[tuple[Any, ...]] | None:
+    return cells([find_choice(start, pattern) for pattern in patterns])
+
+
+def test_words_and_small_whole_numbers_are_counted() -> None:
+    start = parameters(order={"value": 2, "range": [1, 4]}, solver=TWO_WORDS)
+    counted = all_cells(start, "plant.order", "plant.solver")
+    assert counted == [(order, word) for order in (1, 2, 3, 4) for word in ("A", "B")]
+    choices = [find_choice(start, "plant.order"), find_choice(start, "plant.solver")]
+    drawn = [with_values(start, choices, chosen(start, choices, k)) for k in range(8)]
+    plants = [one.section("plant") for one in drawn]
+    assert [(plant["order"], plant["solver"]) for plant in plants] == counted
+
+
+@pytest.mark.parametrize(
+    ("entry", "count"),
+    [
+        ({"value": 2, "range": [1, 64]}, 64),
+        ({"value": 2, "range": [1, 65]}, None),
+        ({"value": 2, "range": [1.0, 4.0]}, None),
+        ({"value": 2, "range": [2, 8], "multiple_of": 2}, None),
+        ({"value": "A", "range": {"choices": list("ABC")}, "named": ["B"]}, 3),
+        ({"value": [1, 2], "range": {"*": [1, 4]}}, 16),
+    ],
+)
+def test_what_is_counted_is_few_and_discrete(entry: dict[str, Any], count: int | None) -> None:
+    counted = all_cells(parameters(order=entry), "plant.order")
+    assert (counted and len(counted)) == count
+
+
+def test_more_than_64_combinations_and_random_seeds_are_sampled() -> None:
+    start = parameters(order={"value": 2, "range": [1, 33]}, solver=TWO_WORDS)
+    assert all_cells(start, "plant.order", "plant.solver") is None
+    assert all_cells(start, "plant.solver", "seed") is None
+    assert all_cells(start, "plant.solver", GAIN) is None
+    assert cells([]) is None
 
 
 def test_samples_lie_on_the_required_grid() -> None:
@@ -98,8 +149,8 @@ def test_pattern_moves_its_keys_together() -> None:
     choice = find_choice(ILO, "observers.*.K2")
     assert len(choice.keys) == 3
     assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
-    drawn, values = sample(ILO, [choice], 2)
-    assert len(values) == len(choice.names) == 1
+    assert len(chosen(ILO, [choice], 2)) == len(choice.names) == 1
+    drawn = sample(ILO, choice, 2)
     gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
     assert len(gains) == 1
     assert gains != {2000.0}
@@ -109,9 +160,8 @@ def test_pattern_moves_its_keys_together() -> None:
 def test_seed_can_be_sampled() -> None:
     choice = find_choice(ILO, "seed")
     assert choice.names == ("seed",)
-    samples = [sample(ILO, [choice], k) for k in range(5)]
-    seeds = {parameters.seed for parameters, _ in samples}
-    assert seeds == {values[0] for _, values in samples}
+    seeds = {sample(ILO, choice, k).seed for k in range(5)}
+    assert seeds == {chosen(ILO, [choice], k)[0] for k in range(5)}
     assert len(seeds) == 5
 
 
@@ -123,7 +173,7 @@ def test_range_position_maps_to_its_value() -> None:
     for place in (0.0, 0.3, 1.0):
         assert knob.place(knob.at(place)) == pytest.approx(place)
     assert knob.place(1e9) == pytest.approx(1)  # an override from outside the range
-    moved = change(ILO, knob, 700.0)
+    moved = with_values(ILO, [find_choice(ILO, GAIN)], [700.0])
     assert moved.section("observers", "sampled")["K2"] == 700.0
     assert moved.section("observers", "continuous")["K2"] == 2000.0
 
@@ -163,7 +213,9 @@ def test_half_of_the_samples_take_a_value_named_in_the_paper() -> None:
     others = drawn[drawn != 1.0]
     assert abs(np.mean(others) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(others))
     words = {"value": "A", "range": {"choices": ["A", "B", "C"]}, "named": ["B"]}
-    chosen = values(parameters(solver=words), "plant.solver", 400)
-    assert abs(np.mean(chosen == "B") - (0.5 + 0.5 / 3)) < 0.1
+    (knob,) = find_choice(parameters(solver=words), "plant.solver").knobs
+    stream = np.random.default_rng(1)
+    taken = np.array([knob.drawn(stream) for _ in range(400)])
+    assert abs(np.mean(taken == "B") - (0.5 + 0.5 / 3)) < 0.1
     (knob,) = find_choice(ILO, GAIN).knobs
     assert "named" not in repr(knob)  # digests of cached samples depend on this

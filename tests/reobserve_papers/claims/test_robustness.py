@@ -156,7 +156,11 @@ def test_few_discrete_choices_are_counted() -> None:
     words = claim("fig1 a variant", VARIANT, below=1.5)
     one = found(words, 1)  # a maximum of samples is none of what is counted
     assert (one.samples, one.whole) == (3, 3)
-    assert [trial.values for trial in one.trials] == [("sampled",), ("continuous",), ("forgetting",)]
+    assert [trial.values for trial in one.trials] == [
+        ("sampled",),
+        ("continuous",),
+        ("forgetting",),
+    ]
     assert counted(words, one) == Counted(2, 3, whole=True)
     assert verdicts(words, one) == ("depends on unstated choices",)
     both = claim("fig1 a variant", VARIANT, PERIODS, below=2.5)
