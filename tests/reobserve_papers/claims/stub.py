@@ -111,4 +111,4 @@ def registry(
 def write(path: Path, tree: Any) -> None:
     """Write YAML."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(yaml.safe_dump(tree, sort_keys=False))
+    path.write_text(yaml.safe_dump(tree, sort_keys=False), encoding="utf-8")

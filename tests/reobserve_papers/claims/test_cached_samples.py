@@ -2,70 +2,45 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from reobserve.core.errors import DivergenceError, InputError, ReobserveError
-from reobserve_papers.claims import outcomes
+from reobserve.core.errors import InputError, ReobserveError
 from reobserve_papers.claims import sample_command as commands
-from reobserve_papers.claims.cached_samples import CachedSamples, alike, read_cached
-from reobserve_papers.claims.checks import Check
-from reobserve_papers.claims.choices import find_choice
+from reobserve_papers.claims.cached_samples import Cache, CachedSamples, alike, read_cached
+from reobserve_papers.claims.checks import Check, Reference
+from reobserve_papers.claims.choices import Choice, Knob, find_choice
+from reobserve_papers.claims.outcomes import basis_of
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
 from reobserve_papers.claims.robustness import Robustness, assess
 from reobserve_papers.claims.sample_command import keep, sample_command
-from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.evaluation import Evaluator
 from tests import ROOT
 
-ILO = Parameters.load(ROOT, "ilo", seed=1)
-GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000
+from .stub import GAIN, ILO, SHARE, Code, claim, registry, with_checks
 
-
-class Code:
-    """A replacement for the computation: the gain times a factor; some samples are refused or
-    lost."""
-
-    def __init__(self) -> None:
-        self.factor, self.calls = 1.0, 0
-
-    def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
-        """The numbers of any figure."""
-        self.calls += 1
-        gain = evaluator.parameters.section("observers")["continuous"]["K2"]
-        if 600 < gain < 700:
-            raise InputError("K2", "must not be between 600 and 700")
-        if 900 < gain < 1000:
-            raise DivergenceError("it", 1.0)
-        return [Metric("a", "gain", self.factor * gain, "1")]
-
-
-@pytest.fixture
-def code(monkeypatch: pytest.MonkeyPatch) -> Code:
-    """The replaced computation, which a test may change."""
-    instead = Code()
-    monkeypatch.setattr(outcomes, "metrics_of", instead)
-    return instead
-
-
-def claim(above: float = 1000) -> Claim:
-    checks = (Check.parse({"value": "fig1 a gain", "above": above}),)
-    return Claim("ilo", "it", checks=checks, choices=(find_choice(ILO, GAIN),))
+NEAR = claim("fig1 a gain", GAIN, above=620)  # so that no number of samples decides
+KEYS = tuple(ILO.by_key)
 
 
 def found(
     one: Claim,
-    cached: dict[str, CachedSamples] | None = None,
+    past: CachedSamples | None = None,
     samples: int = 40,
     parameters: Parameters = ILO,
+    keys: tuple[str, ...] = KEYS,
 ) -> Robustness:
-    return assess(Evaluator(parameters), [one], samples, cached=cached)["it"]
+    cached = Cache(keys, {} if past is None else {one.name: past})
+    return assess(Evaluator(parameters), [one], lambda _: samples, 0.9, cached)[one.name]
 
 
 def as_made(one: Robustness) -> Robustness:
@@ -75,84 +50,256 @@ def as_made(one: Robustness) -> Robustness:
 
 @pytest.fixture
 def first(code: Code) -> Robustness:
-    """Computed without a cache; the claim is near the threshold, so that no samples decide."""
-    one = found(claim(620), samples=60)
+    """Computed without a cache."""
+    code.refused, code.lost = (600, 700), (900, 1000)
+    one = found(NEAR, samples=60)
     assert one.samples == 60
     assert one.refused
-    assert one.diverged
-    code.calls = 0
+    assert one.diverged(NEAR)
+    code.asked.clear()
     return one
 
 
-def test_cached_samples_equal_new_samples(code: Code, first: Robustness) -> None:
-    again = found(claim(620), {"it": first.to_keep}, samples=60)
+@pytest.fixture
+def past(first: Robustness) -> CachedSamples:
+    """As it is cached."""
+    return first.to_keep(NEAR)
+
+
+def test_cached_samples_equal_new_samples(
+    code: Code, first: Robustness, past: CachedSamples
+) -> None:
+    again = found(NEAR, past, samples=60)
     assert as_made(again) == first
-    assert code.calls == 1 + 2  # nominal, and the first two samples
-    assert again.cached == 58 or first.refused[0] < 2
+    assert len(code.asked) == 1 + 2  # nominal, and the first two samples
+    assert again.cached == 58
 
 
-def test_missing_samples_are_added_to_cached_ones(code: Code, first: Robustness) -> None:
-    longer = found(claim(620), {"it": first.to_keep}, samples=80)
+def test_missing_samples_are_added_to_cached_ones(first: Robustness, past: CachedSamples) -> None:
+    longer = found(NEAR, past, samples=80)
     assert longer.samples == 80
     assert longer.trials[:60] == first.trials
-    assert as_made(longer) == found(claim(620), samples=80)
+    assert as_made(longer) == found(NEAR, samples=80)
 
 
-def test_requesting_fewer_samples_keeps_all_cached_ones(first: Robustness) -> None:
-    assert as_made(found(claim(620), {"it": first.to_keep}, samples=20)) == first
-
-
-def test_change_of_the_code_invalidates_cached_samples(code: Code, first: Robustness) -> None:
-    code.factor = 1.001
-    moved = found(claim(620), {"it": first.to_keep}, samples=60)
-    assert moved.cached == 0
-    assert moved == found(claim(620), samples=60)
-    code.factor = 1 + 1e-9  # rounding on another machine
-    assert found(claim(620), {"it": first.to_keep}, samples=60).cached > 50
-
-
-@pytest.mark.parametrize("what", ["bound", "seed", "value"])
-def test_cached_samples_are_not_used_for_other_claims_or_parameters(
-    code: Code, first: Robustness, what: str
+def test_requesting_fewer_samples_keeps_all_cached_ones(
+    first: Robustness, past: CachedSamples
 ) -> None:
-    parameters = ILO
+    assert as_made(found(NEAR, past, samples=20)) == first
+
+
+def test_change_of_the_code_invalidates_cached_samples(code: Code, past: CachedSamples) -> None:
+    code.factor = 1.001
+    moved = found(NEAR, past, samples=60)
+    assert moved.cached == 0
+    assert moved == found(NEAR, samples=60)
+    code.factor = 1 + 1e-9  # rounding on another machine
+    assert found(NEAR, past, samples=60).cached > 50
+
+
+def test_figure_that_diverges_now_invalidates_cached_samples(code: Code) -> None:
+    """Also where the numbers of another figure stay as they were."""
+    two = with_checks(NEAR, *NEAR.checks, Check.parse({"value": "fig4 a gain", "above": 0}))
+    past = found(two, samples=60).to_keep(two)
+    assert found(two, past, 60).cached == 58
+    whole, code.lost = past.samples[0], (0, 1e9)
+    assert whole is not None
+    one, looked = past.references
+    assert not alike({one: 1.0}, {one: 1.0, looked: 2.0}, {one, looked})
+    assert alike({one: 1.0}, {one: 1.0, looked: 2.0}, {one})
+
+
+# What a sample is made of, and what is asked of it.
+
+
+def named(project: Path, **changes: Any) -> Claim:
+    """The claim of a registry whose entry has these changes, and no alternatives."""
+    return registry(project, {"it": changes}).claims[0]
+
+
+CHECK = {"value": "fig1 sampled relative_rms_error", "above": 620}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"checks": [{**CHECK, "above": 700}]},
+        {"checks": [{"value": CHECK["value"], "within": [600, 5000]}]},
+        {"statement": "Another.", "why": "Another.", "threshold": "before", "place": "Fig. 2"},
+        {"promised": []},
+        {"quantifier": "always"},
+        {"printed": True, "setting": "at the gain of 2000", "samples": 500},
+    ],
+)
+def test_another_bound_wording_or_quantifier_drops_no_cached_samples(
+    code: Code, tmp_path: Path, changes: dict[str, Any]
+) -> None:
+    stated = named(tmp_path, checks=[CHECK])
+    past = found(stated, samples=60).to_keep(stated)
+    code.asked.clear()
+    again = found(named(tmp_path, **{"checks": [CHECK], **changes}), past, 60)
+    assert again.cached == again.samples - 2
+    assert len(code.asked) == 3
+
+
+def test_alternative_bound_drops_no_cached_samples(code: Code, tmp_path: Path) -> None:
+    stated = named(tmp_path, checks=[CHECK])
+    past = found(stated, samples=60).to_keep(stated)
+    moved = registry(
+        tmp_path,
+        {"it": {"checks": [{**CHECK, "above": "$line"}]}},
+        {"line": {"value": 620, "alternatives": {"higher": 700}}},
+        {"mine": {"claims": {"it": {"checks.0.above": 800, "quantifier": "always"}}}},
+    ).claims[0]
+    assert moved.wanted == stated.wanted
+    assert found(moved, past, 60).cached == 58
+
+
+def with_key(parameters: Parameters, section: str, name: str) -> Parameters:
+    """The parameters with an entry that they have not."""
+    tree = copy.deepcopy(parameters.tree)
+    place = tree
+    for part in section.split("."):
+        place = place[part]
+    place[name] = {"value": 1.0, "unit": "1", "source": "assumed", "why": "So.", "range": [0, 2]}
+    return replace(parameters, tree=tree)
+
+
+@pytest.mark.parametrize("section", ["plant", "observers.continuous", "metrics"])
+def test_new_key_of_a_section_drops_no_cached_samples(
+    code: Code, past: CachedSamples, section: str
+) -> None:
+    more = with_key(ILO, section, "brand_new")
+    assert basis_of(Evaluator(more), NEAR) != past.basis
+    assert found(NEAR, past, 60, more).cached == 58
+    assert found(NEAR, past, 60, more, keys=tuple(more.by_key)).cached == 0
+
+
+def test_renamed_class_drops_no_cached_samples(code: Code, past: CachedSamples) -> None:
+    """Digests are of plain values, and name no class."""
+    choice = NEAR.choices[0]
+    knob = type("RenamedKnob", (Knob,), {})(**vars(choice.knobs[0]))
+    renamed = type("RenamedChoice", (Choice,), {})(choice.keys, (knob,))
+    assert repr(renamed) != repr(choice)
+    assert found(replace(NEAR, choices=(renamed,)), past, 60).cached == 58
+
+
+def test_measure_that_only_an_alternative_names_drops_none_in_a_build(
+    code: Code, past: CachedSamples, first: Robustness
+) -> None:
+    """Its numbers are missing from the samples until the command makes them again."""
+    more = replace(NEAR, wanted=(*NEAR.wanted, Reference("fig1", "a", "share")))
+    again = found(more, past, 60)
+    assert again.cached == 58
+    assert again.outcomes(more) == first.outcomes(NEAR)
+    assert again.to_keep(more).metrics == past.metrics
+    other = with_checks(NEAR, Check.parse({"value": "fig1 a share", "above": 0}))
+    with pytest.raises(InputError, match="fig1 has no 'share' of a"):
+        again.outcomes(other)
+
+
+@pytest.mark.parametrize(
+    "check", [{"value": "fig1 a share", "above": 0}, {"value": "fig1 idle gain", "above": 0}]
+)
+def test_new_measure_of_a_check_makes_samples_again(
+    code: Code, past: CachedSamples, check: dict[str, Any]
+) -> None:
+    other = with_checks(NEAR, Check.parse(check))
+    assert found(other, past, 60).cached == 0
+
+
+def test_new_null_makes_samples_again(code: Code, past: CachedSamples) -> None:
+    null = with_checks(replace(NEAR, null={"a": "idle"}), *NEAR.checks)
+    again = found(null, past, 60)
+    assert again.cached == 0
+    assert "holds" in again.outcomes(null.with_null)
+
+
+def other_range(parameters: Parameters) -> Parameters:
+    """The parameters with another range of the gain."""
+    tree = copy.deepcopy(parameters.tree)
+    tree["observers"]["continuous"]["K2"]["range"] = [500, 6000]
+    return replace(parameters, tree=tree)
+
+
+@pytest.mark.parametrize("what", ["seed", "value", "range", "choice"])
+def test_other_parameters_or_choices_make_samples_again(
+    code: Code, past: CachedSamples, what: str
+) -> None:
+    parameters, one = ILO, NEAR
     if what == "seed":
-        parameters = Parameters("ilo", ILO.tree, 2)
+        parameters = replace(ILO, seed=2)
     if what == "value":
         parameters = Parameters.load(ROOT, "ilo", {"observers": {"sampled": {"K2": 4000}}}, seed=1)
-    one = claim(621 if what == "bound" else 620)
-    assert found(one, {"it": first.to_keep}, 60, parameters).cached == 0
+    if what == "range":
+        parameters = other_range(ILO)
+        one = replace(NEAR, choices=(find_choice(parameters, GAIN),))
+    if what == "choice":
+        one = claim("fig1 a gain", GAIN, SHARE, above=620)
+    assert found(one, past, 60, parameters).cached == 0
 
 
-def test_damaged_file_is_reported(code: Code, first: Robustness, tmp_path: Path) -> None:
-    path = tmp_path / samples_path("ilo")
-    keep(tmp_path, "ilo", {"it": first})
-    assert read_cached(path, "ilo") == {"it": first.to_keep}
+def project_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, claims: Mapping[str, Claim]
+) -> Path:
+    """A project of `ilo` without cached samples, whose claims are these."""
+    project = tmp_path / "project"
+    if not project.exists():
+        shutil.copytree(ROOT / "config", project / "config")
+        shutil.copytree(ROOT / "workflow", project / "workflow")
+        (project / samples_path("ilo")).unlink(missing_ok=True)
+    listed = [replace(one, name=name) for name, one in claims.items()]
+    monkeypatch.setattr(commands, "read_registry", lambda *_: Registry(claims=listed))
+    return project
+
+
+def kept(project: Path) -> Cache:
+    return read_cached(project / samples_path("ilo"), "ilo")
+
+
+def test_damaged_file_is_reported(
+    code: Code, past: CachedSamples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = project_with(tmp_path, monkeypatch, {"it": NEAR})
+    path = project / samples_path("ilo")
+    keep(project, ILO, {"it": past})
+    assert kept(project).claims == {"it": past}
+    assert kept(project).keys == KEYS
     with pytest.raises(InputError, match="is of ilo, must be of lie"):
         read_cached(path, "lie")
     stored = json.loads(path.read_text())
-    stored["claims"]["it"]["samples"][3] = "12 a"
-    path.write_text(json.dumps(stored))
-    with pytest.raises(InputError, match=r"samples\.3: '12 a' must be numbers"):
-        read_cached(path, "ilo")
+    for text in ("12 a", "1 2", ""):
+        stored["claims"]["it"]["samples"][3] = text
+        path.write_text(json.dumps(stored))
+        with pytest.raises(InputError, match=rf"samples\.3: '{text}' must be 1 numbers"):
+            read_cached(path, "ilo")
 
 
-def test_unsearched_reversal_is_not_cached(code: Code, tmp_path: Path) -> None:
-    silent = assess(Evaluator(ILO), [claim()], 20, reversals=False)
-    keep(tmp_path, "ilo", silent)
-    assert read_cached(tmp_path / samples_path("ilo"), "ilo") == {}
-    looked = found(claim(), {"it": silent["it"].to_keep}, 20)
-    assert looked.cached > 10
-    assert looked.reversal is not None
+def test_new_key_keeps_samples_of_claims_that_are_not_sampled_then(
+    code: Code, past: CachedSamples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their digest is renewed with the list of keys, unless they were stale before."""
+    project = project_with(tmp_path, monkeypatch, {"it": NEAR, "new": NEAR, "stale": NEAR})
+    keep(project, ILO, {"it": past, "stale": replace(past, basis="0a")})
+    more = with_key(ILO, "plant", "brand_new")
+    keep(project, more, {"new": found(NEAR, parameters=more).to_keep(NEAR)})
+    assert kept(project).keys == tuple(more.by_key)
+    bases = {name: one.basis for name, one in (kept(project).claims or {}).items()}
+    here = basis_of(Evaluator(more), NEAR)
+    assert bases == {"it": here, "new": here, "stale": "0a"}
 
 
 def test_samples_agree_up_to_rounding() -> None:
-    assert alike((1.0, float("nan"), float("inf")), (1.0 + 1e-9, float("nan"), float("inf")))
-    assert not alike((1.0,), (1.0 + 1e-5,))
-    assert not alike((), None)
-    assert not alike((), (1.0,))
-    assert alike(None, None)
-    assert alike((), ())
+    a, b = Reference("fig1", "a", "gain"), Reference("fig1", "a", "share")
+    nan, inf = float("nan"), float("inf")
+    assert alike({a: nan, b: inf}, {a: nan, b: inf}, {a, b})
+    assert alike({a: 1.0}, {a: 1.0 + 1e-9}, {a})
+    assert not alike({a: 1.0}, {a: 1.0 + 1e-5}, {a})
+    assert not alike({}, None, {a})
+    assert not alike({}, {a: 1.0}, {a})
+    assert alike(None, None, set())
+    assert alike({}, {}, {a})
+    assert not alike({a: 1.0}, {b: 1.0}, set())  # nothing is compared
 
 
 @pytest.mark.parametrize("paper", ["delay", "eso", "ilo", "imm", "lie"])
@@ -161,36 +308,74 @@ def test_every_claim_has_current_cached_samples(paper: str) -> None:
     parameters = default_parameters(ROOT, paper)
     claims = [one for one in read_registry(ROOT, parameters).claims if one.checks and one.choices]
     cached, here = read_cached(ROOT / samples_path(paper), paper), Evaluator(parameters)
-    assert {name: one.basis for name, one in cached.items()} == {
-        claim.name: outcomes.basis_of(here, claim) for claim in claims
+    assert {name: one.basis for name, one in (cached.claims or {}).items()} == {
+        claim.name: basis_of(here, claim, cached.keys) for claim in claims
     }
+    for one in claims:
+        past = cached.get(one.name)
+        assert past is not None
+        assert set(one.wanted) <= set(past.references), f"{one.name}: numbers of alternatives"
+
+
+# The command.
+
+
+def run(project: Path, most: int | None, *claims: str, check: bool = False) -> None:
+    sample_command(project, ["ilo"], claims, most, check)
 
 
 def test_samples_command_resumes_and_checks(
     code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    project = tmp_path / "project"
-    shutil.copytree(ROOT / "config", project / "config")
-    shutil.copytree(ROOT / "workflow", project / "workflow")
-    (project / samples_path("ilo")).unlink(missing_ok=True)
-    near = Registry(claims=[claim(620), replace(claim(5000), name="never")])
-    monkeypatch.setattr(commands, "read_registry", lambda *_: near)
-    sample_command(project, ["ilo"], 100, check=False)
+    never = claim("fig1 a gain", GAIN, above=5000)
+    project = project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never})
+    run(project, 100)
     reported = capsys.readouterr().out.splitlines()
     assert [line.split(", ")[1] for line in reported] == ["1 of 2 claims undecided"] * 3
-    cached = read_cached(project / samples_path("ilo"), "ilo")
-    assert [len(one.samples) for one in cached.values()] == [100, 36]
-    sample_command(project, ["ilo"], 100, check=True)
-    other = [claim(621), near.claims[1], replace(claim(5000), name="new")]
-    monkeypatch.setattr(commands, "read_registry", lambda *_: Registry(claims=other))
-    with pytest.raises(ReobserveError, match="2 claims have samples that differ"):
-        sample_command(project, ["ilo"], 30, check=True)
-    assert capsys.readouterr().out.splitlines() == [
-        f"claims.ilo.{name}: there are no cached samples of the claim as it is"
-        for name in ("it", "new")
-    ]
-    monkeypatch.setattr(commands, "read_registry", lambda *_: near)
+    assert [len(one.samples) for one in (kept(project).claims or {}).values()] == [100, 36]
+    run(project, 100, check=True)
+    project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never, "new": never})
+    with pytest.raises(ReobserveError, match="1 claims have samples that differ"):
+        run(project, 30, check=True)
+    said = "claims.ilo.new: there are no cached samples of the claim as it is"
+    assert capsys.readouterr().out.splitlines() == [said]
+    project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never})
     code.factor = 1.01
     with pytest.raises(ReobserveError, match="2 claims have samples that differ"):
-        sample_command(project, ["ilo"], 30, check=True)
+        run(project, 30, check=True)
     assert "the first is 0: " in capsys.readouterr().out
+
+
+def test_samples_command_makes_samples_with_a_new_measure_again(
+    code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the claim whose alternative names it, and of no other."""
+    claims = {"it": NEAR, "other": claim("fig1 a gain", GAIN, above=640)}
+    project = project_with(tmp_path, monkeypatch, claims)
+    run(project, 60)
+    before = kept(project)
+    more = replace(NEAR, wanted=(*NEAR.wanted, Reference("fig1", "a", "share")))
+    project_with(tmp_path, monkeypatch, {**claims, "it": more})
+    code.asked.clear()
+    run(project, 60)
+    after = kept(project)
+    assert after.get("other") == before.get("other")
+    renewed = after.get("it")
+    assert renewed is not None
+    assert renewed.metrics == ("fig1 a gain", "fig1 a share")
+    stripped = tuple(text and text.split()[0] for text in renewed.samples)
+    assert stripped == before.get("it").samples  # type: ignore[union-attr]
+    assert len(code.asked) < 80
+
+
+def test_samples_command_samples_named_claims_only(
+    code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    claims = {"it": NEAR, "cheap": replace(NEAR, maximum=90), "word": NEAR}
+    project = project_with(tmp_path, monkeypatch, claims)
+    run(project, None, "cheap")
+    assert {name: len(one.samples) for name, one in (kept(project).claims or {}).items()} == {
+        "cheap": 90
+    }
+    with pytest.raises(InputError, match=r"^--claim: there is no 'wrod'; did you mean 'word'\?$"):
+        run(project, None, "wrod")
