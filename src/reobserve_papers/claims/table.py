@@ -57,22 +57,24 @@ def row(
             "numbers, must name a choice that reaches them or depend on nothing"
         )
         return cells | {"verdict": BROKEN, "problem": problem}
+    if samples is None and claim.choices:
+        problem = f"{place}: has no samples, must be sampled again"
+        return cells | {"verdict": BROKEN, "problem": problem}
     share = judge.conventions.values["share"]
-    outcomes = judge.outcomes(claim) if samples or not claim.choices else []
-    counted = judge.counted(claim, outcomes) if outcomes else None
+    outcomes = judge.outcomes(claim)
+    counted = judge.counted(claim, outcomes)
     found = [trial.found for trial in samples.trials] if samples else [judge.stated(claim)]
     word = judge.judged[claim.name].verdict
     cells |= {
         "verdict": word,
         "holds": "yes" if judge.holds(claim) else "no",
         "measured": measured,
+        "margin": format_margins(margins(claim, found, counted.whole, share)),
         "changes": changes,
     }
-    if counted is not None:
-        cells["margin"] = format_margins(margins(claim, found, counted.whole, share))
     if word in (CALIBRATED, CONTRADICTED) and (setting := judge.setting(claim)):
         cells["setting"] = setting
-    if samples is not None and counted is not None:
+    if samples is not None:
         low, high = counted.interval()
         cells |= {
             "samples": counted.samples,
@@ -83,7 +85,7 @@ def row(
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
         }
-    if claim.null and counted is not None:
+    if claim.null:
         nulls = judge.outcomes(claim.with_null)
         cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"
     return cells

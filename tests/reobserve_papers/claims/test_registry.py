@@ -11,7 +11,7 @@ import yaml
 
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.errata import read_errata
-from reobserve_papers.claims.registry import Claim, amiss, decisive, read_registry
+from reobserve_papers.claims.registry import Claim, amiss, deciding, decisive, read_registry
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
@@ -50,6 +50,7 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
     assert one.keys[0] == "observers.sampled.K2"
     assert one.keys[-1] == "plant.control"
     assert one.testable
+    assert [(ref.observer, ref.metric) for ref in one.wanted] == [("sampled", "relative_rms_error")]
     assert not other.testable
     assert other.why == "Words cannot be tested."
 
@@ -94,8 +95,17 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
             "below, above, within, exists, falling, rising",
         ),
         (
-            {"expensive": 2},
-            "claims.ilo.one.expensive: 2 must be one of true and false, not a word or a number",
+            {"printed": 2},
+            "claims.ilo.one.printed: 2 must be one of true and false, not a word or a number",
+        ),
+        (
+            {"null": {"smapled": "idle"}},
+            "claims.ilo.one.null: there is no 'smapled'; did you mean 'sampled'?",
+        ),
+        ({"samples": 35}, "claims.ilo.one.samples: 35 must be 36 or more"),
+        (
+            {"quantifier": "sometimes"},
+            "claims.ilo.one.quantifier: 'sometimes' must be one of can, is, always",
         ),
         ({"place": ""}, "claims.ilo.one.place: must not be empty"),
         (
@@ -142,12 +152,37 @@ def test_invalid_registry_is_reported_in_one_sentence(
     assert str(caught.value).removeprefix(f"{path}: ") == said
 
 
+CONVENTIONS = {"conventions": {"less": {"value": 0.95, "alternatives": {"any": 1.0}}}}
+
+
 def test_wording_does_not_affect_the_digest() -> None:
     tree = {"limitations": "a", "choices": {"gains": ["b"]}, "claims": {"one": GOOD}}
     other = {**tree, "limitations": "c", "claims": {"one": {**GOOD, "statement": "d", "why": "e"}}}
-    assert decisive(tree) == decisive(other)
-    stricter = [{"value": "fig1 sampled relative_rms_error", "below": 0.04}]
-    assert decisive(tree) != decisive({**tree, "claims": {"one": {**GOOD, "checks": stricter}}})
+    assert decisive(tree, CONVENTIONS) == decisive(other, CONVENTIONS)
+    assert deciding(tree, CONVENTIONS) == deciding(other, CONVENTIONS)
+
+
+def test_bound_decides_how_many_samples_are_enough_and_not_what_they_are() -> None:
+    tree = {"claims": {"one": GOOD}}
+    stricter = [{**GOOD["checks"][0], "below": 0.04}]
+    other = {"claims": {"one": {**GOOD, "checks": stricter}}}
+    assert decisive(tree, CONVENTIONS) == decisive(other, CONVENTIONS)
+    assert deciding(tree, CONVENTIONS) != deciding(other, CONVENTIONS)
+    moved = {"conventions": {"less": {"value": 0.9, "alternatives": {"any": 1.0}}}}
+    assert decisive(tree, CONVENTIONS) == decisive(tree, moved)
+    assert deciding(tree, CONVENTIONS) != deciding(tree, moved)
+    another = {"conventions": {"less": {"value": 0.95, "alternatives": {"any": 0.8}}}}
+    assert deciding(tree, CONVENTIONS) == deciding(tree, another)
+
+
+def test_measure_decides_what_samples_are() -> None:
+    """Also one that only an alternative names, by a word."""
+    tree = {"claims": {"one": GOOD}}
+    other = [{**GOOD["checks"][0], "value": "fig1 sampled rms_error"}]
+    changed = {"claims": {"one": {**GOOD, "checks": other}}}
+    assert decisive(tree, CONVENTIONS) != decisive(changed, CONVENTIONS)
+    lag = {"conventions": {"lag": {"value": "counted", "alternatives": {"removed": "removed"}}}}
+    assert decisive(tree, CONVENTIONS) != decisive(tree, lag)
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -209,14 +244,23 @@ def test_invalid_erratum_is_reported_in_one_sentence(
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        {"depends_on": ["gains"]},
-        {"depends_on": ["gains", "plant.noise"]},
-        {"expensive": True},
-    ],
+    "change", [{"depends_on": ["gains"]}, {"depends_on": ["gains", "plant.noise"]}]
 )
 def test_sampled_choices_affect_the_digest(change: dict[str, Any]) -> None:
-    assert decisive({"claims": {"one": GOOD}}) != decisive({"claims": {"one": {**GOOD, **change}}})
-    groups = {"claims": {"one": GOOD}, "choices": {"gains": ["a"]}}
-    assert decisive(groups) != decisive({**groups, "choices": {"gains": ["b"]}})
+    claims, changed = {"one": GOOD}, {"one": {**GOOD, **change}}
+    assert decisive({"claims": claims}, {}) != decisive({"claims": changed}, {})
+    groups = {"claims": claims, "choices": {"gains": ["a"]}}
+    assert decisive(groups, {}) != decisive({**groups, "choices": {"gains": ["b"]}}, {})
+
+
+def test_history_is_read_and_needs_all_of_its_keys(tmp_path: Path) -> None:
+    path = tmp_path / "config/claims/ilo.yaml"
+    registry(tmp_path, one=GOOD)
+    tree = yaml.safe_load(path.read_text())
+    entry = {"claim": "one", "verdict": "reproduced", "was": "below 0.1", "now": "below 0.05"}
+    path.write_text(yaml.safe_dump({**tree, "history": [{**entry, "why": "So."}]}))
+    (earlier,) = read_registry(tmp_path, ILO).history
+    assert (earlier.claim, earlier.verdict, earlier.now) == ("one", "reproduced", "below 0.05")
+    path.write_text(yaml.safe_dump({**tree, "history": [entry]}))
+    with pytest.raises(InputError, match=r"^claims\.ilo\.history\.0\.why: is missing"):
+        read_registry(tmp_path, ILO)

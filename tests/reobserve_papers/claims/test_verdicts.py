@@ -1,36 +1,46 @@
-"""Verdicts: the rule, the table, the counts; every claim of the papers can be reversed."""
+"""Verdicts: the rule, titles, table and counts; every claim of the papers can be reversed."""
 
 from __future__ import annotations
 
-import copy
-import json
 import math
 import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_table, write_table
-from reobserve_papers.claims.checks import Check, Reference
-from reobserve_papers.claims.choices import find_choice
-from reobserve_papers.claims.outcomes import Outcome, outcome
-from reobserve_papers.claims.registry import Claim, Quantifier, read_registry
-from reobserve_papers.claims.reversals import Reversal
+from reobserve_papers.claims.alternatives import Judge, Title, write_alternatives
+from reobserve_papers.claims.checks import Check, Numbers, Reference
+from reobserve_papers.claims.outcomes import outcome
+from reobserve_papers.claims.registry import Claim, Quantifier, Registry, read_registry
 from reobserve_papers.claims.robustness import Robustness, Trial
-from reobserve_papers.claims.robustness_file import read_robustness, to_data
-from reobserve_papers.claims.table import format_reversal, row
-from reobserve_papers.claims.verdict_table import put_into, table, titles
-from reobserve_papers.claims.verdicts import count, replicated, title_margin, verdict
-from reobserve_papers.cli.stages.claims import HEADER
+from reobserve_papers.claims.sequential import ERROR
+from reobserve_papers.claims.table import HEADER, row
+from reobserve_papers.claims.verdict_table import in_words, put_into, table
+from reobserve_papers.claims.verdicts import (
+    CALIBRATED,
+    CONTRADICTED,
+    DEPENDS,
+    NOT_TESTABLE,
+    REPRODUCED,
+    UNDECIDED,
+    Counted,
+    Judged,
+    count,
+    main_claims,
+    open_verdicts,
+    plain_title,
+    possible,
+)
 from reobserve_papers.cli.stages.verdicts import run as count_verdicts
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
-ILO = Parameters.load(ROOT, "ilo", seed=1)
-GAIN = "observers.sampled.K2"
+from .stub import GAIN, claim
 
 
 def test_readme_of_results_explains_all_columns() -> None:
@@ -40,130 +50,355 @@ def test_readme_of_results_explains_all_columns() -> None:
     assert sorted(re.findall("`(.*?)`", " ".join(first))) == sorted(HEADER)
 
 
-def marked() -> Parameters:
-    """The parameter file with the gain as a choice of the claim."""
-    tree = copy.deepcopy(ILO.tree)
-    tree["observers"]["sampled"]["K2"]["chosen_for"] = "it, found by trying"
-    return Parameters("ilo", tree, 1)
+# The rule.
+
+OPEN_ABOVE = (REPRODUCED, DEPENDS)
+OPEN_BELOW = (DEPENDS, CONTRADICTED)
+ANY = (REPRODUCED, DEPENDS, CONTRADICTED)
 
 
-DEPENDENT = Claim("ilo", "it", choices=(find_choice(ILO, GAIN),))
-FREE = Claim("ilo", "it")
+@pytest.mark.parametrize(
+    ("held", "samples", "allowed"),
+    [
+        (36, 36, (REPRODUCED,)),
+        (35, 35, OPEN_ABOVE),
+        (35, 36, OPEN_ABOVE),
+        (70, 71, (REPRODUCED,)),
+        (69, 70, OPEN_ABOVE),
+        (10, 20, (DEPENDS,)),  # decided by both lines: below nine tenths and above one
+        (90, 100, OPEN_ABOVE),
+        (10, 100, OPEN_BELOW),
+        (1, 1, ANY),
+        (0, 1, ANY),
+        (0, 0, ANY),
+        (0, 35, OPEN_BELOW),
+        (0, 36, (CONTRADICTED,)),  # at most a tenth
+        (1, 36, OPEN_BELOW),
+        (1, 71, (CONTRADICTED,)),
+    ],
+)
+@pytest.mark.parametrize("quantifier", ["can", "is"])
+def test_share_of_samples_decides(
+    quantifier: Quantifier, held: int, samples: int, allowed: tuple[str, ...]
+) -> None:
+    """Of what can be so as of what is so: four samples in twenty reproduce neither."""
+    assert possible(quantifier, Counted(held, samples), 0.9) == allowed
 
 
-def drawn(held: int, samples: int, stated: bool = True, number: float = 0.0) -> Robustness:
+@pytest.mark.parametrize(
+    ("held", "samples", "allowed"),
+    [
+        (36, 36, (REPRODUCED,)),
+        (35, 35, (REPRODUCED, CONTRADICTED)),
+        (35, 36, (CONTRADICTED,)),  # one counterexample
+        (999, 1000, (CONTRADICTED,)),
+        (0, 0, (REPRODUCED, CONTRADICTED)),
+    ],
+)
+def test_one_counterexample_contradicts_what_is_always_so(
+    held: int, samples: int, allowed: tuple[str, ...]
+) -> None:
+    assert possible("always", Counted(held, samples), 0.9) == allowed
+
+
+@pytest.mark.parametrize(
+    ("share", "held", "samples", "allowed"),
+    [
+        (0.8, 17, 17, (REPRODUCED,)),
+        (0.8, 16, 16, OPEN_ABOVE),
+        (0.95, 77, 77, OPEN_ABOVE),
+        (0.95, 78, 78, (REPRODUCED,)),
+    ],
+)
+def test_other_shares_need_other_numbers_of_samples(
+    share: float, held: int, samples: int, allowed: tuple[str, ...]
+) -> None:
+    assert possible("is", Counted(held, samples), share) == allowed
+
+
+@pytest.mark.parametrize(
+    ("held", "whole", "share", "word"),
+    [
+        (29, 32, 0.9, REPRODUCED),  # 0.906
+        (29, 32, 0.95, DEPENDS),
+        (28, 32, 0.9, DEPENDS),
+        (9, 10, 0.9, REPRODUCED),  # not 9.000000000000002
+        (1, 10, 0.9, CONTRADICTED),
+        (2, 10, 0.9, DEPENDS),
+        (2, 10, 0.8, CONTRADICTED),
+        (1, 1, 0.9, REPRODUCED),
+        (0, 1, 0.9, CONTRADICTED),
+    ],
+)
+def test_counts_of_all_settings_are_exact(held: int, whole: int, share: float, word: str) -> None:
+    counted = Counted(held, whole, whole=True)
+    assert possible("is", counted, share) == (word,)
+    assert possible("always", counted, share) == (REPRODUCED if held == whole else CONTRADICTED,)
+    assert counted.interval() == (held / whole, held / whole)
+
+
+def test_setting_at_which_it_holds_makes_it_no_contradiction() -> None:
+    for held, samples in ((0, 36), (1, 71)):
+        assert possible("can", Counted(held, samples), 0.9, fitted=True) == (CALIBRATED,)
+    assert possible("can", Counted(0, 35), 0.9, fitted=True) == (DEPENDS, CALIBRATED)
+    assert possible("can", Counted(10, 20), 0.9, fitted=True) == (DEPENDS,)
+    assert possible("can", Counted(36, 36), 0.9, fitted=True) == (REPRODUCED,)
+
+
+@pytest.mark.parametrize("share", [0.95, 0.5, 0.05])
+def test_wrong_verdicts_are_rare_however_often_one_looks(share: float) -> None:
+    """In sequences of samples that end when decided, one in twenty or fewer ends wrong."""
+    true = {0.95: REPRODUCED, 0.5: DEPENDS, 0.05: CONTRADICTED}[share]
+    runs, most = 300, 400
+    stream, wrong, right = np.random.default_rng(round(100 * share)), 0, 0
+    for _ in range(runs):
+        held = np.cumsum(stream.random(most) < share)
+        for samples in range(1, most + 1):
+            allowed = possible("is", Counted(int(held[samples - 1]), samples), 0.9)
+            if len(allowed) == 1:
+                wrong, right = wrong + (allowed != (true,)), right + (allowed == (true,))
+                break
+    assert wrong <= ERROR * runs
+    assert right >= 0.7 * runs
+
+
+def test_interval_of_a_share_is_that_of_the_rest_turned_over() -> None:
+    low, high = Counted(3, 40).interval()
+    other_low, other_high = Counted(37, 40).interval()
+    assert (low, high) == (1 - other_high, 1 - other_low)
+    assert low < 3 / 40 < high
+    assert Counted(40, 40).interval()[1] == 1
+    assert Counted(0, 40).interval()[0] == 0
+
+
+# By a judge, who sees the parameter file, too.
+
+RELATION = {"value": "fig1 a gain", "above": 1.0}
+SAMPLED = claim("fig1 a gain", GAIN, above=1.0)
+FREE = claim("fig1 a gain", above=1.0)
+
+
+def drawn(held: int, samples: int, whole: int | None = None, stated: float = 2.0) -> Robustness:
     """Samples of one choice and one check, of which the first ones held."""
-    trials = [Trial((float(k),), Outcome(k < held, (number + k,))) for k in range(samples)]
-    return Robustness(Outcome(stated, (number,)), (GAIN,), trials)
+    gain = Reference("fig1", "a", "gain")
+    trials = [Trial((float(k),), {gain: 2.0 if k < held else 0.5}) for k in range(samples)]
+    return Robustness({gain: stated}, (GAIN,), trials, whole)
+
+
+def stated(gain: float) -> Numbers:
+    return {"fig1": {("a", "gain"): gain}}
+
+
+def judged(one: Claim, gain: float, samples: Robustness | None = None) -> Judge:
+    known = {} if samples is None else {one.name: samples}
+    return Judge(Registry(claims=[one]), stated(gain), known, seed=1)
+
+
+@pytest.mark.parametrize("gain", [2.0, 0.5])
+@pytest.mark.parametrize(
+    ("held", "word"), [(36, REPRODUCED), (0, CONTRADICTED), (18, DEPENDS), (34, UNDECIDED)]
+)
+def test_parameter_file_has_no_vote(gain: float, held: int, word: str) -> None:
+    found = judged(SAMPLED, gain, drawn(held, 36, stated=gain))
+    assert found.judged["it"].verdict == word
+    assert found.holds(SAMPLED) is (gain > 1)
+
+
+def test_parameter_file_decides_what_depends_on_nothing() -> None:
+    assert judged(FREE, 2.0).judged["it"].verdicts == (REPRODUCED,)
+    assert judged(FREE, 0.5).judged["it"].verdicts == (CONTRADICTED,)
+    assert judged(replace(FREE, testable=False), 2.0).judged["it"].verdict == NOT_TESTABLE
+
+
+def test_parameter_file_is_a_counterexample_as_any_other() -> None:
+    always = replace(SAMPLED, quantifier="always")
+    assert judged(always, 0.5, drawn(36, 36)).judged["it"].verdict == CONTRADICTED
+    assert judged(always, 2.0, drawn(36, 36)).judged["it"].verdict == REPRODUCED
+    assert judged(always, 2.0, drawn(35, 36)).judged["it"].verdict == CONTRADICTED
+
+
+CAN = replace(SAMPLED, quantifier="can")
+PRINTED = replace(SAMPLED, printed=True)
+SEARCHED = "at 4711, of 300 tries between 500 and 5000, seed 1"
 
 
 @pytest.mark.parametrize(
-    ("quantifier", "held", "share", "word"),
+    ("one", "gain", "held", "word", "setting"),
     [
-        ("can", True, (0, 20), "reproduced"),  # the nominal settings are an example
-        ("can", False, (1, 20), "reproduced"),
-        ("can", False, (0, 36), "contradicted"),
-        ("can", False, (0, 35), "undecided"),
-        ("can", False, None, "contradicted"),
-        ("always", True, (36, 36), "reproduced"),
-        ("always", True, (35, 35), "undecided"),
-        ("always", True, (35, 36), "contradicted"),
-        ("always", False, (36, 36), "contradicted"),
-        ("always", True, None, "reproduced"),
+        (CAN, 2.0, 0, CALIBRATED, "the parameter file"),
+        (PRINTED, 2.0, 0, CALIBRATED, "the parameter file"),
+        (CAN, 0.5, 1, CALIBRATED, f"{GAIN} 0"),
+        (CAN, 0.5, 0, CONTRADICTED, ""),
+        (replace(CAN, setting=SEARCHED), 0.5, 0, CALIBRATED, SEARCHED),
+        (SAMPLED, 2.0, 1, CONTRADICTED, "the parameter file"),  # asks for no setting
+        (replace(SAMPLED, setting=SEARCHED), 0.5, 0, CONTRADICTED, SEARCHED),
+        (CAN, 2.0, 36, DEPENDS, "the parameter file"),
     ],
 )
-@pytest.mark.parametrize("parameters", [ILO, marked()])
-def test_single_setting_decides_existence_and_always_claims(
-    quantifier: Quantifier,
-    held: bool,
-    share: tuple[int, int] | None,
-    word: str,
-    parameters: Parameters,
+def test_known_setting_makes_what_can_be_or_is_printed_calibrated(
+    one: Claim, gain: float, held: int, word: str, setting: str
 ) -> None:
-    claim = replace(DEPENDENT, quantifier=quantifier)
-    robustness = None if share is None else drawn(*share, stated=held)
-    assert verdict(claim, parameters, held, robustness) == word
+    found = judged(one, gain, drawn(held, 72))
+    assert found.judged["it"].verdict == word
+    assert found.setting(one) == setting
+
+
+def test_setting_of_what_is_always_so_is_a_counterexample() -> None:
+    always = replace(SAMPLED, quantifier="always")
+    assert judged(always, 0.5, drawn(36, 36)).setting(always) == "the parameter file"
+    assert judged(always, 2.0, drawn(35, 36)).setting(always) == f"{GAIN} 35"
+    assert judged(always, 2.0, drawn(36, 36)).setting(always) == ""
+
+
+def test_counted_settings_are_exact_for_a_judge() -> None:
+    assert judged(SAMPLED, 2.0, drawn(29, 32, whole=32)).judged["it"].verdicts == (REPRODUCED,)
+    assert judged(SAMPLED, 2.0, drawn(29, 32)).judged["it"].verdicts == OPEN_ABOVE
+
+
+# Titles.
+
+
+def main(word: str, name: str = "", **parts: tuple[str, ...] | str) -> Judged:
+    """A main claim with a verdict."""
+    body = {"place": "Fig. 1", "promised": ("abstract",), "purpose": (), **parts}
+    return Judged(name, verdicts=(word,), **body)  # type: ignore[arg-type]
+
+
+SPELT = {"r": REPRODUCED, "k": CALIBRATED, "d": DEPENDS, "c": CONTRADICTED, "u": UNDECIDED}
 
 
 @pytest.mark.parametrize(
-    ("claim", "parameters", "held", "share", "word"),
+    ("words", "title"),
     [
-        (FREE, ILO, True, None, "reproduced"),
-        (FREE, ILO, False, None, "contradicted"),
-        (DEPENDENT, ILO, True, (36, 36), "reproduced"),
-        (DEPENDENT, ILO, True, (35, 35), "undecided"),
-        (DEPENDENT, ILO, True, (70, 71), "reproduced"),
-        (DEPENDENT, ILO, True, (69, 70), "undecided"),
-        (DEPENDENT, ILO, True, (90, 100), "undecided"),
-        (DEPENDENT, ILO, True, (10, 20), "depends on unstated choices"),
-        (DEPENDENT, ILO, True, (0, 2), "depends on unstated choices"),
-        (DEPENDENT, ILO, True, (0, 1), "undecided"),
-        (DEPENDENT, ILO, False, (0, 36), "contradicted"),
-        (DEPENDENT, ILO, False, (1, 71), "contradicted"),
-        (DEPENDENT, ILO, False, (0, 35), "undecided"),
-        (DEPENDENT, ILO, False, (10, 20), "depends on unstated choices"),
-        (DEPENDENT, marked(), True, (36, 36), "reproduced only by calibration"),
-        (DEPENDENT, marked(), True, (0, 36), "reproduced only by calibration"),
-        (DEPENDENT, marked(), False, (0, 36), "contradicted"),
-        (DEPENDENT, marked(), False, (20, 40), "depends on unstated choices"),
-        (replace(FREE, testable=False), ILO, True, None, "not testable"),
+        ("r", "[Re]"),
+        ("rrd", "[Re]"),
+        ("rrk", "[Re]"),
+        ("rru", "[Re]"),
+        ("rd", "[Re?]"),  # not more than half
+        ("rkk", "[Re?]"),
+        ("", "[Re?]"),
+        ("ru", "[Re?]"),
+        ("rrrc", "[¬Re]"),
+        ("c", "[¬Re]"),
+        ("dc", "[¬Re]"),
     ],
 )
-def test_verdict_follows_the_rule(
-    claim: Claim, parameters: Parameters, held: bool, share: tuple[int, int] | None, word: str
-) -> None:
-    robustness = None if share is None else drawn(*share, stated=held)
-    assert verdict(claim, parameters, held, robustness) == word
+def test_title_follows_from_the_verdicts_on_main_claims(words: str, title: str) -> None:
+    assert plain_title([SPELT[letter] for letter in words], 0.5) == title
 
 
-def test_table_reports_the_findings(tmp_path: Path) -> None:
-    checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
-    claim = replace(DEPENDENT, checks=checks, statement="It is small.", why="A twentieth.")
-    reversal = Reversal(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
-    stands = replace(drawn(70, 71), reversal=reversal)
-    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)
-    assert reported["verdict"] == "reproduced"
-    assert (reported["holds"], reported["measured"]) == (
-        "yes",
-        "fig1 a error = 0.02, must be below 0.05",
-    )
-    assert (reported["samples"], reported["held"], reported["share"]) == (71, 70, "0.9859")
-    assert (reported["low"], reported["high"]) == ("0.9011", "1")
-    assert reported["reversal"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
-    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)
-    assert reported["holds"] == "no"
-    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, drawn(10, 20))
-    assert reported["verdict"] == "depends on unstated choices"
-    same = replace(stands, trials=stands.trials[:1] * 8)
-    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, same)
-    assert reported["verdict"] == "broken"
-    assert reported["problem"] == (
+def test_title_asks_for_another_majority_where_that_is_the_convention() -> None:
+    two_of_three = [REPRODUCED, REPRODUCED, DEPENDS]
+    assert plain_title(two_of_three, 0.5) == "[Re]"
+    assert plain_title(two_of_three, 0.6667) == "[Re?]"
+    assert plain_title([*two_of_three, REPRODUCED], 0.6667) == "[Re]"
+
+
+def test_broken_main_claim_is_no_replication() -> None:
+    assert plain_title([REPRODUCED, REPRODUCED, "broken"], 0.5) == "[¬Re]"
+
+
+def test_open_interval_of_a_main_claim_is_named_where_it_would_change_the_title() -> None:
+    sure = [main(REPRODUCED, "a"), main(REPRODUCED, "b")]
+    short = replace(main("", "c"), verdicts=OPEN_ABOVE)
+    assert list(open_verdicts([*sure, short], 0.5)) == []  # [Re] with either
+    seldom = replace(short, verdicts=OPEN_BELOW)
+    assert list(open_verdicts([*sure, seldom], 0.5)) == [("c", CONTRADICTED, "[¬Re]")]
+    half = [main(REPRODUCED, "a"), short]
+    assert list(open_verdicts(half, 0.5)) == [("c", REPRODUCED, "[Re]")]
+
+
+def test_main_claims_follow_two_conventions() -> None:
+    claims = [
+        main(REPRODUCED, "abstract"),
+        main(REPRODUCED, "both", promised=("abstract", "conclusions"), place="Section 2"),
+        main(REPRODUCED, "conclusions", promised=("conclusions",), place="Figs 2 and 3"),
+        main(REPRODUCED, "purpose", promised=(), purpose=("abstract",), place="Section I"),
+        main(REPRODUCED, "none", promised=(), place="(3)"),
+        main(NOT_TESTABLE, "untestable"),
+    ]
+
+    def names(convention: str, purpose: str = "ignored") -> list[str]:
+        return [one.name for one in main_claims(claims, convention, purpose)]
+
+    assert names("abstract and conclusions") == ["abstract", "both", "conclusions"]
+    assert names("abstract") == ["abstract", "both"]
+    assert names("conclusions") == ["both", "conclusions"]
+    assert names("figures") == ["abstract", "conclusions"]
+    assert names("all claims") == ["abstract", "both", "conclusions", "purpose", "none"]
+    assert names("abstract", "counts") == ["abstract", "both", "purpose"]
+
+
+# The table.
+
+
+def test_table_reports_the_findings() -> None:
+    one = replace(SAMPLED, statement="It is large.", why="So.")
+    samples = drawn(70, 71)
+    found = row(one, judged(one, 2.0, samples), stated(2.0), samples, "less: a_tenth")
+    assert found["verdict"] == REPRODUCED
+    assert (found["holds"], found["measured"]) == ("yes", "fig1 a gain = 2, must be above 1")
+    numbers = [found[key] for key in ("samples", "held", "tied", "opposed")]
+    assert numbers == [71, 70, 0, 1]
+    assert (found["share"], found["low"], found["high"]) == ("0.9859", "0.9011", "1")
+    assert found["changes"] == "less: a_tenth"
+    assert "setting" not in found
+    assert "null" not in found
+    other = row(one, judged(one, 0.5, samples), stated(0.5), samples)
+    assert (other["verdict"], other["holds"]) == (REPRODUCED, "no")
+
+
+def test_table_reports_a_setting_of_what_is_calibrated_or_contradicted() -> None:
+    for one, word in ((CAN, CALIBRATED), (SAMPLED, CONTRADICTED)):
+        found = row(one, judged(one, 0.5, drawn(1, 72)), stated(0.5), drawn(1, 72))
+        assert (found["verdict"], found["setting"]) == (word, f"{GAIN} 0")
+
+
+def test_table_counts_ties_and_the_null() -> None:
+    """Of 40 samples 24 hold, 8 are tied, 7 opposed and one is lost; the null always holds."""
+    a, b = Reference("fig1", "a", "error"), Reference("fig1", "b", "error")
+    idle = Reference("fig1", "idle", "error")
+    one = claim("fig1 a error", GAIN, over="fig1 b error", below=0.9)
+    one = replace(one, null={"a": "idle"})
+    errors = [0.5] * 24 + [1.0] * 8 + [2.0] * 7
+    found = [{a: error, b: 1.0, idle: 0.1} for error in errors]
+    trials = [Trial((float(k),), each) for k, each in enumerate([*found, None])]
+    samples = Robustness(found[0], (GAIN,), trials)
+    numbers = {"fig1": {("a", "error"): 0.5, ("b", "error"): 1.0, ("idle", "error"): 0.1}}
+    judge = Judge(Registry(claims=[one]), numbers, {"it": samples}, 1)
+    cells = row(one, judge, numbers, samples)
+    assert [cells[key] for key in ("samples", "held", "tied", "opposed")] == [40, 24, 8, 7]
+    assert cells["null"] == f"{39 / 40:.4g}"
+
+
+def test_claim_that_no_choice_reaches_is_broken() -> None:
+    samples = drawn(8, 8)
+    found = row(SAMPLED, judged(SAMPLED, 2.0, samples), stated(2.0), samples)
+    assert found["verdict"] == "broken"
+    assert found["problem"] == (
         "claims.ilo.it: all 8 samples give the same numbers, must name a choice that reaches them "
         "or depend on nothing"
     )
-    reported = row(claim, ILO, {"fig1": {("a", "errors"): 0.02}}, stands)
-    assert reported["verdict"] == "broken"
-    assert reported["problem"] == (
-        "claims.ilo.it: metric: fig1 has no 'error' of a; did you mean 'errors'?"
+
+
+def test_claim_that_names_an_unknown_number_is_broken() -> None:
+    numbers = {"fig1": {("a", "gains"): 0.02}}
+    judge = Judge(Registry(claims=[FREE]), numbers, {}, 1)
+    assert judge.judged["it"].verdict == "broken"
+    found = row(FREE, judge, numbers, None)
+    assert found["verdict"] == "broken"
+    assert found["problem"] == (
+        "claims.ilo.it: metric: fig1 has no 'gain' of a; did you mean 'gains'?"
     )
-    assert format_reversal(Reversal("a.b", "word", "A", "B", 1.0)) == "a.b from A to B"
-    assert format_reversal(Reversal("a.b", "word", True, False, 1.0)) == "a.b from True to False"
-    assert format_reversal(None) == ""
-    pair = Reversal("a.b.1", "V, A", 1.0, 2.0, 0.5)
-    assert format_reversal(pair) == "a.b.1 from 1 to 2 A (50 % of its range)"
-    assert (
-        format_reversal(replace(pair, key="a.b", unit="1")) == "a.b from 1 to 2 (50 % of its range)"
-    )
-    slow, fast, step = (
-        [{"kind": "prbs", "size": 1.5}],
-        [{"kind": "prbs", "size": 47}],
-        [{"kind": "step"}],
-    )
-    assert format_reversal(Reversal("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
-    assert format_reversal(Reversal("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
-    path, reported = tmp_path / "robustness.json", {"a": to_data(stands)}
-    path.write_text(json.dumps({"paper": "ilo", "seed": 1, "samples": 40, "claims": reported}))
-    assert read_robustness(path, "ilo") == {"a": stands}
+
+
+def test_claim_without_samples_is_broken() -> None:
+    one = replace(SAMPLED, null={"a": "idle"})
+    judge = judged(one, 2.0)
+    assert judge.judged["it"].verdict == "broken"
+    found = row(one, judge, stated(2.0), None)
+    assert found["verdict"] == "broken"
+    assert found["problem"] == "claims.ilo.it: has no samples, must be sampled again"
 
 
 def made(*verdicts: str, promised: Iterable[int] = ()) -> list[dict[str, str]]:
@@ -176,77 +411,33 @@ def made(*verdicts: str, promised: Iterable[int] = ()) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
-def test_replication_depends_on_its_main_claims() -> None:
-    good, other, bad = "reproduced", "reproduced only by calibration", "contradicted"
-    assert replicated(made(good, good, bad, promised=[0, 1]))
-    assert replicated(made(good, good, other, promised=[0, 1, 2]))
-    assert not replicated(made(good, other, promised=[0, 1]))  # not more than half
-    assert not replicated(made(good, good, bad, promised=[0, 1, 2]))
-    assert not replicated(made(good, good, "broken", promised=[0, 1, 2]))
-    assert not replicated(made(good))
-    assert replicated(made(good, "not testable", "not testable", promised=[0, 1, 2]))
-    assert not replicated(made(good, bad, promised=[0]), "all claims")
-    assert replicated(made(good, bad, promised=[0]), "abstract")
-    assert title_margin(made(good)) == ""
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (
-            "rrr",
-            "3 of 3 main claims are reproduced and 0 contradicted; it would be [¬Re] with one "
-            "contradicted or 2 fewer reproduced",
-        ),
-        (
-            "rrc",
-            "2 of 3 main claims are reproduced and 1 contradicted; it would be [Re] with 1 "
-            "fewer contradicted",
-        ),
-        (
-            "rddc",
-            "1 of 4 main claims are reproduced and 1 contradicted; it would be [Re] with 1 "
-            "fewer contradicted and 2 more reproduced",
-        ),
-    ],
-)
-def test_title_margin_states_what_would_change_the_verdict(words: str, said: str) -> None:
-    spelled = {"r": "reproduced", "c": "contradicted", "d": "depends on unstated choices"}
-    rows = made(*(spelled[word] for word in words), promised=range(len(words)))
-    assert title_margin(rows) == said
-
-
-def test_verdict_under_other_choices_of_main_claims() -> None:
-    rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0, 2])
-    rows[3] |= {"place": "Section 2", "promised": "conclusions"}
-    head, _, reported = titles(rows).strip().splitlines()
-    assert (
-        head
-        == "| paper | abstract and conclusions | abstract | conclusions | figures | all claims |"
-    )
-    assert reported == (
-        "| `a` | [Re] 2 of 2, 0 contradicted | [Re] 1 of 1, 0 contradicted | [Re] 1 of 1, 0 "
-        "contradicted | [¬Re] 1 of 2, 1 contradicted | [¬Re] 2 of 3, 1 contradicted |"
-    )
-    assert "| none | [Re] 1 of 1" in titles([row | {"promised": "abstract"} for row in rows[:1]])
+TITLE = Title("[Re?]", ("2 of 4 main claims are reproduced: a broken", "[Re] with x; y; z; w; v"))
 
 
 def test_table_counts_verdicts_and_who_set_the_thresholds() -> None:
     rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0])
     for each, who in zip(rows, ("stated", "after", "", "after"), strict=True):
         each["threshold"] = who
-    head, line, reported = (text.split("|") for text in table(rows).splitlines())
+    *lines, empty, reasons = table(rows, {"a": TITLE}).splitlines()
+    head, line, reported = (text.split("|") for text in lines)
     assert len(head) == len(line) == len(reported)
     cells = dict(zip(map(str.strip, head), map(str.strip, reported), strict=True))
     assert cells["paper"] == "`a`"
-    assert (cells["replication"], cells["claims"]) == ("[Re]", "4")
+    assert (cells["replication"], cells["claims"]) == ("[Re?]", "4")
     assert [cells[one] for one in ("reproduced", "contradicted", "not testable")] == ["2", "1", "1"]
     assert cells["thresholds"] == "1 stated, 0 before, 2 after"
+    assert (empty, reasons) == ("", f"- `a` {in_words(TITLE)}")
+
+
+def test_reasons_of_a_title_are_put_into_words() -> None:
+    said = "[Re?]: 2 of 4 main claims are reproduced: a broken. [Re] with x; y; z and 2 more."
+    assert in_words(TITLE) == said
+    assert in_words(Title("[Re]")) == "[Re]: nothing tried changes it."
+    assert in_words(Title("[Re?]", ("[¬Re] with x; y; z",))) == "[Re?]: [¬Re] with x; y; z."
 
 
 def test_broken_claims_are_counted() -> None:
-    good, bad = "reproduced", "contradicted"
-    assert count(made(good, bad, bad))["a"]["contradicted"] == 2
+    assert count(made("reproduced", "broken", "broken"))["a"]["broken"] == 2
 
 
 def test_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
@@ -254,37 +445,38 @@ def test_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     rows[0] |= {"promised": "abstract", "threshold": "stated", "figures": "fig1 theory"}
     rows = [row | {"paper": "ilo"} for row in rows]
     write_table(tmp_path / "claims.csv", rows, HEADER)
-    count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md")
+    (tmp_path / "ilo").mkdir()
+    titles = [tmp_path / "ilo" / "alternatives.csv"]
+    write_alternatives(titles[0], [], Title("[Re]"))
+    count_verdicts(tmp_path / "claims.csv", titles, tmp_path / "verdicts.md")
     written = (tmp_path / "verdicts.md").read_text().splitlines()
     assert (
         written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 | 1 stated, 0 before, 1 after |"
     )
-    assert len(written) == 3
+    assert written[3:] == ["", "- `ilo` [Re]: nothing tried changes it."]
     wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
     rows.append(dict.fromkeys(HEADER, "") | wrong)
     write_table(tmp_path / "claims.csv", rows, HEADER)
     with pytest.raises(ReobserveError, match=r"^No x\.$"):
-        count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md")
+        count_verdicts(tmp_path / "claims.csv", titles, tmp_path / "none.md")
     assert not (tmp_path / "none.md").exists()
     assert len(read_table(tmp_path / "claims.csv", HEADER)) == 3
 
 
 # Every claim of the papers, with constructed results.
 
-Numbers = dict[str, dict[tuple[str, str], float]]
 PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]
-PARAMETER_FILES = {paper: Parameters.load(ROOT, paper) for paper in PAPERS}
 CLAIMS = [
     pytest.param(claim, id=f"{paper}-{claim.name}")
     for paper in PAPERS
-    for claim in read_registry(ROOT, PARAMETER_FILES[paper]).claims
+    for claim in read_registry(ROOT, Parameters.load(ROOT, paper)).claims
     if claim.checks
 ]
 
 
-def fed(claim: Claim, broken: Check | None = None) -> Numbers:
+def fed(claim: Claim, broken: Check | None = None) -> dict[str, dict[tuple[str, str], float]]:
     """Results that satisfy every check but ``broken``; a single one may contradict another."""
-    numbers: Numbers = {}
+    numbers: dict[str, dict[tuple[str, str], float]] = {}
 
     def put(reference: Reference, value: float) -> None:
         numbers.setdefault(reference.figure, {})[reference[1:]] = value
@@ -345,16 +537,22 @@ def test_each_check_of_a_claim_can_reverse_it(claim: Claim) -> None:
     """A check holds on satisfying results; on results that just fail, the claim is refuted."""
     for check in claim.checks:
         alone = replace(claim, checks=(check,), choices=())
-        parameters = PARAMETER_FILES[claim.paper]
         good, bad = fed(alone), fed(alone, check)
-        assert outcome(alone, good).held
-        assert not outcome(alone, bad).held
-        assert row(alone, parameters, good, None)["verdict"] == "reproduced"
-        assert row(alone, parameters, bad, None)["verdict"] == "contradicted"
+        assert outcome(alone, good) == "holds"
+        assert outcome(alone, bad) != "holds"
+        assert verdict_on(alone, good) == "reproduced"
+        assert verdict_on(alone, bad) == "contradicted"
         # With all checks of the claim: a single failing one suffices.
         whole = fed(claim, check)
         assert satisfied(claim, whole)[claim.checks.index(check)] is False
-        assert not outcome(claim, whole).held
+        assert outcome(claim, whole) != "holds"
+
+
+def verdict_on(claim: Claim, numbers: Numbers) -> str:
+    """The verdict in the table, with nothing left open."""
+    claim = replace(claim, null={})
+    judge = Judge(Registry(claims=[claim]), numbers, {}, 1)
+    return str(row(claim, judge, numbers, None)["verdict"])
 
 
 def test_verdicts_are_inserted_between_markers_in_the_readme(tmp_path: Path) -> None:
@@ -375,21 +573,20 @@ REPORTED = """| paper | claims |
 |---|---|
 | `a` | 3 |
 | `b` | 4 |
+
+- `a` [Re]: nothing tried changes it.
+- `b` [¬Re]: [Re?] with x.
 """
 
 
 def test_readme_keeps_rows_of_papers_not_evaluated(tmp_path: Path) -> None:
     readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
     readme.write_text(f"<!-- verdicts -->\n\n{REPORTED}\n<!-- end -->\n")
-    verdicts.write_text("| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n")
+    rows, reasons = "| `b` | 5 |\n| `c` | 6 |\n", "- `b` [Re]: y.\n- `c` [Re]: z.\n"
+    verdicts.write_text(f"| paper | claims |\n|---|---|\n{rows}\n{reasons}")
     put_into(readme, verdicts, ["a", "b", "c"])
     reported = REPORTED.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
+    reported = reported.replace("[¬Re]: [Re?] with x.\n", "[Re]: y.\n- `c` [Re]: z.\n")
     assert readme.read_text() == f"<!-- verdicts -->\n\n{reported}\n<!-- end -->\n"
     put_into(readme, verdicts, ["b", "c"])  # a is no longer a paper
     assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
-
-
-@pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])
-def test_position_beyond_the_units_has_no_unit(place: int, unit: str) -> None:
-    reversal = Reversal(f"a.b.{place}", "V, A", 1.0, 2.0, 0.5)
-    assert format_reversal(reversal) == f"a.b.{place} from 1 to 2{unit} (50 % of its range)"
