@@ -343,7 +343,8 @@ def _wanted(registry: Registry, paper: str) -> dict[str, tuple[Reference, ...]]:
             continue
         with located(f"alternatives.{name}"):
             for claim, changes in one.claims.items():
-                found[claim] += registry.variant(claim, conventions, changes).references_of_all
+                other = registry.variant(claim, conventions, changes)
+                found[claim] += other.references_of_all
     return {name: tuple(dict.fromkeys(listed)) for name, listed in found.items()}
 
 

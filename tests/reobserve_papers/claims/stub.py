@@ -97,6 +97,17 @@ def registry(
     alternatives: Mapping[str, Any] | None = None,
 ) -> Registry:
     """The claims of `ilo` in a project with these entries, of which each differs from `ENTRY`."""
+    write_registry(project, claims, conventions, alternatives)
+    return read_registry(project, ILO)
+
+
+def write_registry(
+    project: Path,
+    claims: Mapping[str, Mapping[str, Any]] | None = None,
+    conventions: Mapping[str, Any] | None = None,
+    alternatives: Mapping[str, Any] | None = None,
+) -> None:
+    """Write the two files that `registry` reads."""
     entries = {name: {**ENTRY, "statement": name, **one} for name, one in (claims or {}).items()}
     write(project / "config/claims/ilo.yaml", {"limitations": "Nothing.", "claims": entries})
     stated = {name: {"why": "So.", **one} for name, one in (conventions or {}).items()}
@@ -105,7 +116,6 @@ def registry(
     }
     tree = {"note": "Chosen late.", "conventions": stated, "alternatives": single}
     write(project / "config/conventions.yaml", tree)
-    return read_registry(project, ILO)
 
 
 def write(path: Path, tree: Any) -> None:
