@@ -19,7 +19,7 @@ from reobserve_papers.claims.conventions import Conventions, SingleAlternative
 from reobserve_papers.claims.kept_samples import Keep, kept_by, narrower, spelt
 from reobserve_papers.claims.outcomes import Found, Outcome, outcome, taken
 from reobserve_papers.claims.registry import Claim, Registry
-from reobserve_papers.claims.robustness import Robustness
+from reobserve_papers.claims.robustness import Robustness, counted
 from reobserve_papers.claims.verdicts import (
     BROKEN,
     CONTRADICTED,
@@ -128,7 +128,7 @@ class Judge:
     def counted(self, claim: Claim, outcomes: Sequence[Outcome]) -> Counted:
         """The number of settings in which it holds."""
         if not claim.choices:
-            return Counted(outcomes.count("holds"), len(outcomes), whole=True)
+            return counted(outcomes, whole=True)
         return self.samples[claim.name].counted(outcomes)
 
     def alternatives(self) -> Iterator[Alternative]:
@@ -206,10 +206,10 @@ class Judge:
         fitted = (claim.quantifier == "can" or claim.printed) and self.setting(claim) != ""
         if keep is not None:
             outcomes = self._kept(claim, outcomes, keep)
-        counted = self.counted(claim, outcomes)
+        found = self.counted(claim, outcomes)
         if keep is not None and claim.choices and self.samples[claim.name].whole is not None:
-            counted = Counted(counted.held, counted.samples, whole=bool(outcomes))
-        return possible(claim.quantifier, counted, conventions.values["share"], fitted)
+            found = counted(outcomes, whole=bool(outcomes))
+        return possible(claim.quantifier, found, conventions.values["share"], fitted)
 
     def setting(self, claim: Claim) -> str:
         """A setting at which a claim is known to hold, or for what is `always` so, to fail."""
@@ -219,7 +219,7 @@ class Judge:
         samples = self.samples.get(claim.name, Robustness())
         outcomes = self.outcomes(claim) if samples.trials else []
         for trial, found in zip(samples.trials, outcomes, strict=True):
-            if (found == "holds") == wanted and found != "lost":
+            if (found == "holds") == wanted and found not in ("diverged", "refused"):
                 listed = zip(samples.names, trial.values, strict=True)
                 return ", ".join(f"{name} {spelt(value)}" for name, value in listed)
         return claim.setting

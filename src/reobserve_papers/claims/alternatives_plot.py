@@ -85,8 +85,15 @@ def alternatives_curve(
                 places, shares, linestyle="", marker=marker, color=color, markersize=3.5, label=word
             )
     above.set_ylim(-0.08, 1.08)
+    low = max(_share(by[name], mains, verdicts) for name in order) < 0.6
     above.set_ylabel("share of main\nclaims reproduced", fontsize=_SMALL)
-    above.legend(fontsize=_SMALL, ncols=3, loc="lower left", title="title", title_fontsize=_SMALL)
+    above.legend(
+        fontsize=_SMALL,
+        ncols=3,
+        loc="upper right" if low else "lower left",
+        title="title",
+        title_fontsize=_SMALL,
+    )
     above.set_title(f"{title.word} with {len(by) - 1} alternatives, each alone; first: as stated")
     above.set_xticks([])
     for word, (marker, color) in _VERDICTS.items():

@@ -17,8 +17,8 @@ from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
 
 # Whether a claim holds. Where it says which of two numbers is less, its opposite may hold, or
-# neither (a tie); else it is opposed where it does not hold. Lost is what diverged or was refused.
-Outcome = Literal["holds", "tie", "opposed", "lost"]
+# neither (a tie); else it is opposed where it does not hold.
+Outcome = Literal["holds", "tie", "opposed", "diverged", "refused"]
 
 # What came out of one sample: by reference, without those of a figure that diverged.
 Found = Mapping[Reference, float]
@@ -147,8 +147,10 @@ def nested(found: Found) -> dict[str, dict[tuple[str, str], float]]:
 
 def outcome(claim: Claim, numbers: Numbers | None) -> Outcome:
     """The outcome of a claim, given the numbers behind figures, None where these were refused."""
-    if numbers is None or any(figure not in numbers for figure in claim.figures):
-        return "lost"
+    if numbers is None:
+        return "refused"
+    if any(figure not in numbers for figure in claim.figures):
+        return "diverged"
     if all(check.holds(numbers) for check in claim.checks):
         return "holds"
     mirrored = [check.mirrored for check in claim.checks]

@@ -66,7 +66,7 @@ class Robustness:
 
     def diverged(self, claim: Claim) -> int:
         """The number of samples in which something diverged that decides a claim."""
-        return self.outcomes(claim).count("lost") - self.refused
+        return self.outcomes(claim).count("diverged")
 
     def outcomes(self, claim: Claim) -> list[Outcome]:
         """The outcome of a claim in each sample, as it is or as an alternative reads it.
@@ -83,7 +83,7 @@ class Robustness:
 
     def counted(self, outcomes: Sequence[Outcome]) -> Counted:
         """The number of samples in which a claim holds."""
-        return Counted(outcomes.count("holds"), len(outcomes), len(outcomes) == self.whole)
+        return counted(outcomes, whole=len(outcomes) == self.whole)
 
     def alike(self, claim: Claim) -> bool:
         """True if many samples gave the same numbers, all of them: no choice reaches these."""
@@ -106,6 +106,11 @@ class Robustness:
         ]
         samples = tuple(as_text(looked, trial.found) for trial in self.trials)
         return CachedSamples(self.basis, tuple(map(str, looked)), samples)
+
+
+def counted(outcomes: Sequence[Outcome], whole: bool = False) -> Counted:
+    """Outcomes, counted."""
+    return Counted(outcomes.count("holds"), len(outcomes), whole, outcomes.count("refused"))
 
 
 def _has_lost(found: Found, one: Any) -> bool:
@@ -175,8 +180,8 @@ class Inquiry:
         one, outcomes = self.found[claim.name], self._held[claim.name]
         if one.whole is not None:
             return one.samples == one.whole
-        counted = Counted(outcomes.count("holds"), len(outcomes))
-        return one.samples >= _LEAST and len(possible(claim.quantifier, counted, self.share)) == 1
+        found = counted(outcomes)
+        return one.samples >= _LEAST and len(possible(claim.quantifier, found, self.share)) == 1
 
     def ask(self, number: int, claims: Iterable[Claim]) -> None:
         """Make a sample of some claims, whose outcome is known from then on."""

@@ -33,12 +33,14 @@ Row = Mapping[str, str]  # of the table of claims
 class Counted:
     """The settings in which a claim was tried, and in how many it held.
 
-    ``whole`` says that these are all that there are; else they are random samples.
+    ``whole`` says that these are all that there are; else they are random samples. In some, which
+    are ``refused``, there is no observer. It does not hold there, but they are no counterexamples.
     """
 
     held: int
     samples: int
     whole: bool = False
+    refused: int = 0
 
     def at_least(self, share: float) -> bool | None:
         """True if it holds in this share of all settings or more, None if that is undecided."""
@@ -81,9 +83,11 @@ def possible(
     """
     low = CALIBRATED if fitted else CONTRADICTED
     if quantifier == "always":
-        if counted.held < counted.samples:
+        tried = counted.samples - counted.refused
+        if counted.held < tried:
             return (CONTRADICTED,)
-        return (REPRODUCED,) if counted.at_least(share) else (REPRODUCED, CONTRADICTED)
+        enough = Counted(counted.held, tried, counted.whole).at_least(share)
+        return (REPRODUCED,) if enough else (REPRODUCED, CONTRADICTED)
     often, seldom = counted.at_least(share), counted.at_most(1 - share)
     if often:
         return (REPRODUCED,)

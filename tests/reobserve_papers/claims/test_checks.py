@@ -233,14 +233,14 @@ def test_outcome_of_several_checks_is_opposed_where_all_opposites_hold() -> None
 
 def test_outcome_without_a_figure_is_lost() -> None:
     claim = Claim("ilo", "it", checks=(check(**LESS),))
-    assert outcome(claim, None) == outcome(claim, {}) == "lost"
+    assert (outcome(claim, None), outcome(claim, {})) == ("refused", "diverged")
 
 
-def test_every_outcome_is_one_of_four() -> None:
-    """So that holds, ties, opposed and lost samples add up to all of them."""
+def test_every_outcome_is_one_of_five() -> None:
+    """So that holds, ties, opposed, diverged and refused samples add up to all of them."""
     values = (-1.0, 0.0, 0.5, 1.0, math.nan, math.inf)
     found = [of([LESS], a, b) for a in values for b in values]
-    kinds: tuple[Outcome, ...] = ("holds", "tie", "opposed", "lost")
+    kinds: tuple[Outcome, ...] = ("holds", "tie", "opposed", "diverged", "refused")
     assert sum(found.count(kind) for kind in kinds) == len(found) == 36
     assert {"holds", "tie", "opposed"} == set(found)
 

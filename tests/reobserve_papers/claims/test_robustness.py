@@ -120,8 +120,8 @@ def test_diverging_sample_is_lost() -> None:
     one = claim("fig2 a gain", GAIN, above=0)
     samples = found(one)
     outcomes = samples.outcomes(one)
-    assert outcomes.count("holds") + outcomes.count("lost") == samples.samples
-    assert 0 < samples.diverged(one) == outcomes.count("lost") < samples.samples
+    assert outcomes.count("holds") + outcomes.count("diverged") == samples.samples
+    assert 0 < samples.diverged(one) == outcomes.count("diverged") < samples.samples
     assert verdicts(one, samples) == ("depends on unstated choices",)
 
 
@@ -129,7 +129,7 @@ def test_refused_sample_is_lost() -> None:
     one = claim("fig3 a gain", GAIN, above=0)
     samples = found(one)
     outcomes = samples.outcomes(one)
-    assert (outcomes.count("lost"), samples.diverged(one)) == (samples.refused, 0)
+    assert (outcomes.count("refused"), samples.diverged(one)) == (samples.refused, 0)
     gains = [trial.values[0] for trial in samples.trials if trial.found is None]
     assert gains
     assert max(gains) < 1000

@@ -590,3 +590,11 @@ def test_readme_keeps_rows_of_papers_not_evaluated(tmp_path: Path) -> None:
     assert readme.read_text() == f"<!-- verdicts -->\n\n{reported}\n<!-- end -->\n"
     put_into(readme, verdicts, ["b", "c"])  # a is no longer a paper
     assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
+
+
+def test_refused_settings_are_no_counterexamples() -> None:
+    """But they do not support what is always so either, and a share counts them as failures."""
+    assert possible("always", Counted(36, 38, refused=2), 0.9) == ("reproduced",)
+    assert possible("always", Counted(35, 71, refused=36), 0.9) == ("reproduced", "contradicted")
+    assert possible("always", Counted(36, 38, refused=1), 0.9) == ("contradicted",)
+    assert possible("is", Counted(36, 72, refused=36), 0.9) == ("depends on unstated choices",)
