@@ -4,8 +4,11 @@ Means over the last two seconds before the fault (`_before`) and over the last t
 (`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
 Metrics with coordinates belong to a study. Those of the changes have the change and its level.
 For the neighbourhood the observer column holds the tuned number, `search`, or `all` banks. In
-`theory.metrics.csv` it holds a bank, or `model` for the normal one. `nan` means that it never
-happens.
+`theory.metrics.csv` it holds a bank, or `model` for the normal one. Estimators that know nothing
+are `guess`, a bank that always gives all modes the same probability; `random_gain`, a filter that
+corrects a random share of each innovation, or such a bank with the layers of the SVSF named after
+it; and `measurement`, the measured velocity. Checks of main claims must reject them. `nan` means
+that it never happens.
 """
 
 from __future__ import annotations
@@ -17,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_kind
-from reobserve_papers.metrics.metrics import Metric, Score, scores_of
+from reobserve_papers.metrics.metrics import Metric, Score, name_at, scores_of
 from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.papers.imm.null import GUESS
 from reobserve_papers.papers.imm.scoring import check_rules, probabilities
 from reobserve_papers.papers.imm.study_rows import STATED, TUNED
 from reobserve_papers.papers.imm.units import UNITS
@@ -43,12 +47,14 @@ MEANINGS = {
     "diagnosed_share": "share of the last three seconds in which the true mode is the most "
     "probable",
     "rms_velocity_error": "root mean square error of the combined estimate after the fault",
-    "velocity_error_share": "the same as a share of the velocity's own root mean square",
+    "rms_velocity_error window=after": "the same in the window of the probabilities",
+    "velocity_error_share": "the first of these as a share of the velocity's own root mean square",
     "saturation_fraction": "share of the innovations after the fault that are outside the "
     "boundary layer",
     "chattering_fraction": "share of the innovations after the fault that are outside and "
     "have changed their sign",
     "chattering_size": "RMS of the velocity's corrections by these, as a share of its own",
+    "chattering_size window=after": "the same in the window of the probabilities",
     "trials": "number of trials of the search, each with three banks",
     "earlier_trials": "number of trials of earlier searches, whose results are not used",
     "tuned": "number of tuned parameters",
@@ -58,10 +64,12 @@ MEANINGS = {
     "within the band",
     "maximum_factor": "the maximum such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
-    "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`",
+    "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`; "
+    "gains are `frozen` at their means or, `weighted`, at their effective values",
     "fault_after variant=<variant>": "the same of the faulty mode",
     "saturation_fraction variant=whole": "of the innovations after the fault, outside the layers",
     "chattering_fraction variant=whole": "of those that lie there and have changed their sign",
+    "chattering_after variant=whole": "the same in the window of the probabilities",
     "corrected_radius": (
         "largest radius of (I - W C) A: what full correction of all outputs leaves"
     ),
@@ -70,9 +78,13 @@ MEANINGS = {
     ),
     "bank_prediction_error": "the same of the bank",
     "layer_ratio": "largest a priori output error over a layer that the model alone leaves",
-    "open_velocity_error": "velocity error of the normal model without correction",
-    "informed_velocity_error": "the same with a filter whose layers are as wide as the error "
+    "open_<state>_error": "RMS error of a state of the normal model without correction, after a "
+    "leak",
+    "informed_<state>_error": "the same with a filter whose layers are as wide as the error "
     "of the model",
+    "informed_<state>_error layers=step": "the same, as wide as its error over one step",
+    "informed_<state>_error record=noisy": "the same, layers of the first width, from a record "
+    "with noise of covariance R",
 }
 
 
@@ -88,6 +100,9 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     check_rules(job.metrics, job.plant.horizon, job.scenario.period)
     for name in data.estimates:
         yield from scores_of(name, _scores(data, name))
+    if isinstance(job.figure, keys.Probabilities):
+        for quantity in ("normal_before", *(f"{mode}_after" for mode in MODES)):
+            yield Metric(GUESS, quantity, 1.0 / len(MODES), "1")
     if job.study is not None:
         yield from _SUMMARIES[job.study.method](data)
 
@@ -100,15 +115,20 @@ def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
     fault = MODES.index(job.scenario.fault)
     yield from probabilities(rules, time, probability, onset, fault)
     later = scored("scenario.onset", time, onset, np.inf, closed="right")
+    late = scored("metrics.after", time, *rules.after, closed="right")
     moved = data.plant["motion"][:, list(UNITS).index("velocity")]
-    size = float(root_mean_square((estimate["velocity"] - moved)[later]))
+    error = estimate["velocity"] - moved
+    size, compared = float(root_mean_square(error[later])), float(root_mean_square(error[late]))
     yield "rms_velocity_error", size, UNITS["velocity"]
+    yield name_at("rms_velocity_error", window="after"), compared, UNITS["velocity"]
     yield "velocity_error_share", size / float(root_mean_square(moved[later])), "1"
     if "saturated" in estimate.channels:
         yield "saturation_fraction", float(np.mean(estimate["saturated"][later])), "1"
         yield "chattering_fraction", float(np.mean(estimate["chattering"][later])), "1"
-        jumps = float(root_mean_square(estimate["chattering_correction"][later]))
-        yield "chattering_size", jumps / float(root_mean_square(moved[later])), "1"
+        jumps = estimate["chattering_correction"]
+        for which, at in ((later, {}), (late, {"window": "after"})):
+            share = float(root_mean_square(jumps[which]) / root_mean_square(moved[which]))
+            yield name_at("chattering_size", **at), share, "1"
 
 
 def _neighbourhood(data: FigureData[keys.Job]) -> Iterator[Metric]:

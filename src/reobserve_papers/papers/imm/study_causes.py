@@ -1,8 +1,10 @@
 """Causes of the differences between the SVSF-IMM's and the KF-IMM's probabilities, one at a time.
 
-The gains of an SVSF-IMM are frozen at their means over the time in which probabilities are
-compared, so that nothing switches; or gamma is zero; or the bank is a KF-IMM. This is done for each
-SVSF with its own layers, and for the first one with layers at other scales.
+The gains of an SVSF-IMM are frozen over the time in which probabilities are compared, so that
+nothing switches; or gamma is zero; or the bank is a KF-IMM. This is done for each SVSF with its own
+layers, and for the first one with layers at other scales. Frozen gains are the means, or the
+effective gains: means weighted by the squares of the innovations, as a gain on an innovation near
+zero has no effect. A bank of filters with random gains is frozen in the same ways.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve_papers.metrics.responses import scored
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.papers.imm.null import RANDOM_GAIN, RandomGainFilter, random_shares
 from reobserve_papers.papers.imm.setup import bank, measured_columns, saturation
 from reobserve_papers.papers.imm.setup import run as run_bank
 from reobserve_papers.papers.imm.study_rows import (
@@ -32,14 +35,22 @@ from reobserve_papers.papers.imm.study_rows import (
     KALMAN,
     SCANNED,
     STATED,
+    WEIGHTED,
     ZERO_RATE,
 )
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 Row = tuple[str, str, float, int, str, float, str]
 
 THREADS = 2
+
+# Variants in the order of their rows: of an SVSF at each scale, at the scale of the parameter file,
+# and of a bank with random gains.
+_SCANNED = INTACT, KALMAN, FROZEN, ZERO_RATE
+_STATED = INTACT, KALMAN, FROZEN, WEIGHTED, ZERO_RATE
+_RANDOM = INTACT, FROZEN, WEIGHTED
 
 
 def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
@@ -83,6 +94,26 @@ def _tasks(
 def _rows(
     job: keys.Job, plant: Series, name: str, body: keys.SmoothVariableStructure, number: int
 ) -> Iterator[Row]:
+    banks = variants(bank(job.plant, body, plant.step))
+    if number == SCANNED:
+        yield from _bank_rows(job, plant, name, body, number, banks, _SCANNED)
+        return
+    yield from _bank_rows(job, plant, name, body, number, banks, _STATED)
+    random = tuple(RandomGainFilter(cast(KalmanFilter, one).model) for one in banks[INTACT].filters)
+    banks = {INTACT: replace(banks[INTACT], filters=random)}
+    yield from _bank_rows(job, plant, f"{RANDOM_GAIN}_{name}", body, number, banks, _RANDOM)
+
+
+def _bank_rows(
+    job: keys.Job,
+    plant: Series,
+    name: str,
+    body: keys.SmoothVariableStructure,
+    number: int,
+    banks: dict[str, IMM],
+    asked: tuple[str, ...],
+) -> Iterator[Row]:
+    """Rows of a bank and of those of its variants that are asked for."""
     measured, held = plant["measured"][1:, measured_columns(body)], plant["input"][:-1]
     time, fault = plant.time[1:], MODES.index(job.scenario.fault)
     late = scored("metrics.after", time, *job.metrics.after, closed="right")
@@ -92,20 +123,10 @@ def _rows(
         for quantity, value in numbers.items():
             yield name, variant, body.layer_scale, number, quantity, value, "1"
 
-    banks = variants(bank(job.plant, body, plant.step))
     whole = run_bank(banks[INTACT], body, measured, held)
-    complete = whole.diverged_at is None
-    if complete:
-        gains = mean_gains(banks[INTACT], whole["innovation"], late)
-        try:
-            filters = [
-                FixedGainObserver(cast(KalmanFilter, one).model, gain)
-                for one, gain in zip(banks[INTACT].filters, gains, strict=True)
-            ]
-            banks[FROZEN] = IMM(filters, banks[INTACT].transition, banks[INTACT].mixing)
-        except InputError:  # the error would not decay
-            pass
-    for variant in (INTACT, KALMAN, FROZEN, ZERO_RATE):
+    if whole.diverged_at is None:
+        banks = banks | frozen(banks[INTACT], whole["innovation"], late)
+    for variant in asked:
         found = whole if variant == INTACT else None
         if found is None and variant in banks:
             found = run_bank(banks[variant], body, measured, held)
@@ -115,12 +136,13 @@ def _rows(
         mean = found["probability"][late].mean(axis=0)
         yield from rows(variant, normal_after=float(mean[0]), fault_after=float(mean[fault]))
     saturated, chattering = saturation(body, whole["innovation"])
-    where = since[: len(saturated)]
-    yield from rows(
-        INTACT,
-        saturation_fraction=float(np.mean(saturated[where])),
-        chattering_fraction=float(np.mean(chattering[where])),
-    )
+    for quantity, outside, window in (
+        ("saturation_fraction", saturated, since),
+        ("chattering_fraction", chattering, since),
+        ("chattering_after", chattering, late),
+    ):
+        part = outside[window[: len(outside)]]
+        yield from rows(INTACT, **{quantity: float(np.mean(part)) if len(part) else np.nan})
 
 
 def variants(whole: IMM) -> dict[str, IMM]:
@@ -136,21 +158,49 @@ def variants(whole: IMM) -> dict[str, IMM]:
     }
 
 
-def mean_gains(bank: IMM, innovation: Array, rows: NDArray[np.bool_]) -> list[Array]:
+def frozen(bank: IMM, innovation: Array, rows: Bools) -> dict[str, IMM]:
+    """Banks with constant gains, where these are stable: the means, and the effective ones."""
+    found = {}
+    for variant in (FROZEN, WEIGHTED):
+        gains = mean_gains(bank, innovation, rows, weighted=variant == WEIGHTED)
+        try:
+            filters = [
+                FixedGainObserver(cast(KalmanFilter, one).model, gain)
+                for one, gain in zip(bank.filters, gains, strict=True)
+            ]
+        except InputError:  # the error would not decay
+            continue
+        found[variant] = IMM(filters, bank.transition, bank.mixing)
+    return found
+
+
+def mean_gains(bank: IMM, innovation: Array, rows: Bools, *, weighted: bool = False) -> list[Array]:
     """The mean gain of each filter over some rows, (r, n, m), from all its innovations, (k, r, m).
 
-    (15) with the pseudo-inverse corrects the share s of an innovation and leaves (1 - s) e.
+    A gain corrects the share s of an innovation e, by the pseudo-inverse. With ``weighted`` the
+    mean is the effective gain, sum(s e^2) / sum(e^2): the constant s whose corrections s e are the
+    nearest to those that were made.
     """
     found = []
     for j, one in enumerate(bank.filters):
-        svsf = cast(SmoothVariableStructureFilter, one)
-        # s = (|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi), e(k+1|k+1) = (1 - s) e(k+1|k)
-        left, shares = np.zeros(bank.measurements), np.empty(innovation[:, j].shape)
-        for k, error in enumerate(innovation[:, j]):
-            size = np.abs(error)
-            shares[k] = (size + svsf.convergence_rate * left) / np.maximum(
-                size, svsf.boundary_layer
-            )
-            left = np.abs((1.0 - shares[k]) * error)
-        found.append(np.linalg.pinv(svsf.model.C) * shares[rows].mean(axis=0))
+        shares = corrected_shares(one, innovation[:, j])[rows]
+        weights = innovation[rows, j] ** 2 if weighted else np.ones_like(shares)
+        total = weights.sum(axis=0)
+        effective = (weights * shares).sum(axis=0) / np.where(total > 0.0, total, 1.0)
+        mean = np.where(total > 0.0, effective, shares.mean(axis=0))
+        found.append(np.linalg.pinv(cast(KalmanFilter, one).model.C) * mean)
     return found
+
+
+def corrected_shares(one: ModeFilter, innovation: Array) -> Array:
+    """The share of each innovation that a filter with the pseudo-inverse corrects, (k, m)."""
+    if isinstance(one, RandomGainFilter):
+        return random_shares(innovation)
+    svsf = cast(SmoothVariableStructureFilter, one)
+    # s = (|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi), e(k+1|k+1) = (1 - s) e(k+1|k)
+    left, shares = np.zeros(innovation.shape[1]), np.empty(innovation.shape)
+    for k, error in enumerate(innovation):
+        size = np.abs(error)
+        shares[k] = (size + svsf.convergence_rate * left) / np.maximum(size, svsf.boundary_layer)
+        left = np.abs((1.0 - shares[k]) * error)
+    return shares

@@ -21,4 +21,5 @@ TUNED = (
 # Causes: variants, and whether the scale of the layers, in the column of runs, is that of the
 # parameter file or of the study.
 INTACT, KALMAN, FROZEN, ZERO_RATE = "whole", "kalman", "frozen", "zero_rate"
+WEIGHTED = "weighted"  # frozen at the effective gains
 STATED, SCANNED = 0, 1

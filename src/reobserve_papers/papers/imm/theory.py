@@ -1,8 +1,8 @@
 """Stage theory: claims on filters and equations that no figure shows.
 
 They test whether the full correction of the SVSF is stable, how a wrong model affects a single
-filter and a bank, whether the SVSF's output errors come to lie within its layers, and how accurate
-it is with layers as wide as the error of its model.
+filter and a bank, whether the SVSF's output errors come to lie within its layers, and how near its
+states are to the truth with layers as wide as the error of its model.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.matrices import spectral_radius
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.run import Run
@@ -25,7 +26,8 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run
+from reobserve_papers.papers.imm.null import MEASUREMENT, RANDOM_GAIN, RandomGainFilter
+from reobserve_papers.papers.imm.setup import STATE_FREQUENCY, bank, measured_columns, modes, run
 from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve_papers.signals.grid import multiple
@@ -34,6 +36,7 @@ from reobserve_papers.signals.inputs import Signal
 Array = NDArray[np.float64]
 
 LEAST_LAYER = 1e-12  # where the models agree
+STATES = MOTION[1:]  # which all realisations estimate
 MOST_UPDATES = 10_000  # of a covariance, until it comes to rest
 Observers = dict[str, keys.Observer]
 
@@ -53,6 +56,7 @@ def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
         *_corrections(job, chosen),
         *_mismatches(job, chosen),
         *_layers(job, chosen),
+        *_informed(job, chosen),
     ]
 
 
@@ -142,12 +146,22 @@ def _leak(job: keys.Job) -> _Leak:
 
 
 def _filtered(
-    job: keys.Job, name: str, body: keys.Observer, leak: _Leak, models: list[ActuatorModel]
+    job: keys.Job,
+    name: str,
+    body: keys.Observer,
+    leak: _Leak,
+    models: list[ActuatorModel],
+    noise: Array | float = 0.0,
+    kind: type[RandomGainFilter] | None = None,
 ) -> tuple[Run[ImmState], IMM]:
-    """Estimates of a bank on the leaking actuator, and the bank."""
+    """Estimates of a bank on the leaking actuator, and the bank: of filters of a kind, if given."""
     with located(f"observers.{name}"):
         filters = bank(job.plant, body, job.theory.period, models)
-        found = run(filters, body, leak.motion[:, measured_columns(body)], leak.control)
+        if kind is not None:
+            others = tuple(kind(cast("GaussianFilter", one).model) for one in filters.filters)
+            filters = replace(filters, filters=others)
+        measured = leak.motion[:, measured_columns(body)] + noise
+        found = run(filters, body, measured, leak.control)
     if found.diverged_at is not None:
         raise DivergenceError(name, found.diverged_at)
     return found, filters
@@ -182,36 +196,103 @@ def _prediction_error(
 
 @part
 def _layers(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
-    """The first SVSF with layers narrower than the error of its model, and as wide.
+    """The first SVSF with layers narrower than the error of its model.
 
     The filter of the normal model runs alone on the leaking actuator, whose outputs differ from
     those of the model by up to b. Without correction the model leaves layers of a share of b.
     ``layer_ratio`` is the maximum a priori output error in the second half of the leak, divided by
     such a layer; the existence subspace is where it is one or less. A posteriori it is about a
-    quarter by construction. Layers of b are an upper bound on the unmodelled dynamics. With them
-    the errors of the velocity are compared with those of the model.
+    quarter by construction.
     """
-    leak, velocity = _leak(job), MOTION.index("velocity")
-    apart = np.abs(leak.motion - leak.healthy)[leak.begin :]
-    open_error = float(root_mean_square(apart[:, velocity]))
-    yield Metric("model", "open_velocity_error", open_error, UNITS["velocity"])
+    leak = _leak(job)
     late = (leak.begin + len(leak.motion)) // 2
-    bound = np.maximum(apart.max(axis=0), LEAST_LAYER)
     name, body = next(_smooth(chosen))
-    columns = measured_columns(body)
-    for share in (job.theory.layer_share, 1.0):
-        layer = share * bound[columns]
-        alone = replace(
-            body, self_transition=1.0, boundary_layer=layer.tolist(), layer_scale=1.0,
-            layer_factor=1.0,
-        )  # fmt: skip
-        found, filters = _filtered(job, name, alone, leak, leak.models[:1])
-        if share == 1.0:
-            row = filters.filters[0].model.C[REALISATIONS[body.realisation].index("velocity")]
-            error = (found["state"] @ row - leak.motion[:, velocity])[leak.begin :]
-            size = float(root_mean_square(error))
-            yield Metric(name, "informed_velocity_error", size, UNITS["velocity"])
-        else:
-            ratio = np.abs(found["innovation"][late:, 0]) / layer
-            differ = bound[columns] > LEAST_LAYER  # the model alone leaves no other layers
-            yield Metric(name, "layer_ratio", float(ratio[:, differ].max(initial=0.0)), "1")
+    bound = _model_error(leak, body)
+    layer = job.theory.layer_share * bound
+    found, _ = _filtered(job, name, _alone(body, layer), leak, leak.models[:1])
+    ratio = np.abs(found["innovation"][late:, 0]) / layer
+    differ = bound > LEAST_LAYER  # the model alone leaves no other layers
+    yield Metric(name, "layer_ratio", float(ratio[:, differ].max(initial=0.0)), "1")
+
+
+def _model_error(leak: _Leak, body: keys.Observer) -> Array:
+    """The maximum difference of each measured output of the leaking and the normal actuator."""
+    apart = np.abs(leak.motion - leak.healthy)[leak.begin :]
+    bound: Array = np.maximum(apart.max(axis=0), LEAST_LAYER)[measured_columns(body)]
+    return bound
+
+
+def _alone(body: keys.SmoothVariableStructure, layer: Array) -> keys.SmoothVariableStructure:
+    """A bank of one, with these layers."""
+    return replace(
+        body, self_transition=1.0, boundary_layer=layer.tolist(), layer_scale=1.0, layer_factor=1.0
+    )
+
+
+@part
+def _informed(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
+    """Errors of states of the first SVSF of the normal model, alone on the leaking actuator.
+
+    Its layers are as wide as the error of the model, an upper bound on the unmodelled dynamics:
+    the difference of the outputs or, with ``layers=step``, the error of a prediction from exact
+    outputs. The record has no noise or, with ``record=noisy``, that of R. The errors are compared
+    with those of the model without correction, of a filter with random gains, and of the measured
+    velocity.
+    """
+    leak = _leak(job)
+    name, body = next(_smooth(chosen))
+    for state, error in zip(STATES, _errors(leak, leak.healthy[:, 1:]), strict=True):
+        yield Metric("model", f"open_{state}_error", error, UNITS[state])
+    alone, normal = _alone(body, _model_error(leak, body)), leak.models[:1]
+    rows, feedthrough = state_outputs(normal[0], body.realisation, job.theory.period)
+
+    def metrics(
+        who: str, noise: Array | float = 0.0, layer: Array | None = None, **at: str
+    ) -> Iterator[Metric]:
+        kind = RandomGainFilter if who == RANDOM_GAIN else None
+        chosen = alone if layer is None else _alone(body, layer)
+        found, _ = _filtered(job, name, chosen, leak, normal, noise, kind)
+        estimate = found["state"] @ rows.T + np.outer(leak.control, feedthrough)
+        for state, error in zip(STATES, _errors(leak, estimate), strict=True):
+            yield Metric.at(who, (f"informed_{state}_error", error, UNITS[state]), **at)
+
+    R = bank(job.plant, alone, job.theory.period, normal).filters[0].model.R
+    stream = random_stream(0, "imm", "theory")
+    noise = stream.standard_normal((len(leak.motion), len(R))) @ np.linalg.cholesky(R).T
+    for who in (name, RANDOM_GAIN):
+        yield from metrics(who)
+        yield from metrics(who, noise, record="noisy")
+    # psi near zero and gamma = 0 correct every output in full.
+    full = replace(
+        _alone(body, np.full(len(R), LEAST_LAYER)), convergence_rate=0.0, inverse="pseudo"
+    )
+    found, _ = _filtered(job, name, full, leak, normal)
+    step = np.abs(found["innovation"][leak.begin :, 0]).max(axis=0)
+    yield from metrics(name, layer=np.maximum(step, LEAST_LAYER), layers="step")
+    velocity = REALISATIONS[body.realisation].index("velocity")
+    size = float(root_mean_square(noise[leak.begin :, velocity]))
+    yield Metric.at(
+        MEASUREMENT, ("informed_velocity_error", size, UNITS["velocity"]), record="noisy"
+    )
+
+
+def _errors(leak: _Leak, states: Array) -> list[float]:
+    """Root mean squares from the leak on of the errors of `STATES`, (k, 3)."""
+    apart = (states - leak.motion[:, 1:])[leak.begin :]
+    return [float(root_mean_square(column)) for column in apart.T]
+
+
+def state_outputs(model: ActuatorModel, realisation: str, period: float) -> tuple[Array, Array]:
+    """C, (3, n), and D, (3,), from a realisation's states to `STATES`."""
+    shared = model.sampled("derivatives", period, STATE_FREQUENCY)
+    if realisation == "motion":
+        return np.pad(shared.C, ((0, 0), (1, 0))), shared.D[:, 0]
+    if realisation != "observer_canonical":
+        return shared.C, shared.D[:, 0]
+    own = model.sampled(realisation, period, STATE_FREQUENCY)
+    # Both have the same velocity: C A^k x = C' A'^k x', k = 0 to 3
+    there, here = (
+        np.vstack([one.C[:1] @ np.linalg.matrix_power(one.A, k) for k in range(len(one.A))])
+        for one in (shared, own)
+    )
+    return shared.C @ np.linalg.solve(there, here), shared.D[:, 0]

@@ -8,16 +8,20 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import scipy.stats
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import Correction, Gaussian
 from reobserve.observers.imm import IMM
+from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import keys, study, study_causes
+from reobserve_papers.papers.imm.null import RandomGainFilter, random_shares
 from reobserve_papers.papers.imm.setup import bank, measured_columns, run
-from reobserve_papers.papers.imm.study_causes import mean_gains
+from reobserve_papers.papers.imm.study_causes import corrected_shares, mean_gains
 from reobserve_papers.papers.imm.study_rows import (
     FROZEN,
     INTACT,
@@ -25,6 +29,7 @@ from reobserve_papers.papers.imm.study_rows import (
     KINDS,
     SCANNED,
     STATED,
+    WEIGHTED,
     ZERO_RATE,
 )
 from reobserve_papers.parameters.job import read_job
@@ -54,7 +59,7 @@ def rows(scales: list[float] | None = None, **changed: Any) -> StudyTable:
 class Recorder:
     """A filter of a bank that records the gain of each correction from the change of the mean."""
 
-    def __init__(self, one: SmoothVariableStructureFilter) -> None:
+    def __init__(self, one: GaussianFilter) -> None:
         self.inner, self.model = one, one.model
         self.gains: list[Array] = []
         self.last: tuple[Array, Array] | tuple[()] = ()
@@ -110,6 +115,51 @@ def test_mean_gains_agree_with_the_corrections() -> None:
         np.testing.assert_allclose(gain, np.mean(each.gains[120:], axis=0), rtol=1e-6, atol=1e-15)
 
 
+def test_effective_gain_makes_the_nearest_corrections() -> None:
+    """Of all constant shares s, sum(s_k e^2) / sum(e^2) has the smallest sum of (s - s_k)^2 e^2."""
+    job = read_job(keys.Parameters, deepcopy(settings()))
+    body = job.observers["svsf_thin_retuned"]
+    one = bank(job.plant, body, 5e-3)
+    innovation = np.random.default_rng(1).standard_normal((50, 3, 3)) * [1.0, 10.0, 100.0]
+    late = np.arange(50) >= 20
+    effective = mean_gains(one, innovation, late, weighted=True)
+    for j, each in enumerate(one.filters):
+        C = cast(SmoothVariableStructureFilter, each).model.C
+        shares = corrected_shares(each, innovation[:, j])[late]
+        assert np.ptp(shares, axis=0).min() > 0.1  # precondition
+        e = innovation[late, j]
+        made = shares * e
+        fitted = [np.linalg.lstsq(e[:, [o]], made[:, o])[0][0] for o in range(3)]
+        np.testing.assert_allclose(C @ effective[j], np.diag(fitted), rtol=1e-9, atol=1e-12)
+
+
+def test_effective_gain_without_innovations_is_the_mean() -> None:
+    job = read_job(keys.Parameters, deepcopy(settings()))
+    one = bank(job.plant, job.observers["svsf_thin_retuned"], 5e-3)
+    nothing = np.zeros((5, 3, 3))
+    both = [mean_gains(one, nothing, np.full(5, True), weighted=weighted) for weighted in (False, True)]
+    np.testing.assert_array_equal(*both)
+
+
+def test_random_gains_are_those_of_the_filter_and_spread_over_all_shares() -> None:
+    job = read_job(keys.Parameters, deepcopy(settings()))
+    body, plant = job.observers["svsf_thin_retuned"], record("velocity_step")
+    one = bank(job.plant, body, plant.step)
+    measurements, held = plant["measured"][1:, measured_columns(body)], plant["input"][:-1]
+    random = [RandomGainFilter(cast(KalmanFilter, each).model) for each in one.filters]
+    recorded = [Recorder(each) for each in random]
+    part = slice(900, 1150)
+    found = run(IMM(recorded, one.transition), body, measurements[part], held.reshape(-1)[part])
+    for j, each in enumerate(random):
+        shares = random_shares(found["innovation"][:, j])
+        gains = np.linalg.pinv(each.model.C) * shares[:, None]
+        np.testing.assert_allclose(recorded[j].gains, gains, rtol=1e-6, atol=1e-12)
+    shares = random_shares(np.random.default_rng(2).standard_normal(20_000))
+    assert scipy.stats.kstest(shares, "uniform").pvalue > 1e-3
+    assert abs(np.corrcoef(shares[1:], shares[:-1])[0, 1]) < 0.03
+    np.testing.assert_array_equal(random_shares(-shares), random_shares(shares))
+
+
 def test_unmodified_and_kalman_rows_agree_with_the_figure() -> None:
     found, numbers = rows(), measured("fig5_switching")
     for svsf in ("svsf_retuned", "svsf_thin_retuned"):
@@ -143,19 +193,27 @@ def test_zero_gamma_changes_nothing_where_it_was_zero() -> None:
 
 def test_rows_are_ordered_by_svsf_scale_and_variant() -> None:
     found = rows([1e-3, 1.0])
+    frozen = (FROZEN, WEIGHTED)
     wanted = [
         (name, variant, scale, number)
-        for name, scale, number in (
-            ("svsf_retuned", 1.0, STATED), ("svsf_thin_retuned", 1.0, STATED),
-            ("svsf_retuned", 1e-3, SCANNED), ("svsf_retuned", 1.0, SCANNED),
+        for name, scale, number, variants in (
+            ("svsf_retuned", 1.0, STATED, (*VARIANTS, WEIGHTED)),
+            ("random_gain_svsf_retuned", 1.0, STATED, (INTACT, *frozen)),
+            ("svsf_thin_retuned", 1.0, STATED, (*VARIANTS, WEIGHTED)),
+            ("random_gain_svsf_thin_retuned", 1.0, STATED, (INTACT, *frozen)),
+            ("svsf_retuned", 1e-3, SCANNED, VARIANTS), ("svsf_retuned", 1.0, SCANNED, VARIANTS),
         )
-        for variant in VARIANTS
+        for variant in variants
     ]  # fmt: skip
     columns = ("observer", "sweep", "level", "run")
     said = list(zip(*(found[name].tolist() for name in columns), strict=True))
     assert sorted(dict.fromkeys(said)) == sorted(wanted)
-    stated = found.where(run=STATED, observer="svsf_retuned")["value"]
-    np.testing.assert_array_equal(found.where(run=SCANNED, level=1.0)["value"], stated)
+    for variant in VARIANTS:
+        stated, scanned = (
+            found.where(sweep=variant, observer="svsf_retuned", level=1.0, run=number)["value"]
+            for number in (STATED, SCANNED)
+        )
+        np.testing.assert_array_equal(stated, scanned)
 
 
 def test_rows_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from reobserve.systems.linear import LinearModel
 from reobserve_papers.metrics.metrics import lookup
 from reobserve_papers.papers.imm import observe
 from reobserve_papers.papers.imm.setup import stacked_inputs
-from reobserve_papers.papers.imm.theory import corrected_radius
+from reobserve_papers.papers.imm.theory import corrected_radius, state_outputs
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.steps.evaluation import Evaluator
@@ -90,7 +90,7 @@ def test_radius_follows_the_slowest_mode_and_the_inverse() -> None:
     assert radii["observer_canonical", "weighted"] < 0.95
 
 
-def test_full_correction_is_unstable_in_three_of_32_combinations() -> None:
+def test_full_correction_is_unstable_in_three_of_40_combinations() -> None:
     """For any noise: at the ends of its ranges, where they differ most; the pseudo-inverse knows
     of none.
     """
@@ -103,7 +103,7 @@ def test_full_correction_is_unstable_in_three_of_32_combinations() -> None:
     ]  # fmt: skip
     unstable = set()
     for realisation in tree["realisation"]["range"]["choices"]:
-        for period in (5e-4, 1e-3, 2e-3, 5e-3):
+        for period in fixed_parameters("imm").tree["theory"]["period"]["range"]["choices"]:
             for inverse in ("pseudo", *["weighted"] * 6):
                 Q, R = (one[range(len(one)), random.integers(2, size=len(one))] for one in ranges)
                 radius = max(
@@ -238,6 +238,75 @@ def test_layer_as_wide_as_the_model_error_corrects_it() -> None:
     # The layer in the parameter file is not used.
     assert wide["svsf", "informed_velocity_error"] == values["svsf", "informed_velocity_error"]
     assert values["svsf", "informed_velocity_error"] < opened
+
+
+# --- States -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("realisation", REALISATIONS)
+@pytest.mark.parametrize("period", [5e-4, 1e-2])
+def test_states_of_all_realisations_are_those_of_the_motion(
+    realisation: str, period: float
+) -> None:
+    model = ActuatorModel(*ACTUATOR["leakage"])
+    control = np.random.default_rng(3).standard_normal(200)
+    motion = simulate([model], np.zeros(200, dtype=np.int64), control, period)[1:, 1:]
+    one = model.sampled(realisation, period, 200.0)
+    C, D = state_outputs(model, realisation, period)
+    state, states = np.zeros(len(one.A)), []
+    for u in control:
+        state = one.A @ state + one.B[:, 0] * u
+        states.append(C @ state + D * u)
+    size = np.abs(motion).max(axis=0)
+    np.testing.assert_allclose(np.array(states) / size, motion / size, atol=1e-8)
+
+
+def test_states_without_correction_have_the_error_of_the_model() -> None:
+    """Of equal models no state has an error; the layers are then as wide as rounding."""
+    values = stated()
+    _, leaking, healthy, begin = leak()
+    apart = np.sqrt(np.mean((leaking - healthy)[begin:] ** 2, axis=0))
+    for state, size in zip(("velocity", "acceleration"), apart[1:], strict=True):
+        assert values["model", f"open_{state}_error"] == pytest.approx(size, rel=1e-9)
+    numerator, denominator = ACTUATOR["normal"]
+    same = found({"plant": {"leakage_numerator": numerator, "leakage_denominator": denominator}})
+    for state in ("velocity", "acceleration", "jerk"):
+        assert same["svsf", f"informed_{state}_error"] < 1e-9 * 200.0**2
+
+
+def test_informed_states_are_those_of_a_filter_run_by_hand() -> None:
+    rules = fixed_parameters("imm").section("theory")
+    control, leaking, healthy, begin = leak()
+    layer = np.abs(leaking - healthy)[begin:].max(axis=0)
+    job = job_of(fixed_parameters("imm"), "observe", "svsf")
+    model = cast(GaussianFilter, observe.build(job, rules["period"]).filters[0]).model
+    one = SmoothVariableStructureFilter(model, layer, 0.1)
+    run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
+    outputs = run["state"] @ model.C.T + stacked_inputs(control) @ model.D.T
+    size = np.sqrt(np.mean((outputs - leaking)[begin:] ** 2, axis=0))
+    assert stated()["svsf", "informed_velocity_error"] == pytest.approx(size[1], rel=1e-9)
+    assert stated()["svsf", "informed_acceleration_error"] == pytest.approx(size[2], rel=1e-9)
+
+
+def test_noise_of_the_record_has_the_covariance_of_the_filter() -> None:
+    variances = fixed_parameters("imm").tree["observers"]["svsf"]["measurement_noise"]["value"]
+    values = stated()
+    noise = values["measurement", "informed_velocity_error record=noisy"]
+    assert noise == pytest.approx(np.sqrt(variances[1]), rel=0.05)
+    clean, noisy = (
+        values["random_gain", f"informed_velocity_error{at}"] for at in ("", " record=noisy")
+    )
+    assert noisy != clean
+    exact = found({"observers": {"svsf": {"measurement_noise": [1e-18] * 3}}})
+    for state in ("velocity", "acceleration", "jerk"):
+        quiet = exact["svsf", f"informed_{state}_error record=noisy"]
+        assert quiet == pytest.approx(values["svsf", f"informed_{state}_error"], rel=1e-6)
+
+
+def test_layers_as_wide_as_one_step_correct_more() -> None:
+    values = stated()
+    step, whole = (values["svsf", f"informed_velocity_error{at}"] for at in (" layers=step", ""))
+    assert step < 0.5 * whole
 
 
 # --- The stage ----------------------------------------------------------------------------------
