@@ -137,7 +137,9 @@ def test_effective_gain_without_innovations_is_the_mean() -> None:
     job = read_job(keys.Parameters, deepcopy(settings()))
     one = bank(job.plant, job.observers["svsf_thin_retuned"], 5e-3)
     nothing = np.zeros((5, 3, 3))
-    both = [mean_gains(one, nothing, np.full(5, True), weighted=weighted) for weighted in (False, True)]
+    both = [
+        mean_gains(one, nothing, np.full(5, True), weighted=weighted) for weighted in (False, True)
+    ]
     np.testing.assert_array_equal(*both)
 
 
