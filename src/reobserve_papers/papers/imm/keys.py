@@ -176,7 +176,14 @@ class Causes(job.Study):
     scales: Changed
 
 
-Study = Neighbourhood | Changes | Causes
+@dataclass(frozen=True, kw_only=True)
+class Frozen(job.Study):
+    """Banks of SVSFs, and of filters with random gains, with their gains frozen."""
+
+    method: Literal["frozen"]
+
+
+Study = Neighbourhood | Changes | Causes | Frozen
 
 
 @dataclass(frozen=True)
@@ -207,7 +214,15 @@ class Theory:
 class Probabilities(job.Figure):
     """The probability of one mode."""
 
-    layout: Literal["normal", "leakage", "switching"]
+    layout: Literal["normal", "leakage"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Switching(job.Figure):
+    """The probabilities of all modes, beside a study that is not drawn."""
+
+    layout: Literal["switching"]
+    study: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,7 +232,7 @@ class BanksFigure(job.StudyFigure):
     layout: Literal["neighbourhood", "changes", "causes"]
 
 
-Figure = Probabilities | BanksFigure
+Figure = Probabilities | Switching | BanksFigure
 
 
 @dataclass(frozen=True)

@@ -200,4 +200,5 @@ _SUMMARIES = {
     "neighbourhood": _neighbourhood,
     "changes": _changes,
     "causes": _causes,
+    "frozen": _causes,
 }

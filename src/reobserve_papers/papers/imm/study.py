@@ -5,6 +5,7 @@ The ``method`` of a study in the parameter file is one of
     neighbourhood    how far each tuned number may move before a quoted value leaves its band
     changes          the calibrated banks with one setting changed
     causes           SVSF-IMMs with one possible cause of their probabilities changed
+    frozen           SVSF-IMMs, and filters with random gains, with their gains frozen
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
             rows = calibration.run_changes(job, study, plant)
         case keys.Causes() as study:
             rows = study_causes.run(job, study, plant)
+        case keys.Frozen():
+            rows = study_causes.run_frozen(job, plant)
     return [dict(zip(HEADER, row, strict=True)) for row in rows]
 
 
@@ -42,5 +45,5 @@ def check_study(job: keys.Job) -> None:
     match job.study:
         case keys.Changes() as study:
             calibration.check_changes(job, study)
-        case keys.Causes() as study:
-            study_causes.check(job, study)
+        case keys.Causes() | keys.Frozen():
+            study_causes.check(job)

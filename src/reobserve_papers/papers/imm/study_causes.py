@@ -4,7 +4,7 @@ The gains of an SVSF-IMM are frozen over the time in which probabilities are com
 nothing switches; or gamma is zero; or the bank is a KF-IMM. This is done for each SVSF with its own
 layers, and for the first one with layers at other scales. Frozen gains are the means, or the
 effective gains: means weighted by the squares of the innovations, as a gain on an innovation near
-zero has no effect. A bank of filters with random gains is frozen in the same ways.
+zero has no effect. The study `frozen` compares both, and filters with random gains, frozen alike.
 """
 
 from __future__ import annotations
@@ -46,11 +46,9 @@ Row = tuple[str, str, float, int, str, float, str]
 
 THREADS = 2
 
-# Variants in the order of their rows: of an SVSF at each scale, at the scale of the parameter file,
-# and of a bank with random gains.
-_SCANNED = INTACT, KALMAN, FROZEN, ZERO_RATE
-_STATED = INTACT, KALMAN, FROZEN, WEIGHTED, ZERO_RATE
-_RANDOM = INTACT, FROZEN, WEIGHTED
+# Variants in the order of their rows
+_CAUSES = INTACT, KALMAN, FROZEN, ZERO_RATE
+_FROZEN = INTACT, FROZEN, WEIGHTED
 
 
 def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
@@ -61,20 +59,54 @@ def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
     InputError
         If there is no SVSF, or one has an inverse other than the pseudo-inverse.
     """
+
+    def rows(name: str, body: keys.SmoothVariableStructure, number: int) -> list[Row]:
+        banks = variants(bank(job.plant, body, plant.step))
+        return list(_bank_rows(job, plant, name, body, number, banks, _CAUSES))
+
     tasks = list(_tasks(job, study))
     with ThreadPoolExecutor(THREADS) as pool:
-        parts = pool.map(lambda task: list(_rows(job, plant, *task)), tasks)
+        parts = pool.map(lambda task: rows(*task), tasks)
         return [row for part in parts for row in part]
 
 
-def check(job: keys.Job, study: keys.Causes) -> None:
+def run_frozen(job: keys.Job, plant: Series) -> list[Row]:
+    """Rows of each SVSF and of random gains with its layers, free to switch and frozen.
+
+    Raises
+    ------
+    InputError
+        As `run`.
+    """
+    found: list[Row] = []
+    for name, body in _svsfs(job):
+        whole = bank(job.plant, body, plant.step)
+        random = tuple(RandomGainFilter(cast(KalmanFilter, one).model) for one in whole.filters)
+        for who, one in (
+            (name, whole),
+            (f"{RANDOM_GAIN}_{name}", replace(whole, filters=random)),
+        ):
+            found += _bank_rows(job, plant, who, body, STATED, {INTACT: one}, _FROZEN)
+    return found
+
+
+def check(job: keys.Job) -> None:
     """Refuse observers that cannot be frozen, with an `InputError` that names them."""
-    list(_tasks(job, study))
+    list(_svsfs(job))
 
 
 def _tasks(
     job: keys.Job, study: keys.Causes
 ) -> Iterator[tuple[str, keys.SmoothVariableStructure, int]]:
+    found = list(_svsfs(job))
+    for name, body in found:
+        yield name, body, STATED
+    name, body = found[0]
+    for scale in study.scales:
+        yield name, replace(body, layer_scale=scale), SCANNED
+
+
+def _svsfs(job: keys.Job) -> Iterator[tuple[str, keys.SmoothVariableStructure]]:
     found = {
         name: body
         for name, body in job.observers.items()
@@ -85,23 +117,7 @@ def _tasks(
     for name, body in found.items():
         if body.inverse != "pseudo":
             raise InputError(f"observers.{name}.inverse", "must be pseudo, to freeze the gain")
-        yield name, body, STATED
-    name, body = next(iter(found.items()))
-    for scale in study.scales:
-        yield name, replace(body, layer_scale=scale), SCANNED
-
-
-def _rows(
-    job: keys.Job, plant: Series, name: str, body: keys.SmoothVariableStructure, number: int
-) -> Iterator[Row]:
-    banks = variants(bank(job.plant, body, plant.step))
-    if number == SCANNED:
-        yield from _bank_rows(job, plant, name, body, number, banks, _SCANNED)
-        return
-    yield from _bank_rows(job, plant, name, body, number, banks, _STATED)
-    random = tuple(RandomGainFilter(cast(KalmanFilter, one).model) for one in banks[INTACT].filters)
-    banks = {INTACT: replace(banks[INTACT], filters=random)}
-    yield from _bank_rows(job, plant, f"{RANDOM_GAIN}_{name}", body, number, banks, _RANDOM)
+        yield name, body
 
 
 def _bank_rows(
@@ -125,7 +141,7 @@ def _bank_rows(
 
     whole = run_bank(banks[INTACT], body, measured, held)
     if whole.diverged_at is None:
-        banks = banks | frozen(banks[INTACT], whole["innovation"], late)
+        banks = banks | frozen(banks[INTACT], whole["innovation"], late, asked)
     for variant in asked:
         found = whole if variant == INTACT else None
         if found is None and variant in banks:
@@ -136,13 +152,15 @@ def _bank_rows(
         mean = found["probability"][late].mean(axis=0)
         yield from rows(variant, normal_after=float(mean[0]), fault_after=float(mean[fault]))
     saturated, chattering = saturation(body, whole["innovation"])
-    for quantity, outside, window in (
-        ("saturation_fraction", saturated, since),
-        ("chattering_fraction", chattering, since),
-        ("chattering_after", chattering, late),
-    ):
-        part = outside[window[: len(outside)]]
-        yield from rows(INTACT, **{quantity: float(np.mean(part)) if len(part) else np.nan})
+    where = since[: len(saturated)]
+    yield from rows(
+        INTACT,
+        saturation_fraction=float(np.mean(saturated[where])),
+        chattering_fraction=float(np.mean(chattering[where])),
+    )
+    if WEIGHTED in asked:
+        part = chattering[late[: len(chattering)]]
+        yield from rows(INTACT, chattering_after=float(np.mean(part)) if len(part) else np.nan)
 
 
 def variants(whole: IMM) -> dict[str, IMM]:
@@ -158,10 +176,12 @@ def variants(whole: IMM) -> dict[str, IMM]:
     }
 
 
-def frozen(bank: IMM, innovation: Array, rows: Bools) -> dict[str, IMM]:
+def frozen(
+    bank: IMM, innovation: Array, rows: Bools, asked: tuple[str, ...] = _FROZEN
+) -> dict[str, IMM]:
     """Banks with constant gains, where these are stable: the means, and the effective ones."""
     found = {}
-    for variant in (FROZEN, WEIGHTED):
+    for variant in {FROZEN, WEIGHTED} & set(asked):
         gains = mean_gains(bank, innovation, rows, weighted=variant == WEIGHTED)
         try:
             filters = [
