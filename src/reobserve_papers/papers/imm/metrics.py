@@ -103,6 +103,7 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     if isinstance(job.figure, keys.Probabilities):
         for quantity in ("normal_before", *(f"{mode}_after" for mode in MODES)):
             yield Metric(GUESS, quantity, 1.0 / len(MODES), "1")
+        yield Metric(GUESS, "diagnosed_share", 0.0, "1")  # no mode is the most probable
     if job.study is not None:
         yield from _SUMMARIES[job.study.method](data)
 

@@ -259,16 +259,16 @@ def _informed(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     R = bank(job.plant, alone, job.theory.period, normal).filters[0].model.R
     stream = random_stream(0, "imm", "theory")
     noise = stream.standard_normal((len(leak.motion), len(R))) @ np.linalg.cholesky(R).T
-    for who in (name, RANDOM_GAIN):
-        yield from metrics(who)
-        yield from metrics(who, noise, record="noisy")
     # psi near zero and gamma = 0 correct every output in full.
     full = replace(
         _alone(body, np.full(len(R), LEAST_LAYER)), convergence_rate=0.0, inverse="pseudo"
     )
     found, _ = _filtered(job, name, full, leak, normal)
     step = np.abs(found["innovation"][leak.begin :, 0]).max(axis=0)
-    yield from metrics(name, layer=np.maximum(step, LEAST_LAYER), layers="step")
+    for who in (name, RANDOM_GAIN):
+        yield from metrics(who)
+        yield from metrics(who, noise, record="noisy")
+        yield from metrics(who, layer=np.maximum(step, LEAST_LAYER), layers="step")
     velocity = REALISATIONS[body.realisation].index("velocity")
     size = float(root_mean_square(noise[leak.begin :, velocity]))
     yield Metric.at(
