@@ -262,7 +262,7 @@ def of_eso() -> Iterator[str]:
     yield f"in all samples by less than the {100 * same:g} % that count as the same"
     theory = golden_metrics("eso", "theory")
     passes = [
-        theory[name, "noise_in_sensor_fault"] / theory["noise", "deviation"]
+        theory[name, "noise_in_sensor_fault at=ends"] / theory["noise", "deviation"]
         for name in ("pd_pi", "minimum_gamma")
     ]
     yield f"a fraction of {passes[0]:.2g} reaches the estimated sensor fault with `pd_pi`"

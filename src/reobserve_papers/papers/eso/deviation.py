@@ -14,6 +14,8 @@ error at rest G = -Ao^-1 Da~ and d' = A d, A = Eo^-1 Ao, so the mean of its cova
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -25,15 +27,18 @@ from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 
+class Deviations(NamedTuple):
+    """Standard deviations at the ends of the periods, and from the mean variance over all time."""
+
+    ends: Matrix
+    time: Matrix
+
+
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def held_deviation(
-    system: AugmentedSystem,
-    gains: Gains,
-    deviations: ArrayLike,
-    period: float,
-    over_time: bool = False,
-) -> Matrix:
-    """Standard deviations of the errors of x, xz, fa and fs, shape (N,).
+    system: AugmentedSystem, gains: Gains, deviations: ArrayLike, period: float
+) -> Deviations:
+    """Standard deviations of the errors of x, xz, fa and fs, each of shape (N,).
 
     Parameters
     ----------
@@ -44,8 +49,6 @@ def held_deviation(
         (kd + kw,).
     period
         Time for which they are held [s].
-    over_time
-        Whether to take the mean over all time instead of the ends of the periods.
 
     Raises
     ------
@@ -69,12 +72,15 @@ def held_deviation(
     if not np.isfinite(each).all():
         raise InputError("deviations", "give variances beyond floating-point numbers")
     covariance = solve_discrete_lyapunov(Ad, each)
-    if over_time:
-        rest = np.linalg.solve(Ao, drive * size)
-        rest = rest @ rest.T
-        start = covariance + rest
-        Q = solve_continuous_lyapunov(A, Ad @ start @ Ad.T - start) / period
-        mixed = np.linalg.solve(A, Ad - np.eye(len(A))) @ rest / period
-        covariance = Q - mixed - mixed.T + rest
+    rest = np.linalg.solve(Ao, drive * size)
+    rest = rest @ rest.T
+    start = covariance + rest
+    unit = np.exp2(np.round(np.log2(np.max(start)))) if start.any() else 1.0  # the solver overflows
+    Q = solve_continuous_lyapunov(A, (Ad @ start @ Ad.T - start) / unit) * unit / period
+    mixed = np.linalg.solve(A, Ad - np.eye(len(A))) @ rest / period
+    return Deviations(_roots(covariance), _roots(Q - mixed - mixed.T + rest))
+
+
+def _roots(covariance: Matrix) -> Matrix:
     found: Matrix = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return found

@@ -162,7 +162,6 @@ class Theory:
     settled_after: Positive  # a jump
     disturbance: Square
     noise_power: Positive
-    deviation_at: Literal["hold_ends", "time_average"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,14 +6,22 @@ design of the study; the coordinates are the filter rate and the varied setting.
 column holds the kind of design, and errors are without disturbance and noise. In `theory` the
 observer column holds an observer or another subject: the motor (also with the printed sign), one or
 both outputs, and so on.
+
+`random` is the median over five observers that know nothing: their gains are random but stable. A
+check of estimates that they pass tests nothing. `lag=counted` is the whole error, `lag=removed`
+what is left of it after the estimate is shifted in time. `at=ends` is taken at the ends of the
+times for which noise and disturbances are held, `at=time` over all time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve_papers.metrics.metrics import Metric, scores_of
 from reobserve_papers.papers.eso import keys
+from reobserve_papers.papers.eso.observe import estimates_on
+from reobserve_papers.papers.eso.random_gains import RANDOM, medians, random_gains
 from reobserve_papers.papers.eso.scoring import (
     check_rules,
     corrected_speed,
@@ -21,13 +29,17 @@ from reobserve_papers.papers.eso.scoring import (
     scores,
     sizes,
 )
+from reobserve_papers.papers.eso.setup import augmented
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.signals.series import Series
 
 _CHOSEN = ("filter_rate", "choice", "level")  # columns that identify a design of a kind
 
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
-    "rms_<fault>_error_<when>": "root mean square error of a fault where it varies or is constant",
+    "rms_<fault>_error_constant": "root mean square error of a fault where it is constant",
+    "rms_<fault>_error_varying": "root mean square error of a fault where it varies",
+    "rms_<fault>_error_varying lag=<lag>": "the same, with the lag counted or removed",
     "rms_<fault>_fault_varying": "root mean square of a fault where it varies",
     "rms_noise_constant": "root mean square of the noise where the sensor fault is constant",
     "rms_corrected_speed_error_constant": (
@@ -52,12 +64,14 @@ MEANINGS = {
     "deviation": "standard deviation of the noise",
     "norm": "proved upper bound of the H-infinity norm",
     "gamma": "specified bound; `nan` for designs without one",
-    "missed_fast_<fault>_fault": "share of a fast sinusoidal fault that its estimate misses",
+    "missed_fast_<fault>_fault lag=<lag>": (
+        "share of a fast sinusoidal fault that its estimate misses, with the lag counted or removed"
+    ),
     "left_of_<fault>_jump": "largest error from a given time after a unit jump on",
-    "<source>_in_<fault>_fault": (
+    "<source>_in_<fault>_fault at=<when>": (
         "standard deviation of the estimate due to noise or disturbances"
     ),
-    "<source>_disturbance_left": (
+    "<source>_disturbance_left at=<when>": (
         "standard deviation due to a random disturbance, over the error due to a constant one"
     ),
 }
@@ -80,8 +94,20 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
         other = data.estimates.get(job.observers[name].compared_with)
         if other is not None:
             yield from scores_of(name, differences(job.metrics, estimate, other))
+    if isinstance(job.figure, keys.Faults):
+        yield from medians(_by_chance(job, data.plant))
     if data.study:
         for design, numbers in data.study.groups("kind", *_CHOSEN, "quantity", "unit"):
             kind, rate, choice, level, quantity, unit = design
             at = {"rate": rate, choice: level}
             yield Metric.at(kind, (quantity, numbers.value(), unit), **at)
+
+
+def _by_chance(job: keys.Job, plant: Series) -> Iterator[Metric]:
+    """Scores of observers with random gains, started from zero."""
+    system = augmented(job.plant, 1.0)
+    for gains in random_gains(system):
+        observer = ExtendedStateObserver(system, gains, sampling_period=2.0 * plant.step)
+        estimate = estimates_on(observer, plant)
+        yield from scores_of(RANDOM, scores(job.metrics, plant, estimate))
+        yield from scores_of(RANDOM, corrected_speed(job.metrics, plant, estimate))

@@ -35,8 +35,14 @@ def estimate(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> Series:
     DivergenceError
         If the observer leaves the range of floating-point numbers.
     """
-    observer = build(job, design)
-    run = run_on(observer, plant, job.observer.initial_estimate)
+    return estimates_on(build(job, design), plant, job.observer.initial_estimate)
+
+
+def estimates_on(
+    observer: ExtendedStateObserver, plant: Series, start: Sequence[float] | None = None
+) -> Series:
+    """The estimates of an observer at every second sample of the record (see `run_on`)."""
+    run = run_on(observer, plant, start)
     return Series(
         plant.time[::2],
         {

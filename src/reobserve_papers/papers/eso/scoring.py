@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve_papers.metrics.metrics import Score
+from reobserve_papers.metrics.metrics import Score, name_at
 from reobserve_papers.metrics.responses import check_windows, error_of, root_mean_square, window
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.signals.series import Series
@@ -25,12 +25,20 @@ def check_rules(rules: keys.Metrics, plant: keys.Plant) -> None:
     check_windows(windows, plant.horizon, 2.0 * plant.step, least=2)
 
 
-def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float) -> float:
-    """Lag of the estimate: the time shift with the minimum error [s].
+class Shift(NamedTuple):
+    """The time shift of an estimate with the minimum error [s], and the RMS error left by it."""
+
+    lag: float
+    left: float
+
+
+def best_shift(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float) -> Shift:
+    """Lag of the estimate, and its error without this lag.
 
     Shifts are whole samples, refined by a parabola through the minimum squared error and its
-    neighbours. The longest is ``longest`` seconds or half the window. Truth and estimate outside
-    the window do not count, because the estimate may respond to a jump at the end of the window.
+    neighbours; the error is that at the whole sample. The longest is ``longest`` seconds or half
+    the window. Truth and estimate outside the window do not count, because the estimate may respond
+    to a jump at the end of the window.
     """
     chosen = window(time, *bounds)
     truth, estimate = truth[chosen], estimate[chosen]
@@ -48,22 +56,30 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     errors = (squares - 2.0 * products) / left
     # Transforms have rounding errors of 1e-15 of the squares; below 1e-12 of them is zero.
     best = int(np.argmin(np.maximum(errors, 1e-12 * squares[0] / count)))
+    rest = float(np.sqrt(error(best)))
     if not 0 < best < most:
-        return float(best * step)
+        return Shift(float(best * step), rest)
     before, least, after = error(best - 1), error(best), error(best + 1)
-    return float((best + 0.5 * (before - after) / (before - 2.0 * least + after)) * step)
+    found = (best + 0.5 * (before - after) / (before - 2.0 * least + after)) * step
+    return Shift(float(found), rest)
 
 
 def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
-    """Errors of both faults where they vary and where they are constant, and their lags."""
+    """Errors of both faults where they vary and where they are constant, and their lags.
+
+    Where they vary, the lag counts as an error or is removed.
+    """
     for name, unit in FAULTS.items():
         channel, time = f"{name}_fault", estimate.time
         error = error_of(plant, estimate, channel)
-        for what in ("varying", "constant"):
-            chosen = error[window(time, *getattr(rules, f"{name}_{what}"))]
-            yield f"rms_{name}_error_{what}", float(root_mean_square(chosen)), unit
         truth, bounds = plant[channel][::2], getattr(rules, f"{name}_varying")
-        yield f"{name}_lag", lag(time, truth, estimate[channel], bounds, rules.longest_lag), "s"
+        shift = best_shift(time, truth, estimate[channel], bounds, rules.longest_lag)
+        counted = float(root_mean_square(error[window(time, *bounds)]))
+        for lag, value in (("counted", counted), ("removed", shift.left)):
+            yield name_at(f"rms_{name}_error_varying", lag=lag), value, unit
+        constant = error[window(time, *getattr(rules, f"{name}_constant"))]
+        yield f"rms_{name}_error_constant", float(root_mean_square(constant)), unit
+        yield f"{name}_lag", shift.lag, "s"
 
 
 def sizes(rules: keys.Metrics, plant: Series) -> Iterator[Score]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from reobserve.core.errors import located
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve_papers.metrics.metrics import parse_name
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso import plant as plant_stage
 from reobserve_papers.papers.eso.design import design
@@ -77,10 +78,17 @@ def _rows(
         "choice": choice,
         "level": level,
     }
-    numbers = [each for each in scores(job.metrics, clean, estimate) if "constant" not in each[0]]
-    numbers += _deviations(job, system, found.gains)
+    numbers = [*_errors(job, clean, estimate), *_deviations(job, system, found.gains)]
     for quantity, value, unit in numbers:
         yield {**about, "quantity": quantity, "value": value, "unit": unit}
+
+
+def _errors(job: keys.Job, clean: Series, estimate: Series) -> Iterator[tuple[str, float, str]]:
+    """Errors where the faults vary, in which the lags count, and the lags."""
+    for name, value, unit in scores(job.metrics, clean, estimate):
+        quantity, at = parse_name(name)
+        if "constant" not in quantity and at.get("lag") != "removed":
+            yield quantity, value, unit
 
 
 def _deviations(job: keys.Job, system: Any, gains: Any) -> Iterator[tuple[str, float, str]]:
@@ -93,6 +101,6 @@ def _deviations(job: keys.Job, system: Any, gains: Any) -> Iterator[tuple[str, f
         ("disturbance", np.array([*uniform, 0.0])),
         ("noise", np.array([0.0, 0.0, setup.deviation])),
     ):
-        found = held_deviation(system, gains, deviations, period)[-2:]
+        found = held_deviation(system, gains, deviations, period).ends[-2:]
         for (name, unit), value in zip(faults, found, strict=True):
             yield f"{source}_in_{name}_fault", float(value), unit

@@ -18,8 +18,16 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import settling_time
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.design import stored_design
+from reobserve_papers.papers.eso.random_gains import Drawn, medians, random_gains
 from reobserve_papers.papers.eso.setup import augmented, controlled_motor, motor
-from reobserve_papers.papers.eso.theory_observers import certified, held, left_of_jumps, missed
+from reobserve_papers.papers.eso.theory_observers import (
+    Observers,
+    certified,
+    held,
+    left_of_jumps,
+    missed,
+    norms_by_chance,
+)
 from reobserve_papers.signals.inputs import Signal
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
@@ -40,15 +48,23 @@ def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
     observers = {
         name: stored_design(plant, designs[body.design]) for name, body in job.observers.items()
     }
+    by_chance = {f"{k}": (system, Drawn(one)) for k, one in enumerate(random_gains(system))}
+
+    def estimates(of: Observers) -> list[Metric]:
+        return [
+            *missed(of, theory.fast_frequency),
+            *left_of_jumps(of, theory.settled_after),
+            *held(of, theory, plant.hold_period, noise),
+        ]
+
     return [
         *_motors(plant),
         *_conditions(system),
         *_step_response(plant),
         Metric("noise", "deviation", noise, "rad/s"),
         *certified(observers),
-        *missed(observers, theory.fast_frequency),
-        *left_of_jumps(observers, theory.settled_after),
-        *held(observers, theory, plant.hold_period, noise),
+        *estimates(observers),
+        *medians([*norms_by_chance(by_chance), *estimates(by_chance)]),
     ]
 
 

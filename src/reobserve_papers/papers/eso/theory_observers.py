@@ -3,27 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import CertifiedGains
-from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.deviation import held_deviation
 
 Array = NDArray[np.float64]
-Observers = Mapping[str, tuple[AugmentedSystem, CertifiedGains]]  # systems and designs by name
+
+
+class Design(Protocol):
+    """What has the gains of an observer."""
+
+    @property
+    def gains(self) -> Gains:
+        """The gains."""
+
+
+Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # systems and designs by name
+Certified = Mapping[str, tuple[AugmentedSystem, CertifiedGains]]
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
 _DURATION, _SAMPLE = 4.0, 0.01  # of the error after a jump [s]
 
 
 @part
-def certified(observers: Observers) -> Iterator[Metric]:
+def certified(observers: Certified) -> Iterator[Metric]:
     """Norm, gamma and slowest pole of the certificates."""
     for name, (_, design) in observers.items():
         gamma = float("nan") if design.gamma is None else design.gamma
@@ -37,14 +50,19 @@ def certified(observers: Observers) -> Iterator[Metric]:
 def missed(observers: Observers, frequency: float) -> Iterator[Metric]:
     """Share of a steady sinusoidal fault of this frequency [rad/s] that the estimate misses.
 
-    By (10) with the input f' it is |j w| times a diagonal entry of |(j w Eo - Ao)^-1 Bo|.
+    By (10) with the input f' its error e is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo. Of a
+    fault of 1 the share is |e|. The estimate is 1 - e, so that without its lag | 1 - |1 - e| | is
+    left.
     """
     s = 1j * frequency
     for name, (system, design) in observers.items():
         Ao, Eo = error_system(system, design.gains)
-        errors = np.abs(s * np.linalg.solve(s * Eo - Ao, system.Bo))
+        errors = s * np.linalg.solve(s * Eo - Ao, system.Bo)
         for row, (fault, _) in enumerate(_FAULTS, start=-2):
-            yield Metric(name, f"missed_fast_{fault}_fault", float(errors[row, row]), "1")
+            error = errors[row, row]
+            for lag, share in (("counted", abs(error)), ("removed", abs(1.0 - abs(1.0 - error)))):
+                score = f"missed_fast_{fault}_fault", float(share), "1"
+                yield Metric.at(name, score, lag=lag)
 
 
 @part
@@ -77,9 +95,9 @@ def held(
     Also computed is the share of each disturbance that is left. A constant disturbance of the speed
     gives a constant error of the sensor fault, one of the current an error of the actuator fault.
     The share is the standard deviation due to a random disturbance over that error. ``noise`` is
-    the standard deviation of the noise [rad/s].
+    the standard deviation of the noise [rad/s]. Each is taken at the ends of the holds, and as the
+    mean over time.
     """
-    over_time = theory.deviation_at == "time_average"
     low, high = np.array(theory.disturbance, dtype=float).T
     for name, (system, design) in observers.items():
         gains, (Ao, _) = design.gains, error_system(system, design.gains)
@@ -87,12 +105,24 @@ def held(
             ("noise", [0.0, 0.0, noise]),
             ("disturbance", [*(high - low) / np.sqrt(12.0), 0.0]),
         ):
-            found = held_deviation(system, gains, sizes, period, over_time)[-2:]
-            for (fault, unit), value in zip(_FAULTS, found, strict=True):
-                yield Metric(name, f"{source}_in_{fault}_fault", float(value), unit)
+            found = held_deviation(system, gains, sizes, period)
+            for at, values in found._asdict().items():
+                for (fault, unit), value in zip(_FAULTS, values[-2:], strict=True):
+                    score = f"{source}_in_{fault}_fault", float(value), unit
+                    yield Metric.at(name, score, at=at)
         at_rest = np.linalg.solve(Ao, system.Bo)
         for column, (source, row) in enumerate((("speed", -1), ("current", -2))):
             size = np.eye(3)[column]
-            left = held_deviation(system, gains, size, period, over_time)[row]
-            share = float(left / abs(at_rest[row, column]))
-            yield Metric(name, f"{source}_disturbance_left", share, "1")
+            left = held_deviation(system, gains, size, period)
+            for at, values in left._asdict().items():
+                share = float(values[row] / abs(at_rest[row, column]))
+                yield Metric.at(name, (f"{source}_disturbance_left", share, "1"), at=at)
+
+
+@part
+def norms_by_chance(observers: Observers) -> Iterator[Metric]:
+    """Norm of (10) for gains without a certificate."""
+    for name, (system, design) in observers.items():
+        Ao, Eo = error_system(system, design.gains)
+        norm = h_infinity_norm(Ao, system.Bo, np.eye(system.size), E=Eo, tolerance=1e-9)
+        yield Metric(name, "norm", norm.upper, "1")

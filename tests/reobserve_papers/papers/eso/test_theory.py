@@ -24,7 +24,14 @@ from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso import plant as plant_stage
 from reobserve_papers.papers.eso.design import stored_design
 from reobserve_papers.papers.eso.observe import run_on
-from reobserve_papers.papers.eso.theory_observers import Observers, held, left_of_jumps, missed
+from reobserve_papers.papers.eso.random_gains import Drawn, random_gains
+from reobserve_papers.papers.eso.theory_observers import (
+    Observers,
+    held,
+    left_of_jumps,
+    missed,
+    norms_by_chance,
+)
 from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.inputs import Signal
@@ -196,7 +203,13 @@ def test_error_under_a_sine_agrees_with_simulation(observer: str, fault: str) ->
     error = (found - record[f"{fault}_fault"][::2])[-8001:]
     waves = np.column_stack([np.sin(frequency * time), np.cos(frequency * time)])
     amplitude = np.linalg.norm(np.linalg.lstsq(waves, error)[0])
-    assert numbers()[observer, f"missed_fast_{fault}_fault"] == pytest.approx(amplitude, rel=1e-4)
+    missing = f"missed_fast_{fault}_fault"
+    counted = numbers()[observer, f"{missing} lag=counted"]
+    assert counted == pytest.approx(amplitude, rel=1e-4)
+    # Without the lag only the amplitudes differ.
+    size = np.linalg.norm(np.linalg.lstsq(waves, found[-8001:])[0])
+    removed = numbers()[observer, f"{missing} lag=removed"]
+    assert removed == pytest.approx(abs(1.0 - size), rel=1e-4)
 
 
 @pytest.mark.parametrize("observer", ["pd_pi", "minimum_gamma"])
@@ -204,7 +217,9 @@ def test_error_under_a_sine_agrees_with_simulation(observer: str, fault: str) ->
 def test_error_under_a_sine_grows_with_frequency_up_to_all_of_it(observer: str, fault: str) -> None:
     """So the sine at `fast_frequency` bounds all slower ones in the claim on any waveform."""
     share = [
-        lookup(missed(of_one(observer), frequency))[observer, f"missed_fast_{fault}_fault"]
+        lookup(missed(of_one(observer), frequency))[
+            observer, f"missed_fast_{fault}_fault lag=counted"
+        ]
         for frequency in (*np.linspace(0.05, 3.24, 30), 1e7)
     ]
     assert share[:-1] == sorted(share[:-1])
@@ -269,9 +284,10 @@ def test_long_hold_equals_a_constant(observer: str) -> None:
     rules = typed(settings()).theory
     found = lookup(held(of_one(observer), rules, 50.0, 0.1))
     for source in ("speed", "current"):
-        assert found[observer, f"{source}_disturbance_left"] == pytest.approx(1.0, abs=1e-9)
-    assert found[observer, "noise_in_sensor_fault"] == pytest.approx(0.1, rel=1e-9)
-    assert found[observer, "noise_in_actuator_fault"] < 1e-9
+        share = found[observer, f"{source}_disturbance_left at=ends"]
+        assert share == pytest.approx(1.0, abs=1e-9)
+    assert found[observer, "noise_in_sensor_fault at=ends"] == pytest.approx(0.1, rel=1e-9)
+    assert found[observer, "noise_in_actuator_fault at=ends"] < 1e-9
 
 
 def test_deviations_agree_with_the_study() -> None:
@@ -284,18 +300,53 @@ def test_deviations_agree_with_the_study() -> None:
     ):
         for fault in UNITS:
             noise = study.at(kind, f"noise_in_{fault}_fault", **at)
-            assert numbers()[observer, f"noise_in_{fault}_fault"] == pytest.approx(noise, rel=1e-3)
+            found = numbers()[observer, f"noise_in_{fault}_fault at=ends"]
+            assert found == pytest.approx(noise, rel=1e-3)
             caused = study.at(kind, f"disturbance_in_{fault}_fault", **at)
-            found = numbers()[observer, f"disturbance_in_{fault}_fault"]
+            found = numbers()[observer, f"disturbance_in_{fault}_fault at=ends"]
             assert found == pytest.approx(caused, rel=1e-3)
         # The other disturbance has a small share in each fault.
         for fault, source, size in (
             ("actuator", "current", sizes[1]), ("sensor", "speed", 0.1 * sizes[0])
         ):  # fmt: skip
-            both = numbers()[observer, f"disturbance_in_{fault}_fault"]
-            alone = numbers()[observer, f"{source}_disturbance_left"] * size
+            both = numbers()[observer, f"disturbance_in_{fault}_fault at=ends"]
+            alone = numbers()[observer, f"{source}_disturbance_left at=ends"] * size
             assert 0.99 * both < alone <= both
     assert numbers()["noise", "deviation"] == pytest.approx(np.sqrt(1e-3), rel=1e-14)
+
+
+# --- Observers that know nothing ------------------------------------------------------------------
+
+
+def test_random_gains_are_stable_and_have_every_sign_and_size() -> None:
+    system = dc_motor()
+    found = random_gains(system)
+    assert len(found) == 5
+    sizes = np.abs([gains.L for gains in found])
+    assert sizes.min() < 1.0
+    assert 100.0 < sizes.max() <= 1000.0
+    for gains in found:
+        assert np.linalg.eigvals(system.A_tilde - gains.L @ system.C_tilde).real.max() < 0
+        assert not gains.Ld.any()
+        assert (gains.L < 0).any()
+
+
+def test_median_over_observers_with_random_gains_is_one_of_them() -> None:
+    observers = {f"{k}": (dc_motor(), Drawn(one)) for k, one in enumerate(random_gains(dc_motor()))}
+    frequency = settings()["theory"]["fast_frequency"]
+    each = lookup([*missed(observers, frequency), *norms_by_chance(observers)])
+    for metric in ("norm", "missed_fast_sensor_fault lag=counted"):
+        assert numbers()["random", metric] == np.median([each[name, metric] for name in observers])
+
+
+def test_constant_estimate_misses_all_of_a_sine_with_and_without_its_lag() -> None:
+    """By gains of zero, which the formula allows: f^ stays where it is."""
+    nothing = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
+    found = lookup(missed({"nothing": (dc_motor(), Drawn(nothing))}, 1.93))
+    for fault in UNITS:
+        for lag in ("counted", "removed"):
+            share = found["nothing", f"missed_fast_{fault}_fault lag={lag}"]
+            assert share == pytest.approx(1.0, rel=1e-12)
 
 
 # --- Bounds of claims ----------------------------------------------------------------------------
