@@ -218,7 +218,6 @@ class Theory:
     rhos: Levels
     faster: Positive
     gain_of_rate: NotNegative
-    accuracy: Literal["absolute", "relative"]
     sampling_period: Positive
     cases: Count
 

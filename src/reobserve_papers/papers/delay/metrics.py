@@ -10,17 +10,24 @@ In the theory the column observer names the subject: the pendulum, the delay, an
 the expansion, the differentiator with L in its last line (`levant`), random initial estimates
 (`starts`, and `projection` for the runs that reach a bound), or the average delay as an estimate.
 Errors of runs are without noise.
+
+`guess` is an estimate that knows nothing: the delay stays where it begins, the state is the
+measurement and its difference quotient; in the theory all stay where they begin. A check of
+estimates that it passes tests nothing. `threshold=none` is a sampled observer whose gain is never
+switched off.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import root_mean_square, scored
-from reobserve_papers.papers.delay import keys
+from reobserve_papers.papers.delay import keys, without_threshold
+from reobserve_papers.papers.delay.observer_inputs import output
 from reobserve_papers.papers.delay.scoring import (
     constant_segments,
     errors,
@@ -29,7 +36,11 @@ from reobserve_papers.papers.delay.scoring import (
     rms_scores,
     turned_over_at,
 )
+from reobserve_papers.papers.delay.theory_runs import GUESS
+from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.signals.grid import stride
+from reobserve_papers.signals.series import Channel, Series
 
 # The meaning of each metric, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
@@ -41,6 +52,7 @@ MEANINGS = {
     "rms_delay_error_from_start": "the same from t = 0 on",
     "late_delay_error_<jump>": "largest error of the delay in the last seconds before a jump",
     "varying_rms_delay_error": "root mean square error of the delay where it varies",
+    "varying_largest_delay_error": "largest error of the delay where it varies",
     "varying_rms_error_<component>": "root mean square error of a state where the delay varies",
     "delay_radius": "largest error of the delay after the transient of the last jump",
     "predicted_delay_radius rho=<level>": (
@@ -61,6 +73,12 @@ MEANINGS = {
     "<quantity> <sweep>=<level>": (
         "mean over the runs of a study at one level; in the theory a single run without noise"
     ),
+    "<quantity> threshold=none": "the same without a threshold, by a sampled observer",
+    "jumps": "number of jumps of the delay",
+    "determinant_at_turning_points derivatives=<order>": (
+        "smallest determinant of the output, its rate and its derivative of this order where the "
+        "rate of the input vanishes, over its size"
+    ),
     "determinant_error": (
         "difference between the observability Jacobian and -G u'(t - tau), over its maximum"
     ),
@@ -70,20 +88,30 @@ MEANINGS = {
     "singular_instants": "number of sign changes of u'",
     "singular_share": "share of the time with u' = 0",
     "remainder order=<order>": "largest remainder of the expansion (6)",
+    "zeros_of_xi": "number of sign changes of xi (10) after the last jump of the delay",
+    "lyapunov_rate": (
+        "largest V' over rho V for (27) where the projection holds the delay; negative without it"
+    ),
     "slow_pole": "slowest pole of the linear error system, hanging pendulum",
     "slow_pole_upright": "the same, upright",
     "relative_rms_error_<order>": (
         "root mean square error of a derivative by the differentiator, over that of the derivative"
     ),
     "bound_share": "maximum of the third derivative of the input over L",
-    "rms_delay_error_faster rho=<level>": (
-        "error with a faster input and a shorter delay over that without both, by `theory.accuracy`"
+    "noise_exponent_<order>": "exponent of the size of the noise in the error of a derivative",
+    "rms_delay_error_faster accuracy=<measure> rho=<level>": (
+        "error with a faster input and a shorter delay over that without both, in seconds or "
+        "relative to the delay"
+    ),
+    "share_of_constant_faster rho=<level>": (
+        "error with both over that of the average delay as an estimate"
     ),
     "relative_rms_error_<order>_in_noise": (
         "the same on the noisy input of Fig. 2, by a differentiator of order three"
     ),
     "late_delay_error": "largest error of a constant delay long after the start",
     "late_rate_error": "largest error of the rate at that time",
+    "spread_on_the_sine": "largest difference of the final estimates of runs with different starts",
     "peak_delay_error": (
         "mean of the largest errors of the delay in the half periods around singular instants"
     ),
@@ -102,12 +130,51 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
         for (name, quantity, unit, sweep, level), runs in data.study.groups(*coordinates):
             score = quantity, float(np.mean(runs["value"])), unit
             yield Metric.at(name, score, **{sweep: level})
+        if isinstance(data.job.study, keys.Tradeoff):
+            for rho, score in product(data.job.study.rhos, _guess(data, clean=True)):
+                if "start" not in score[0]:
+                    yield Metric.at(GUESS, score, rho=rho)
         return
     if data.job.scenario.model == "pendulum":
         yield Metric("plant", "turned_over_at", turned_over_at(plant), "s")
         yield Metric("plant", "largest_angle", float(np.max(np.abs(plant["state"][:, 0]))), "rad")
     for name in data.estimates:
         yield from scores_of(name, _scores(data, name))
+    for name, observer in data.job.observers.items():
+        if isinstance(observer, keys.Extended) and observer.model == "lag":
+            found = without_threshold.estimate(data.job, observer, plant)
+            for score in _varying(data, found):
+                yield Metric.at(name, score, threshold="none")
+    yield from scores_of(GUESS, _guess(data, clean=False))
+
+
+def _varying(data: FigureData[keys.Job], estimate: Series) -> Iterator[Score]:
+    """Errors of an estimate of the delay where it varies, also after the transient of the jump."""
+    rules, off = data.job.metrics, errors(data.plant, estimate)["delay"]
+    for score in rms_scores(rules, data.job.scenario.model, data.plant, estimate):
+        if score[0].startswith("varying"):
+            yield score
+    settled = off[scored("metrics.radius", estimate.time, *rules.radius)]
+    yield "settled_rms_delay_error", float(root_mean_square(settled)), "s"
+
+
+def _guess(data: FigureData[keys.Job], *, clean: bool) -> Iterator[Score]:
+    """Scores of an estimate that knows nothing.
+
+    It keeps the initial delay of the first extended observer. Its state is the measurement,
+    ``clean`` or with its noise, and the difference quotient of that over a sampling period.
+    """
+    job, plant = data.job, data.plant
+    observer = next(one for one in job.observers.values() if isinstance(one, keys.Extended))
+    every = 2 * stride(job.plant, observer.sampling_period)
+    time = plant.time[::every]
+    channels = {"delay": Channel(np.full(len(time), observer.initial_delay), "s")}
+    if job.scenario.model == "pendulum":
+        y = (plant["state"][:, 0] if clean else output(plant)[0])[::every]
+        rate = np.diff(y, prepend=y[0]) / observer.sampling_period
+        channels["state"] = Channel(np.column_stack([y, rate]), UNITS[job.scenario.model][0])
+    estimate = Series(time, channels, plant.events)
+    return rms_scores(job.metrics, job.scenario.model, plant, estimate)
 
 
 def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:

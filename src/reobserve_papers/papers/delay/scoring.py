@@ -48,7 +48,10 @@ def errors(plant: Series, estimate: Series) -> dict[str, Array]:
 def rms_scores(
     rules: keys.Metrics, model: keys.Model, plant: Series, estimate: Series
 ) -> Iterator[Score]:
-    """RMS errors of the delay and of the pendulum's states over three windows."""
+    """RMS errors of the delay and of the pendulum's states over three windows.
+
+    Where the delay varies, its largest error, too.
+    """
     found, units = errors(plant, estimate), UNITS[model][0].split(", ")
     for name, key, span in (
         ("rms_{}", "start", (rules.start, np.inf)),
@@ -62,6 +65,8 @@ def rms_scores(
         if "state" in found and model == "pendulum":  # the state of the lag is measured
             for i, value in enumerate(root_mean_square(found["state"][chosen])):
                 yield name.format(f"error_{i + 1}"), float(value), units[i]
+    if "delay" in found:
+        yield "varying_largest_delay_error", float(np.max(np.abs(found["delay"][chosen]))), "s"
 
 
 def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float, float]]:

@@ -10,6 +10,7 @@ from reobserve_papers.papers.delay import (
     theory_conditions,
     theory_derivatives,
     theory_gains,
+    theory_orders,
     theory_runs,
     theory_state_gain,
 )
@@ -31,5 +32,6 @@ def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
         *theory_gains.measure(job, ramp),
         *theory_derivatives.measure(job, sine),
         *theory_runs.measure(job, ramp, sine),
+        *theory_orders.measure(job, sine),
         *theory_state_gain.measure(job, ramp),
     ]

@@ -13,6 +13,7 @@ from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.delay import keys
+from reobserve_papers.papers.delay.scoring import singular_instants
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve_papers.signals.inputs import Signal
 from reobserve_papers.signals.series import Series
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 SEED = 0
 ORDERS = (1, 2)
 DIFFERENCE = 1e-5  # of states and delay, for central differences
+FLOW = 1e-4  # of time, states and delay, for differences of differences
 
 
 @part
@@ -31,6 +33,8 @@ def measure(job: keys.Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     Lechappe et al. 2018, (3), (4), after (4), (6), Theorem 1, Assumptions 3 and 4.
     """
     yield from _pendulum(job)
+    yield from _turning_points(job, sine)
+    yield Metric("delay", "jumps", float(len(sine.events["jumps"])), "1")
     yield Metric("delay", "minimum_delay", float(np.min(sine["delay"])), "s")
     yield Metric("delay", "maximum_delay", float(np.max(sine["delay"])), "s")
     for name, plant in (("ramp", ramp), ("sine", sine)):
@@ -59,6 +63,56 @@ def _pendulum(job: keys.Job) -> Iterator[Metric]:
         wrong.append(abs(_determinant(model, u[0], x, t, tau) - expected))
     size = abs(_gain(model, 0.0)) * float(np.max(np.abs(u[1](np.linspace(0, job.plant.horizon)))))
     yield Metric("pendulum", "determinant_error", float(np.max(wrong)) / size, "1")
+
+
+def _turning_points(job: keys.Job, sine: Series) -> Iterator[Metric]:
+    """Smallest determinant of y, y' and one more derivative where u'(t - tau) = 0, u'' is not.
+
+    Over its size, G max |u''|: of the second derivative as in the proof of Theorem 1, and of the
+    third, which [27] takes, too.
+    """
+    model = build_model(job.plant, "pendulum")
+    u = input_and_derivatives("sine", _signal(job, "sine"), 2)
+    stream = random_stream(SEED, "delay", "theory", "turning points")
+    longest = delay_bounds(job.plant)[1]
+    rates = np.gradient(sine["delay"], sine.time)[:: len(sine.time) // 100]
+    found: dict[int, list[float]] = {2: [], 3: []}
+    for instant in singular_instants(sine):
+        at = np.array([instant])
+        for _ in range(2):  # Newton
+            at = at - u[1](at)[:, 0] / u[2](at)[:, 0]
+        tau, rate = stream.uniform(0, longest), stream.choice(rates[np.abs(rates) < 1])
+        x = stream.normal(scale=np.pi, size=model.states)
+        for order, determinants in found.items():
+            z = np.array([*x, tau, float(at[0]) + tau])
+            determinants.append(abs(_with_derivative(model, u[0], z, float(rate), order)))
+    size = abs(_gain(model, 0.0)) * float(np.max(np.abs(u[2](sine.time))))
+    for order, determinants in found.items():
+        score = "determinant_at_turning_points", min(determinants) / size, "1"
+        yield Metric.at("pendulum", score, derivatives=order)
+
+
+def _with_derivative(model: TriangularModel, u: Signal, z: Array, rate: float, order: int) -> float:
+    """Determinant of the Jacobian of y, y' and the derivative of an order, 2 or 3, in x and tau.
+
+    ``z`` is x1, x2, tau and t, ``rate`` that of tau.
+    """
+
+    def flow(z: Array) -> Array:
+        first, second = _drift(model, z[:2])
+        force = _gain(model, z[0]) * u(np.array([z[3] - z[2]]))[0, 0]
+        return np.array([z[1] + first, second + force, rate, 1.0])
+
+    def outputs(z: Array) -> Array:
+        moving = flow(z)
+        if order == 2:
+            return np.array([z[0], moving[0], moving[1]])
+        jerk = (flow(z + FLOW * moving) - flow(z - FLOW * moving))[1] / (2 * FLOW)
+        return np.array([z[0], moving[0], jerk])
+
+    steps = FLOW * np.eye(4)[:3]
+    columns = [(outputs(z + d) - outputs(z - d)) / (2 * FLOW) for d in steps]
+    return float(np.linalg.det(np.array(columns).T))
 
 
 def _drift(model: TriangularModel, x: Array) -> Array:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from reobserve.synthesis.high_gain import high_gain
+from reobserve.core.random_streams import random_stream
+from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import scored
@@ -22,14 +23,17 @@ from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
 
+_STATES = 100_000  # random ones
+
 FIGURES = ("order2", "order2_noise")  # the observers of Figs 1 and 2
 ORDERS = {1: "order1_noise", 2: "order2_noise"}  # those of Fig. 2, by m
 
 
 def measure(job: keys.Job, ramp: Series) -> Iterator[Metric]:
-    """Metrics: poles, the lag behind a varying delay, and the radius of (16)."""
+    """Metrics: poles, the lag behind a varying delay, the radius of (16), and V at a bound."""
     yield from _poles_and_lag(job, ramp)
     yield from _radii(job, ramp)
+    yield from _held()
 
 
 @part
@@ -75,6 +79,24 @@ def _radii(job: keys.Job, ramp: Series) -> Iterator[Metric]:
                 peak = gains[:, 1] * remainder + gains[:, 2] * xi * eta
                 radii.append(np.linalg.norm(scale * peak))
             yield Metric.at(f"order_{m}", ("ultimate_bound", float(max(radii)), "1"), rho=rho)
+
+
+@part
+def _held() -> Iterator[Metric]:
+    """Largest V' / (rho V) of (27) where the projection (11) holds the delay (Remark 3.2).
+
+    In e_bar the error obeys e' = rho (A_bar - S_1^-1 C^T C) e, if nothing drives it. Without the
+    projection V' <= -rho V. At the upper bound, with xi > 0, e_3 >= 0 stays as it is where it would
+    grow.
+    """
+    S = lyapunov_matrix(3, 1.0)
+    e = random_stream(0, "delay", "theory", "held").normal(size=(_STATES, 3))
+    e[:, 2] = np.abs(e[:, 2])
+    rate = e @ (np.eye(3, k=1) - np.outer(high_gain(3, 1.0), np.eye(3)[0])).T
+    held = rate[:, 2] > 0
+    rate[held, 2] = 0.0
+    growth = 2.0 * np.sum(e @ S * rate, axis=1) / np.sum(e @ S * e, axis=1)
+    yield Metric("projection", "lyapunov_rate", float(np.max(growth[held])), "1")
 
 
 def peak_gains(matrix: Array) -> Array:

@@ -56,7 +56,7 @@ def test_first_study_run_equals_fig_2() -> None:
     rows = evaluator.result("study", "tradeoff")
     own = lookup(evaluator.figure("fig2").numbers)
     first = [row for row in rows if row["run"] == 1]
-    assert len(first) == 3 + 3 + 2 + 3 + 3 + 2
+    assert len(first) == 4 + 4 + 2 + 3 + 3 + 2
     for row in first:
         assert row["value"] == own[row["observer"], row["quantity"]]
     again = [row["value"] for row in rows if row["run"] == 2]

@@ -8,15 +8,25 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
+from scipy.linalg import eigh
 
 from reobserve.core.random_streams import random_stream
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve_papers.metrics.metrics import Numbers, lookup
-from reobserve_papers.papers.delay import keys, theory_gains, theory_state_gain
+from reobserve_papers.papers.delay import (
+    keys,
+    theory_gains,
+    theory_orders,
+    theory_runs,
+    theory_state_gain,
+    without_threshold,
+)
 from reobserve_papers.papers.delay.theory_gains import error_matrix
 from reobserve_papers.parameters.job import read_job
+from reobserve_papers.steps.chain import reads
 from reobserve_papers.steps.evaluation import Evaluator
+from tests.published_numbers import golden_metrics
 from tests.reobserve.observers.small_plants import G_OVER_L, GAIN, A
 from tests.reobserve.observers.test_extended_high_gain import Case, observed, observer, record
 from tests.reobserve_papers.papers import fixed_parameters
@@ -44,6 +54,24 @@ def test_delay_has_the_bounds_of_the_paper() -> None:
 
 def test_rank_is_lost_where_the_input_rate_vanishes() -> None:
     assert numbers()["pendulum", "determinant_error"] < 1e-8
+
+
+def test_one_more_derivative_restores_the_rank_at_turning_points() -> None:
+    """There u'' has its maximum, so that the determinant is 1 - tau' of its size, tau' <= 0.09."""
+    name = "determinant_at_turning_points"
+    assert numbers().at("pendulum", name, derivatives=2) < 1e-6
+    found = numbers().at("pendulum", name, derivatives=3)
+    assert 1 - 0.09 - 1e-3 < found < 1.0
+
+
+def test_delay_jumps_three_times() -> None:
+    assert numbers()["delay", "jumps"] == 3
+
+
+def test_xi_vanishes_as_often_with_higher_orders() -> None:
+    """u' is zero at 7.85 s and every 15.7 s, four times from 60 to 120 s."""
+    for order in (1, 2, 3):
+        assert numbers()[f"order_{order}", "zeros_of_xi"] == 4
 
 
 def test_smoothness_and_singular_instants_of_the_inputs_agree_with_theory() -> None:
@@ -121,6 +149,20 @@ def test_minimum_radius_tends_to_the_expansion_remainder() -> None:
         assert 0 < above[1] < 0.55 * above[0] < 0.02 * floor
 
 
+def test_function_of_lyapunov_grows_where_the_projection_holds_the_delay() -> None:
+    """At (-1, 1, 0.1) by hand; no state has more than the largest eigenvalue with a zero row."""
+    S = np.array([[1, -1, 1], [-1, 2, -3], [1, -3, 6.0]])
+    free = np.eye(3, k=1) - np.outer([3, 3, 1], [1, 0, 0])
+    assert S @ free + free.T @ S == pytest.approx(-S - np.outer([1, 0, 0], [1, 0, 0]))
+    held = free * [[1], [1], [0]]
+    e = np.array([-1, 1, 0.1])
+    assert (free @ e)[2] > 0
+    assert 2 * e @ S @ held @ e == pytest.approx(1.54)
+    most = eigh(S @ held + held.T @ S, S, eigvals_only=True)[-1]
+    found = numbers()["projection", "lyapunov_rate"]
+    assert 0.99 * 1.54 / (e @ S @ e) < found <= most
+
+
 # --- Derivatives --------------------------------------------------------------------------------
 
 
@@ -131,6 +173,13 @@ def test_differentiator_errors_agree_with_its_unit_tests() -> None:
     for i, share in enumerate(expected, start=1):
         assert found["levant", f"relative_rms_error_{i}"] == pytest.approx(share, rel=0.05)
     assert found["levant", "bound_share"] == pytest.approx(0.008 / 0.11)
+
+
+def test_errors_of_derivatives_grow_with_powers_of_the_noise_below_one() -> None:
+    """Levant's Theorem 6: to the powers 2/3 and 1/3 at most, so less than in proportion."""
+    for i in (1, 2):
+        found = numbers()["levant", f"noise_exponent_{i}"]
+        assert found == pytest.approx((3 - i) / 3, abs=0.06)
 
 
 # --- Runs ---------------------------------------------------------------------------------------
@@ -195,6 +244,8 @@ def test_constant_mean_delay_errs_by_its_distance() -> None:
     assert numbers()["mean_delay", "rms_delay_error"] == pytest.approx(expected, rel=1e-4)
     found = numbers()["mean_delay", "varying_rms_delay_error"]
     assert found == pytest.approx(np.sqrt(swing / 60), rel=1e-3)
+    largest = numbers()["mean_delay", "varying_largest_delay_error"]
+    assert largest == pytest.approx(0.45, abs=1e-6)
 
 
 def test_runs_reaching_a_bound_converge() -> None:
@@ -202,12 +253,18 @@ def test_runs_reaching_a_bound_converge() -> None:
     found = numbers()
     assert 0 < found["projection", "late_delay_error"] <= found["starts", "late_delay_error"] < 1e-9
     assert found["starts", "late_rate_error"] < 1e-9
+    assert found["starts", "spread_on_the_sine"] < 1e-9
+    # Of the starts themselves, from 0 to 1.5 s with the delay at 0.6 s.
+    assert 0.8 < found["guess", "late_delay_error"] <= 0.9
+    assert found["guess", "spread_on_the_sine"] > 1.2
 
 
 def test_faster_input_with_a_factor_of_one_changes_nothing() -> None:
     same = evaluated({"theory": {"faster": 1.0}})
     for rho in (2.5, 5):
-        assert same.at("order_2", "rms_delay_error_faster", rho=rho) == 1
+        for accuracy in ("absolute", "relative"):
+            name = "rms_delay_error_faster"
+            assert same.at("order_2", name, accuracy=accuracy, rho=rho) == 1
 
 
 def test_shorter_delay_has_smaller_absolute_and_larger_relative_error() -> None:
@@ -216,11 +273,20 @@ def test_shorter_delay_has_smaller_absolute_and_larger_relative_error() -> None:
 
     There are twice as many singular instants, which add to both.
     """
-    absolute, relative = numbers(), evaluated({"theory": {"accuracy": "relative"}})
+    name = "rms_delay_error_faster"
     for rho in (2.5, 5):
-        name = "rms_delay_error_faster"
-        assert 0.5 < absolute.at("order_2", name, rho=rho) < 0.75
-        assert 1.1 < relative.at("order_2", name, rho=rho) < 1.4
+        assert 0.5 < numbers().at("order_2", name, accuracy="absolute", rho=rho) < 0.75
+        assert 1.1 < numbers().at("order_2", name, accuracy="relative", rho=rho) < 1.4
+
+
+def test_constant_estimate_errs_in_proportion_to_the_delay() -> None:
+    """So its error halves with the delay, and neither measure shows that it is no estimate."""
+    for rho in (2.5, 5):
+        for accuracy, ratio in (("absolute", 0.5), ("relative", 1.0)):
+            found = numbers().at("mean_delay", "rms_delay_error_faster", accuracy=accuracy, rho=rho)
+            assert found == pytest.approx(ratio, rel=1e-9)
+        assert numbers().at("mean_delay", "share_of_constant_faster", rho=rho) == 1.0
+        assert numbers().at("order_2", "share_of_constant_faster", rho=rho) < 0.6
 
 
 def test_errors_of_derivatives_agree_with_runs_by_hand() -> None:
@@ -270,3 +336,55 @@ def test_gain_oscillating_with_the_rate_still_converges() -> None:
         found = evaluated({"theory": {"gain_of_rate": share}})
         assert 0 < found["state_gain", "late_delay_error"] < 1e-5
         assert found["state_gain", "late_rate_error"] < 1e-5
+
+
+def test_constant_gain_function_reproduces_the_library_observer_on_the_sine() -> None:
+    """Both switch the gain of the delay off, at instants that differ by less than a step."""
+    job = read_job(keys.Parameters, fixed_parameters("delay").settings("theory"))
+    found = theory_state_gain.simulate_on_sine(job, 0.0, [0.0, 0.0, 0.3], 5.0)
+    sine = theory_runs.record(job, job.theory.sine)
+    y, u = theory_orders.rows_of(job, sine, 2)
+    built = theory_orders.built(job, 5.0, 2)
+    run = run_on_halves(built, y, u, state=built.init([0.0, 0.0], 0.3))
+    late = round(60 / job.theory.sampling_period)
+    off = found[late:, 4] - run["delay"][late:]
+    assert np.sqrt(np.mean(off**2)) < 2e-3
+
+
+def test_two_orders_on_the_sine_agree_with_the_study() -> None:
+    study = Numbers(golden_metrics("delay", "fig2_tradeoff"))
+    for rho in (2.5, 5, 10, 20):
+        found = numbers().at("order_2", "varying_rms_delay_error", rho=rho)
+        expected = study.at("order2_noise", "varying_rms_delay_error", rho=rho)
+        assert found == pytest.approx(expected, rel=2e-3)
+        third = numbers().at("order_3", "varying_rms_delay_error", rho=rho)
+        assert third == pytest.approx(found, rel=0.03)
+
+
+def test_observer_without_threshold_agrees_with_the_library_on_a_ramp() -> None:
+    """There xi is constant, and nothing is switched off."""
+    ramp = [
+        {"kind": "constant", "axis": 1, "from": -1.5, "size": -0.15},
+        {"kind": "ramp", "axis": 1, "from": -1.5, "slope": 0.1},
+    ]
+    parameters = fixed_parameters(
+        "delay",
+        {"scenarios": {"lag": {"input": ramp}}, "observers": {"extended_lag": {"threshold": 0.0}}},
+    )
+    evaluator = Evaluator(parameters)
+    plant = evaluator.result("plant", "lag")
+    name = next(step for step in reads(parameters, "metrics", "fig3") if "extended_lag" in step)
+    expected = evaluator.result(*name)
+    job = read_job(keys.Parameters, parameters.settings("metrics", "fig3"))
+    found = without_threshold.estimate(job, job.observers["extended_lag"], plant)
+    away = np.abs(found["delay"] - expected["delay"])
+    assert away[expected.time > 5].max() < 1e-6
+
+
+def test_guess_keeps_its_delay_and_passes_the_measurement_through() -> None:
+    fig1 = lookup(Evaluator(fixed_parameters("delay")).figure("fig1").numbers)
+    squares = quad(lambda t: (0.5 + 0.45 * np.sin(0.2 * t)) ** 2, 60, 120)[0]
+    found = fig1["guess", "varying_rms_delay_error"]
+    assert found == pytest.approx(np.sqrt(squares / 60), rel=1e-3)
+    assert fig1["guess", "varying_rms_error_1"] == 0
+    assert fig1["guess", "varying_largest_delay_error"] == pytest.approx(0.95, abs=1e-6)
