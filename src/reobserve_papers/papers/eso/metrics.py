@@ -49,6 +49,7 @@ MEANINGS = {
     "rms_<fault>_difference": (
         "root mean square difference between the estimates of two observers that are compared"
     ),
+    "largest_gain <choice>=<level> rate=<rate>": "largest entry of L (14) of a design",
     "<fault>_lag": "shift of the estimate that minimises the error",
     "<quantity> <choice>=<level> rate=<rate>": "the same for a design of the study",
     "<source>_in_<fault>_fault <choice>=<level> rate=<rate>": (

@@ -79,6 +79,7 @@ def _rows(
         "level": level,
     }
     numbers = [*_errors(job, clean, estimate), *_deviations(job, system, found.gains)]
+    numbers.append(("largest_gain", float(np.max(np.abs(found.gains.L))), "1"))
     for quantity, value, unit in numbers:
         yield {**about, "quantity": quantity, "value": value, "unit": unit}
 

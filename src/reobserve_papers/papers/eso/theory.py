@@ -89,10 +89,17 @@ def _unobservable(A: Any, C: Any) -> float:
 def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
     """Rank deficiency of the Rosenbrock matrix at zero, with both outputs and with the speed only.
 
-    It is the number of combinations of constant states and faults that no output shows.
+    It is the number of combinations of constant states and faults that no output shows. Also with
+    a sensor fault that looks like a constant actuator fault: it enters both outputs in the ratio of
+    their response to a voltage.
     """
     A, C, Fa, Fs = system.A, system.C, system.Fa, system.Fs
-    for name, outputs, sensor in (("two_outputs", C, Fs), ("one_output", C[:1], Fs[:1])):
+    alike = C @ np.linalg.solve(A, Fa)
+    for name, outputs, sensor in (
+        ("two_outputs", C, Fs),
+        ("one_output", C[:1], Fs[:1]),
+        ("look_alike", C, alike),
+    ):
         corner = np.zeros((len(A), sensor.shape[1])), np.zeros((len(outputs), Fa.shape[1]))
         rosenbrock = np.block([[A, Fa, corner[0]], [outputs, corner[1], sensor]])
         missing = rosenbrock.shape[1] - np.linalg.matrix_rank(rosenbrock)

@@ -545,7 +545,7 @@ def test_study_agrees_with_direct_calls(kind: str, choice: str, level: float, ra
         assert tuple(row) == study_rows.HEADER
         assert (row["choice"], row["level"], row["filter_rate"]) == (choice, level, rate)
     found = {row["quantity"]: row["value"] for row in rows}
-    assert len(found) == len(rows) == 8
+    assert len(found) == len(rows) == 9
 
     system = dc_motor(Az=rate)
     design = (
@@ -574,6 +574,7 @@ def test_study_agrees_with_direct_calls(kind: str, choice: str, level: float, ra
         both = held_deviation(system, design.gains, each, 0.1).ends[4:]
         for fault, value in zip(("actuator", "sensor"), both, strict=True):
             expected[f"{source}_in_{fault}_fault"] = float(value)
+    expected["largest_gain"] = float(np.abs(design.gains.L).max())
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
@@ -584,7 +585,7 @@ def test_metrics_include_every_design_of_the_study() -> None:
     found = lookup(metrics.measure(data))
     names = [name for observer, name in found if observer not in ("pd_pi", "plant")]
     assert [name.partition(" ")[2] for name in names] == [
-        *["decay=1 rate=2"] * 16, *["bound=50 rate=1"] * 16
+        *["decay=1 rate=2"] * 18, *["bound=50 rate=1"] * 18
     ]  # fmt: skip
     row = next(row for row in rows_of_the_study() if row["quantity"] == "sensor_lag")
     assert found.at("pi_feasible", "sensor_lag", rate=2, decay=1) == row["value"]

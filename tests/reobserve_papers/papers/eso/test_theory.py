@@ -92,7 +92,7 @@ def test_slowest_motor_pole_agrees_with_closed_form_for_both_signs() -> None:
 
 
 def test_rosenbrock_rank_reveals_what_observability_does_not() -> None:
-    for name, missing in (("two_outputs", 0), ("one_output", 1)):
+    for name, missing in (("two_outputs", 0), ("one_output", 1), ("look_alike", 1)):
         assert numbers()[name, "rosenbrock_rank_deficiency"] == missing
     assert numbers()["motor", "unobservable_states"] == 0
     # A sensor fault that looks like an actuator fault, though (A, C) is observable.
