@@ -88,6 +88,10 @@ MEANINGS = {
     "singular_instants": "number of sign changes of u'",
     "singular_share": "share of the time with u' = 0",
     "remainder order=<order>": "largest remainder of the expansion (6)",
+    "radius_away rho=<level>": (
+        "largest norm of the error of states and delay where the delay varies, four seconds or "
+        "more from singular instants"
+    ),
     "zeros_of_xi": "number of sign changes of xi (10) after the last jump of the delay",
     "lyapunov_rate": (
         "largest V' over rho V for (27) where the projection holds the delay; negative without it"
@@ -131,9 +135,10 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
             score = quantity, float(np.mean(runs["value"])), unit
             yield Metric.at(name, score, **{sweep: level})
         if isinstance(data.job.study, keys.Tradeoff):
-            for rho, score in product(data.job.study.rhos, _guess(data, clean=True)):
-                if "start" not in score[0]:
-                    yield Metric.at(GUESS, score, rho=rho)
+            for sweep, clean in (("rho", True), ("noise_rho", False)):
+                for rho, score in product(data.job.study.rhos, _guess(data, clean=clean)):
+                    if "start" not in score[0]:
+                        yield Metric.at(GUESS, score, **{sweep: rho})
         return
     if data.job.scenario.model == "pendulum":
         yield Metric("plant", "turned_over_at", turned_over_at(plant), "s")
