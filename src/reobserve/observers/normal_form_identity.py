@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_word
-from reobserve.core.kernel import allocating_kernel
+from reobserve.core.kernel import kernel
 from reobserve.core.small_systems import solve_in_place
 from reobserve.core.value import converter
 from reobserve.observers.fixed_step import Samples
@@ -41,11 +41,14 @@ class IdentityDynamics(NamedTuple):
 
 
 class IdentityWork(NamedTuple):
-    """Arrays for monomials, the values of ``inner`` and a matrix, allocated once for all steps."""
+    """Arrays for a step: monomials, values of ``inner``, dT/dz, l(y) - beta(y, u), slopes, and x."""
 
     monomials: Array
     values: Array
     matrix: Array
+    measured: Array
+    slopes: Array
+    x: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,14 +118,15 @@ class IdentityObserver(NormalFormObserver):
     def _run(self, known: Samples, rows: Array) -> int:
         law, n = self._law, rows.shape[1]
         buffer = max(len(part.parent) for part in law[:-1])
-        work = IdentityWork(np.empty(buffer), np.empty(len(law.inner.start) - 1), np.empty(n * n))
+        sizes = (buffer, len(law.inner.start) - 1, n * n, (3, n), (4, n), n)
+        work = IdentityWork(*map(np.empty, sizes))
         return _run(law, work, self.sampling_period, known.right, known.left, rows)
 
     def _estimates(self, rows: Array) -> dict[str, Array]:
         return {"state": rows}
 
 
-@allocating_kernel
+@kernel
 def _run(  # noqa: PLR0912, see below
     law: IdentityDynamics,
     work: IdentityWork,
@@ -138,8 +142,7 @@ def _run(  # noqa: PLR0912, see below
     them.
     """
     n = rows.shape[1]
-    measured, slopes, x = np.empty((3, n)), np.empty((4, n)), np.empty(n)
-    values = work.values
+    values, measured, slopes, x = work.values, work.measured, work.slopes, work.x
     for k in range(len(rows) - 1):
         # l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import allocating_kernel
+from reobserve.core.kernel import kernel
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
@@ -97,26 +97,28 @@ class TransformedObserver(NormalFormObserver):
     def _run(self, known: Samples, rows: Array) -> int:
         transition, weights = self._transition
         injection = polynomials(self.normal_form.injected)
-        return _run(transition, weights, injection, known.right, known.left, rows)
+        work = np.empty(len(injection.parent)), np.empty((3, rows.shape[1]))
+        return _run(transition, weights, injection, work, known.right, known.left, rows)
 
     def _estimates(self, rows: Array) -> dict[str, Array]:
-        estimate = np.empty_like(rows)
-        _evaluate_rows(polynomials(self.T), rows, estimate)
+        estimate, T = np.empty_like(rows), polynomials(self.T)
+        _evaluate_rows(T, np.empty(len(T.parent)), rows, estimate)
         return {"state": estimate, "coordinates": rows}
 
 
-@allocating_kernel
+@kernel
 def _run(
     transition: Array,
     weights: Array,
     injection: Polynomials,
+    work: tuple[Array, Array],
     known: Array,
     known_before: Array,
     rows: Array,
 ) -> int:
     """Fill ``rows`` from its first one, and return the number of finite rows."""
     n = rows.shape[1]
-    buffer, fed = np.empty(len(injection.parent)), np.empty((3, n))
+    buffer, fed = work
     for k in range(len(rows) - 1):
         # g = l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):
@@ -135,9 +137,8 @@ def _run(
     return len(rows)
 
 
-@allocating_kernel
-def _evaluate_rows(source: Polynomials, rows: Array, out: Array) -> None:
-    buffer = np.empty(len(source.parent))
+@kernel
+def _evaluate_rows(source: Polynomials, buffer: Array, rows: Array, out: Array) -> None:
     # x^ = T(z)
     for k in range(len(rows)):
         evaluate(source, rows[k], buffer, out[k])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel
 from reobserve.polynomials.maps import PolynomialMap
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def polynomials(source: PolynomialMap) -> Polynomials:
     )
 
 
-@kernel
+@inlined_kernel
 def evaluate(p: Polynomials, x: Array, monomials: Array, out: Array) -> None:
     """Write the values at ``x`` to ``out``, with ``monomials`` a buffer, one number a monomial."""
     # x^m = x^parent(m) x_variable(m), from x^0 = 1

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.core.kernel import allocating_kernel
+from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_vector
 from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
 from reobserve.systems.polynomial import PolynomialSystem
@@ -41,7 +41,9 @@ class PolynomialPlant:
         steps = as_whole("steps", steps, 1)
         states = np.empty((steps + 1, len(start)))
         states[0] = start
-        finite = _simulate(polynomials(self.system.dynamics), step, states)
+        f = polynomials(self.system.dynamics)
+        work = np.empty(len(f.parent)), np.empty((5, len(start)))
+        finite = _simulate(f, work, step, states)
         if finite < steps:
             raise DivergenceError("plant", finite * step)
         return states
@@ -63,12 +65,15 @@ class PolynomialPlant:
         return values
 
 
-@allocating_kernel
-def _simulate(f: Polynomials, step: float, states: Array) -> int:
-    """Fill ``states`` from its first row, and return the last index with a finite state."""
+@kernel
+def _simulate(f: Polynomials, work: tuple[Array, Array], step: float, states: Array) -> int:
+    """Fill ``states`` from its first row, and return the last index with a finite state.
+
+    ``work`` are buffers for the monomials, and for the slopes and a point.
+    """
     n = states.shape[1]
-    buffer = np.empty(len(f.parent))
-    k1, k2, k3, k4, x = (np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
+    buffer, points = work
+    k1, k2, k3, k4, x = points[0], points[1], points[2], points[3], points[4]
     for k in range(len(states) - 1):
         # k1 = f(x),   k2 = f(x + h/2 k1),   k3 = f(x + h/2 k2),   k4 = f(x + h k3)
         evaluate(f, states[k], buffer, k1)
