@@ -41,7 +41,7 @@ class IdentityDynamics(NamedTuple):
 
 
 class IdentityWork(NamedTuple):
-    """Arrays for a step: monomials, values of ``inner``, dT/dz, l(y) - beta(y, u), slopes, and x."""
+    """Arrays for one step after the other: among them ``measured``, l(y) - beta(y, u)."""
 
     monomials: Array
     values: Array
