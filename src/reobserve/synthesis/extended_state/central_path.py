@@ -24,11 +24,11 @@ triangle, then gamma. Its last digits depend on the processor; `polishing` remov
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from math import inf, log
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import Matrix
 
 Vector = NDArray[np.float64]
+Places = NDArray[np.intp]
 
 _LARGEST = (1.0, 1e3, 1e8)  # mu, by which the barrier is multiplied, to begin with
 _FACTOR = 0.2  # from one mu to the next
@@ -62,6 +63,27 @@ class Constraint:
     constant: Matrix
     terms: tuple[MatrixTerm, ...]
     slope: Matrix | None = None
+
+
+class Stack(NamedTuple):
+    """The terms of a constraint as one, with all L side by side and all R below each other.
+
+    Entry e of their matrices stands between column ``rows[e]`` of L and row ``columns[e]`` of R.
+    Each of ``layers`` has places in the vector, and an entry that is at each of them.
+    """
+
+    left: Matrix
+    right: Matrix
+    rows: Places
+    columns: Places
+    layers: list[tuple[Places, Places]]
+
+    def folded(self, full: Matrix, size: int) -> Matrix:
+        """Derivatives by the entries as derivatives by a vector, along the first axis."""
+        found = np.zeros((size, *full.shape[1:]))
+        for places, entries in self.layers:
+            found[places] += full[entries]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +121,29 @@ class Problem:
         """The number of times that each entry of the vector counts among the squares."""
         ones = [self.fold(name, np.ones(shape)) for name, shape in self.shapes.items()]
         return np.concatenate([*ones, np.zeros(0 if self.radius is None else 1)])
+
+    @cached_property
+    def stacks(self) -> list[Stack]:
+        """The stacked terms of each constraint."""
+        size = sum(part.stop - part.start for part in self.places.values())
+        place_of = self.matrices(np.arange(size))
+        found = []
+        for constraint in self.constraints:
+            names = [term.name for term in constraint.terms]
+            ends = np.cumsum([(0, 0), *(self.shapes[name] for name in names)], axis=0)
+            entries = [np.indices(self.shapes[name]).reshape(2, -1) for name in names]
+            moved = [one + end[:, None] for one, end in zip(entries, ends[:-1], strict=True)]
+            (i, j), vector = np.hstack(moved), np.hstack([place_of[one].ravel() for one in names])
+            layers = []
+            rest = np.arange(len(vector))
+            while len(rest):
+                places, first = np.unique(vector[rest], return_index=True)
+                layers.append((places, rest[first]))
+                rest = np.delete(rest, first)
+            left = np.hstack([term.left for term in constraint.terms])
+            right = np.vstack([term.right for term in constraint.terms])
+            found.append(Stack(left, right, i, j, layers))
+        return found
 
     def vector(self, matrices: dict[str, Matrix], gamma: float | None = None) -> Vector:
         """The matrices as one vector, with gamma if it is unknown."""
@@ -254,11 +299,10 @@ def _gradient(problem: Problem, x: Vector, mu: float) -> Vector:
     gradient = 2.0 * _pull(problem, x, mu)[0] * problem.weights * x
     if problem.radius is not None:
         gradient[-1] = problem.slant
-    for constraint, left in zip(problem.constraints, _left_sides(problem, x), strict=True):
+    for constraint, left, stack in _with_stacks(problem, x):
         inverse = np.linalg.inv(left)
-        for term in constraint.terms:
-            full = 2.0 * term.left.T @ inverse @ term.right.T
-            gradient[problem.places[term.name]] -= mu * problem.fold(term.name, full)
+        full = 2.0 * stack.left.T @ inverse @ stack.right.T
+        gradient -= mu * stack.folded(full[stack.rows, stack.columns], len(x))
         if constraint.slope is not None:
             gradient[-1] -= mu * float(np.sum(inverse * constraint.slope))
     return gradient
@@ -270,34 +314,31 @@ def _hessian(problem: Problem, x: Vector, mu: float) -> Matrix:
     hessian = np.diag(2.0 * pull * problem.weights)
     if curvature:
         hessian += curvature * np.outer(outer, outer)
-    for constraint, left in zip(problem.constraints, _left_sides(problem, x), strict=True):
+    for constraint, left, stack in _with_stacks(problem, x):
         inverse = np.linalg.inv(left)
         inverse = (inverse + inverse.T) / 2.0
-        for first_of_two, one in enumerate(constraint.terms):
-            rows = problem.places[one.name]
-            for other in constraint.terms[first_of_two:]:
-                columns = problem.places[other.name]
-                mixed = mu * _mixed(problem, inverse, one, other)
-                hessian[rows, columns] += mixed
-                if other is not one:
-                    hessian[columns, rows] += mixed.T
+        hessian += mu * _mixed(inverse, stack, len(x))
         if constraint.slope is not None:
             turned = inverse @ constraint.slope @ inverse
-            for term in constraint.terms:
-                full = 2.0 * mu * term.left.T @ turned @ term.right.T
-                hessian[problem.places[term.name], -1] += problem.fold(term.name, full)
+            full = 2.0 * mu * stack.left.T @ turned @ stack.right.T
+            hessian[:, -1] += stack.folded(full[stack.rows, stack.columns], len(x))
             hessian[-1, -1] += mu * float(np.sum(turned * constraint.slope))
     if problem.radius is not None:
         hessian[-1, :-1] = hessian[:-1, -1]
     return hessian
 
 
-def _mixed(problem: Problem, inverse: Matrix, one: MatrixTerm, other: MatrixTerm) -> Matrix:
-    """Derivatives of -log det S by the entries of two matrices: tr(S^-1 dS S^-1 dS')."""
-    left, right = one.left.T @ inverse, one.right @ inverse
-    alike = np.multiply.outer(left @ other.left, right @ other.right.T)  # i k j l
-    crossed = np.multiply.outer(left @ other.right.T, right @ other.left)  # i l j k
-    full = 2.0 * (alike.transpose(0, 2, 1, 3) + crossed.transpose(0, 2, 3, 1))
-    rows = problem.fold(one.name, full)
-    columns = problem.fold(other.name, np.moveaxis(rows, 0, -1))
-    return np.asarray(columns.T)
+def _with_stacks(problem: Problem, x: Vector) -> Iterator[tuple[Constraint, Matrix, Stack]]:
+    """The constraints with S and the stacked terms of each."""
+    return zip(problem.constraints, _left_sides(problem, x), problem.stacks, strict=True)
+
+
+def _mixed(inverse: Matrix, stack: Stack, size: int) -> Matrix:
+    """Derivatives of -log det S by two entries of the vector: tr(S^-1 dS S^-1 dS')."""
+    i, j, left, right = stack.rows, stack.columns, stack.left, stack.right
+    turned = left.T @ inverse
+    crossed = turned @ right.T
+    full = (turned @ left)[i][:, i] * (right @ inverse @ right.T)[j][:, j]
+    full += crossed[i][:, j] * crossed.T[j][:, i]
+    full *= 2.0
+    return stack.folded(np.ascontiguousarray(stack.folded(full, size).T), size)

@@ -9,7 +9,7 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
-from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Vector
+from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Stack, Vector
 
 SOLVERS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-5, "tol_gap_rel": 1e-5},  # nearer would be beyond the minimiser
@@ -36,17 +36,19 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     cvxpy = package("cvxpy", "solve matrix inequalities")
     if solver not in SOLVERS:
         raise InputError("solver", f"{solver!r} must be one of {', '.join(SOLVERS)}")
-    unknowns = {
-        name: cvxpy.Variable(shape, symmetric=name in problem.symmetric)
-        for name, shape in problem.shapes.items()
-    }
-    gamma: Any = cvxpy.Variable()
-    squared = [*unknowns.values(), *([] if problem.radius is None else [gamma])]
-    constraints = [_expression(constraint, unknowns, gamma) for constraint in problem.constraints]
+    # Stated as one vector, which cvxpy compiles in a fifth of the time of the matrices.
+    x: Any = cvxpy.Variable(len(problem.weights))
     strict = _STRICT[solver] if problem.radius is None else _WIDE
-    bounds = [constraint >> strict * np.eye(constraint.shape[0]) for constraint in constraints]
+    bounds = []
+    for constraint, stack in zip(problem.constraints, problem.stacks, strict=True):
+        rows = len(constraint.constant)
+        half = cvxpy.reshape(_derivatives(constraint, stack, x.size) @ x, (rows, rows), order="C")
+        bounds.append(constraint.constant + half >> strict * np.eye(rows))
+    weights = problem.weights.copy()
+    if problem.radius is not None:
+        weights[-1] = 1.0
     stated: Any = cvxpy.Problem(
-        cvxpy.Minimize(sum(cvxpy.sum_squares(each) for each in squared)), bounds
+        cvxpy.Minimize(cvxpy.sum_squares(cvxpy.multiply(np.sqrt(weights), x))), bounds
     )
     try:
         with warnings.catch_warnings():
@@ -57,20 +59,19 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
         raise InputError("solver", f"{solver} failed: {said}") from None
     if stated.status != "optimal":
         raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")
-    found = {name: np.array(each.value) for name, each in unknowns.items()}
-    start = problem.vector(found, None if problem.radius is None else gamma.value.item())
+    start = np.array(x.value)
     size = float(np.sqrt(problem.weights @ start**2))
     if problem.radius is not None and size >= problem.radius:
         raise InputError("radius", f"{problem.radius:g} must be above {size:.6g}: no matrices fit")
     return start, stated.status
 
 
-def _expression(constraint: Constraint, unknowns: dict[str, Any], gamma: Any) -> Any:
+def _derivatives(constraint: Constraint, stack: Stack, size: int) -> Any:
+    """The derivatives of S by the entries of the vector, a column each, of S by rows."""
     from scipy.sparse import csr_array
 
-    half = sum(
-        csr_array(term.left) @ unknowns[term.name] @ csr_array(term.right)
-        for term in constraint.terms
-    )
-    found = constraint.constant + half + half.T
-    return found if constraint.slope is None else found + constraint.slope * gamma
+    halves = stack.left.T[stack.rows, :, None] * stack.right[stack.columns, None, :]
+    found = stack.folded(halves + halves.transpose(0, 2, 1), size)
+    if constraint.slope is not None:
+        found[-1] = constraint.slope
+    return csr_array(found.reshape(size, -1).T)
