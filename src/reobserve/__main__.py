@@ -22,10 +22,12 @@ def leave(main: Callable[[], int]) -> NoReturn:
     """Run a command line and leave at once, with all files written.
 
     To take apart an interpreter that holds compiled loops takes longer than most jobs compute.
-    Plots go to files, whatever a notebook has set for the windows of its own process.
+    Plots go to files, whatever a notebook has set for the windows of its own process. Plugins of
+    pydantic, which it would look for among all packages, have no part in this.
     """
     collect_rarely()
     os.environ["MPLBACKEND"] = "agg"
+    os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"
     code = main()
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:

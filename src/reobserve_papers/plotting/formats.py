@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text, write_whole
 from reobserve_papers.plotting.look import laid_out
-from reobserve_papers.plotting.pgf import pgf
 
 Array = NDArray[np.float64]
 
@@ -50,6 +49,8 @@ def save(figure: Figure, path: Path) -> None:
             content = _eps(figure)
             write_whole(path, lambda partial: _put(partial, content))
         elif kind == "pgf":
+            from reobserve_papers.plotting.pgf import pgf
+
             write_text(path, pgf(figure, str(path)))
         else:
             write_whole(

@@ -10,7 +10,6 @@ import hashlib
 import re
 from collections.abc import Iterable, Iterator
 from functools import cache
-from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -113,6 +112,8 @@ def files_digest(*places: str) -> str:
 @cache
 def versions() -> dict[str, str]:
     """The versions of the packages that decide numbers and figures."""
+    from importlib import metadata
+
     return {name: metadata.version(name) for name in _PACKAGES}
 
 

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, located
 from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.papers.delay import keys
-from reobserve_papers.plants.first_order_lag import first_order_lag
-from reobserve_papers.plants.pendulum import pendulum
 from reobserve_papers.signals.grid import multiple, plant_grid
 from reobserve_papers.signals.inputs import Signal
 
@@ -19,9 +17,13 @@ MAX_STEPS = 5_000_000  # of a plant record: a gigabyte
 
 
 def build_model(plant: keys.Plant, name: keys.Model) -> TriangularModel:
-    """The model that a scenario names."""
+    """The model that a scenario names, the only one that is imported, since it compiles its own."""
     if name == "lag":
+        from reobserve_papers.plants.first_order_lag import first_order_lag
+
         return first_order_lag()
+    from reobserve_papers.plants.pendulum import pendulum
+
     with located("plant"):
         return pendulum(plant.gravity, plant.length, plant.mass, plant.friction)
 
