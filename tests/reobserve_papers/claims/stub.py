@@ -54,6 +54,7 @@ class Code:
             "share": observers["forgetting"]["K1"] / 3,
             "variant": VARIANTS.index(evaluator.parameters.section("metrics")["variant"]),
             "relative_rms_error": self.factor * gain,
+            "rms_error": VARIANTS.index(evaluator.parameters.section("metrics")["variant"]),
             **{name: times * gain for name, times in self.also.items()},
         }
         found = [Metric("a", name, value, "1") for name, value in numbers.items()]

@@ -1,0 +1,394 @@
+"""Alternatives with known answers: what each changes of verdicts and of the title."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve_papers.claims.alternatives import (
+    LACKS,
+    NOT_COMPUTED,
+    Changed,
+    Judge,
+    Title,
+    decide,
+    read_alternatives,
+    write_alternatives,
+)
+from reobserve_papers.claims.alternatives_plot import alternatives_curve
+from reobserve_papers.claims.conventions import SingleAlternative
+from reobserve_papers.claims.kept_samples import kept_by, narrower
+from reobserve_papers.claims.registry import Registry
+from reobserve_papers.claims.robustness import Robustness, assess
+from reobserve_papers.claims.verdicts import (
+    CONTRADICTED,
+    DEPENDS,
+    REPRODUCED,
+    UNDECIDED,
+    Counted,
+    possible,
+)
+from reobserve_papers.metrics.metrics import lookup
+from reobserve_papers.steps.evaluation import Evaluator
+
+from .stub import GAIN, ILO, SHARE, VARIANT, VARIANTS, Code, registry
+
+PLAIN = "fig1 sampled relative_rms_error"
+
+
+def above(bound: Any, **entry: Any) -> dict[str, Any]:
+    """An entry of a claim that the gain is above a bound: it is between 500 and 5000."""
+    return {"checks": [{"value": PLAIN, "above": bound}], **entry}
+
+
+def below(bound: float, **entry: Any) -> dict[str, Any]:
+    """The same of the place of a word among `VARIANTS`."""
+    return {"checks": [{"value": "fig1 sampled rms_error", "below": bound}], **entry}
+
+
+SURE, HALF, NEVER, NEAR = above(400), above(1600), above(6000), above(630)
+
+
+@pytest.fixture(autouse=True)
+def code(code: Code) -> Code:
+    """The replaced computation, which knows the gain without its lag, too: a quarter."""
+    code.also = {
+        "relative_rms_error lag=counted": 1.0,
+        "relative_rms_error lag=removed": 0.25,
+    }
+    return code
+
+
+def sampled(found: Registry, samples: int = 400) -> dict[str, Robustness]:
+    share = found.conventions.values["share"]
+    return assess(Evaluator(ILO), found.claims, lambda _: samples, share)
+
+
+def judge(code: Code, found: Registry, samples: Mapping[str, Robustness] | None = None) -> Judge:
+    numbers = {figure: lookup(code(Evaluator(ILO), figure)) for figure in ("fig1", "fig2")}
+    return Judge(found, numbers, sampled(found) if samples is None else samples, seed=1)
+
+
+def by_name(changes: list[Changed]) -> dict[str, Changed]:
+    return {one.alternative.name: one for one in changes}
+
+
+# Titles.
+
+
+def test_title_that_nothing_changes_stands(code: Code, tmp_path: Path) -> None:
+    good = judge(code, registry(tmp_path, {"one": SURE, "two": above(450)}))
+    assert decide(good)[1] == Title("[Re]")
+    bad = judge(code, registry(tmp_path, {"one": SURE, "never": NEVER}))
+    assert decide(bad)[1] == Title("[¬Re]")
+
+
+def test_title_of_half_is_open_with_its_reason(code: Code, tmp_path: Path) -> None:
+    half = judge(code, registry(tmp_path, {"one": SURE, "half": HALF}))
+    changes, title = decide(half)
+    reason = "1 of 2 main claims are reproduced: half depends on unstated choices"
+    assert title == Title("[Re?]", (reason,))
+    assert all(one.other_title == "[Re?]" for one in changes)
+
+
+def test_alternative_that_changes_the_title_makes_it_open(code: Code, tmp_path: Path) -> None:
+    less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
+    found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
+    changes, title = decide(judge(code, found))
+    assert title == Title("[Re?]", ("[¬Re] with less: much",))
+    much = by_name(changes)["less: much"]
+    assert (much.claim, much.verdict, much.other) == ("one", REPRODUCED, CONTRADICTED)
+    assert (much.title, much.other_title, much.note) == ("[Re]", "[¬Re]", "")
+    assert much.alternative.change == "less from 400 to 6000"
+    assert by_name(changes)["less: hardly"].claim == ""
+
+
+def test_alternatives_that_change_the_title_alike_are_listed_together(
+    code: Code, tmp_path: Path
+) -> None:
+    alternatives = {
+        "none of it": {"claims": {"one": {"checks.0.above": 6000}}},
+        "half of it": {"claims": {"one": {"checks.0.above": 1600}}},
+        "never at all": {"claims": {"one": {"checks.0": {"value": PLAIN, "below": 1}}}},
+    }
+    found = registry(tmp_path, {"one": SURE}, {}, alternatives)
+    _, title = decide(judge(code, found))
+    reasons = ("[¬Re] with none of it; never at all", "[Re?] with half of it")
+    assert title == Title("[Re?]", reasons)
+
+
+def test_open_interval_that_could_change_the_title_makes_it_open(
+    code: Code, tmp_path: Path
+) -> None:
+    found = registry(tmp_path, {"one": SURE, "two": SURE, "rare": above(4550)})
+    samples = sampled(found, 60)
+    (rare,) = (one for one in found.claims if one.name == "rare")
+    counted = samples["rare"].counted(samples["rare"].outcomes(rare))
+    assert possible("is", counted, 0.9) == (DEPENDS, CONTRADICTED)
+    judged = judge(code, found, samples)
+    assert judged.judged["rare"].verdict == UNDECIDED
+    assert judged.title == "[Re]"
+    _, title = decide(judged)
+    reason = "[¬Re] if rare is contradicted, which its samples allow"
+    assert title == Title("[Re?]", (reason,))
+
+
+def test_open_interval_that_changes_no_title_leaves_it(code: Code, tmp_path: Path) -> None:
+    """Two of three are reproduced, whether the third is or depends on choices."""
+    found = registry(tmp_path, {"one": SURE, "two": SURE, "near": NEAR})
+    judged = judge(code, found, sampled(found, 60))
+    assert judged.judged["near"].verdict == UNDECIDED
+    assert decide(judged)[1] == Title("[Re]")
+
+
+# Verdicts.
+
+
+def test_verdict_that_only_lacks_samples_changes_nothing_and_is_marked(
+    code: Code, tmp_path: Path
+) -> None:
+    """At nineteen in twenty 36 of 36 samples do not decide."""
+    share = {"value": 0.9, "alternatives": {"nineteen_of_twenty": 0.95, "four_fifths": 0.8}}
+    found = registry(tmp_path, {"one": SURE, "two": SURE}, {"share": share})
+    changes, title = decide(judge(code, found))
+    rows = [one for one in changes if one.alternative.name == "share: nineteen_of_twenty"]
+    assert [(one.claim, one.verdict, one.other, one.note) for one in rows] == [
+        (name, REPRODUCED, REPRODUCED, LACKS) for name in ("one", "two")
+    ]
+    assert {one.other_title for one in rows} == {"[Re]"}
+    assert by_name(changes)["share: four_fifths"].claim == ""
+    assert title == Title("[Re]")
+
+
+def test_measure_is_evaluated_from_the_same_samples(code: Code, tmp_path: Path) -> None:
+    """The gain is above 400 with its lag counted; a quarter of it is in half of the samples."""
+    lag = {"value": "counted", "alternatives": {"removed": "removed"}}
+    checks = [{"value": f"{PLAIN} lag=$lag", "above": 400}]
+    found = registry(tmp_path, {"one": {"checks": checks}}, {"lag": lag})
+    samples = sampled(found)
+    code.asked.clear()
+    changes, title = decide(judge(code, found, samples))
+    assert len(code.asked) == 2  # the numbers of two figures
+    removed = by_name(changes)["lag: removed"]
+    quarters = [float(trial.values[0]) / 4 for trial in samples["one"].trials]
+    counted = Counted(sum(gain > 400 for gain in quarters), len(quarters))
+    assert possible("is", counted, 0.9) == (DEPENDS,)
+    assert (removed.verdict, removed.other) == (REPRODUCED, DEPENDS)
+    assert title.reasons == ("[Re?] with lag: removed",)
+
+
+def test_measure_that_samples_do_not_have_is_not_computed(code: Code, tmp_path: Path) -> None:
+    changes = {"checks.0.value": f"{PLAIN} lag=removed"}
+    found = registry(tmp_path, {"one": SURE}, {}, {"mine": {"claims": {"one": changes}}})
+    (one,) = found.claims
+    short = replace(one, wanted=tuple(one.checks[0].references))
+    samples = assess(Evaluator(ILO), [short], lambda _: 40, 0.9)
+    made, title = decide(judge(code, found, samples))
+    mine = by_name(made)["mine"]
+    assert (mine.verdict, mine.other, mine.note) == (REPRODUCED, REPRODUCED, NOT_COMPUTED)
+    assert title == Title("[Re]")
+
+
+def test_quantifier_and_promise_can_be_read_otherwise(code: Code, tmp_path: Path) -> None:
+    claims = {"one": SURE, "two": SURE, "rare": {**HALF, "quantifier": "is"}}
+    alternatives = {
+        "always": {"claims": {"rare": {"quantifier": "always"}}},
+        "no promise": {"claims": {"one": {"promised": []}}},
+        "nothing else": {"claims": {"one": {"why": "Another."}}},
+    }
+    made, title = decide(judge(code, registry(tmp_path, claims, {}, alternatives)))
+    found = by_name(made)
+    assert (found["always"].claim, found["always"].other) == ("rare", CONTRADICTED)
+    assert found["no promise"].other == f"{REPRODUCED}, no main claim"
+    assert found["no promise"].other_title == "[Re?]"  # one of two
+    assert found["nothing else"].claim == ""
+    assert title.reasons == ("[¬Re] with always", "[Re?] with no promise")
+
+
+def test_conventions_say_which_claims_are_main(code: Code, tmp_path: Path) -> None:
+    claims = {
+        "one": SURE,
+        "aim": {**NEVER, "promised": [], "purpose": ["abstract"]},
+        "end": {**SURE, "promised": ["conclusions"]},
+        "half": {**HALF, "promised": ["conclusions"]},
+    }
+    conventions = {
+        "purpose": {"value": "ignored", "alternatives": {"counted": "counts"}},
+        "main": {
+            "value": "abstract and conclusions",
+            "alternatives": {"a": "abstract", "c": "conclusions", "all": "all claims"},
+        },
+        "majority": {"value": 0.5, "alternatives": {"two_thirds": 0.6667}},
+    }
+    made, title = decide(judge(code, registry(tmp_path, claims, conventions)))
+    found = {name: one.other_title for name, one in by_name(made).items()}
+    assert found["purpose: counted"] == "[¬Re]"
+    assert (found["main: a"], found["main: c"], found["main: all"]) == ("[Re]", "[Re?]", "[¬Re]")
+    assert found["majority: two_thirds"] == "[Re?]"
+    assert title.reasons == (
+        "[¬Re] with purpose: counted; main: all",
+        "[Re?] with main: c; majority: two_thirds",
+    )
+
+
+def test_alternatives_of_other_papers_are_not_tried(code: Code, tmp_path: Path) -> None:
+    other = {"theirs": {"paper": "imm", "claims": {"no_claim_here": {"quantifier": "always"}}}}
+    made, _ = decide(judge(code, registry(tmp_path, {"one": SURE}, {}, other)))
+    assert "theirs" not in by_name(made)
+
+
+# Samples.
+
+
+def test_range_keeps_the_samples_inside(code: Code, tmp_path: Path) -> None:
+    alternatives = {
+        "large": {"ranges": {GAIN: [700, 5000]}},
+        "small": {"ranges": {"observers.*.K2": [500, 620]}},
+        "of one": {"ranges": {GAIN: [500, 620]}, "only": ["two"]},
+    }
+    found = registry(tmp_path, {"one": NEAR, "two": NEAR}, {}, alternatives)
+    samples = sampled(found)
+    made, _ = decide(judge(code, found, samples))
+    gains = [trial.values[0] for trial in samples["one"].trials]
+    assert len(gains) == 400
+    for name, (low, high), verdict in (
+        ("large", (700, 5000), REPRODUCED), ("small", (500, 620), CONTRADICTED),
+    ):  # fmt: skip
+        inside = [gain for gain in gains if low <= gain <= high]
+        counted = Counted(sum(gain > 630 for gain in inside), len(inside))
+        assert possible("is", counted, 0.9) == (verdict,)
+        rows = [one for one in made if one.alternative.name == name]
+        assert [(one.claim, one.other) for one in rows] == [("one", verdict), ("two", verdict)]
+    assert [one.claim for one in made if one.alternative.name == "of one"] == ["two"]
+    assert by_name(made)["large"].alternative.change == f"{GAIN} 700 to 5000"
+
+
+def test_range_without_samples_decides_nothing(code: Code, tmp_path: Path) -> None:
+    alternatives = {"empty": {"ranges": {GAIN: [1e-3, 1e-2]}}}
+    made, _ = decide(judge(code, registry(tmp_path, {"one": SURE}, {}, alternatives)))
+    empty = by_name(made)["empty"]
+    assert (empty.other, empty.note) == (REPRODUCED, LACKS)
+
+
+def test_weights_keep_a_part_that_is_the_same_in_every_process(tmp_path: Path) -> None:
+    """`FIRST` are the numbers of the first samples that are kept, at a seed of one."""
+    found = registry(tmp_path, {"one": {**SURE, "depends_on": [GAIN, VARIANT]}})
+    weights = {VARIANT: {"sampled": 0.5, "forgetting": 0.0}}
+    single = SingleAlternative(paper="ilo", why="So.", weights=weights)
+    keep = kept_by(found, single, seed=1)["one"]
+
+    def kept(word: str, count: int = 2000) -> list[int]:
+        return [k for k in range(count) if keep({VARIANT: word, GAIN: 700.0}, k)]
+
+    assert kept("sampled", 30) == FIRST
+    assert kept("continuous") == list(range(2000))
+    assert kept("forgetting") == []
+    assert abs(len(kept("sampled")) - 1000) < 4 * math.sqrt(500)
+    other = kept_by(found, single, seed=2)["one"]
+    assert [k for k in range(30) if other({VARIANT: "sampled", GAIN: 700.0}, k)] != FIRST
+
+
+FIRST = [0, 6, 7, 9, 11, 17, 20, 24, 27]
+
+
+def test_weights_change_a_verdict(code: Code, tmp_path: Path) -> None:
+    """Two of three words satisfy the claim; without them only the third is left."""
+    claims = {"one": {**below(1.5), "depends_on": [GAIN, VARIANT]}}
+    weights = {"ranges": {VARIANT: ["sampled", "continuous"]}}
+    seldom = {"weights": {VARIANT: {"forgetting": 0.0}}}
+    found = registry(tmp_path, claims, {}, {"two words": weights, "no third": seldom})
+    samples = sampled(found, 400)
+    made = by_name(decide(judge(code, found, more_of(found, samples)))[0])
+    assert [made[name].other for name in ("two words", "no third")] == [REPRODUCED, REPRODUCED]
+
+
+def more_of(found: Registry, samples: Mapping[str, Robustness]) -> dict[str, Robustness]:
+    """The samples, twenty times."""
+    return {
+        one.name: replace(samples[one.name], trials=samples[one.name].trials * 20)
+        for one in found.claims
+    }
+
+
+def test_halves_and_words_are_made_for_each_choice_of_each_main_claim(
+    code: Code, tmp_path: Path
+) -> None:
+    claims = {
+        "one": {**SURE, "depends_on": [GAIN, VARIANT, "seed"]},
+        "two": {**SURE, "depends_on": [SHARE]},
+        "minor": {**SURE, "promised": []},
+    }
+    found = judge(code, registry(tmp_path, claims))
+    assert [one.name for one in found.alternatives()] == [
+        f"one: {GAIN}, lower half",
+        f"one: {GAIN}, upper half",
+        *(f"one: {VARIANT} not {word}" for word in VARIANTS),
+        f"two: {SHARE}, lower half",
+        f"two: {SHARE}, upper half",
+    ]
+
+
+def test_halves_part_a_range_in_the_middle_of_its_magnitudes(tmp_path: Path) -> None:
+    (one,) = registry(tmp_path, {"one": SURE}).claims
+    (_, lower), (_, upper) = narrower(one)
+    middle = 500 * math.sqrt(10)
+    for gain in (500.0, middle - 1, middle + 1, 5000.0):
+        assert lower({GAIN: gain}, 0) is (gain < middle)
+        assert upper({GAIN: gain}, 0) is (gain > middle)
+
+
+def test_word_left_out_of_a_count_leaves_a_count(code: Code, tmp_path: Path) -> None:
+    """Two of three words satisfy the claim: two of two without the third."""
+    found = registry(tmp_path, {"one": {**below(1.5), "depends_on": [VARIANT]}})
+    judged = judge(code, found)
+    assert judged.judged["one"].verdicts == (DEPENDS,)
+    made = by_name(decide(judged)[0])
+    others = {word: made[f"one: {VARIANT} not {word}"].other for word in VARIANTS}
+    assert others == {"sampled": "", "continuous": "", "forgetting": REPRODUCED}
+
+
+# The file and the plot.
+
+
+def test_table_of_alternatives_is_read_as_it_was_written(code: Code, tmp_path: Path) -> None:
+    less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
+    found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
+    changes, title = decide(judge(code, found))
+    path = tmp_path / "alternatives.csv"
+    write_alternatives(path, changes, title)
+    again, rows = read_alternatives(path)
+    assert again == title
+    assert [row["alternative"] for row in rows] == [one.alternative.name for one in changes]
+    assert rows[0]["other"] == CONTRADICTED
+    path.write_text(path.read_text().replace(CONTRADICTED, "refuted"))
+    with pytest.raises(InputError, match=r"alternatives\.csv"):
+        read_alternatives(path)
+
+
+def test_curve_shows_each_alternative_and_names_what_changes_the_title(
+    code: Code, tmp_path: Path
+) -> None:
+    less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
+    found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
+    judged = judge(code, found)
+    changes, title = decide(judged)
+    write_alternatives(tmp_path / "alternatives.csv", changes, title)
+    verdicts = {name: one.verdict for name, one in judged.judged.items()}
+    figure = alternatives_curve(
+        found.claims, *read_alternatives(tmp_path / "alternatives.csv"), verdicts
+    )
+    above_axes, below_axes = figure.axes
+    tried = len({one.alternative.name for one in changes})
+    assert above_axes.get_title(loc="left").startswith(f"[Re?] with {tried} alternatives")
+    titles = {line.get_label(): len(line.get_xdata()) for line in above_axes.lines}
+    assert titles == {"[Re]": tried, "[¬Re]": 1}
+    marks = {line.get_label(): len(line.get_xdata()) for line in below_axes.lines}
+    assert marks == {REPRODUCED: 2 * (tried + 1) - 1, CONTRADICTED: 1}
+    (text,) = (one.get_text() for one in figure.texts)
+    assert text == "The title is another with: less: much."
