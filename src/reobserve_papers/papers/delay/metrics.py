@@ -89,8 +89,8 @@ MEANINGS = {
     "singular_share": "share of the time with u' = 0",
     "remainder order=<order>": "largest remainder of the expansion (6)",
     "radius_away rho=<level>": (
-        "largest norm of the error of states and delay where the delay varies, four seconds or "
-        "more from singular instants"
+        "largest norm of the error of states and delay after the transient of the last jump, four "
+        "seconds or more from singular instants"
     ),
     "zeros_of_xi": "number of sign changes of xi (10) after the last jump of the delay",
     "lyapunov_rate": (

@@ -38,8 +38,8 @@ def measure(job: keys.Job, sine: Series) -> Iterator[Metric]:
 
 
 def rows_of(job: keys.Job, sine: Series, order: int) -> tuple[Array, Array]:
-    """y and u with its derivatives up to an order, at half the steps of the theory."""
-    every = stride(job.plant, job.theory.sampling_period)
+    """y and u with its derivatives up to an order, at half the steps of the observer of Fig. 2."""
+    every = stride(job.plant, _body(job).sampling_period)
     signals = input_and_derivatives("sine", Signal.parse("sine", job.theory.sine, 1), order)
     u = np.hstack([signal(sine.time[::every]) for signal in signals])
     return np.ascontiguousarray(sine["state"][::every, 0]), u
@@ -47,21 +47,25 @@ def rows_of(job: keys.Job, sine: Series, order: int) -> tuple[Array, Array]:
 
 def built(job: keys.Job, rho: float, order: int) -> ExtendedHighGainObserver:
     """The observer of Fig. 2 with another gain and order, and with the algebraic S."""
-    body = named(job.observers, "order2_noise", keys.Extended)
+    body = _body(job)
     return ExtendedHighGainObserver(
         build_model(job.plant, body.model), rho, order, delay_bounds(job.plant), body.threshold,
-        body.switched, sampling_period=job.theory.sampling_period,
+        body.switched, sampling_period=body.sampling_period,
     )  # fmt: skip
+
+
+def _body(job: keys.Job) -> keys.Extended:
+    return named(job.observers, "order2_noise", keys.Extended)
 
 
 @part
 def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
     """Errors where the delay varies, for all orders, and away from singular instants."""
-    body = named(job.observers, "order2_noise", keys.Extended)
-    span = job.metrics.varying_from, job.metrics.varying_until
-    every = 2 * stride(job.plant, job.theory.sampling_period)
+    body, rules = _body(job), job.metrics
+    every = 2 * stride(job.plant, body.sampling_period)
     time, truth = sine.time[::every], np.column_stack([sine["state"], sine["delay"]])[::every]
-    chosen = scored("metrics.varying_from", time, *span)
+    chosen = scored("metrics.varying_from", time, rules.varying_from, rules.varying_until)
+    late = scored("metrics.radius", time, rules.radius[0], rules.varying_until)
     near = np.abs(time[:, np.newaxis] - singular_instants(sine)).min(axis=1) < AWAY
     for order in ORDERS:
         y, u = rows_of(job, sine, order)
@@ -71,7 +75,7 @@ def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
             run = run_on_halves(observer, y, u, state=start)
             error = np.column_stack([run["state"], run["delay"]]) - truth
             value = float(root_mean_square(error[chosen, -1]))
-            away = float(np.linalg.norm(error[chosen & ~near], axis=1).max(initial=0.0))
+            away = float(np.linalg.norm(error[late & ~near], axis=1).max(initial=0.0))
             for score in (("varying_rms_delay_error", value, "s"), ("radius_away", away, "1")):
                 yield Metric.at(f"order_{order}", score, rho=rho)
 
@@ -79,7 +83,7 @@ def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
 @part
 def _starts_on_the_sine(job: keys.Job, sine: Series) -> Iterator[Metric]:
     """Differences that random initial estimates leave at the end, and without an observer."""
-    body = named(job.observers, "order2_noise", keys.Extended)
+    body = _body(job)
     stream = random_stream(SEED, "delay", "theory", "starts on the sine")
     y, u = rows_of(job, sine, body.order)
     observer = built(job, body.rho, body.order)
