@@ -50,9 +50,13 @@ def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
 
 
 def findings(paper: Paper) -> str:
-    """What git holds of a paper: its claims with their verdicts, its errata, its figures."""
-    make = (_claims, _history, _errata, _figures, _cite)
-    return "\n\n".join(section(paper) for section in make)
+    """The claims of a paper at a glance, its figures, and how to cite it."""
+    return "\n\n".join(section(paper) for section in (_glance, _figures, _cite))
+
+
+def details(paper: Paper) -> str:
+    """Each claim of a paper with its numbers, what was asked before, and the errata."""
+    return "\n\n".join(section(paper) for section in (_claims, _history, _errata))
 
 
 def anchor(claim: ReportedClaim) -> str:
@@ -101,24 +105,32 @@ def summary(paper: Paper) -> str:
     )
 
 
-def _claims(paper: Paper) -> str:
+def _glance(paper: Paper) -> str:
     rows = [
         (
-            f"[{plain(_words(claim.name))}](#{anchor(claim)})"
+            f"[{plain(_words(claim.name))}](../reference/claims/{paper.name}.md#{anchor(claim)})"
             + (" **main claim**" if claim.is_main else ""),
             chip(claim.verdict),
             _share(claim),
         )
         for claim in paper.claims
     ]
-    glance = table(("claim", "verdict", "held in samples"), rows)
-    claims = "\n".join(_claim(paper, claim) for claim in paper.claims)
+    certain = sum(one.certainty == "certain" for one in paper.errata)
     return (
         "## Claims\n\n"
-        "The claims of the paper, in our words. A check holds if the paper is right. The last "
-        "column is the share of samples of the unstated choices in which the claim holds, with its "
-        "confidence interval: each end holds with 95 % confidence at any number of samples.\n\n"
-        f"{glance}\n{claims}"
+        "The last column is the share of samples of the unstated choices in which the claim holds, "
+        "with its confidence interval: each end holds with 95 % confidence at any number of "
+        f"samples. [The details](../reference/claims/{paper.name}.md) have the numbers, the "
+        f"checks, what was asked before, and {len(paper.errata)} errata, {certain} of them certain.\n\n"
+        + table(("claim", "verdict", "held in samples"), rows)
+    )
+
+
+def _claims(paper: Paper) -> str:
+    claims = "\n".join(_claim(paper, claim) for claim in paper.claims)
+    return (
+        "## Claims\n\nThe claims of the paper, in our words. A check holds if the paper is right."
+        f"\n\n{claims}"
     )
 
 
@@ -202,7 +214,7 @@ def _measured(paper: Paper, measured: str) -> str:
     """A check, its figure with a link to the gallery."""
     figure, _, rest = measured.partition(" ")
     if figure in paper.parameters.tree["figures"]:
-        return f"[{code(figure)}](../gallery/{paper.name}.md#{figure}) {plain(rest)}"
+        return f"[{code(figure)}](../../gallery/{paper.name}.md#{figure}) {plain(rest)}"
     return f"{code(figure)} {plain(rest)}"
 
 
@@ -214,7 +226,7 @@ def _key(paper: Paper, key: str) -> str:
         found = found.rpartition(".")[0]
     if not found:
         return code(key)
-    return f"[{code(key)}](../reference/parameters/{paper.name}.md#{found})"
+    return f"[{code(key)}](../parameters/{paper.name}.md#{found})"
 
 
 def _errata(paper: Paper) -> str:

@@ -43,8 +43,9 @@ def _picture(figure: Figure) -> str:
 
 
 def _figure(figure: Figure) -> str:
+    page = f"../reference/claims/{figure.paper}.md"
     claims = ", ".join(
-        f"[{plain(claim.name.replace('_', ' '))}](../findings/{figure.paper}.md#claim-{claim.name})"
+        f"[{plain(claim.name.replace('_', ' '))}]({page}#claim-{claim.name})"
         f" ({plain(claim.verdict)})"
         for claim in figure.claims
     )

@@ -50,7 +50,7 @@ def _row(paper: Paper, entry: AssumptionRow) -> tuple[str, ...]:
         text += f" **Chosen so that a claim holds.** {ticks(entry.chosen_for)}"
     if entry.claims:
         links = ", ".join(
-            f"[{plain(name.replace('_', ' '))}](../../findings/{paper.name}.md#claim-{name})"
+            f"[{plain(name.replace('_', ' '))}](../claims/{paper.name}.md#claim-{name})"
             for name in entry.claims
         )
         text += f" *Claims that depend on it:* {links}."

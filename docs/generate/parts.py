@@ -44,6 +44,7 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         for name, make in {
             "summary": findings.summary,
             "findings": findings.findings,
+            "claims": findings.details,
             "figures": gallery.figures,
             "parameters": parameters.parameters,
         }.items()
