@@ -121,7 +121,8 @@ def _glance(paper: Paper) -> str:
         "The last column is the share of samples of the unstated choices in which the claim holds, "
         "with its confidence interval: each end holds with 95 % confidence at any number of "
         f"samples. [The details](../reference/claims/{paper.name}.md) have the numbers, the "
-        f"checks, what was asked before, and {len(paper.errata)} errata, {certain} of them certain.\n\n"
+        f"checks, what was asked before, and {len(paper.errata)} errata, {certain} of them "
+        "certain.\n\n"
         + table(("claim", "verdict", "held in samples"), rows)
     )
 
