@@ -550,7 +550,7 @@ def test_each_check_of_a_claim_can_reverse_it(claim: Claim) -> None:
 
 def verdict_on(claim: Claim, numbers: Numbers) -> str:
     """The verdict in the table, with nothing left open."""
-    claim = replace(claim, null={})
+    claim = replace(claim, null={}, setting="")
     judge = Judge(Registry(claims=[claim]), numbers, {}, 1)
     return str(row(claim, judge, numbers, None)["verdict"])
 
