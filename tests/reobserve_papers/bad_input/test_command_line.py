@@ -91,8 +91,20 @@ def lines() -> list[list[str]]:
         ["stage", "study", imm, plant, "causes", *out],
         ["stage", "search", imm, plant, "calibrated", *out],
         ["stage", "theory", lie, "--design-files", linear, *out],
-        ["stage", "robustness", lie, "--samples", "8", "--no-reversals", *out, *root],
-        ["stage", "sensitivity", lie, "file", "--outputs", "out.pdf", "out.png", *root],
+        ["stage", "robustness", lie, "--samples", "8", *out, *root],
+        ["stage", "alternatives", lie, "file", *out, *root],
+        [
+            "stage",
+            "sensitivity",
+            lie,
+            "file",
+            "--alternatives-file",
+            "file",
+            "--outputs",
+            "out.pdf",
+            "out.png",
+            *root,
+        ],
         ["stage", "archive", "results/lie/fig1.pdf", *out, *root],
     ]
 

@@ -338,9 +338,9 @@ def test_invalid_call_configuration_is_refused(case: str) -> None:
 
 @pytest.mark.parametrize(("word", "taken"), [("true", True), ("false", False)])
 def test_boolean_words_of_the_command_line_are_converted(word: str, taken: bool) -> None:
-    config = {**CONFIG, "reversals": word}
+    config = {**CONFIG, "cached": word}
     take_truths(config)
-    assert config["reversals"] is taken
+    assert config["cached"] is taken
     check_config(ROOT, config, known_papers(ROOT))
 
 
@@ -374,9 +374,9 @@ class Observed:
 
 
 def test_other_words_are_not_converted_to_booleans() -> None:
-    config = {**CONFIG, "reversals": "no"}
+    config = {**CONFIG, "cached": "no"}
     take_truths(config)
-    with pytest.raises(InputError, match=r"^config.reversals: 'no' must be one of true and false"):
+    with pytest.raises(InputError, match=r"^config.cached: 'no' must be one of true and false"):
         check_config(ROOT, config, known_papers(ROOT))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,6 @@ import pytest
 from PIL import Image
 
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.table import NOT_LOOKED_FOR
 from reobserve_papers.report.assumptions import range_lines, value_lines
 from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.environment import environment
@@ -21,10 +21,10 @@ from reobserve_papers.report.markup import first_sentence, without_title
 from reobserve_papers.report.reading import Gap
 from reobserve_papers.report.render import render
 
-from .project import BROKEN, CLAIMS, SVG, configure, write_claims
+from .project import BROKEN, CLAIMS, SVG, TITLE, configure, write_claims
 
 PAGE = "results/report.html"
-PICTURES = ("fig1", "specification", "sensitivity")
+PICTURES = ("fig1", "alternatives", "specification", "sensitivity")
 
 
 def gathered(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -46,6 +46,7 @@ def test_complete_build_has_no_gaps(project: Path) -> None:
     assert (paper["name"], paper["short"], paper["doi"]) == ("toy", "Example (2000)", "10.0000/toy")
     assert paper["limitations"] == "The gains of one observer are not given."
     assert list(paper["counts"].values()) == [1, 1, 1, 1, 0, 1, 0]
+    assert paper["replication"] == TITLE
     assert paper["tables"][0]["content"]["left_out"] == 0
 
 
@@ -93,19 +94,29 @@ def test_claims_include_checks_and_robustness(project: Path) -> None:
     )
     found = better.robustness
     assert found
-    assert (found.samples, found.held, found.share, found.diverged) == (40, 30, 0.75, 2)
-    assert (found.refused, found.cached, found.looked) == (1, 38, True)
-    assert found.reversal_key == "observers.slow.gains.1"
-    assert found.reversal == "from 1 to 0.6 1/s^2 (0.1 of its range)"
+    assert (found.samples, found.held, found.share, found.whole) == (40, 30, 0.75, False)
+    assert (found.tied, found.opposed, found.lost, found.cached) == (4, 3, 3, 38)
+    assert found.held + found.tied + found.opposed + found.lost == found.samples
+    assert found.null == 0.025
+    assert better.changes[0] == "less: <a tenth>"
+    assert len(better.changes) == 4
+    tuned = claims(project)["tuned"]
+    assert (tuned.setting, tuned.changes) == ("the parameter file", ())
+    assert tuned.robustness
+    assert tuned.robustness.null is None
     assert claims(project)["double_pole"].robustness is None
 
 
-def test_unsearched_reversal_differs_from_none_found(project: Path) -> None:
-    for reversal, looked in (("", True), (NOT_LOOKED_FOR, False)):
-        write_claims(project, [CLAIMS[0], CLAIMS[1] | {"reversal": reversal}, *CLAIMS[2:]])
-        found = claims(project)["placed_is_better"].robustness
+def test_settings_that_are_counted_are_all(project: Path) -> None:
+    path = project / "results/toy/robustness.json"
+    stored = json.loads(path.read_text())
+    for whole in (40, 64):
+        for one in stored["claims"].values():
+            one["whole"] = whole
+        path.write_text(json.dumps(stored))
+        found = claims(project)["tuned"].robustness
         assert found
-        assert (found.reversal_key, found.reversal, found.looked) == ("", "", looked)
+        assert found.whole is (whole == 40)
 
 
 def test_same_choice_of_two_observers_is_one_row(project: Path) -> None:
@@ -149,6 +160,7 @@ TAKEN = {
     "results/toy/fig1.metrics.csv": "toy-fig1", "results/toy/table1.csv": "toy-table1",
     "results/toy/theory.metrics.csv": "toy-theory", "results/toy/robustness.json": "toy-claims",
     "results/toy/sensitivity.svg": "toy-claims", "results/toy/parameters.json": "toy",
+    "results/toy/alternatives.svg": "toy-claims", "results/toy/alternatives.csv": "toy-title",
     "results/claims.csv": "summary", "config/claims/toy.yaml": "toy",
     "config/errata/toy.yaml": "toy-errata",
 }  # fmt: skip
@@ -203,7 +215,7 @@ def test_damaged_file_is_one_gap(project: Path, path: str, content: str, said: s
 def test_damaged_table_of_claims_is_one_gap(
     project: Path, change: dict[str, str], said: str
 ) -> None:
-    write_claims(project, [row | change if "reversal" in row else row for row in CLAIMS])
+    write_claims(project, [row | change if "changes" in row else row for row in CLAIMS])
     (sentence,) = sentences(project)
     assert sentence.startswith("results/claims.csv: line 3, ")
     assert said in sentence

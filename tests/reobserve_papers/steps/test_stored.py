@@ -346,36 +346,25 @@ def test_design_for_another_observer_is_refused(tmp_path: Path) -> None:
 # --- Robustness, parameter files, studies
 # -----------------------------------------------------------------
 
-FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": 2.0, "size": 0.5}
-HELD = {"values": ["x"], "held": True, "numbers": ["0.5"]}
-LOST = {"values": [1.0], "held": False, "numbers": []}
 DRAWN = {
-    "stated": {"held": True, "numbers": ["inf"]}, "names": ["a.b"], "trials": [HELD] * 4 + [LOST],
-    "refused": [], "looked": True, "reversal": FLIP, "basis": "0a", "cached": 0, "quantifier": "is",
+    "stated": "inf 1", "names": ["a.b"], "metrics": ["fig1 a x", "fig2 a x"],
+    "values": [["x"]] * 4 + [[1.0], ["x"]], "samples": ["0.5 nan"] * 4 + ["- 2e-300", None],
+    "whole": None, "basis": "0a", "cached": 0,
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"refused": 8}, "claims.one.refused: 8 must be a list of whole numbers$"),
-        ({"refused": [-1]}, r"claims.one.refused: \(-1,\) must be numbers of samples, rising$"),
-        ({"refused": [2, 2]}, r"claims.one.refused: \(2, 2\) must be numbers of samples, rising$"),
-        ({"cached": 6}, "claims.one.cached: 6 must be a number of samples$"),
-        ({"trials": [{**HELD, "held": 1}]}, "trials.0.held: 1 must be one of true and false"),
-        ({"trials": [{**HELD, "numbers": ["x"]}]}, "trials.0.numbers: must be numbers"),
-        ({"trials": [{**HELD, "numbers": []}]}, "trials.0: has 0 numbers, must have 1$"),
-        ({"trials": [LOST, {**HELD, "values": []}]}, "trials.1: has 0 values, must have 1$"),
-        ({"reversal": {}}, "claims.one.reversal.key: is missing; the reversal needs it$"),
-        ({"reversal": {**FLIP, "size": None}}, "claims.one.reversal.size: None is not a number"),
-        (
-            {"reversal": {**FLIP, "end": "x"}},
-            "reversal.end: 'x' must be another value of the kind of 1.0$",
-        ),
-        (
-            {"reversal": {**FLIP, "end": 1.0}},
-            "reversal.end: 1.0 must be another value of the kind of 1.0$",
-        ),
+        ({"cached": 7}, "claims.one.cached: 7 must be a number of samples$"),
+        ({"values": [["x"]]}, "claims.one.values: 1 must be 6$"),
+        ({"values": [["x"]] * 5 + [[]]}, r"claims.one.values.5: has 0 values, must have 1$"),
+        ({"samples": ["0.5 1"] * 5 + ["x 1"]}, "claims.one.samples: must be numbers"),
+        ({"samples": ["0.5 1"] * 5 + ["1"]}, "claims.one.samples: must be numbers"),
+        ({"samples": ["0.5 1"] * 5 + [1]}, "claims.one.samples.5"),
+        ({"stated": "1"}, "claims.one.samples: must be numbers"),
+        ({"metrics": ["fig1 a"]}, "claims.one.reference: 'fig1 a' must be FIGURE OBSERVER METRIC"),
+        ({"whole": "all"}, "claims.one.whole: 'all' must be a whole number"),
         ({"names": [1]}, r"claims.one.names.0: 1 must be a word$"),
     ],
 )
@@ -385,7 +374,8 @@ def test_invalid_robustness_file_is_refused(
     path = tmp_path / "robustness.json"
     stored = {"paper": "toy", "seed": 1, "samples": 8, "claims": {"one": DRAWN}}
     path.write_text(json.dumps(stored))
-    assert read_robustness(path, "toy")["one"].held == 4
+    read = read_robustness(path, "toy")["one"]
+    assert (read.samples, read.refused) == (6, 1)
     with pytest.raises(InputError, match=r"is of toy, must be of ilo$"):
         read_robustness(path, "ilo")
     path.write_text(json.dumps({**stored, "claims": {"one": {**DRAWN, **change}}}))
