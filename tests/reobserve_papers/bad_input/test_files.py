@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from reobserve.core.documents import read_yaml
+from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.prepare import load_parameters
 from reobserve_papers.signals.inputs import Signal
 from tests.reobserve.bad_input import readers
@@ -104,6 +106,20 @@ def robustness() -> readers.Reader:
     return Reader(path, line, _unsealed(valid.results()[path]), others=valid.results())
 
 
+def conventions() -> readers.Reader:
+    def check() -> None:
+        check_evidence(Path(), Parameters.load(Path(), "eso"))
+
+    path = "config/conventions.yaml"
+    return Reader(path, check, valid.tree(path))
+
+
+def alternatives_table() -> readers.Reader:
+    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    path = "results/eso/alternatives.csv"
+    return Reader(path, line, content=valid.results()[path], others=valid.results())
+
+
 def study_table() -> readers.Reader:
     study, estimates = valid.study()
     line = ["stage", "metrics", valid.parameters("lie"), "fig1_orders"]
@@ -113,8 +129,10 @@ def study_table() -> readers.Reader:
 
 
 def claims_table() -> readers.Reader:
-    line = words("stage", "verdicts", "in.csv", "--output", "v.md")
-    return Reader("in.csv", line, content=valid.claims_table())
+    path = "results/eso/alternatives.csv"
+    line = words("stage", "verdicts", "in.csv", "--alternatives-files", path, "--output", "v.md")
+    others = {path: valid.results()[path]}
+    return Reader("in.csv", line, content=valid.claims_table(), others=others)
 
 
 READERS: dict[Callable[..., readers.Reader], list[Any]] = {
@@ -122,6 +140,8 @@ READERS: dict[Callable[..., readers.Reader], list[Any]] = {
     checked_file: ["eso"],
     settings: [],
     claims: [],
+    conventions: [],
+    alternatives_table: [],
     errata: [],
     stored_parameters: [*valid.PAPERS],
     paper_design: ["lie", "eso"],

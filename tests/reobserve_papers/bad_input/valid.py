@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import json
 import tempfile
+from contextlib import suppress
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
+from reobserve_papers.claims.alternatives import Title, write_alternatives
+from reobserve_papers.claims.checks import Numbers
+from reobserve_papers.claims.choices import chosen
+from reobserve_papers.claims.outcomes import taken
+from reobserve_papers.claims.registry import read_registry
+from reobserve_papers.claims.robustness import Robustness, Trial
+from reobserve_papers.claims.robustness_file import to_data
 from reobserve_papers.golden.files import read_metrics
-from reobserve_papers.metrics.metrics import HEADER
+from reobserve_papers.metrics.metrics import HEADER, lookup
+from reobserve_papers.parameters.parameters import Parameters
 
 from .outcome import ROOT, command
 
@@ -70,15 +80,31 @@ def observing(paper: str) -> list[object]:
 @cache
 def results() -> dict[str, bytes]:
     """The results from which the verdicts on the claims of `eso` are computed."""
-    nothing = {"paper": "eso", "seed": 0, "samples": 1, "claims": {}}
     found = {"parameters.json": parameters("eso").read_bytes()}
-    found["robustness.json"] = json.dumps(nothing).encode()
+    numbers = {}
     for figure in (*paper("eso")["figures"], "theory"):
         file = Path(_FOLDER.name) / f"{figure}.metrics.csv"
-        rows = map(asdict, read_metrics(ROOT, "eso", figure))
-        write_table(file, rows, HEADER)  # the accepted numbers
+        accepted = read_metrics(ROOT, "eso", figure)
+        write_table(file, map(asdict, accepted), HEADER)
+        numbers[figure] = lookup(accepted)
         found[file.name] = file.read_bytes()
+    found["robustness.json"] = json.dumps(_samples(numbers)).encode()
+    write_alternatives(Path(_FOLDER.name) / "alternatives.csv", [], Title("[Re?]", ("It is.",)))
+    found["alternatives.csv"] = Path(_FOLDER.name, "alternatives.csv").read_bytes()
     return {f"results/eso/{name}": content for name, content in found.items()}
+
+
+def _samples(numbers: Numbers) -> dict[str, object]:
+    """Two samples of each claim, which are the accepted numbers."""
+    read, claims = Parameters.load(ROOT, "eso"), {}
+    for claim in read_registry(ROOT, read).claims:
+        if claim.choices and claim.checks:
+            with suppress(InputError):  # of a number that has yet to be accepted
+                found = taken(claim.wanted, numbers)
+                values = [chosen(read, claim.choices, number) for number in range(2)]
+                trials = [Trial(one, found) for one in values]
+                claims[claim.name] = to_data(claim, Robustness(found, claim.knob_names, trials))
+    return {"paper": "eso", "seed": 0, "samples": 2, "claims": claims}
 
 
 @cache

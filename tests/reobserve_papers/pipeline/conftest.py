@@ -51,7 +51,7 @@ def with_few_levels(parameters: Parameters) -> Parameters:
 
 # Samples give verdicts, which are compared every night; a build in a test needs only one, and no
 # search for reversals, which takes longer than all figures.
-FEW_SAMPLES = ("samples=1", "reversals=false", "cached=false")
+FEW_SAMPLES = ("samples=1", "cached=false")
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def copy_toy(target: Path) -> Project:
     shutil.copy(toy / "claims.yaml", target / "config/claims/toy.yaml")
     shutil.copy(toy / "errata.yaml", target / "config/errata/toy.yaml")
     config = "papers: [toy]\nbench: [torque]\nformats: [svg]\nseed: 1\n"
-    config += "samples: 40\nchunks: 1\ncached: true\nreversals: true\n"
+    config += "samples: 40\nchunks: 1\ncached: true\n"
     (target / "config/config.yaml").write_text(config)
     return project
 

@@ -30,8 +30,12 @@ TASK = "torque"  # of the bench
 # The longest part, compared bitwise with the library in `test_same_values`.
 TAKEN = ("*.design.json", "*/plant.parquet", "*.study.csv")
 EVIDENCE = (
-    "robustness.json", "claims.csv", "verdicts.md", "report.html",
-    *(f"/{name}.{kind}" for name in ("specification", "sensitivity") for kind in CONFIG["formats"]),
+    "robustness.json", "alternatives.csv", "claims.csv", "verdicts.md", "report.html",
+    *(
+        f"/{name}.{kind}"
+        for name in ("alternatives", "specification", "sensitivity")
+        for kind in CONFIG["formats"]
+    ),
 )  # fmt: skip
 
 

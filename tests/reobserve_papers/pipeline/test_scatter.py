@@ -22,7 +22,7 @@ from .slurm_node import ask, missing, slurm_node
 from .test_staleness import edited
 
 ROBUSTNESS = "results/toy/robustness.json"
-WHOLE = ("samples=40", "reversals=false")
+WHOLE = ("samples=40",)
 
 PLUGIN = Path(sys.prefix) / "cluster"  # where .ci/run writes it
 LACKING = "on Debian and Ubuntu: apt-get install slurmctld slurmd slurm-client munge"
@@ -61,7 +61,7 @@ def test_sample_chunks_as_jobs_give_the_same_bytes(toy: Project, in_one: bytes) 
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE, "chunks=4")
     assert chunks(toy) == ["0-9", "10-19", "20-29", "30-39"]
     assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
-    more = ["samples=70", "chunks=7", "reversals=false"]
+    more = ["samples=70", "chunks=7"]
     assert toy.stale(ROBUSTNESS, config=more) == {"sample": 3, "robustness": 1}
     (toy.folder / ROBUSTNESS).unlink()
     (toy.folder / "results/toy/samples/30-39.json").unlink()

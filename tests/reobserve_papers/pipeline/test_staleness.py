@@ -156,8 +156,10 @@ def test_changed_caption_makes_its_plot_stale(built: Project) -> None:
 
 # Jobs made stale by the wording of a claim, and by its checks.
 REPORTED = {"report": 1, "verdicts": 1}
-DECIDED = {"robustness": 1, "sensitivity": 1, "claims": 1, **REPORTED}
-ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
+REDECIDED = {"alternatives": 1, "sensitivity": 1, "claims": 1, **REPORTED}
+DECIDED = {"robustness": 1, **REDECIDED}
+EACH = dict.fromkeys(("robustness", "alternatives", "sensitivity"), len(PAPERS))
+ALL_DECIDED = DECIDED | EACH
 
 
 @pytest.mark.nightly
@@ -168,7 +170,7 @@ ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
             "config/claims/ilo.yaml",
             "    statement: ",
             "    statement: In short, ",
-            {"claims": 1, **REPORTED},
+            REDECIDED,
         ),
         ("config/claims/ilo.yaml", "below: ", "below: 1", DECIDED),
         ("config/errata/ilo.yaml", "    why: ", "    why: In short, ", REPORTED),
@@ -177,7 +179,7 @@ ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
             "src/reobserve_papers/claims/verdicts.py",
             "",
             "# edited\n",
-            {"claims": 1, **REPORTED},
+            ALL_DECIDED,
         ),
         (
             "src/reobserve_papers/cli/stages/robustness.py",

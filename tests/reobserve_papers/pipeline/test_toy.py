@@ -23,7 +23,9 @@ from reobserve_papers.steps.compute import read_design
 from .conftest import Project, copy_toy
 from .test_staleness import REPORTED, edited
 
-EVIDENCE = {"robustness": 1, "sensitivity": 1, "claims": 1, "report": 1, "verdicts": 1}
+EVIDENCE = {
+    "robustness": 1, "alternatives": 1, "sensitivity": 1, "claims": 1, "report": 1, "verdicts": 1,
+}  # fmt: skip
 ALL = {
     "design": 1, "plant": 1, "observe": 2, "study": 1, "table": 1, "metrics": 1, "plot": 1,
     "theory": 1, **EVIDENCE,
@@ -31,6 +33,7 @@ ALL = {
 FROM_DESIGN = {key: min(number, 1) for key, number in ALL.items() if key != "plant"}
 STATIC = ("design", "table", "theory")  # without the plant's record
 PARAMETERS = "results/toy/parameters.json"
+ROBUSTNESS = "results/toy/robustness.json"
 PLANT = "results/toy/push/plant.parquet"
 DESIGN = "results/toy/gains.design.json"
 
@@ -61,7 +64,7 @@ def test_default_build_makes_the_table_and_the_figure(toy: Project) -> None:
     assert built == {
         "toy/parameters.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
         "toy/theory.metrics.csv", "toy/robustness.json", "toy/specification.svg",
-        "toy/sensitivity.svg",
+        "toy/sensitivity.svg", "toy/alternatives.svg", "toy/alternatives.csv",
         *(f"toy/push/{name}.parquet" for name in ("plant", "placed", "slow")),
         *(f"toy/fig1.{suffix}" for suffix in ("svg", "caption.rst", "metrics.csv")),
     }  # fmt: skip
@@ -299,6 +302,7 @@ def test_recomputed_evidence_is_identical(toy: Project) -> None:
     again.mkdir()
     for command, name in (
         (("stage", "robustness", PARAMETERS, "--samples", "40"), "toy/robustness.json"),
+        (("stage", "alternatives", PARAMETERS, ROBUSTNESS), "toy/alternatives.csv"),
         (("stage", "claims", "toy"), "claims.csv"),
         (("report",), "report.html"),
     ):
@@ -366,7 +370,8 @@ def test_changed_seed_makes_its_samples_stale(toy: Project) -> None:
     [
         ("depends_on: [gains]", "depends_on: [gains, seed]"),
         ("gains: [observers.slow.gains]", "gains: [observers.*.gains]"),
-        ("why: What better means.", "why: What better means.\n    expensive: true"),
+        ("below: 1}", "below: 0.9}"),
+        ("why: What better means.", "why: What better means.\n    quantifier: always"),
     ],
 )
 def test_changed_choices_of_a_claim_make_its_robustness_stale(

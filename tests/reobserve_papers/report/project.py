@@ -129,7 +129,8 @@ def make_project(folder: Path) -> Path:
     error = "fig1 slow late_rms_error"
     drawn = {
         "stated": "0.4", "names": ["observers.slow.gains.1"], "metrics": [error],
-        "values": [[k] for k in range(40)], "samples": ["0.4"] * 30 + ["1.5"] * 7 + ["-"] * 2 + [None],
+        "values": [[k] for k in range(40)],
+        "samples": ["0.4"] * 30 + ["1.5"] * 7 + ["-"] * 2 + [None],
         "whole": None, "basis": "", "cached": 38,
     }  # fmt: skip
     drawn_of = {"placed_is_better": drawn, "tuned": drawn}
