@@ -73,7 +73,7 @@ NEWER := OPENBLAS_CORETYPE=Haswell NPY_ENABLE_CPU_FEATURES=
 OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 	GLIBC_TUNABLES=glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2
 MIXED := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
-BENCH := tests/reobserve_papers/bench/test_tuned.py::test_comparison_agrees_with_golden_numbers
+BENCH := tests/reobserve_papers/bench/test_tuned.py::test_numbers_and_figures_agree_with_the_accepted_ones
 
 elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of a newer and an older processor
 	$(NEWER) pytest tests/reobserve_papers/golden/test_golden.py

@@ -81,13 +81,17 @@ def measure(project: Path, task: str) -> Tolerances:
             tables.append(Path(folder) / f"{repeat}.csv")
             bench = project / "config" / "bench"
             arguments = (bench / f"{task}.yaml", bench / "tuned" / task, repeat, tables[-1])
-            command = [sys.executable, "-m", "reobserve_papers.bench.perturbed"]
-            command += map(str, arguments)
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode:
-                said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-                raise ReobserveError(f"bench {task}: {said[-1]}")
+            run_module(task, "reobserve_papers.bench.perturbed", *arguments)
         return wider(golden, [_read(table, task) for table in tables])
+
+
+def run_module(task: str, *command: object) -> None:
+    """Run a module in a process of its own, or `ReobserveError` if it fails."""
+    full = [sys.executable, "-m", *map(str, command)]
+    done = subprocess.run(full, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        raise ReobserveError(f"bench {task}: {said[-1]}")
 
 
 def wider(golden: Mapping[Key, GoldenNumber], repeats: list[dict[Key, GoldenNumber]]) -> Tolerances:

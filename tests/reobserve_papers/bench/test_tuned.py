@@ -12,7 +12,9 @@ from reobserve.tuning.table import Results
 from reobserve.tuning.task_tuning import objective, tune_once
 from reobserve.tuning.tuned_file import read_tuned
 from reobserve_papers.bench.packaged_task import PackagedTask
-from reobserve_papers.golden.bench import built_table, compare_task
+from reobserve_papers.figure_diff.comparison import compare_task
+from reobserve_papers.figure_diff.page import summary
+from reobserve_papers.golden.bench import built_table
 from tests import ROOT
 from tests.reobserve_papers.pipeline.conftest import Project, built_bench
 
@@ -55,9 +57,11 @@ def scored(built_bench: Project) -> Any:
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_comparison_agrees_with_golden_numbers(name: str, built_bench: Project) -> None:
-    moved = compare_task(ROOT, built_bench.folder / "results", name)
-    assert not moved, "\n".join(map(str, moved))
+def test_numbers_and_figures_agree_with_the_accepted_ones(name: str, built_bench: Project) -> None:
+    results = built_bench.folder / "results"
+    items = list(compare_task(ROOT, ROOT / "tests/reference", results, name))
+    assert {item.verdict for item in items} == {"agrees"}, summary(items, [])
+    assert len(items) == 1 + len(list((ROOT / "tests/reference/bench" / name).glob("*.png")))
 
 
 @pytest.mark.parametrize("name", TASKS)
