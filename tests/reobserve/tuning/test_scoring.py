@@ -102,6 +102,30 @@ def test_cells_hold_geometric_means_of_the_median_repeat(tmp_path: Path) -> None
     assert {len(c.scores) for c in cells if c.condition == "high"} == {16}
 
 
+def test_papers_settings_and_other_conditions_of_a_training_set_have_rows(tmp_path: Path) -> None:
+    """The paper's share of 0.8 in the table, that of the noise also where it is `scored`."""
+    tree = stated()
+    tree["methods"]["share"] = method(paper={"settings": {"share": 0.8}, "source": "p. 1"})
+    tree["training"]["noise"]["scored"] = ["high"]
+    task = Task.read(write(tmp_path, tree))
+    tuned = kept(task, tmp_path / "tuned")
+    cells = [cell for cell in score_task(task, tuned) if cell.row.method == "share"]
+    assert [(cell.condition, cell.row.training) for cell in cells] == [
+        ("nominal", "nominal"), ("nominal", "paper"),
+        ("noise", "nominal"), ("noise", "noise"), ("noise", "paper"),
+        ("high", "nominal"), ("high", "noise"),
+    ]  # fmt: skip
+    for cell in cells:
+        if cell.row.training == "paper":
+            deviation = 0.1 if cell.condition == "nominal" else 0.5
+            logs = [math.log(error(0.8, deviation, 1001 + k)) for k in range(len(cell.scores))]
+            assert cell.error[0] == pytest.approx(math.exp(np.mean(logs)))
+            assert cell.repeats is None
+    (other,) = (cell for cell in cells if (cell.condition, cell.row.training) == ("high", "noise"))
+    (repeat,) = tuned["share"].training["noise"].repeats
+    assert dict(other.row.settings) == repeat.settings
+
+
 def test_comparison_stops_when_decided(tmp_path: Path) -> None:
     scorer = Scorer(toy(tmp_path))
     same = [ScoredRow("share", "nominal", (("share", value),)) for value in (0.5, 0.500001)]
