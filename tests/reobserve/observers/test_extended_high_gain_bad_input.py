@@ -149,6 +149,13 @@ def test_invalid_observers_are_refused(change: dict[str, Any], sentence: str) ->
     refused(lambda: ExtendedHighGainObserver(**{**GOOD, **change}), sentence)
 
 
+def test_bounds_stay_when_the_list_that_gave_them_changes() -> None:
+    bounds = [0, 2]
+    built = ExtendedHighGainObserver(**{**GOOD, "delay_bounds": bounds})
+    bounds[1] = 1
+    assert built.delay_bounds == (0.0, 2.0)
+
+
 @pytest.mark.parametrize(
     ("estimate", "delay", "sentence"),
     [

@@ -65,6 +65,8 @@ def test_normal_form_poles_govern_the_error() -> None:
     assert built.certify()["nonlinearity"] < 1e-12
     A = np.array([[0, 1], [-1, -0.1]]) + built.gains.injection @ np.array([[1, 0]])
     assert np.sort(np.linalg.eigvals(A)) == pytest.approx([-2.2, -1.5], rel=1e-9)
+    said = replace(built, certificate=built.certify()).summary()
+    assert said[2] == "S(x) = x: the error is linear in x itself"
 
 
 def test_normal_form_nonlinearity_is_the_largest_higher_coefficient() -> None:
@@ -77,6 +79,8 @@ def test_normal_form_nonlinearity_is_the_largest_higher_coefficient() -> None:
     degree = built.observer.normal_form.S.coefficients.shape[1] - 1
     assert degree > 3
     assert built.certify()["nonlinearity"] == pytest.approx(series[degree - 2], rel=1e-12)
+    said = replace(built, certificate=built.certify()).summary()
+    assert said[2].startswith(f"largest coefficient of S beyond x: {series[degree - 2]:.4g}; ")
 
 
 def test_differentiator_error_falls_with_powers_of_the_period() -> None:
