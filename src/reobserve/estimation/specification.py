@@ -30,7 +30,6 @@ Missing = Literal["refuse", "interpolate", "skip"]
 AtGap = Literal["refuse", "restart", "coast"]
 
 _MOST_COLUMNS = 100
-_MOST_ALARMS = 100
 
 
 def _name(place: str, value: str) -> None:
