@@ -12,7 +12,7 @@ from reobserve_papers.bench.faults import CLASSES, random_faults
 from reobserve_papers.signals.inputs import Signal
 
 ABOUT: Any = {"onset": (1.0, 4.0), "size": (0.5, 2.0), "frequency": (0.5, 8.0)}
-TIME = np.arange(0.0, 10.001, 0.001)
+TIME = np.arange(0.0, 10.001, 0.005)
 
 
 def faults(seed: int, classes: Any, axes: int = 1) -> list[dict[str, Any]]:
@@ -23,7 +23,7 @@ def drawn(seed: int, kind: str) -> Array:
     return Signal.parse("fault", faults(seed, [kind]), 1)(TIME)[:, 0]
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", range(1, 4))
 def test_classes_share_onset_and_size_and_have_their_shapes(seed: int) -> None:
     step, sine, ramp, square = (drawn(seed, kind) for kind in CLASSES)
     begin, size = faults(seed, ["step"])[0]["from"], step[-1]
