@@ -115,6 +115,7 @@ def test_threshold_comes_from_healthy_records(method: str) -> None:
     records = leak._healthy(PLANT, level, PERIOD)
     statistic = make(PLANT, SETTINGS, PERIOD, PLANT.noise)
     limit = false_alarm_threshold([statistic(one).max() for one in records], PLANT.rate)
+    assert len(records) == PLANT.healthy
     assert sum(statistic(one).max() > limit for one in records) == 2
     for condition in ("nominal", "kept_noise"):
         record = TASK.record(condition, 7)
