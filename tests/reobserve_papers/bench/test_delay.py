@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import expm
 
 from reobserve.core.errors import InputError
 from reobserve.tuning.task import Array, Condition, TaskRecord
@@ -114,6 +115,86 @@ def test_methods_find_a_constant_delay(method: str, every: int) -> None:
         wrong = np.abs(estimate - record.truth)[record.time > 20.0]
         assert np.median(wrong) < median * every**2
         assert wrong.max() < most * every**2
+
+
+def late_input(record: TaskRecord, row: int, delay: float) -> float:
+    """u in the middle of the period after a row, so late, in straight lines."""
+    time, u = record.time, record.inputs[:, 0]
+    return float(np.interp(time[row] + T / 2 - delay, time, u))
+
+
+DECAY, FIRST = np.exp(-T), round(1.5 / T)  # of x in a period; the row that knows 1.5 s of u
+
+
+def test_extended_filter_agrees_with_a_filter_in_its_plainest_form() -> None:
+    record = simulate(replace(PLANT, horizon=9.0), NOMINAL, 4, T)
+    y, (least, most) = record.measurements[:, 0], PLANT.bounds
+    state, P = np.array([y[FIRST], 0.75]), np.diag([0.03**2, (most - least) ** 2 / 12])
+    Q, found = np.diag([0.05, 0.4]) ** 2 * T, []
+    for k in range(FIRST, len(y)):
+        if k > FIRST:
+            tau = min(max(state[1], least), most)
+            u, more = (late_input(record, k - 1, tau + d) for d in (0.0, 1e-6))
+            F = np.array([[DECAY, (1 - DECAY) * (more - u) / 1e-6], [0.0, 1.0]])
+            state = np.array([DECAY * state[0] + (1 - DECAY) * u, tau])
+            P = F @ P @ F.T + Q
+        K = P[:, 0] / (P[0, 0] + 0.03**2)
+        state, P = state + K * (y[k] - state[0]), P - np.outer(K, P[0])
+        found.append(min(max(state[1], least), most) - 0.75)
+    estimate = TASK.function("ekf")(PLANT, {"process": 0.05, "walk": 0.4}, T, 0.03)(record)
+    assert not estimate[:FIRST].any()
+    assert estimate[FIRST:, 0] == pytest.approx(np.array(found), abs=1e-5)
+    assert np.ptp(found) > 0.5
+
+
+def test_bank_agrees_with_one_in_its_plainest_form() -> None:
+    """Of scalar filters, mixed, predicted, corrected and weighed by their likelihoods."""
+    record = simulate(replace(PLANT, horizon=6.0), NOMINAL, 4, T)
+    y, delays, R, Q = record.measurements[:, 0], np.linspace(0.0, 1.5, 7), 0.03**2, 0.05**2 * T
+    rates = np.full((7, 7), 0.2 / 7)
+    for i in range(6):
+        rates[i, i + 1] += 0.5 * 3.0
+        rates[i + 1, i] += 0.5 * 3.0
+    np.fill_diagonal(rates, 0.0)
+    chain = expm(T * (rates - np.diag(rates.sum(axis=1))))
+    x, P, modes, found = np.full(7, y[FIRST]), np.full(7, R), np.full(7, 1 / 7), []
+    for k in range(FIRST, len(y)):
+        if k > FIRST:
+            weights = chain * modes[:, None]
+            modes = weights.sum(axis=0)
+            mixing = weights / modes
+            mean = x @ mixing
+            P = ((P[:, None] + (x[:, None] - mean) ** 2) * mixing).sum(axis=0)
+            late = np.array([late_input(record, k - 1, one) for one in delays])
+            x, P = DECAY * mean + (1 - DECAY) * late, DECAY**2 * P + Q
+        S = P + R
+        modes *= np.exp(-0.5 * (y[k] - x) ** 2 / S) / np.sqrt(S)
+        modes /= modes.sum()
+        x, P = x + P / S * (y[k] - x), P * R / S
+        found.append(modes @ delays - 0.75)
+    settings = {"process": 0.05, "drift": 3.0, "jump": 0.2, "delays": 7.0}
+    estimate = TASK.function("imm")(PLANT, settings, T, 0.03)(record)
+    assert estimate[FIRST:, 0] == pytest.approx(np.array(found), abs=1e-6)
+    assert np.ptp(found) > 0.3
+
+
+def test_parallel_models_agree_with_sums_over_the_past() -> None:
+    """Errors squared, weighed by exp(-age / memory); a parabola through the three least costs."""
+    record = simulate(replace(PLANT, horizon=6.0), NOMINAL, 4, T)
+    y, delays, keep = record.measurements[:, 0], np.linspace(0.0, 1.5, 7), np.exp(-T / 0.4)
+    x, costs, found = np.full(7, y[FIRST]), np.zeros(7), []
+    for k in range(FIRST, len(y)):
+        if k > FIRST:
+            late = np.array([late_input(record, k - 1, one) for one in delays])
+            x = DECAY * x + (1 - DECAY) * late
+        costs = keep * costs + (y[k] - x) ** 2
+        best = min(max(int(costs.argmin()), 1), 5)
+        bent = np.polyfit([-1.0, 0.0, 1.0], costs[best - 1 : best + 2], 2)
+        shift = -bent[1] / (2 * bent[0]) if bent[0] > 1e-12 else 0.0
+        found.append(delays[best] + 0.25 * min(max(shift, -1.0), 1.0) - 0.75)
+    estimate = TASK.function("parallel")(PLANT, {"memory": 0.4, "delays": 7.0}, T, 0.03)(record)
+    assert estimate[FIRST + 5 :, 0] == pytest.approx(np.array(found[5:]), abs=1e-6)
+    assert np.ptp(found) > 0.3
 
 
 def test_unknown_class_is_reported(tmp_path: Path) -> None:

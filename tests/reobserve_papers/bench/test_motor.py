@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import cache
 from typing import Any
 
@@ -10,6 +10,7 @@ import control
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from reobserve.core.errors import InputError
 from reobserve.tuning.task import Condition, TaskRecord
@@ -68,6 +69,21 @@ def test_wrong_model_changes_the_measurements_only() -> None:
     assert np.abs(right.measurements - wrong.measurements).max() > 0.01
 
 
+def test_wrong_model_has_all_constants_off_by_the_stated_share(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bodies, loop = [], motor.ControlledMotor
+    monkeypatch.setattr(
+        motor, "ControlledMotor", lambda body, *more: bodies.append(body) or loop(body, *more)
+    )
+    for seed in range(1, 7):
+        recorded(seed, quiet(), model=0.1)
+    right = np.array(astuple(quiet().motor))[:6]
+    shares = np.array([astuple(one)[:6] for one in bodies]) / right
+    assert np.unique(shares.round(12)).tolist() == [0.9, 1.1]
+    assert (np.ptp(shares, axis=0) > 0.1).all()
+
+
 def test_disturbances_and_noise_have_the_stated_sizes() -> None:
     plant = task().plant_in("nominal")
     record, less = recorded(3, plant), recorded(3, replace(plant, noise=1e-12))
@@ -97,6 +113,32 @@ def test_estimates_do_not_react_to_voltage_jumps(method: str) -> None:
     estimate = motor.METHODS[method](plant, FAST[method], PERIOD, 0.01)(record)
     bound = 1e-8 if method in {"random_walk", "luenberger"} else 2e-3
     assert np.abs(estimate[record.time < 9.0]).max() < bound
+
+
+def test_random_walk_agrees_with_a_filter_in_its_plainest_form() -> None:
+    """The voltage fault acts as the voltage does, that of the speed is in its measurement."""
+    body, record = task().plant_in("nominal").motor, task().record("nominal", 1)
+    A = np.array([[-body.friction, body.torque_constant], [-body.emf_constant, -body.resistance]])
+    A /= np.array([[body.inertia], [body.inductance]])
+    held = np.zeros((3, 3))
+    held[:2, :2], held[1, 2] = A, 1 / body.inductance
+    whole = expm(PERIOD * held)
+    F, H = np.eye(4), np.eye(2, 4)
+    F[:2, :3], H[0, 3] = whole[:2], 1.0
+    Q = np.diag([0.5 * 0.2, 0.5 * 0.2, 0.3, 0.4]) ** 2 * PERIOD  # D = diag(1, 2), d of 0.2 and 0.1
+    R, P = 0.02**2 * np.eye(2), np.diag([0.02**2, 0.02**2, 0.0, 0.0])
+    x, found = np.array([*record.measurements[0], 0.0, 0.0]), []
+    for k, y in enumerate(record.measurements):
+        if k:
+            x, P = F @ x, F @ P @ F.T + Q
+            x[:2] += whole[:2, 2] * record.inputs[k - 1, 0]
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+        x, P = x + K @ (y - H @ x), P - K @ H @ P
+        found.append(x[2:])
+    plant = task().plant_in("nominal")
+    settings = {"actuator": 0.3, "sensor": 0.4, "process": 0.5}
+    estimate = motor.random_walk(plant, settings, PERIOD, 0.02)(record)
+    assert estimate * plant.largest == pytest.approx(np.array(found), abs=1e-9)
 
 
 def test_riccati_gains_agree_with_another_solver() -> None:
