@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,7 +15,7 @@ from scipy.stats import chi2, kstest
 from reobserve.detection.false_alarms import false_alarm_threshold
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.tuning.table import Results
-from reobserve.tuning.task import Condition
+from reobserve.tuning.task import Array, Condition
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.plot import detection
 from reobserve_papers.bench.tasks import leak
@@ -69,6 +70,119 @@ def test_normalised_innovations_are_chi_squared() -> None:
         for one in leak.simulate(EXACT, condition, seed, PERIOD).healthy()
     ]
     assert kstest(np.concatenate(found), chi2(size).cdf).pvalue > 0.01
+
+
+def test_models_lie_between_the_stated_ones() -> None:
+    """The coefficients, and what a held voltage and a voltage that is white noise make of them."""
+    model = leak._model(PLANT, "leakage", {"process": 0.01, "share": 0.4}, PERIOD, 0.02)
+    over, under = (
+        0.6 * np.array(one) + 0.4 * np.array(other)
+        for one, other in zip(PLANT.normal, PLANT.leakage, strict=True)
+    )
+    A, B, C, _, _ = cont2discrete(tf2ss(over, [1.0, *under]), PERIOD)
+    expected = [float((C @ np.linalg.matrix_power(A, k) @ B)[0, 0]) for k in range(40)]
+    found = [
+        float((model.C @ np.linalg.matrix_power(model.A, k) @ model.B)[0, 0]) for k in range(40)
+    ]
+    assert found == pytest.approx(expected, rel=1e-6)
+    assert np.asarray(model.Q) == pytest.approx(0.01**2 / PERIOD * model.B @ model.B.T)
+    assert np.asarray(model.R) == pytest.approx(0.02**2)
+
+
+SHORT = leak.simulate(
+    replace(PLANT, onset=(0.1, 0.15), horizon=0.3), Condition("nominal"), 4, PERIOD
+)
+NOISE = 0.02
+
+
+class Plain:
+    """A Kalman filter in its plainest form, started at rest."""
+
+    def __init__(self, F: Array, G: Array, H: Array, Q: Array, start: list[float]) -> None:
+        self.F, self.G, self.H, self.Q = F, G, H, Q
+        self.x, self.P = np.zeros(len(F)), np.diag(start)
+
+    def predict(self, u: float) -> None:
+        self.x = self.F @ self.x + self.G * u
+        self.P = self.F @ self.P @ self.F.T + self.Q
+
+    def correct(self, y: float) -> float:
+        """The logarithm of the likelihood, without its constant."""
+        S, e = float(self.H @ self.P @ self.H) + NOISE**2, y - float(self.H @ self.x)
+        K = self.P @ self.H / S
+        self.x, self.P = self.x + K * e, self.P - np.outer(K, self.H @ self.P)
+        return -0.5 * (e * e / S + math.log(S))
+
+
+def plain(mode: str, settings: dict[str, float]) -> Plain:
+    one = leak._model(PLANT, mode, settings, PERIOD, NOISE)
+    A, B, C, Q = (np.asarray(each) for each in (one.A, one.B, one.C, one.Q))
+    return Plain(A, B[:, 0], C[0], Q, [1e-6] * 4)
+
+
+def statistic(make: Any, settings: dict[str, float]) -> Array:
+    return np.asarray(make(PLANT, settings, PERIOD, NOISE)(SHORT))
+
+
+def test_bank_agrees_with_one_in_its_plainest_form() -> None:
+    settings = {"process": 0.01, "share": 0.5, "leave": 10.0}
+    bank = [plain(mode, settings) for mode in ("normal", "friction", "leakage")]
+    stay = math.exp(-10.0 * PERIOD)
+    chain = np.full((3, 3), (1 - stay) / 2) + (stay - (1 - stay) / 2) * np.eye(3)
+    modes, found = np.array([1.0, 0.0, 0.0]), []
+    for k, y in enumerate(SHORT.measurements[:, 0]):
+        if k:
+            weights = chain * modes[:, None]
+            modes = weights.sum(axis=0)
+            x, P = np.array([one.x for one in bank]), np.array([one.P for one in bank])
+            for one, share in zip(bank, (weights / modes).T, strict=True):
+                one.x = share @ x
+                off = x - one.x
+                one.P = np.tensordot(share, P + off[:, :, None] * off[:, None, :], 1)
+                one.predict(float(SHORT.inputs[k - 1, 0]))
+        logs = np.array([one.correct(float(y)) for one in bank])
+        modes = modes * np.exp(logs - logs.max())
+        modes = np.maximum(modes / modes.sum(), math.exp(-700.0))
+        found.append(math.log(modes[1] + modes[2]) - math.log(modes[0]))
+    odds = statistic(partial(leak.bank, "kalman"), settings)
+    assert odds[1:] == pytest.approx(np.array(found[1:]), abs=1e-6)
+    assert np.ptp(odds[1:]) > 5.0
+
+
+def test_lost_voltage_agrees_with_a_filter_in_its_plainest_form() -> None:
+    one = plain("normal", {"process": 0.01})
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[:4, 4], whole[4, 4] = one.F, one.G, 1.0
+    Q = np.zeros((5, 5))
+    Q[:4, :4], Q[4, 4] = one.Q, 2.0**2 * PERIOD
+    watch = Plain(whole, np.r_[one.G, 0.0], np.r_[one.H, 0.0], Q, [*[1e-6] * 4, 0.0])
+    lost, mean = [], 0.0
+    for k, y in enumerate(SHORT.measurements[:, 0]):
+        if k:
+            watch.predict(float(SHORT.inputs[k - 1, 0]))
+        watch.correct(float(y))
+        if k:
+            keep = math.exp(-PERIOD / 0.03)
+            mean = keep * mean - (1 - keep) * watch.x[4] * SHORT.inputs[k - 1, 0]
+        lost.append(mean)
+    found = statistic(leak.augmented, {"process": 0.01, "walk": 2.0, "lag": 0.03})
+    assert found == pytest.approx(np.array(lost), abs=1e-8)
+    assert np.abs(found).max() > 0.05
+
+
+def test_cumulative_sum_is_that_of_likelihoods() -> None:
+    settings = {"process": 0.01, "share": 0.5}
+    pair, total, found = [plain(mode, settings) for mode in ("normal", "leakage")], 0.0, []
+    for k, y in enumerate(SHORT.measurements[:, 0]):
+        if k:
+            for one in pair:
+                one.predict(float(SHORT.inputs[k - 1, 0]))
+        before, after = (one.correct(float(y)) for one in pair)
+        total = max(0.0, total + after - before)
+        found.append(total)
+    sums = statistic(partial(leak.sum_of_ratios, False), settings)
+    assert sums == pytest.approx(np.array(found), abs=1e-6)
+    assert sums.max() > 1.0
 
 
 def test_restart_shortens_delay_for_distant_models() -> None:
