@@ -51,6 +51,19 @@ def test_healthy_records_follow_the_normal_model() -> None:
     assert plant.share[0] <= record.truth[-1, 0] <= plant.share[1]
 
 
+def test_wrong_model_has_all_coefficients_off_by_the_stated_share() -> None:
+    """The same factors for both models, of which the faulty one is part of the way."""
+    stated, found = [np.array(one) for one in (PLANT.normal, PLANT.leakage)], []
+    for seed in range(1, 9):
+        _, share, (normal, faulty), _ = leak._drawn(PLANT, 0.1, seed, 10)
+        factors = np.array(normal.coefficients) / stated[0]
+        between = (1 - share) * stated[0] + share * stated[1]
+        assert np.array(faulty.coefficients) == pytest.approx(factors * between)
+        found.append(factors)
+    assert np.unique(np.round(found, 12)).tolist() == [0.9, 1.1]
+    assert (np.ptp(found, axis=0) > 0.1).all()
+
+
 def test_healthy_records_have_independent_noise() -> None:
     record = TASK.record("nominal", 4)
     noise = [one.measurements - record.measurements for one in record.healthy()]  # type: ignore[attr-defined]
