@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.core.covariances import as_positive_definite
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix
 from reobserve.core.value import converter, for_loop
@@ -176,7 +177,10 @@ def _run(
     steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])
     z = (memory[0], memory[1], memory[2])
+    due = FIRST
     for k in range(steps + 1):
+        if k >= due:
+            due = look(k)
         start = row(record.rate, 2 * k)
         rows.rate[k, 0], rows.rate[k, 1], rows.rate[k, 2] = w
         rows.fault[k, 0], rows.fault[k, 1], rows.fault[k, 2] = _estimate(c, z, start, w)

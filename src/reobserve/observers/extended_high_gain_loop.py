@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.chandrupatla import next_trial
 from reobserve.core.direct_call import call
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import allocating_kernel, inlined_kernel, kernel
 
 Array = NDArray[np.float64]
@@ -262,7 +263,10 @@ def _run(
     parameters, _, input_gain = model
     for i in range(n + 1):
         points[_FROM, i] = states[0, i]
+    due = FIRST
     for k in range(len(states) - 1):
+        if k >= due:
+            due = look(k)
         for c in range(channels):
             at[0, c], at[1, c] = right[2 * k, c], right[2 * k + 1, c]
             at[2, c] = left[2 * k + 2, c]

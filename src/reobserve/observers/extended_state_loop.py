@@ -7,6 +7,7 @@ from collections.abc import Sized
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import allocating_kernel, inlined_kernel
 from reobserve.observers.fixed_step import Samples
 
@@ -53,7 +54,10 @@ def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows
     """Fill ``rows`` after the first, and return the number of finite rows."""
     n, columns = len(size), y.right.shape[1] + u.right.shape[1]
     after = np.empty(n)
+    due = FIRST
     for k in range(1, len(rows)):
+        if k >= due:
+            due = look(k)
         _take(y.right, u.right, 2 * k - 2, known[n:])
         _take(y.left, u.left, 2 * k, known[n + columns :])
         _take(y.right, u.right, 2 * k - 1, known[n + 2 * columns :])

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from reobserve.core.arguments import as_flag
 from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive
 from reobserve.core.value import converter
@@ -159,7 +160,10 @@ def _run(
     w = (estimate[0], estimate[1], estimate[2])
     v = (held[0], held[1], held[2])
     phase = count % delay
+    due = FIRST
     for k in range(steps):
+        if k >= due:
+            due = look(k)
         start, middle, end = (
             row(record.rate, 2 * k),
             row(record.rate, 2 * k + 1),

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers import linear_steps as linear
 from reobserve.systems.linear import ModelRows
@@ -268,7 +269,10 @@ def run_bank(
     then that of each row; so have A, B and Q. ``fresh`` posteriors are meant at the first row,
     which then corrects them as they stand; else they are meant a period before.
     """
+    due = FIRST
     for k in range(len(measurements)):
+        if k >= due:
+            due = look(k)
         if k > 0 or not fresh:
             interact(bank.transition, bank.mixing, posteriors, work)
             predict(bank.model, k, inputs[k], posteriors, work)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.linear_steps import (
     Gain,
@@ -98,35 +99,54 @@ def run_linear(
     posterior is meant at the first row, which then corrects it as it stands; else it is meant a
     period before. ``ends`` become the numbers of good rows, (records, 2).
     """
-    A, B, C, D, Q, R = model
+    count, due = measurements.shape[1], FIRST
     for r in range(len(measurements)):
-        mean, covariance = posteriors.means[r], posteriors.covariances[r]
-        error, ends[r, 0] = posteriors.errors[r], 0
-        for k in range(len(measurements[r])):
-            y, innovation = measurements[r, k], rows.innovation[r, k]
-            # x = A x + B u, P = A P A' + Q
-            if k > 0 or not fresh:
-                predict(
-                    A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
-                    inputs[r, k], mean, covariance, mean, covariance, work,
-                )  # fmt: skip
+        ends[r, 0] = first = 0
+        while first < count and ends[r, 0] == first:
+            if r * count + first >= due:
+                due = look(r * count + first)
+            last = min(count, due - r * count)
+            _run_rows(
+                model, gain, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
+                first, last,
+            )  # fmt: skip
+            first = last
+
+
+@inlined_kernel
+def _run_rows(
+    model: ModelRows, gain: Gain, measurements: Array, inputs: Array, fresh: bool,
+    posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: LinearWork,
+    ends: NDArray[np.int64], r: int, first: int, last: int,
+) -> None:  # fmt: skip
+    """Filter the rows of a record from ``first`` to before ``last``."""
+    A, B, C, D, Q, R = model
+    mean, covariance, error = posteriors.means[r], posteriors.covariances[r], posteriors.errors[r]
+    for k in range(first, last):
+        y, innovation = measurements[r, k], rows.innovation[r, k]
+        # x = A x + B u, P = A P A' + Q
+        if k > 0 or not fresh:
+            predict(
+                A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
+                inputs[r, k], mean, covariance, mean, covariance, work,
+            )  # fmt: skip
+        if kept is not None:
+            keep_prediction(mean, covariance, kept, r, k)
+        if is_missing(y):
+            fill(innovation, math.nan)
+            rows.log_likelihood[r, k] = 0.0
+        else:
+            # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
+            rows.log_likelihood[r, k] = correct(
+                C[min(k, len(C) - 1)], D[min(k, len(D) - 1)], R[min(k, len(R) - 1)],
+                gain.function, gain.parameters, y, inputs[r, k + 1], mean, covariance, error,
+                innovation, work,
+            )  # fmt: skip
             if kept is not None:
-                keep_prediction(mean, covariance, kept, r, k)
-            if is_missing(y):
-                fill(innovation, math.nan)
-                rows.log_likelihood[r, k] = 0.0
-            else:
-                # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
-                rows.log_likelihood[r, k] = correct(
-                    C[min(k, len(C) - 1)], D[min(k, len(D) - 1)], R[min(k, len(R) - 1)],
-                    gain.function, gain.parameters, y, inputs[r, k + 1], mean, covariance, error,
-                    innovation, work,
-                )  # fmt: skip
-                if kept is not None:
-                    assign_matrix(kept.gain[r, k], work.gain)
-            if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
-                break
-            ends[r, 0] = k + 1
+                assign_matrix(kept.gain[r, k], work.gain)
+        if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
+            break
+        ends[r, 0] = k + 1
 
 
 @kernel
@@ -139,7 +159,10 @@ def predict_linear(
     ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
     """
     n = next_means.shape[1]
+    due = FIRST
     for k in range(len(next_means)):
+        if k >= due:
+            due = look(k)
         # x = A x + B u, P = A P A' + Q
         A = model.A[min(k + 1, len(model.A) - 1)]
         B, Q = model.B[min(k + 1, len(model.B) - 1)], model.Q[min(k + 1, len(model.Q) - 1)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from reobserve.core.code_paths import cores
 from reobserve.core.errors import InputError, located
+from reobserve.core.interrupts import stopped_by
 from reobserve.core.matrices import all_finite
 from reobserve.observers.contract import Observer
 from reobserve.observers.record import Record, Rows, depth_of
@@ -19,10 +21,19 @@ from reobserve.observers.run import Run
 
 def in_threads(block: Callable[[slice], None], records: int) -> None:
     """Call a function for parts of many records, on all cores."""
-    threads = min(records, cores())
+    threads, stop = min(records, cores()), Event()
     cuts = np.linspace(0, records, threads + 1).astype(int).tolist()
+
+    def stoppable(one: slice) -> None:
+        with stopped_by(stop):
+            block(one)
+
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(block, map(slice, cuts[:-1], cuts[1:])))
+        try:
+            list(pool.map(stoppable, map(slice, cuts[:-1], cuts[1:])))
+        except BaseException:  # what one part raises, or the handler of a signal
+            stop.set()
+            raise
 
 
 def part(arrays: Any, one: slice) -> Any:

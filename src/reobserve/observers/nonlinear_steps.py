@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
 from reobserve.observers.linear_loop import (
@@ -107,34 +108,53 @@ def run_nonlinear(
     ``fresh`` posterior is meant at the first row, which then corrects it as it stands; else it is
     meant a period before.
     """
+    count, due = measurements.shape[1], FIRST
     for r in range(len(measurements)):
-        mean, covariance = posteriors.means[r], posteriors.covariances[r]
-        ends[r, 0] = ends[r, 1] = 0
-        for k in range(len(measurements[r])):
-            y, innovation = measurements[r, k], rows.innovation[r, k]
-            # x = f(x, u), P = A P A' + Q, or that of sigma points
-            if (k > 0 or not fresh) and not predict(
-                model, weights, k, inputs[r, k], mean, covariance, mean, covariance, work
-            ):
+        ends[r, 0] = ends[r, 1] = first = 0
+        while first < count and ends[r, 0] == first:
+            if r * count + first >= due:
+                due = look(r * count + first)
+            last = min(count, due - r * count)
+            _run_rows(
+                model, weights, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
+                first, last,
+            )  # fmt: skip
+            first = last
+
+
+@inlined_kernel
+def _run_rows(
+    model: NonlinearRows, weights: Weights | None, measurements: Array, inputs: Array, fresh: bool,
+    posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: FilterWork,
+    ends: NDArray[np.int64], r: int, first: int, last: int,
+) -> None:  # fmt: skip
+    """Filter the rows of a record from ``first`` to before ``last``."""
+    mean, covariance = posteriors.means[r], posteriors.covariances[r]
+    for k in range(first, last):
+        y, innovation = measurements[r, k], rows.innovation[r, k]
+        # x = f(x, u), P = A P A' + Q, or that of sigma points
+        if (k > 0 or not fresh) and not predict(
+            model, weights, k, inputs[r, k], mean, covariance, mean, covariance, work
+        ):
+            ends[r, 1] = work.cause[0]
+            break
+        if kept is not None:
+            keep_prediction(mean, covariance, kept, r, k)
+        if is_missing(y):
+            fill(innovation, math.nan)
+            rows.log_likelihood[r, k] = 0.0
+        else:
+            # x = x + K (y - h(x, u)), P = (I - K C) P (I - K C)' + K R K'
+            rows.log_likelihood[r, k] = correct(
+                model, weights, k, y, inputs[r, k + 1], mean, covariance, innovation, work
+            )
+            if math.isnan(rows.log_likelihood[r, k]):
                 ends[r, 1] = work.cause[0]
                 break
             if kept is not None:
-                keep_prediction(mean, covariance, kept, r, k)
-            if is_missing(y):
-                fill(innovation, math.nan)
-                rows.log_likelihood[r, k] = 0.0
-            else:
-                # x = x + K (y - h(x, u)), P = (I - K C) P (I - K C)' + K R K'
-                rows.log_likelihood[r, k] = correct(
-                    model, weights, k, y, inputs[r, k + 1], mean, covariance, innovation, work
-                )
-                if math.isnan(rows.log_likelihood[r, k]):
-                    ends[r, 1] = work.cause[0]
-                    break
-                if kept is not None:
-                    assign_matrix(kept.gain[r, k], work.linear.gain)
-            keep_row(mean, covariance, innovation, work.linear, rows, r, k)
-            ends[r, 0] = k + 1
+                assign_matrix(kept.gain[r, k], work.linear.gain)
+        keep_row(mean, covariance, innovation, work.linear, rows, r, k)
+        ends[r, 0] = k + 1
 
 
 @kernel
@@ -146,7 +166,10 @@ def predict_nonlinear(
 
     ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
     """
+    due = FIRST
     for k in range(len(next_means)):
+        if k >= due:
+            due = look(k)
         if not predict(
             model, weights, k + 1, inputs[k + 1], means[k], covariances[k], next_means[k],
             next_covariances[k], work,

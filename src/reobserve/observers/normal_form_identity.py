@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_word
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import kernel
 from reobserve.core.small_systems import solve_in_place
 from reobserve.core.value import converter
@@ -143,7 +144,10 @@ def _run(  # noqa: PLR0912, see below
     """
     n = rows.shape[1]
     values, measured, slopes, x = work.values, work.measured, work.slopes, work.x
+    due = FIRST
     for k in range(len(rows) - 1):
+        if k >= due:
+            due = look(k)
         # l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):
             evaluate(law.injection, known[2 * k + j], work.monomials, measured[j])

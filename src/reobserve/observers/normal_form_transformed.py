@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import kernel
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
@@ -119,7 +120,10 @@ def _run(
     """Fill ``rows`` from its first one, and return the number of finite rows."""
     n = rows.shape[1]
     buffer, fed = work
+    due = FIRST
     for k in range(len(rows) - 1):
+        if k >= due:
+            due = look(k)
         # g = l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):
             evaluate(injection, known[2 * k + j], buffer, fed[j])

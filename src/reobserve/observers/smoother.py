@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
@@ -203,7 +204,10 @@ def _smooth(
 ) -> int:  # fmt: skip
     """Smooth filtered means and covariances in place, and return the row that fails, or -1."""
     n = means.shape[1]
+    due = FIRST
     for back in range(len(next_means)):
+        if back >= due:
+            due = look(back)
         k = len(next_means) - 1 - back
         if not take_root(next_covariances[k], root):
             return k

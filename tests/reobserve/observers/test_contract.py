@@ -19,8 +19,10 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.interrupts import FIRST
 from reobserve.core.value import Value
 from reobserve.observers.contract import Observer
+from reobserve.observers.imm import IMM
 from reobserve.observers.run import Run
 from tests.reobserve.observers.case import Case, observe
 from tests.reobserve.observers.cases import CASES
@@ -547,3 +549,20 @@ def test_only_correctly_aligned_rows_give_the_true_values(case: Case) -> None:
     if case.u is not None:
         for u in moved(case.u):
             assert worst_error(case, u=u) > case.worse * aligned
+
+
+def test_long_loops_can_be_interrupted(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    if isinstance(case.observer, IMM) and not case.observer._linear:
+        pytest.skip("its loop is one of Python")
+
+    class SignalError(Exception):
+        pass
+
+    def raise_it(row: int) -> int:
+        raise SignalError
+
+    times = 2 * FIRST // len(case.y) + 1
+    y, u = (None if one is None else np.concatenate([one] * times) for one in (case.y, case.u))
+    monkeypatch.setattr("reobserve.core.interrupts.next_look", raise_it)
+    with pytest.raises(SignalError):
+        case.observer.run(y, u, state=case.state, on_divergence="return")

@@ -1,0 +1,151 @@
+"""Loops that a signal interrupts."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve import KalmanFilter, LinearModel, rts_smoother
+from reobserve.core.interrupts import FIRST, next_look
+
+# Sends SIGINT to itself in runs that take seconds, and prints how long it took to end them.
+SCRIPT = """
+import os, signal, threading, time
+import numpy as np
+from reobserve import IMM, ExtendedKalmanFilter, KalmanFilter, LinearModel, NonlinearModel
+from reobserve import UnscentedKalmanFilter
+
+n = 36
+chain = KalmanFilter(LinearModel(0.9 * np.eye(n), C=np.eye(1, n), Q=1e-4, R=1e-2))
+ode = NonlinearModel.from_ode(
+    ["w", "-sin(a)"], ["a"], 1e-4, 1e-2, state_names=["a", "w"], sampling_period=0.01,
+    substeps=2000,
+)
+y = np.zeros((40_000, 1))
+runs = {
+    "one": (chain, y, n), "many": (chain, np.zeros((4, 12_000, 1)), n),
+    "bank": (IMM([chain, chain], [[0.9, 0.1], [0.1, 0.9]]), y[:20_000], n),
+    "extended": (ExtendedKalmanFilter(ode), y, 2), "unscented": (UnscentedKalmanFilter(ode), y, 2),
+}
+for name, (filter, rows, size) in runs.items():
+    state = filter.init(np.zeros(size), 1.0)
+    filter.run(rows[..., :3, :], state=state)
+    sent = []
+
+    def send():
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Timer(0.2, send).start()
+    try:
+        filter.run(rows, state=state)
+        late = "never"
+    except KeyboardInterrupt:
+        late = time.monotonic() - sent[0]
+    print(name, late, flush=True)
+"""
+
+
+def test_interrupt_ends_long_runs_within_a_second() -> None:
+    found = subprocess.run(
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True
+    )
+    late = dict(line.split() for line in found.stdout.splitlines())
+    assert set(late) == {"one", "many", "bank", "extended", "unscented"}
+    assert all(float(one) < 1.0 for one in late.values()), late
+
+
+def _filter() -> tuple[KalmanFilter, Any, Any]:
+    rng = np.random.default_rng(1)
+    model = LinearModel([[1.0, 0.1], [0.0, 0.9]], C=[[1.0, 0.0]], Q=1e-4, R=1e-2)
+    kalman = KalmanFilter(model)
+    return kalman, rng.standard_normal((400_000, 1)), kalman.init([0.0, 0.0], 1.0)
+
+
+def test_handler_that_raises_nothing_changes_no_bit() -> None:
+    kalman, y, state = _filter()
+    called = []
+    before = signal.signal(signal.SIGALRM, lambda *_: called.append(time.monotonic()))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
+        disturbed = kalman.run(y, state=state)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    left = kalman.run(y[:300], state=state)
+    right = kalman.run(y[300:], state=left.state)
+    assert called
+    assert np.array_equal(disturbed["state"][300:], right["state"])
+    assert np.array_equal(disturbed["covariance"][300:], right["covariance"])
+
+
+def test_error_of_a_handler_reaches_the_caller() -> None:
+    class LateError(Exception):
+        pass
+
+    def raise_late(*_: Any) -> None:
+        raise LateError
+
+    model = LinearModel(0.9 * np.eye(30), C=np.eye(1, 30), Q=1e-4, R=1e-2)
+    kalman, y = KalmanFilter(model), np.zeros((20_000, 1))
+    kalman.run(y[:3], state=kalman.init(np.zeros(30), 1.0))
+    before = signal.signal(signal.SIGALRM, raise_late)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.1)
+        with pytest.raises(LateError):
+            kalman.run(y, state=kalman.init(np.zeros(30), 1.0))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _interrupt() -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(5)
+
+
+def test_interrupt_leaves_other_threads_alone() -> None:
+    kalman, y, state = _filter()
+    wanted, found = kalman.run(y, state=state), []
+    thread = Thread(target=lambda: found.append(kalman.run(y, state=state)))
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        _interrupt()
+    thread.join()
+    assert np.array_equal(found[0]["state"], wanted["state"])
+
+
+def test_smoother_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    kalman, y, state = _filter()
+    run, rows = kalman.run(y[: 2 * FIRST], state=state), []
+
+    def looked(row: int) -> int:
+        rows.append(row)
+        return row + FIRST
+
+    monkeypatch.setattr("reobserve.core.interrupts.next_look", looked)
+    rts_smoother(kalman, run)
+    assert rows == [FIRST, FIRST]  # of the prediction, and backwards
+
+
+@pytest.mark.parametrize("seconds", [1e-6, 1e-3, 1.0])
+def test_looks_come_every_tenth_of_a_second(
+    seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = FIRST
+    clock = [0.0]
+    monkeypatch.setattr("reobserve.core.interrupts.time.monotonic", lambda: clock[0])
+    for _ in range(6):
+        after = next_look(row)
+        clock[0] += (after - row) * seconds
+        row, apart = after, (after - row) * seconds
+    assert apart <= max(0.11, 2 * seconds)
+    assert next_look(FIRST) == 2 * FIRST  # a loop of its own
