@@ -81,9 +81,10 @@ def _learning(law: LearningLaw, held: bool, job: keys.Job) -> Iterator[Metric]:
 
 @part
 def _over_rivals(law: LearningLaw, held: bool, job: keys.Job) -> Iterator[Metric]:
-    """Error under a sine over that of rivals with the same K2 and tau; nan if a held v is unstable.
+    """Error under a sine over that of rivals with the same K2 and tau.
 
-    `zero`, which estimates nothing, has an error of one.
+    It is nan if v is held with unstable gains. `zero`, which estimates nothing, has an error of
+    one.
     """
     theory, axis = job.theory, job.metrics.axis - 1
     omega, gains = theory.frequency, matched_integrator(law.K2, law.update_interval)

@@ -77,7 +77,7 @@ class Runs:
         return self.errors(estimate, self.stuck).scored("metrics.late_window", first)
 
     def late(self, estimate: Series) -> float:
-        """Their root mean square over that of the fault."""
+        """Relative error under the stuck fault in the last window of the run."""
         return self.late_errors(estimate).relative_root_mean_square
 
     @property

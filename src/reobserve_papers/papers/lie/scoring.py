@@ -55,7 +55,7 @@ def decay_rate(error: Array, step: float, start: float, end: float) -> float:
 
 
 def share_better(ise: ArrayLike, reference: ArrayLike) -> float:
-    """Share of runs with a smaller error than the reference; one that is nan is infinite."""
+    """Share of runs with a smaller error than the reference, where nan counts as infinite."""
     mine, other = (np.asarray(one, dtype=np.float64) for one in (ise, reference))
     return float(np.mean(mine < np.where(np.isnan(other), np.inf, other)))
 

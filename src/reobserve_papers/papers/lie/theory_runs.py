@@ -126,7 +126,7 @@ def error_decay(
 
 
 def copy_decay(problem: NormalFormProblem, start: float, duration: float) -> dict[float, float]:
-    """As `error_decay`, of a copy of the plant that starts at the origin, and so stays there."""
+    """The slopes of `error_decay` for a copy of the plant, which starts and stays at the origin."""
     system = problem.system
     first, f = np.full(system.states, start), _in_floats(system.dynamics)
     return _mean_slopes(
