@@ -324,6 +324,7 @@ DEPARTURES = {
     ("delay", "radius_on_ramp", "same"),
     ("delay", "higher_derivatives_hard", "less"),
     ("delay", "fig3_relay_oscillates", "less"),
+    ("eso", "any_form", "any"),
     ("eso", "same_level", "same"),
     ("ilo", "fewer_updates_less_noise", "less"),
     ("ilo", "faster_needs_shorter", "less"),
