@@ -38,8 +38,9 @@ _CHOSEN = ("filter_rate", "choice", "level")  # columns that identify a design o
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
     "rms_<fault>_error_constant": "root mean square error of a fault where it is constant",
-    "rms_<fault>_error_varying": "root mean square error of a fault where it varies",
-    "rms_<fault>_error_varying lag=<lag>": "the same, with the lag counted or removed",
+    "rms_<fault>_error_varying lag=<lag>": (
+        "root mean square error of a fault where it varies, with the lag counted or removed"
+    ),
     "rms_<fault>_fault_varying": "root mean square of a fault where it varies",
     "rms_noise_constant": "root mean square of the noise where the sensor fault is constant",
     "rms_corrected_speed_error_constant": (
