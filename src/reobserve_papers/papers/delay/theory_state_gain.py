@@ -68,7 +68,7 @@ def simulate(job: keys.Job, share: float, start: list[float], tau: float, end: f
 
 
 def simulate_on_sine(job: keys.Job, share: float, start: list[float], rho: float) -> Array:
-    """As `simulate`, on the sine with the delay of the paper, m = 2, and the threshold of Fig. 2.
+    """Simulate as above, on the sine with the paper's delay, m = 2 and the threshold of Fig. 2.
 
     Here the delay is kept within its bounds, and only its gain is switched off.
     """

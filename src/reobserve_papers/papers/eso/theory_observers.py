@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class Design(Protocol):
-    """What has the gains of an observer."""
+    """A holder of the gains of an observer."""
 
     @property
     def gains(self) -> Gains:
