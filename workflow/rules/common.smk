@@ -10,7 +10,7 @@ from reobserve.__main__ import collect_rarely
 from reobserve.core.documents import read_yaml
 from reobserve.core.seals import digest
 from reobserve.core.errors import ReobserveError
-from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.claims.evidence import checked_papers
 from reobserve_papers.claims.conventions import conventions_text
 from reobserve_papers.claims.registry import claims_text, deciding, decisive
 from reobserve_papers.parameters.config import check_config_files, known_tasks
@@ -19,7 +19,8 @@ from reobserve_papers.parameters.names import samples_path, style_sheet
 from reobserve_papers.parameters.prepare import check_metadata, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
 from reobserve_papers.parameters.step_kinds import SECTIONS
-from reobserve_papers.steps.provenance import closure_digest, code_digest, files_digest, versions
+from reobserve_papers.steps.provenance import closure_digest, code_digest, files_digest
+from reobserve_papers.steps.provenance import shared_digest, versions
 from reobserve_papers.signals.inputs import sample_files
 
 collect_rarely()
@@ -49,8 +50,7 @@ configfile: "config/config.yaml"
 
 with refused_in_one_sentence():
     PARAMETERS = load_parameters(Path(), config)
-    for parameters in PARAMETERS.values():
-        check_evidence(Path(), parameters)
+    checked = checked_papers(Path(), PARAMETERS, config if workflow.dryrun else PARAMETERS)
     if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
 
@@ -128,7 +128,7 @@ wildcard_constraints:
 
 def settings(step, about=None):
     """A params function: the parameter values that a step reads; a changed one reruns the job."""
-    return lambda wildcards: PARAMETERS[wildcards.paper].settings(
+    return lambda wildcards: checked(wildcards.paper).settings(
         step, wildcards[about] if about else ""
     )
 
@@ -139,14 +139,14 @@ def code(step):
 
 
 def code_of(module):
-    """A digest of a module that serves all papers, and of its imports."""
-    return closure_digest(["reobserve_papers.__main__", module])
+    """A params function: the same of a module."""
+    return lambda wildcards: shared_digest(module)
 
 
 def branch(wildcards, section, about):
     """The parameters of what a wildcard names; one sentence if its paper has none of that name."""
     with refused_in_one_sentence():
-        return PARAMETERS[wildcards.paper].section(section, wildcards[about])
+        return checked(wildcards.paper).section(section, wildcards[about])
 
 
 def design_of(section, about):
@@ -180,7 +180,7 @@ def recorded(wildcards):
 
 def files_of(wildcards):
     """An input function: the files that a study names."""
-    body = PARAMETERS[wildcards.paper].tree["studies"][wildcards.study]
+    body = checked(wildcards.paper).tree["studies"][wildcards.study]
     return [
         entry["value"]
         for entry in body.values()
@@ -229,7 +229,7 @@ def cached(wildcards):
 
 def sampled(wildcards):
     """A params function: a digest of the parameters with their ranges and of what is sampled."""
-    parameters = PARAMETERS[wildcards.paper]
+    parameters = checked(wildcards.paper)
     asked = decisive(claims_text(Path(), wildcards.paper), conventions_text(Path()))
     return digest([parameters.decisive(), parameters.seed, asked])
 
@@ -243,7 +243,7 @@ def decided(wildcards):
 def registered(wildcards):
     """A params function: a digest of a paper's claims and of the conventions."""
     paper = wildcards.paper
-    return digest([claims_text(Path(), paper), conventions_text(Path()), PARAMETERS[paper].seed])
+    return digest([claims_text(Path(), paper), conventions_text(Path()), checked(paper).seed])
 
 
 def numbers_behind(wildcards):

@@ -163,10 +163,10 @@ rule claims:
     params:
         papers=CLAIMED,
         code=code_of("reobserve_papers.cli.stages.claims"),
-        claims=digest(
+        claims=lambda wildcards: digest(
             [
                 conventions_text(Path()),
-                [[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED],
+                [[claims_text(Path(), paper), dict(checked(paper).entries())] for paper in CLAIMED],
             ]
         ),
     message:

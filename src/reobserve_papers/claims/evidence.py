@@ -1,19 +1,58 @@
-"""Checks of the configuration beside the parameters: claims, conventions, errata, samples."""
+"""Checks of a paper's configuration: parameters, claims, conventions, errata, samples."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Container, Mapping
+from functools import cache
 from pathlib import Path
 
 from reobserve.core.documents import read_json
-from reobserve.core.errors import InputError, located, nearest, shown
+from reobserve.core.errors import InputError, ReobserveError, located, nearest, shown
 from reobserve_papers.claims.cached_samples import read_cached
 from reobserve_papers.claims.conventions import read_conventions
 from reobserve_papers.claims.errata import errata_file, read_errata
 from reobserve_papers.claims.kept_samples import kept_by
 from reobserve_papers.claims.registry import Registry, amiss, claims_file, read_registry
 from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.prepare import check_files
+
+
+def checked_papers(
+    project: Path, parameters: Mapping[str, Parameters], at_once: Container[str]
+) -> Callable[[str], Parameters]:
+    """The parameters by paper, each with its files checked once, when it is first asked for.
+
+    Those in ``at_once`` are checked here: in a build all, in a dry run those with overrides. Others
+    are checked when a job of theirs is in Snakemake's graph, which the error ends.
+
+    Raises
+    ------
+    InputError
+        If a key is unknown or a value is not allowed; as `check_evidence`.
+    """
+
+    def check(paper: str) -> None:
+        read_parameters(parameters[paper])
+        check_files(parameters[paper])
+        check_evidence(project, parameters[paper])
+
+    @cache
+    def checked(paper: str) -> Parameters:
+        if paper not in at_once:
+            try:
+                check(paper)
+            except ReobserveError as error:
+                sys.exit(f"reobserve-papers: {error}")
+        return parameters[paper]
+
+    for paper in parameters:
+        if paper in at_once:
+            check(paper)
+    return checked
 
 
 def check_evidence(project: Path, parameters: Parameters) -> None:

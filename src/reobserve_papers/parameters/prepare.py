@@ -15,7 +15,6 @@ from typing import Any
 from reobserve.core.errors import InputError, ReobserveError, shown
 from reobserve.core.files import write_text
 from reobserve_papers.parameters.config import check_config, known_papers, known_tasks, take_truths
-from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.names import DEFAULT_STYLE, stored_parameters, style_sheet
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.inputs import sample_files
@@ -61,7 +60,9 @@ def _is_record(path: Path) -> bool:
 def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Parameters]:
     """The parameters of all papers with the overrides of ``config``, to which defaults are added.
 
-    All keys are checked; `write_parameters` also constructs plants and observers.
+    Their form is checked, the keys and values of each paper by
+    `reobserve_papers.claims.evidence.checked_papers`; `write_parameters` also constructs plants and
+    observers.
 
     Raises
     ------
@@ -83,8 +84,6 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
     found = {}
     for paper in papers:
         found[paper] = Parameters.load(project, paper, config.get(paper), config["seed"])
-        read_parameters(found[paper])
-        _check_files(found[paper])
     return found
 
 
@@ -170,7 +169,7 @@ def _check(overrides: Mapping[str, Any]) -> None:
     )
 
 
-def _check_files(parameters: Parameters) -> None:
+def check_files(parameters: Parameters) -> None:
     """Refuse names of files that Snakemake would take for patterns."""
     for key, entry in parameters.entries():
         files: Iterable[str] = sample_files(entry["value"])

@@ -87,6 +87,12 @@ def code_digest(stage: str, package: str) -> str:
     return closure_digest(stage_modules(stage, package))
 
 
+@cache
+def shared_digest(module: str) -> str:
+    """The same of a module that serves all papers."""
+    return closure_digest(["reobserve_papers.__main__", module])
+
+
 def closure_digest(modules: Iterable[str]) -> str:
     """A short hash of the source of ``modules`` and of everything that they import from here."""
     whole = hashlib.sha256()

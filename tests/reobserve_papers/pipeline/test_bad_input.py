@@ -354,16 +354,20 @@ def test_snakemake_reports_errors_in_one_sentence(built: Project, config: str, s
 
 
 def test_error_in_a_parameter_file_is_reported_before_the_first_job(fresh: Project) -> None:
-    """Also without overrides."""
+    """Also without overrides. A dry run reads the papers that it is asked for."""
     parameters = fresh.folder / "config/papers/eso.yaml"
     text = parameters.read_text(encoding="utf-8")
     parameters.write_text(text.replace("longest_lag:", "longest_leg:"), encoding="utf-8")
-    done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
-    assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve-papers: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
-    )
-    assert not (fresh.folder / "results/ilo").exists()
+    other = "results/ilo/constant/plant.parquet"
+    fresh.snakemake(other, "--dry-run")
+    for asked in ([other], ["results/eso/disturbed/plant.parquet", "--dry-run"]):
+        done = fresh.snakemake(*asked, check=False)
+        assert done.returncode == 1
+        assert done.stderr.rstrip().splitlines()[-1] == (
+            "reobserve-papers: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
+        )
+        assert "Traceback" not in done.stderr
+        assert not (fresh.folder / "results/ilo").exists()
 
 
 def test_error_found_on_construction_stops_the_first_job(fresh: Project) -> None:
