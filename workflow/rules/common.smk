@@ -50,7 +50,7 @@ configfile: "config/config.yaml"
 
 with refused_in_one_sentence():
     PARAMETERS = load_parameters(Path(), config)
-    checked = checked_papers(Path(), PARAMETERS, config if workflow.dryrun else PARAMETERS)
+    checked = checked_papers(Path(), PARAMETERS, config)
     if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
 
@@ -273,4 +273,6 @@ def code_of_task(wildcards):
 # No job makes these files. Snakemake would not see that the params of a job have changed while a
 # job before it, whose output it takes as `ancient`, has yet to run.
 onstart:
+    for paper in PARAMETERS:
+        checked(paper)
     write_parameters(Path(), PARAMETERS, config)

@@ -26,8 +26,9 @@ def checked_papers(
 ) -> Callable[[str], Parameters]:
     """The parameters by paper, each with its files checked once, when it is first asked for.
 
-    Those in ``at_once`` are checked here: in a build all, in a dry run those with overrides. Others
-    are checked when a job of theirs is in Snakemake's graph, which the error ends.
+    Those in ``at_once``, which have overrides, are checked here. The others are checked when a job
+    of theirs is in Snakemake's graph and, unless the run is dry, before the first job; the error
+    ends the run.
 
     Raises
     ------
