@@ -146,7 +146,9 @@ rule sensitivity:
 rule claims:
     input:
         [path for path in NUMBERS if path.split("/")[1] in CLAIMED],
-        expand("results/{paper}/{name}", paper=CLAIMED, name=["robustness.json", "alternatives.csv"]),
+        expand(
+            "results/{paper}/{name}", paper=CLAIMED, name=["robustness.json", "alternatives.csv"]
+        ),
     output:
         report(
             "results/claims.csv",
@@ -166,7 +168,10 @@ rule claims:
         claims=lambda wildcards: digest(
             [
                 conventions_text(Path()),
-                [[claims_text(Path(), paper), dict(checked(paper).entries())] for paper in CLAIMED],
+                [
+                    [claims_text(Path(), paper), dict(checked(paper).entries())]
+                    for paper in CLAIMED
+                ],
             ]
         ),
     message:
