@@ -297,6 +297,10 @@ LATE = {
     "reobserve.core.yaml_loader",
     "reobserve.core.documents",  # imported for reading YAML, which few stages do
     "reobserve_papers.plotting.apart",  # when a figure is plotted in another process
+    "reobserve_papers.plotting.pgf",  # and where a picture for LaTeX is asked for
+    "reobserve_papers.plotting.latex",
+    "reobserve_papers.plants.first_order_lag",  # of the two the one that a scenario names
+    "reobserve_papers.plants.pendulum",
     "reobserve.observers.halving",  # and on divergence, which does not occur in the build
     "reobserve.observers.many",  # and for many records at once
     "reobserve.observers.run_plot",  # and when a run is plotted
