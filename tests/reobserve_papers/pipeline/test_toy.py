@@ -121,7 +121,8 @@ def test_claims_get_their_verdicts(toy: Project) -> None:
     assert found["placed_is_better"]["held"] == "36"
     reported = (toy.folder / "results/verdicts.md").read_text()
     assert reported.endswith(
-        "| `toy` | [Re] | 4 | 2 | 0 | 0 | 1 | 0 | 1 | 2 stated, 0 before, 1 after |\n"
+        "| `toy` | [Re] | 4 | 2 | 0 | 0 | 1 | 0 | 1 | 2 stated, 0 before, 1 after |\n\n"
+        "- `toy` [Re]: nothing tried changes it.\n"
     )
     page = (toy.folder / "results/report.html").read_text()
     for text in ("The slow observer errs by less than a thousandth, too.", "l₂ = 15.9", "[Re]"):
