@@ -122,8 +122,7 @@ def _glance(paper: Paper) -> str:
         "with its confidence interval: each end holds with 95 % confidence at any number of "
         f"samples. [The details](../reference/claims/{paper.name}.md) have the numbers, the "
         f"checks, what was asked before, and {len(paper.errata)} errata, {certain} of them "
-        "certain.\n\n"
-        + table(("claim", "verdict", "held in samples"), rows)
+        "certain.\n\n" + table(("claim", "verdict", "held in samples"), rows)
     )
 
 
