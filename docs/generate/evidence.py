@@ -15,7 +15,7 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
-from reobserve_papers.claims.alternatives import Changed, Judge, Title, decide
+from reobserve_papers.claims.alternatives import Changed, Decider, Title, decide
 from reobserve_papers.claims.cached_samples import CachedSamples, read_cached
 from reobserve_papers.claims.checks import THEORY
 from reobserve_papers.claims.choices import chosen
@@ -102,7 +102,7 @@ class Paper:
         return tuple(map(self._claim, self.registry.claims))
 
     @cached_property
-    def judge(self) -> Judge:
+    def decider(self) -> Decider:
         """Whoever decides the claims, from golden numbers and cached samples."""
         cached = read_cached(self.root / samples_path(self.name), self.name)
         numbers = {name: lookup(found) for name, found in self.numbers.items()}
@@ -111,26 +111,26 @@ class Paper:
             for one in self.registry.claims
             if (found := cached.get(one.name)) is not None
         }
-        return Judge(self.registry, numbers, samples, self.seed)
+        return Decider(self.registry, numbers, samples, self.seed)
 
     @cached_property
     def decided(self) -> tuple[list[Changed], Title]:
         """What each alternative changes, and the title."""
-        return decide(self.judge)
+        return decide(self.decider)
 
     def _claim(self, claim: Registered) -> ReportedClaim:
         place = f"claims.{self.name}.{claim.name}"
         if claim.name not in self.accepted:
             raise InputError(place, "has no accepted verdict: make accept keeps it")
         accepted = self.accepted[claim.name]["verdict"]
-        judge = self.judge
-        drawn = judge.samples.get(claim.name)
+        decider = self.decider
+        drawn = decider.samples.get(claim.name)
         changes = "; ".join(
             one.alternative.name
             for one in self.decided[0]
             if one.claim == claim.name and one.other != one.verdict
         )
-        found = row(claim, judge, judge.numbers, drawn, changes)
+        found = row(claim, decider, decider.numbers, drawn, changes)
         cells = {key: str(value) for key, value in found.items()}
         if cells["verdict"] != accepted:
             problem = (

@@ -78,7 +78,7 @@ class Title:
     reasons: tuple[str, ...] = ()
 
 
-class Judge:
+class Decider:
     """Verdicts of a paper's claims from their samples, by the conventions and by alternatives.
 
     Parameters
@@ -90,7 +90,7 @@ class Judge:
     samples
         The samples of the others, by name.
     seed
-        The root of the draws that weigh samples.
+        The root of the random streams that weigh samples.
     """
 
     def __init__(
@@ -278,17 +278,17 @@ class Judge:
         return Alternative(name, kind, "; ".join(parts), self.conventions, claims, keep)
 
 
-def decide(judge: Judge) -> tuple[list[Changed], Title]:
+def decide(decider: Decider) -> tuple[list[Changed], Title]:
     """Return what all alternatives change, and the title that follows."""
-    changes = list(judge.changes(judge.alternatives()))
-    return changes, title(judge, changes)
+    changes = list(decider.changes(decider.alternatives()))
+    return changes, title(decider, changes)
 
 
-def title(judge: Judge, changes: Iterable[Changed]) -> Title:
+def title(decider: Decider, changes: Iterable[Changed]) -> Title:
     """The title: open where one alternative, or one open interval, would change it."""
-    values = judge.conventions.values
-    plain = judge.title
-    mains = main_claims(judge.judged.values(), values["main"], values["purpose"])
+    values = decider.conventions.values
+    plain = decider.title
+    mains = main_claims(decider.judged.values(), values["main"], values["purpose"])
     reasons: list[str] = []
     if plain == OPEN:
         short = [one for one in mains if one.verdict != REPRODUCED]

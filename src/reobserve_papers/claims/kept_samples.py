@@ -17,7 +17,7 @@ Keep = Callable[[Mapping[str, Any], int], bool]
 
 
 def kept_by(registry: Registry, single: SingleAlternative, seed: int) -> dict[str, Keep]:
-    """Which samples an alternative keeps, by claim; ``seed`` is the root of draws by weights.
+    """Which samples an alternative keeps, by claim; ``seed`` is the root of random streams.
 
     Raises
     ------

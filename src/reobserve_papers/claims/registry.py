@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
+from typing import Any
 
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, nearest, shown
-from reobserve.core.validation import Text, distinct, items, parse
+from reobserve.core.validation import parse
 from reobserve_papers.claims.checks import THEORY, Check, Reference
 from reobserve_papers.claims.choices import Choice, cells, find_choice
 from reobserve_papers.claims.conventions import (
@@ -24,141 +22,11 @@ from reobserve_papers.claims.conventions import (
     without_reasons,
     words_in,
 )
+from reobserve_papers.claims.entries import ClaimEntry, ClaimsFile, Earlier, Quantifier
 from reobserve_papers.parameters.names import claims_path
-from reobserve_papers.parameters.parameter_file import Interval, Model, parse_file
+from reobserve_papers.parameters.parameter_file import parse_file
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.meanings import Meanings, meanings
-
-Promise = Literal["abstract", "conclusions"]
-Quantifier = Literal["can", "is", "always"]
-References = Annotated[
-    Annotated[str, Tag("one")] | Annotated[Annotated[list[str], items()], Tag("several")],
-    Discriminator(lambda value: "several" if isinstance(value, list) else "one"),
-]
-
-
-class CheckEntry(Model):
-    """A condition on metrics: exactly one relation, from `below` to `exists`."""
-
-    value: References = Field(
-        description="FIGURE OBSERVER METRIC or theory OBSERVER METRIC, or a list of these. The"
-        " words are those of a row of FIGURE.metrics.csv or theory.metrics.csv in results/PAPER;"
-        " the page Metrics explains them."
-    )
-    over: References | None = Field(None, description="Metrics by which the values are divided.")
-    minus: References | None = Field(
-        None, description="Metrics that are subtracted from the values."
-    )
-    below: float | None = Field(None, description="Relation: each value is less than this.")
-    above: float | None = Field(None, description="Relation: each value is greater than this.")
-    within: Interval | None = Field(
-        None, description="Relation: each value is between these two, or equal to one of them."
-    )
-    falling: Literal[True] | None = Field(
-        None, description="Relation: each value of the list is less than the one before."
-    )
-    rising: Literal[True] | None = Field(
-        None, description="Relation: each value of the list is greater than the one before."
-    )
-    exists: bool | None = Field(
-        None, description="Relation: true if each value must be finite, false if it must be nan."
-    )
-    share: Annotated[float, Field(gt=0, le=1)] | None = Field(
-        None, description="The minimum share of the list that must satisfy the relation."
-    )
-
-
-class ClaimEntry(Model):
-    """One claim of a paper: either checks with a reason, or why nothing can test it."""
-
-    place: Text = Field(description="Where the paper makes the claim.")
-    statement: Text = Field(
-        description="The claim in our words. A check is true if the paper is right."
-    )
-    promised: Annotated[list[Promise], distinct] = Field(
-        [],
-        description="Where the paper promises it of its own method: abstract, conclusions. Such a"
-        " claim is a main claim.",
-    )
-    purpose: Annotated[list[Promise], distinct] = Field(
-        [],
-        description="Where the paper states it as a purpose only. It is a main claim if the"
-        " convention `purpose` counts them.",
-    )
-    quantifier: Quantifier = Field(
-        "is",
-        description="What it says of the settings that the paper leaves open: it `can` be so, it"
-        " `is` so, it is `always` so, which one counterexample contradicts.",
-    )
-    printed: bool = Field(
-        False,
-        description="Whether it is about numbers that the paper prints, to which settings"
-        " can be fitted.",
-    )
-    checks: Annotated[list[CheckEntry], items()] | None = Field(
-        None, description="All of them must hold."
-    )
-    why: Text | None = Field(None, description="The reason for the bounds.")
-    threshold: Literal["stated", "before", "after"] | None = Field(
-        None,
-        description="Who set the bounds: the paper (`stated`), or we, `before` or `after` their"
-        " numbers were known.",
-    )
-    depends_on: Annotated[list[str], distinct] = Field(
-        [],
-        description="What samples vary: keys of parameters, patterns of keys, groups of `choices`.",
-    )
-    null: Annotated[dict[str, str], Field(min_length=1)] | None = Field(
-        None,
-        description="By observer: one that knows nothing, with which the checks should fail.",
-    )
-    samples: Annotated[int, Field(ge=36)] | None = Field(
-        None, description="The maximum number of samples, where a formula makes them cheap."
-    )
-    departs: dict[str, Text] = Field(
-        {}, description="By convention: why the claim departs from it."
-    )
-    setting: Text | None = Field(
-        None,
-        description="A setting at which it is known to hold from a search, with the ranges, the"
-        " method, the seed and the budget of that.",
-    )
-    not_testable: Text | None = Field(None, description="Why nothing can test it.")
-
-    @model_validator(mode="after")
-    def _either(self) -> ClaimEntry:
-        if (self.checks is not None and self.why is not None) == (self.not_testable is not None):
-            raise InputError("", "must have checks with a why, or not_testable")
-        if self.checks is not None and self.threshold is None:
-            problem = "is missing: say who set the bounds, stated, before or after"
-            raise InputError("threshold", problem)
-        return self
-
-
-class Earlier(Model):
-    """A verdict that was another before a bound, range, quantifier, window or promise changed."""
-
-    claim: Text = Field(description="The claim, as it was called.")
-    verdict: Text = Field(description="The verdict before.")
-    was: Text = Field(description="What was asked then.")
-    now: Text = Field(description="What is asked now, or where it went.")
-    why: Text = Field(description="The reason for the change.")
-
-
-class ClaimsFile(Model):
-    """The claims of a paper, ``config/claims/<paper>.yaml``."""
-
-    limitations: Text = Field(description="What the paper leaves open, for the report.")
-    choices: dict[str, Annotated[list[str], items()]] = Field(
-        {}, description="Groups of parameters that `depends_on` can name."
-    )
-    claims: Annotated[
-        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry],
-        Field(min_length=1),
-    ]
-    history: list[Earlier] = Field(
-        [], description="Verdicts that changed with what was asked, while the verdict was known."
-    )
 
 
 @dataclass(frozen=True)

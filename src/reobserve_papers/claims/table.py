@@ -6,7 +6,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import COUNT, GAP, NAME, Kind
-from reobserve_papers.claims.alternatives import Judge
+from reobserve_papers.claims.alternatives import Decider
 from reobserve_papers.claims.checks import Numbers
 from reobserve_papers.claims.margins import format_margins, margins
 from reobserve_papers.claims.registry import Claim
@@ -29,7 +29,7 @@ KINDS = {
 
 
 def row(
-    claim: Claim, judge: Judge, numbers: Numbers, samples: Robustness | None, changes: str = ""
+    claim: Claim, decider: Decider, numbers: Numbers, samples: Robustness | None, changes: str = ""
 ) -> dict[str, Any]:
     """The row of a claim, which is broken if it names a number that nobody has."""
     cells: dict[str, Any] = {
@@ -45,7 +45,7 @@ def row(
         "depends_on": " ".join(claim.keys),
     }
     if not claim.testable:
-        return cells | {"verdict": judge.judged[claim.name].verdict}
+        return cells | {"verdict": decider.judged[claim.name].verdict}
     place = f"claims.{claim.paper}.{claim.name}"
     try:
         measured = "; ".join(check.measured(numbers) for check in claim.checks)
@@ -60,19 +60,19 @@ def row(
     if samples is None and claim.choices:
         problem = f"{place}: has no samples, must be sampled again"
         return cells | {"verdict": BROKEN, "problem": problem}
-    share = judge.conventions.values["share"]
-    outcomes = judge.outcomes(claim)
-    counted = judge.counted(claim, outcomes)
-    found = [trial.found for trial in samples.trials] if samples else [judge.stated(claim)]
-    word = judge.judged[claim.name].verdict
+    share = decider.conventions.values["share"]
+    outcomes = decider.outcomes(claim)
+    counted = decider.counted(claim, outcomes)
+    found = [trial.found for trial in samples.trials] if samples else [decider.stated(claim)]
+    word = decider.judged[claim.name].verdict
     cells |= {
         "verdict": word,
-        "holds": "yes" if judge.holds(claim) else "no",
+        "holds": "yes" if decider.holds(claim) else "no",
         "measured": measured,
         "margin": format_margins(margins(claim, found, counted.whole, share)),
         "changes": changes,
     }
-    if word in (CALIBRATED, CONTRADICTED) and (setting := judge.setting(claim)):
+    if word in (CALIBRATED, CONTRADICTED) and (setting := decider.setting(claim)):
         cells["setting"] = setting
     if samples is not None:
         low, high = counted.interval()
@@ -86,7 +86,7 @@ def row(
             "high": f"{high:.4g}",
         }
     if claim.null:
-        nulls = judge.outcomes(claim.with_null)
+        nulls = decider.outcomes(claim.with_null)
         cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"
     return cells
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from reobserve_papers.claims import sequential
-from reobserve_papers.claims.registry import Quantifier
+from reobserve_papers.claims.entries import Quantifier
 
 REPRODUCED = "reproduced"
 CALIBRATED = "reproduced only by calibration"

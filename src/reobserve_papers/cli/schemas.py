@@ -9,8 +9,8 @@ from reobserve.core.validation import schema
 from reobserve.tuning.task import TaskFile
 from reobserve_papers.claims.conventions import PATH as CONVENTIONS
 from reobserve_papers.claims.conventions import ConventionsFile
+from reobserve_papers.claims.entries import ClaimsFile
 from reobserve_papers.claims.errata import ErrataFile
-from reobserve_papers.claims.registry import ClaimsFile
 from reobserve_papers.parameters.parameter_file import Configuration, ParameterFile
 
 # By the name of a kind of file: its path, and the model that reads it.

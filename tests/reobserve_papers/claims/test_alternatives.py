@@ -15,15 +15,15 @@ from reobserve_papers.claims.alternatives import (
     LACKS,
     NOT_COMPUTED,
     Changed,
-    Judge,
+    Decider,
     Title,
     decide,
     read_alternatives,
     write_alternatives,
 )
-from reobserve_papers.claims.alternatives_plot import alternatives_curve
 from reobserve_papers.claims.conventions import SingleAlternative
 from reobserve_papers.claims.kept_samples import kept_by, narrower
+from reobserve_papers.claims.plot_alternatives import alternatives_curve
 from reobserve_papers.claims.registry import Registry
 from reobserve_papers.claims.robustness import Robustness, assess
 from reobserve_papers.claims.verdicts import (
@@ -70,9 +70,11 @@ def sampled(found: Registry, samples: int = 400) -> dict[str, Robustness]:
     return assess(Evaluator(ILO), found.claims, lambda _: samples, share)
 
 
-def judge(code: Code, found: Registry, samples: Mapping[str, Robustness] | None = None) -> Judge:
+def decider(
+    code: Code, found: Registry, samples: Mapping[str, Robustness] | None = None
+) -> Decider:
     numbers = {figure: lookup(code(Evaluator(ILO), figure)) for figure in ("fig1", "fig2")}
-    return Judge(found, numbers, sampled(found) if samples is None else samples, seed=1)
+    return Decider(found, numbers, sampled(found) if samples is None else samples, seed=1)
 
 
 def by_name(changes: list[Changed]) -> dict[str, Changed]:
@@ -83,14 +85,14 @@ def by_name(changes: list[Changed]) -> dict[str, Changed]:
 
 
 def test_title_that_nothing_changes_stands(code: Code, tmp_path: Path) -> None:
-    good = judge(code, registry(tmp_path, {"one": SURE, "two": above(450)}))
+    good = decider(code, registry(tmp_path, {"one": SURE, "two": above(450)}))
     assert decide(good)[1] == Title("[Re]")
-    bad = judge(code, registry(tmp_path, {"one": SURE, "never": NEVER}))
+    bad = decider(code, registry(tmp_path, {"one": SURE, "never": NEVER}))
     assert decide(bad)[1] == Title("[¬Re]")
 
 
 def test_title_of_half_is_open_with_its_reason(code: Code, tmp_path: Path) -> None:
-    half = judge(code, registry(tmp_path, {"one": SURE, "half": HALF}))
+    half = decider(code, registry(tmp_path, {"one": SURE, "half": HALF}))
     changes, title = decide(half)
     reason = "1 of 2 main claims are reproduced: half depends on unstated choices"
     assert title == Title("[Re?]", (reason,))
@@ -100,7 +102,7 @@ def test_title_of_half_is_open_with_its_reason(code: Code, tmp_path: Path) -> No
 def test_alternative_that_changes_the_title_makes_it_open(code: Code, tmp_path: Path) -> None:
     less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
     found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
-    changes, title = decide(judge(code, found))
+    changes, title = decide(decider(code, found))
     assert title == Title("[Re?]", ("[¬Re] with less: much",))
     much = by_name(changes)["less: much"]
     assert (much.claim, much.verdict, much.other) == ("one", REPRODUCED, CONTRADICTED)
@@ -118,7 +120,7 @@ def test_alternatives_that_change_the_title_alike_are_listed_together(
         "never at all": {"claims": {"one": {"checks.0": {"value": PLAIN, "below": 1}}}},
     }
     found = registry(tmp_path, {"one": SURE}, {}, alternatives)
-    _, title = decide(judge(code, found))
+    _, title = decide(decider(code, found))
     reasons = ("[¬Re] with none of it; never at all", "[Re?] with half of it")
     assert title == Title("[Re?]", reasons)
 
@@ -131,7 +133,7 @@ def test_open_interval_that_could_change_the_title_makes_it_open(
     (rare,) = (one for one in found.claims if one.name == "rare")
     counted = samples["rare"].counted(samples["rare"].outcomes(rare))
     assert possible("is", counted, 0.9) == (DEPENDS, CONTRADICTED)
-    judged = judge(code, found, samples)
+    judged = decider(code, found, samples)
     assert judged.judged["rare"].verdict == UNDECIDED
     assert judged.title == "[Re]"
     _, title = decide(judged)
@@ -142,7 +144,7 @@ def test_open_interval_that_could_change_the_title_makes_it_open(
 def test_open_interval_that_changes_no_title_leaves_it(code: Code, tmp_path: Path) -> None:
     """Two of three are reproduced, whether the third is or depends on choices."""
     found = registry(tmp_path, {"one": SURE, "two": SURE, "near": NEAR})
-    judged = judge(code, found, sampled(found, 60))
+    judged = decider(code, found, sampled(found, 60))
     assert judged.judged["near"].verdict == UNDECIDED
     assert decide(judged)[1] == Title("[Re]")
 
@@ -156,7 +158,7 @@ def test_verdict_that_only_lacks_samples_changes_nothing_and_is_marked(
     """At nineteen in twenty 36 of 36 samples do not decide."""
     share = {"value": 0.9, "alternatives": {"nineteen_of_twenty": 0.95, "four_fifths": 0.8}}
     found = registry(tmp_path, {"one": SURE, "two": SURE}, {"share": share})
-    changes, title = decide(judge(code, found))
+    changes, title = decide(decider(code, found))
     rows = [one for one in changes if one.alternative.name == "share: nineteen_of_twenty"]
     assert [(one.claim, one.verdict, one.other, one.note) for one in rows] == [
         (name, REPRODUCED, REPRODUCED, LACKS) for name in ("one", "two")
@@ -173,7 +175,7 @@ def test_measure_is_evaluated_from_the_same_samples(code: Code, tmp_path: Path) 
     found = registry(tmp_path, {"one": {"checks": checks}}, {"lag": lag})
     samples = sampled(found)
     code.asked.clear()
-    changes, title = decide(judge(code, found, samples))
+    changes, title = decide(decider(code, found, samples))
     assert len(code.asked) == 2  # the numbers of two figures
     removed = by_name(changes)["lag: removed"]
     quarters = [float(trial.values[0]) / 4 for trial in samples["one"].trials]
@@ -189,7 +191,7 @@ def test_measure_that_samples_do_not_have_is_not_computed(code: Code, tmp_path: 
     (one,) = found.claims
     short = replace(one, wanted=tuple(one.checks[0].references))
     samples = assess(Evaluator(ILO), [short], lambda _: 40, 0.9)
-    made, title = decide(judge(code, found, samples))
+    made, title = decide(decider(code, found, samples))
     mine = by_name(made)["mine"]
     assert (mine.verdict, mine.other, mine.note) == (REPRODUCED, REPRODUCED, NOT_COMPUTED)
     assert title == Title("[Re]")
@@ -202,7 +204,7 @@ def test_quantifier_and_promise_can_be_read_otherwise(code: Code, tmp_path: Path
         "no promise": {"claims": {"one": {"promised": []}}},
         "nothing else": {"claims": {"one": {"why": "Another."}}},
     }
-    made, title = decide(judge(code, registry(tmp_path, claims, {}, alternatives)))
+    made, title = decide(decider(code, registry(tmp_path, claims, {}, alternatives)))
     found = by_name(made)
     assert (found["always"].claim, found["always"].other) == ("rare", CONTRADICTED)
     assert found["no promise"].other == f"{REPRODUCED}, no main claim"
@@ -226,7 +228,7 @@ def test_conventions_say_which_claims_are_main(code: Code, tmp_path: Path) -> No
         },
         "majority": {"value": 0.5, "alternatives": {"two_thirds": 0.6667}},
     }
-    made, title = decide(judge(code, registry(tmp_path, claims, conventions)))
+    made, title = decide(decider(code, registry(tmp_path, claims, conventions)))
     found = {name: one.other_title for name, one in by_name(made).items()}
     assert found["purpose: counted"] == "[¬Re]"
     assert (found["main: a"], found["main: c"], found["main: all"]) == ("[Re]", "[Re?]", "[¬Re]")
@@ -239,7 +241,7 @@ def test_conventions_say_which_claims_are_main(code: Code, tmp_path: Path) -> No
 
 def test_alternatives_of_other_papers_are_not_tried(code: Code, tmp_path: Path) -> None:
     other = {"theirs": {"paper": "imm", "claims": {"no_claim_here": {"quantifier": "always"}}}}
-    made, _ = decide(judge(code, registry(tmp_path, {"one": SURE}, {}, other)))
+    made, _ = decide(decider(code, registry(tmp_path, {"one": SURE}, {}, other)))
     assert "theirs" not in by_name(made)
 
 
@@ -254,7 +256,7 @@ def test_range_keeps_the_samples_inside(code: Code, tmp_path: Path) -> None:
     }
     found = registry(tmp_path, {"one": NEAR, "two": NEAR}, {}, alternatives)
     samples = sampled(found)
-    made, _ = decide(judge(code, found, samples))
+    made, _ = decide(decider(code, found, samples))
     gains = [trial.values[0] for trial in samples["one"].trials]
     assert len(gains) == 400
     for name, (low, high), verdict in (
@@ -271,7 +273,7 @@ def test_range_keeps_the_samples_inside(code: Code, tmp_path: Path) -> None:
 
 def test_range_without_samples_decides_nothing(code: Code, tmp_path: Path) -> None:
     alternatives = {"empty": {"ranges": {GAIN: [1e-3, 1e-2]}}}
-    made, _ = decide(judge(code, registry(tmp_path, {"one": SURE}, {}, alternatives)))
+    made, _ = decide(decider(code, registry(tmp_path, {"one": SURE}, {}, alternatives)))
     empty = by_name(made)["empty"]
     assert (empty.other, empty.note) == (REPRODUCED, LACKS)
 
@@ -304,7 +306,7 @@ def test_weights_change_a_verdict(code: Code, tmp_path: Path) -> None:
     seldom = {"weights": {VARIANT: {"forgetting": 0.0}}}
     found = registry(tmp_path, claims, {}, {"two words": weights, "no third": seldom})
     samples = sampled(found, 400)
-    made = by_name(decide(judge(code, found, more_of(found, samples)))[0])
+    made = by_name(decide(decider(code, found, more_of(found, samples)))[0])
     assert [made[name].other for name in ("two words", "no third")] == [REPRODUCED, REPRODUCED]
 
 
@@ -324,7 +326,7 @@ def test_halves_and_words_are_made_for_each_choice_of_each_main_claim(
         "two": {**SURE, "depends_on": [SHARE]},
         "minor": {**SURE, "promised": []},
     }
-    found = judge(code, registry(tmp_path, claims))
+    found = decider(code, registry(tmp_path, claims))
     assert [one.name for one in found.alternatives()] == [
         f"one: {GAIN}, lower half",
         f"one: {GAIN}, upper half",
@@ -346,7 +348,7 @@ def test_halves_part_a_range_in_the_middle_of_its_magnitudes(tmp_path: Path) -> 
 def test_word_left_out_of_a_count_leaves_a_count(code: Code, tmp_path: Path) -> None:
     """Two of three words satisfy the claim: two of two without the third."""
     found = registry(tmp_path, {"one": {**below(1.5), "depends_on": [VARIANT]}})
-    judged = judge(code, found)
+    judged = decider(code, found)
     assert judged.judged["one"].verdicts == (DEPENDS,)
     made = by_name(decide(judged)[0])
     others = {word: made[f"one: {VARIANT} not {word}"].other for word in VARIANTS}
@@ -359,7 +361,7 @@ def test_word_left_out_of_a_count_leaves_a_count(code: Code, tmp_path: Path) -> 
 def test_table_of_alternatives_is_read_as_it_was_written(code: Code, tmp_path: Path) -> None:
     less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
     found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
-    changes, title = decide(judge(code, found))
+    changes, title = decide(decider(code, found))
     path = tmp_path / "alternatives.csv"
     write_alternatives(path, changes, title)
     again, rows = read_alternatives(path)
@@ -376,7 +378,7 @@ def test_curve_shows_each_alternative_and_names_what_changes_the_title(
 ) -> None:
     less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
     found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
-    judged = judge(code, found)
+    judged = decider(code, found)
     changes, title = decide(judged)
     write_alternatives(tmp_path / "alternatives.csv", changes, title)
     verdicts = {name: one.verdict for name, one in judged.judged.items()}

@@ -13,10 +13,11 @@ import pytest
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_table, write_table
-from reobserve_papers.claims.alternatives import Judge, Title, write_alternatives
+from reobserve_papers.claims.alternatives import Decider, Title, write_alternatives
 from reobserve_papers.claims.checks import Check, Numbers, Reference
+from reobserve_papers.claims.entries import Quantifier
 from reobserve_papers.claims.outcomes import outcome
-from reobserve_papers.claims.registry import Claim, Quantifier, Registry, read_registry
+from reobserve_papers.claims.registry import Claim, Registry, read_registry
 from reobserve_papers.claims.robustness import Robustness, Trial
 from reobserve_papers.claims.sequential import ERROR
 from reobserve_papers.claims.table import HEADER, row
@@ -171,7 +172,7 @@ def test_interval_of_a_share_is_that_of_the_rest_turned_over() -> None:
     assert Counted(0, 40).interval()[0] == 0
 
 
-# By a judge, who sees the parameter file, too.
+# By a decider, who sees the parameter file, too.
 
 RELATION = {"value": "fig1 a gain", "above": 1.0}
 SAMPLED = claim("fig1 a gain", GAIN, above=1.0)
@@ -189,9 +190,9 @@ def stated(gain: float) -> Numbers:
     return {"fig1": {("a", "gain"): gain}}
 
 
-def judged(one: Claim, gain: float, samples: Robustness | None = None) -> Judge:
+def judged(one: Claim, gain: float, samples: Robustness | None = None) -> Decider:
     known = {} if samples is None else {one.name: samples}
-    return Judge(Registry(claims=[one]), stated(gain), known, seed=1)
+    return Decider(Registry(claims=[one]), stated(gain), known, seed=1)
 
 
 @pytest.mark.parametrize("gain", [2.0, 0.5])
@@ -250,7 +251,7 @@ def test_setting_of_what_is_always_so_is_a_counterexample() -> None:
     assert judged(always, 2.0, drawn(36, 36)).setting(always) == ""
 
 
-def test_counted_settings_are_exact_for_a_judge() -> None:
+def test_counted_settings_are_exact_for_a_decider() -> None:
     assert judged(SAMPLED, 2.0, drawn(29, 32, whole=32)).judged["it"].verdicts == (REPRODUCED,)
     assert judged(SAMPLED, 2.0, drawn(29, 32)).judged["it"].verdicts == OPEN_ABOVE
 
@@ -365,8 +366,8 @@ def test_table_counts_ties_and_the_null() -> None:
     trials = [Trial((float(k),), each) for k, each in enumerate([*found, None])]
     samples = Robustness(found[0], (GAIN,), trials)
     numbers = {"fig1": {("a", "error"): 0.5, ("b", "error"): 1.0, ("idle", "error"): 0.1}}
-    judge = Judge(Registry(claims=[one]), numbers, {"it": samples}, 1)
-    cells = row(one, judge, numbers, samples)
+    decider = Decider(Registry(claims=[one]), numbers, {"it": samples}, 1)
+    cells = row(one, decider, numbers, samples)
     assert [cells[key] for key in ("samples", "held", "tied", "opposed")] == [40, 24, 8, 7]
     assert cells["null"] == f"{39 / 40:.4g}"
 
@@ -383,9 +384,9 @@ def test_claim_that_no_choice_reaches_is_broken() -> None:
 
 def test_claim_that_names_an_unknown_number_is_broken() -> None:
     numbers = {"fig1": {("a", "gains"): 0.02}}
-    judge = Judge(Registry(claims=[FREE]), numbers, {}, 1)
-    assert judge.judged["it"].verdict == "broken"
-    found = row(FREE, judge, numbers, None)
+    decider = Decider(Registry(claims=[FREE]), numbers, {}, 1)
+    assert decider.judged["it"].verdict == "broken"
+    found = row(FREE, decider, numbers, None)
     assert found["verdict"] == "broken"
     assert found["problem"] == (
         "claims.ilo.it: metric: fig1 has no 'gain' of a; did you mean 'gains'?"
@@ -394,9 +395,9 @@ def test_claim_that_names_an_unknown_number_is_broken() -> None:
 
 def test_claim_without_samples_is_broken() -> None:
     one = replace(SAMPLED, null={"a": "idle"})
-    judge = judged(one, 2.0)
-    assert judge.judged["it"].verdict == "broken"
-    found = row(one, judge, stated(2.0), None)
+    decider = judged(one, 2.0)
+    assert decider.judged["it"].verdict == "broken"
+    found = row(one, decider, stated(2.0), None)
     assert found["verdict"] == "broken"
     assert found["problem"] == "claims.ilo.it: has no samples, must be sampled again"
 
@@ -551,8 +552,8 @@ def test_each_check_of_a_claim_can_reverse_it(claim: Claim) -> None:
 def verdict_on(claim: Claim, numbers: Numbers) -> str:
     """The verdict in the table, with nothing left open."""
     claim = replace(claim, null={}, setting="")
-    judge = Judge(Registry(claims=[claim]), numbers, {}, 1)
-    return str(row(claim, judge, numbers, None)["verdict"])
+    decider = Decider(Registry(claims=[claim]), numbers, {}, 1)
+    return str(row(claim, decider, numbers, None)["verdict"])
 
 
 def test_verdicts_are_inserted_between_markers_in_the_readme(tmp_path: Path) -> None:

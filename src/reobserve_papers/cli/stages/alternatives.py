@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve_papers.claims.alternatives import Judge, decide, write_alternatives
+from reobserve_papers.claims.alternatives import Decider, decide, write_alternatives
 from reobserve_papers.claims.checks import THEORY, Numbers
 from reobserve_papers.claims.registry import Registry, read_registry
 from reobserve_papers.claims.robustness_file import read_robustness
@@ -16,15 +16,15 @@ def run(parameter_file: Path, robustness_file: Path, output: Path, project: Path
     """Re-evaluate the samples by each alternative, and write what changes."""
     parameters = Parameters.read(parameter_file)
     registry = read_registry(project, parameters)
-    judge = judge_of(parameters, registry, robustness_file)
-    write_alternatives(output, *decide(judge))
+    decider = decider_of(parameters, registry, robustness_file)
+    write_alternatives(output, *decide(decider))
 
 
-def judge_of(parameters: Parameters, registry: Registry, robustness_file: Path) -> Judge:
+def decider_of(parameters: Parameters, registry: Registry, robustness_file: Path) -> Decider:
     """Whoever decides the claims of a paper, from the metrics and samples of a build."""
     numbers = numbers_of(parameters, robustness_file.parent)
     samples = read_robustness(robustness_file, parameters.paper)
-    return Judge(registry, numbers, samples, parameters.seed)
+    return Decider(registry, numbers, samples, parameters.seed)
 
 
 def numbers_of(parameters: Parameters, folder: Path) -> Numbers:

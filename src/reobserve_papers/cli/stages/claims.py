@@ -11,7 +11,7 @@ from reobserve.core.files import write_table
 from reobserve_papers.claims.alternatives import read_alternatives
 from reobserve_papers.claims.registry import amiss, read_registry
 from reobserve_papers.claims.table import HEADER, broken_row, row
-from reobserve_papers.cli.stages.alternatives import judge_of
+from reobserve_papers.cli.stages.alternatives import decider_of
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import stored_parameters
 from reobserve_papers.parameters.parameters import Parameters
@@ -43,11 +43,11 @@ def _rows(project: Path, results: Path, paper: str) -> list[dict[str, Any]]:
     folder = results / paper
     parameters = Parameters.read(folder / Path(stored_parameters(paper)).name)
     registry = read_registry(project, parameters)
-    judge = judge_of(parameters, registry, folder / "robustness.json")
+    decider = decider_of(parameters, registry, folder / "robustness.json")
     _, changes = read_alternatives(folder / "alternatives.csv")
     rows = [
         row(
-            claim, judge, judge.numbers, judge.samples.get(claim.name),
+            claim, decider, decider.numbers, decider.samples.get(claim.name),
             "; ".join(one["alternative"] for one in changes if one["claim"] == claim.name
                       and one["other"] != one["verdict"]),
         )

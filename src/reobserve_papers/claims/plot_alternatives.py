@@ -136,7 +136,7 @@ def _panels(figure: Figure, heights: tuple[float, float, float]) -> tuple[Axes, 
 
 
 def _names(order: Sequence[str], turning: Sequence[str], tried: int) -> list[str]:
-    """The alternatives that change the title, by name, as many as there is room for."""
+    """The alternatives that change the title, by name, as many as fit below the panels."""
     if not turning:
         return [f"None of the {tried} alternatives changes the title."]
     more = f"; and {len(turning) - _MOST} more" if len(turning) > _MOST else ""
