@@ -8,11 +8,9 @@ from pathlib import Path
 
 from reobserve.__main__ import collect_rarely
 from reobserve.core.documents import read_yaml
-from reobserve.core.seals import digest
 from reobserve.core.errors import ReobserveError
+from reobserve_papers.claims.claims_digest import claims_digest
 from reobserve_papers.claims.evidence import checked_papers
-from reobserve_papers.claims.conventions import conventions_text
-from reobserve_papers.claims.registry import claims_text, deciding, decisive
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
@@ -172,7 +170,7 @@ def plant_of(section, about):
 
 
 def recorded(wildcards):
-    """An input function: files with recorded samples that the plant or the scenario names."""
+    """An input function: files of samples that plant or scenario name."""
     scenario = branch(wildcards, "scenarios", "scenario")
     values = PARAMETERS[wildcards.paper].section("plant") | scenario
     return [file for value in values.values() for file in sample_files(value)]
@@ -202,7 +200,7 @@ def behind(wildcards):
 
 
 def template(wildcards):
-    """An input function: the template of a caption, then what all captions of the paper share."""
+    """An input function: the template of a caption, then what captions share."""
     shared = sorted(map(str, Path(f"workflow/report/{wildcards.paper}").glob("_*.rst")))
     return [caption_template(Path(), wildcards.paper, wildcards.figure, "figure"), *shared]
 
@@ -213,7 +211,7 @@ def table_caption(wildcards):
 
 
 def chunks(wildcards):
-    """An input function: the samples of a paper in chunks of one size; none if one job computes all."""
+    """An input function: the chunks of samples; none if one job computes all."""
     size = -(-config["samples"] // config["chunks"])
     starts = range(0, config["samples"], size) if config["chunks"] > 1 else []
     return [
@@ -227,23 +225,9 @@ def cached(wildcards):
     return [path] if config["cached"] and Path(path).is_file() else []
 
 
-def sampled(wildcards):
-    """A params function: a digest of the parameters with their ranges and of what is sampled."""
-    parameters = checked(wildcards.paper)
-    asked = decisive(claims_text(Path(), wildcards.paper), conventions_text(Path()))
-    return digest([parameters.decisive(), parameters.seed, asked])
-
-
-def decided(wildcards):
-    """A params function: a digest of what is sampled and of the bounds that say when it is enough."""
-    claims = claims_text(Path(), wildcards.paper)
-    return digest([sampled(wildcards), deciding(claims, conventions_text(Path()))])
-
-
-def registered(wildcards):
-    """A params function: a digest of a paper's claims and of the conventions."""
-    paper = wildcards.paper
-    return digest([claims_text(Path(), paper), conventions_text(Path()), checked(paper).seed])
+def of_claims(part):
+    """A params function: a digest of what decides claims."""
+    return lambda wildcards: claims_digest(part, Path(), checked(wildcards.paper))
 
 
 def numbers_behind(wildcards):

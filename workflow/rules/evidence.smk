@@ -44,7 +44,7 @@ rule sample:
     conda:
         "../envs/reobserve.yaml"
     params:
-        settings=sampled,
+        settings=of_claims("samples"),
         code=code("sample"),
         packages=PACKAGES,
     message:
@@ -69,7 +69,7 @@ rule robustness:
     conda:
         "../envs/reobserve.yaml"
     params:
-        settings=decided,
+        settings=of_claims("bounds"),
         code=code("robustness"),
         packages=PACKAGES,
         options=f"--samples {config['samples']}",
@@ -100,11 +100,11 @@ rule alternatives:
     conda:
         "../envs/reobserve.yaml"
     params:
-        claims=registered,
+        claims=of_claims("verdicts"),
         code=code_of("reobserve_papers.cli.stages.alternatives"),
         packages=PACKAGES,
     message:
-        "{wildcards.paper}: decide the claims by each alternative to a convention"
+        "{wildcards.paper}: try alternatives to conventions"
     shell:
         "(set -x; reobserve-papers stage alternatives results/{wildcards.paper}/parameters.json {input[0]}"
         " --output {output}) &> {log}"
@@ -133,7 +133,7 @@ rule sensitivity:
     conda:
         "../envs/reobserve.yaml"
     params:
-        claims=registered,
+        claims=of_claims("verdicts"),
         code=code_of("reobserve_papers.cli.stages.sensitivity"),
         packages=PACKAGES,
     message:
@@ -165,15 +165,9 @@ rule claims:
     params:
         papers=CLAIMED,
         code=code_of("reobserve_papers.cli.stages.claims"),
-        claims=lambda wildcards: digest(
-            [
-                conventions_text(Path()),
-                [
-                    [claims_text(Path(), paper), dict(checked(paper).entries())]
-                    for paper in CLAIMED
-                ],
-            ]
-        ),
+        claims=lambda wildcards: [
+            claims_digest("table", Path(), checked(paper)) for paper in CLAIMED
+        ],
     message:
         "decide all claims"
     shell:

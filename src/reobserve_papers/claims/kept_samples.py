@@ -17,7 +17,9 @@ Keep = Callable[[Mapping[str, Any], int], bool]
 
 
 def kept_by(registry: Registry, single: SingleAlternative, seed: int) -> dict[str, Keep]:
-    """Which samples an alternative keeps, by claim; ``seed`` is the root of random streams.
+    """Return tests of the samples that an alternative keeps, by claim.
+
+    ``seed`` is the root of random streams.
 
     Raises
     ------

@@ -40,7 +40,7 @@ class Outcomes:
         return other
 
     def at(self, parameters: Parameters, claims: Iterable[Claim]) -> dict[str, Found]:
-        """What the claims want to know, by claim.
+        """Return the numbers that the claims want, by claim.
 
         Raises
         ------
