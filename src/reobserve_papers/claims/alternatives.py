@@ -152,7 +152,7 @@ class Decider:
                 yield Alternative(name, "samples", name, self.conventions, {}, {claim.name: keep})
 
     def changes(self, alternatives: Iterable[Alternative]) -> Iterator[Changed]:
-        """Yield what each alternative changes, claim by claim; one without a claim for nothing."""
+        """Yield what each alternative changes, one without a claim where it changes nothing."""
         title = self.title
         for one in alternatives:
             judged, rows = dict(self.judged), []

@@ -42,7 +42,7 @@ class Knob:
 
     @property
     def levels(self) -> tuple[Any, ...]:
-        """The values where they are few: words, or whole numbers; else none."""
+        """The values where they are few words or whole numbers, else none."""
         if self.words:
             return self.words
         low, high = self.span

@@ -67,7 +67,7 @@ class Counted:
 def possible(
     quantifier: Quantifier, counted: Counted, share: float, fitted: bool = False
 ) -> tuple[str, ...]:
-    """The verdicts that a count allows; if it is one, the claim is decided.
+    """The verdicts that a count allows, of which one alone decides the claim.
 
     Parameters
     ----------
