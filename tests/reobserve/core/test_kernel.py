@@ -5,9 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+from tests.forks import Forks, forking
+
+Run = Callable[..., str]
 
 SUMS = """
 from reobserve.core.kernel import kernel
@@ -43,22 +48,34 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, program: str = RUN, **environment: str) -> str:
+VARIABLES = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "PYTHONDONTWRITEBYTECODE": "1"}
+RELOAD = "import numba; numba.config.reload_config(); "
+# Imports and compiles nothing of the package.
+BEGIN = "import hashlib, numba, numpy; numba.njit(lambda x: 2 * x)(1.0)"
+
+
+@pytest.fixture(scope="module")
+def forks() -> Iterator[Forks]:
+    """Processes that have imported numba, as which takes longer than what is tested."""
+    with forking(BEGIN, {**os.environ, **VARIABLES}) as begun:
+        yield begun
+
+
+@pytest.fixture
+def run(forks: Forks, package: Path) -> Run:
     """The output of a program that must print nothing on stderr.
 
     Without bytecode: Python takes that of a file edited within the same second, if its size is the
     same.
     """
-    variables = {"NUMBA_CACHE_DIR": "", "HOME": str(folder), "XDG_CACHE_HOME": ""}
-    variables["PYTHONDONTWRITEBYTECODE"] = "1"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, "PYTHONPATH": str(folder), **variables, **environment},
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    return done.stdout
+
+    def output(program: str = RUN, **environment: str) -> str:
+        done = forks.run(package, program, **{"HOME": str(package), **environment})
+        assert done.returncode == 0, done.stderr
+        assert done.stderr == ""
+        return done.stdout
+
+    return output
 
 
 def block_package(package: Path) -> None:
@@ -69,7 +86,7 @@ def block_package(package: Path) -> None:
 
 @pytest.mark.parametrize("called", ["reobserve.core", "papers", "others"])
 def test_second_process_loads_machine_code_until_a_called_kernel_is_edited(
-    package: Path, called: str
+    run: Run, package: Path, called: str
 ) -> None:
     """A kernel of the library, of its caller's package, or of another one."""
     caller = "reobserve.core" if called == "reobserve.core" else "papers"
@@ -82,24 +99,25 @@ def test_second_process_loads_machine_code_until_a_called_kernel_is_edited(
     program = RUN.replace("reobserve.core.sums", f"{caller}.sums")
     for divisor, answer in ((2, "2.0 0\n"), (2, "2.0 1\n"), (4, "1.0 0\n")):
         (halves / "halves.py").write_text(HALF.format(divisor=divisor))
-        assert run(package, program) == answer
+        assert run(program) == answer
 
 
-def test_unwritable_cache_folder_only_costs_time(package: Path) -> None:
+def test_unwritable_cache_folder_only_costs_time(run: Run, package: Path) -> None:
     block_package(package)
-    assert run(package) == "2.0 0\n"
-    assert run(package) == "2.0 1\n", "from the cache folder of the user"
+    assert run() == "2.0 0\n"
+    assert run() == "2.0 1\n", "from the cache folder of the user"
     (package / "blocked").write_text("")
     blocked = str(package / "blocked")
     for _ in range(2):
-        assert run(package, NUMBA_CACHE_DIR=f"{blocked}/cache", HOME=blocked) == "2.0 0\n"
+        found = run(RELOAD + RUN, NUMBA_CACHE_DIR=f"{blocked}/cache", HOME=blocked)
+        assert found == "2.0 0\n"
 
 
-def test_compilation_works_without_a_home_folder(package: Path) -> None:
+def test_compilation_works_without_a_home_folder(run: Run, package: Path) -> None:
     program = f"import os.path; os.path.expanduser = lambda path: path; {RUN}"
     block_package(package)
     for caches in ("", "caches"):  # a relative folder is another one in each current folder
-        assert run(package, program, XDG_CACHE_HOME=caches) == "2.0 0\n"
+        assert run(program, XDG_CACHE_HOME=caches) == "2.0 0\n"
     assert [path.name for path in package.iterdir()] == ["reobserve"]
 
 
@@ -127,10 +145,10 @@ INLINED = HALF.replace("import kernel", "import inlined_kernel as kernel")
 CALLED = "from reobserve.core.halves import half; print(half(3.0), half(5.0)); " + RUN
 
 
-def test_inlined_functions_can_be_called_from_python(package: Path) -> None:
+def test_inlined_functions_can_be_called_from_python(run: Run, package: Path) -> None:
     (package / "reobserve/core/halves.py").write_text(INLINED.format(divisor=2))
-    assert run(package, CALLED) == "1.5 2.5\n2.0 0\n"
-    assert run(package, CALLED) == "1.5 2.5\n2.0 1\n", "both from the cache"
+    assert run(CALLED) == "1.5 2.5\n2.0 0\n"
+    assert run(CALLED) == "1.5 2.5\n2.0 1\n", "both from the cache"
 
 
 MAKES = """
@@ -163,9 +181,9 @@ for one in numba.njit(lambda: 0).targetdescr.options.__mro__:
 """
 
 
-def test_kernels_allocate_only_where_it_is_said(package: Path) -> None:
+def test_kernels_allocate_only_where_it_is_said(run: Run, package: Path) -> None:
     (package / "reobserve/core/made.py").write_text(MAKES)
-    assert run(package, MADE) == "6.0\n"
+    assert run(MADE) == "6.0\n"
     hidden = MAKES.replace("@allocating_kernel", "@kernel")
     (package / "reobserve/core/made.py").write_text(hidden)
     refused = f"""
@@ -175,19 +193,19 @@ try:
 except numba.NumbaError:
     print("refused")
 """
-    assert run(package, refused) == "refused\n"
+    assert run(refused) == "refused\n"
 
 
-def test_numba_that_always_counts_references_only_costs_time(package: Path) -> None:
+def test_numba_that_always_counts_references_only_costs_time(run: Run, package: Path) -> None:
     (package / "reobserve/core/made.py").write_text(MAKES)
-    assert run(package, FORGET + MADE) == "6.0\n"
+    assert run(FORGET + MADE) == "6.0\n"
     refused = """
 try:
     numba.njit(_nrt=False)(lambda x: x)(1)
 except KeyError:
     print("unknown")
 """
-    assert run(package, FORGET + refused) == "unknown\n"
+    assert run(FORGET + refused) == "unknown\n"
 
 
 FUNCTION = """
@@ -215,11 +233,11 @@ def cached_files(folder: Path, ending: str) -> list[Path]:
 
 
 @pytest.fixture
-def cached(package: Path) -> Path:
+def cached(run: Run, package: Path) -> Path:
     """The package with a function and a kernel, both compiled and in the cache."""
     (package / "reobserve/core/function.py").write_text(FUNCTION)
-    assert run(package, BOTH) == "9.0 8.0 0 0\n"
-    assert run(package, BOTH) == "9.0 8.0 1 1\n"
+    assert run(BOTH) == "9.0 8.0 0 0\n"
+    assert run(BOTH) == "9.0 8.0 1 1\n"
     return package
 
 
@@ -230,38 +248,38 @@ def overwritten(content: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
-def test_damaged_machine_code_is_compiled_again(cached: Path, ending: str) -> None:
+def test_damaged_machine_code_is_compiled_again(run: Run, cached: Path, ending: str) -> None:
     damages = (lambda content: b"", lambda content: content[:99], overwritten, lambda _: b"x" * 999)
     for damage in damages:
         files = cached_files(cached, ending)
         assert len(files) >= 2
         for path in files:
             path.write_bytes(damage(path.read_bytes()))
-        assert run(cached, BOTH) == "9.0 8.0 0 0\n"
-        assert run(cached, BOTH) == "9.0 8.0 1 1\n", "written again"
+        assert run(BOTH) == "9.0 8.0 0 0\n"
+        assert run(BOTH) == "9.0 8.0 1 1\n", "written again"
 
 
-def test_machine_code_of_another_function_is_not_taken_for_its_own(cached: Path) -> None:
+def test_machine_code_of_another_function_is_not_taken_for_its_own(run: Run, cached: Path) -> None:
     files = {path.name.split("-")[0]: path for path in cached_files(cached, "nbc")}
     one, other = files["function.called"], files["function.eightfold"]
     one.write_bytes(other.read_bytes())
-    assert run(cached, BOTH) == "9.0 8.0 0 1\n"
+    assert run(BOTH) == "9.0 8.0 0 1\n"
 
 
-def test_machine_code_that_cannot_be_kept_is_compiled_each_time(cached: Path) -> None:
+def test_machine_code_that_cannot_be_kept_is_compiled_each_time(run: Run, cached: Path) -> None:
     for ending in ("nbi", "nbc"):
         for path in cached_files(cached, ending):
             path.unlink()
             path.mkdir()
     for _ in range(2):
-        assert run(cached, BOTH) == "9.0 8.0 0 0\n"
+        assert run(BOTH) == "9.0 8.0 0 0\n"
 
 
 @pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() != 0, reason="only root can give it away")
-def test_machine_code_in_a_folder_of_another_user_is_not_loaded(cached: Path) -> None:
+def test_machine_code_in_a_folder_of_another_user_is_not_loaded(run: Run, cached: Path) -> None:
     for folder in cached.rglob("reobserve-kernels-*"):
         os.chown(folder, 2000, 2000)
-    assert run(cached, BOTH) == "9.0 8.0 0 0\n"
-    assert run(cached, BOTH) == "9.0 8.0 1 1\n", "from the cache folder of the user"
+    assert run(BOTH) == "9.0 8.0 0 0\n"
+    assert run(BOTH) == "9.0 8.0 1 1\n", "from the cache folder of the user"
     folders = [path.parent.name for path in cached.rglob("reobserve-kernels-*")]
     assert sorted(folders) == [".cache", "__pycache__"]

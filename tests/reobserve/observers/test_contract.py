@@ -278,18 +278,6 @@ def test_run_plots_itself(case: Case) -> None:
         run.plot(["nothing"])
 
 
-MODULES = sorted({type(make().observer).__module__ for make in CASES.values()})
-
-
-@pytest.mark.parametrize("module", MODULES)
-def test_observer_works_without_matplotlib_and_pandas(module: str) -> None:
-    code = f"import {module}, sys; print(*{{'matplotlib', 'pandas'}} & set(sys.modules))"
-    reported = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert reported.stdout.strip() == ""
-
-
 def test_repr_is_one_line(case: Case) -> None:
     run = part(case, 0, SHORT, case.state)
     _, estimate = case.observer.step(run.state, *row_of(case, SHORT))

@@ -1,0 +1,66 @@
+"""Programs that each run in a process of its own, a fork of one that has imported packages."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+# Programs come as lines of JSON, and what came of each goes back as one.
+_SERVER = """
+import json, os, sys, tempfile, traceback
+
+exec(sys.argv[1])
+for line in sys.stdin:
+    given = json.loads(line)
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        if not os.fork():
+            status = 1
+            try:
+                os.dup2(out.fileno(), 1)
+                os.dup2(err.fileno(), 2)
+                os.environ.update(given["environment"])
+                os.chdir(given["folder"])
+                sys.path.insert(0, given["folder"])
+                exec(given["program"], {"__name__": "__main__"})
+                status = 0
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os._exit(status)
+        status = os.wait()[1]
+        read = [stream.seek(0) or stream.read().decode() for stream in (out, err)]
+    print(json.dumps([status, *read]), flush=True)
+"""
+
+
+class Forks:
+    """The process from which programs are forked."""
+
+    def __init__(self, server: subprocess.Popen[str]) -> None:
+        self._server = server
+
+    def run(self, folder: Path, program: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        """Run a program in a folder, with the modules that are there before all others."""
+        given = {"folder": str(folder), "program": program, "environment": environment}
+        assert self._server.stdin
+        assert self._server.stdout
+        print(json.dumps(given), file=self._server.stdin, flush=True)
+        status, out, err = json.loads(self._server.stdout.readline())
+        return subprocess.CompletedProcess(program, status, out, err)
+
+
+@contextmanager
+def forking(begin: str, environment: dict[str, str]) -> Iterator[Forks]:
+    """A process that has run a program, for as long as the context lasts."""
+    with subprocess.Popen(
+        [sys.executable, "-c", _SERVER, begin], env=environment, text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+    ) as server:  # fmt: skip
+        yield Forks(server)
+        server.communicate()
