@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ for name in listed.getvalue().split():
     assert main(["estimate", "--example", name, "--out", f"{name}.yaml", "--data", "log.csv"]) == 0
     assert main(["estimate", f"{name}.yaml", "log.csv", "--out", f"{name}.parquet"]) == 0
     Path("log.csv").unlink()
-tune = Path(__file__).parents[3] / "examples/measured/tune.yaml"
-assert main(["tune", str(tune), "--output", "tuned"]) == 0
+shutil.copytree(Path(__file__).parents[3] / "examples/measured", "measured")
+with Path("measured/tune.yaml").open("a", encoding="utf-8") as stream:
+    stream.write("budget: 2\n")
+assert main(["tune", "measured/tune.yaml", "--output", "tuned"]) == 0
 walk = LinearModel([[1.0]], [[0.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=1.0)
 kalman = steady_kalman(walk)
 run = kalman.run(np.ones((9, 1)), np.zeros((9, 1)), state=kalman.init([0.0]))
