@@ -45,7 +45,9 @@ class Forks:
     def __init__(self, server: subprocess.Popen[str]) -> None:
         self._server = server
 
-    def run(self, folder: Path, program: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    def run(
+        self, folder: Path, program: str, **environment: str
+    ) -> subprocess.CompletedProcess[str]:
         """Run a program in a folder, with the modules that are there before all others."""
         given = {"folder": str(folder), "program": program, "environment": environment}
         assert self._server.stdin
