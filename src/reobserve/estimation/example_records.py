@@ -92,8 +92,9 @@ def satellite() -> Simulated:
     def field(t: float, w: Array) -> Array:
         k = int(t / time[1] + 1e-6)
         known = torques[k] + np.array([fault[k], 0.0, 0.0])
+        (a, b, c), (p, q, r) = w.tolist(), (inertia @ w).tolist()
         # w' = J^-1 (T - w x J w)
-        found: Array = inverse @ (known - np.cross(w, inertia @ w))
+        found: Array = inverse @ (known - [b * r - c * q, c * p - a * r, a * q - b * p])
         return found
 
     rates = _followed(field, np.array([0.05, -0.03, 0.04]), time)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -18,15 +19,22 @@ _FAULT = np.array([0.3, -0.2, 0.1])
 _PERIOD, _ROWS, _FINER = 0.01, 600, 4
 
 
-def _rigid_body(observer: RigidBodyObserver) -> Case:
-    """A constant fault under a control torque that a controller holds from sample to sample."""
+@cache
+def _record() -> tuple[Array, Array]:
+    """A constant fault under a control torque that a controller holds from sample to sample.
+
+    The control torque and the rate.
+    """
     time = _PERIOD * np.arange(_ROWS)
     control = 3.0 * np.sin(np.multiply.outer(time, [5.0, 4.0, 6.0]) + np.arange(3.0))
     rates = [np.array([0.05, -0.03, 0.04])]
-    h = _PERIOD / _FINER
+    h, inverse = _PERIOD / _FINER, np.linalg.inv(_INERTIA)
 
     def slope(w: Array, torque: Array) -> Array:
-        found: Array = np.linalg.solve(_INERTIA, torque - np.cross(w, _INERTIA @ w))
+        a, b, c = w.tolist()
+        p, q, r = (_INERTIA @ w).tolist()
+        # J w' = T - w x J w
+        found: Array = inverse @ (torque - [b * r - c * q, c * p - a * r, a * q - b * p])
         return found
 
     for torque in control[:-1] + _FAULT:
@@ -38,7 +46,11 @@ def _rigid_body(observer: RigidBodyObserver) -> Case:
             k4 = slope(w + h * k3, torque)
             w = w + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         rates.append(w)
-    rate = np.array(rates)
+    return control, np.array(rates)
+
+
+def _rigid_body(observer: RigidBodyObserver) -> Case:
+    control, rate = _record()
     truth = {"rate": rate, "fault": np.tile(_FAULT, (_ROWS, 1))}
     bounds = {"rate": 5e-5, "fault": 1e-3}
     return Case(observer, rate, control, observer.init(rate[0]), truth, bounds, 400, 100.0)
