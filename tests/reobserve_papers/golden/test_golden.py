@@ -16,16 +16,17 @@ from tests.reobserve_papers.pipeline.conftest import (
     Project,
     as_built,
     built,
+    compared,
 )
 
-__all__ = ["as_built", "built"]
+__all__ = ["as_built", "built", "compared"]
 
 PARTS = [(paper, part) for paper in PAPERS for part in part_names(PARAMETER_FILES[paper].tree)]
 
 
 @pytest.mark.parametrize(("paper", "part"), PARTS)
-def test_numbers_agree_with_golden_files(as_built: Project, paper: str, part: str) -> None:
-    results = as_built.folder / "results" / paper
+def test_numbers_agree_with_golden_files(compared: Project, paper: str, part: str) -> None:
+    results = compared.folder / "results" / paper
     moved = compare_built(ROOT, results, PARAMETER_FILES[paper].tree, paper, part)
     assert not moved, "\n".join(map(str, moved))
 
@@ -36,9 +37,9 @@ def test_golden_files_belong_to_built_results(paper: str) -> None:
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_figures_agree_with_the_accepted_ones(as_built: Project, paper: str) -> None:
+def test_figures_agree_with_the_accepted_ones(compared: Project, paper: str) -> None:
     accepted = figures(ROOT / "tests/reference" / paper)
-    drawn = figures(as_built.folder / "results" / paper)
+    drawn = figures(compared.folder / "results" / paper)
     assert accepted.keys() == drawn.keys()
     far = {}
     for name, path in accepted.items():

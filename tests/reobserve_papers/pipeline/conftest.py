@@ -166,6 +166,28 @@ def as_built(built: Project) -> Project:
     return Project(built.folder.with_name("built.whole"))
 
 
+# What `compared` needs of a build, in the format in which figures are compared.
+COMPARED = (
+    "figures",
+    *(f"results/{paper}/theory.metrics.csv" for paper in PAPERS
+      if "theory" in PARAMETER_FILES[paper].tree),
+    "--config", "formats=[png]",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def compared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """What is compared with golden numbers and accepted figures: of `as_built`, if a test takes it.
+
+    On another processor none does: then neither claims nor other formats are built.
+    """
+    names = [set(getattr(item, "fixturenames", ())) for item in request.session.items]
+    if any({"built", "as_built"} & taken for taken in names):
+        whole: Project = request.getfixturevalue("as_built")
+        return whole
+    return build_once(tmp_path_factory, "compared", *COMPARED)
+
+
 @pytest.fixture(scope="session")
 def evaluators(as_built: Project) -> dict[str, Evaluator]:
     """`EVALUATORS`, which take the rows of the most expensive studies from the build."""
