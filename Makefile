@@ -48,11 +48,13 @@ quick: $(STAMP)  ## style, types and the tests of the changed modules; SINCE=mai
 		--diff-filter=d $(or $(SINCE),HEAD) --; git ls-files --others --exclude-standard; } | \
 		sh tests/affected.sh $(if $(SINCE),golden))
 
-# One process more than cores: one waits for the build.
-TESTS := pytest --numprocesses $$(($(CORES) + 1))
+# As many processes as cores: while one waits for the build, that takes its place. Each imports
+# all tests first, which takes a quarter of a minute.
+TESTS := pytest --numprocesses $(CORES)
 
+# With NIGHTLY=yes also the tests of `nightly`, in the same run and with the same build.
 test: check  ## `check`, unit tests, one build of the papers, their golden numbers; 6 minutes
-	$(TESTS)
+	$(TESTS) $(if $(NIGHTLY),-m "" --hypothesis-profile=nightly)
 
 nightly: $(STAMP)  ## all other tests: the bench, second builds, kills, other processors, a browser, Slurm; half an hour
 	$(TESTS) -m "nightly or hypothesis" --hypothesis-profile=nightly
