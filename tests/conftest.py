@@ -6,6 +6,7 @@ identically and two test processes on two cores do not compete for threads over 
 
 from __future__ import annotations
 
+import gc
 import os
 from typing import Any
 
@@ -15,6 +16,10 @@ import pytest
 from reobserve.core.code_paths import pin_code_paths
 
 pin_code_paths()
+
+# Compilers and imports make millions of small objects that stay; to look through them again and
+# again takes a tenth of the time.
+gc.set_threshold(100_000, 20, 50)
 
 # The same examples each time: few, or more with `--hypothesis-profile=nightly`. New examples each
 # with `--hypothesis-profile=thorough`.
@@ -30,6 +35,9 @@ hypothesis.settings.load_profile("few")
 
 # Fixtures that start a browser, Slurm or the build of the documentation or of the bench.
 NIGHTLY = {"browser", "slurm", "site", "built_bench"}
+
+# Fixtures that wait for a build and only read it.
+READS_BUILD = {"as_built", "built_bench", "compared"}
 
 # With several processes, the tests of one file run in one process. So do these files, which edit
 # and restore the built project, or read the same documentation.
@@ -71,16 +79,24 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark nightly tests by their fixtures; with several processes, start the build first.
 
-    Tests that only read the build come last, so that no process waits for it.
+    Files with nightly tests, which are long, come next. Tests that only read the build come last,
+    so that no process waits for it.
     """
     for item in items:
         if NIGHTLY & set(getattr(item, "fixturenames", ())):
             item.add_marker("nightly")
     if "PYTEST_XDIST_WORKER" in os.environ:
-        items.sort(key=_turn)
+        slow = {_file(item) for item in items if item.get_closest_marker("nightly")}
+        items.sort(key=lambda item: _turn(item, slow))
 
 
-def _turn(item: pytest.Item) -> int:
-    if item.nodeid.partition("::")[0] in FIRST:
+def _file(item: pytest.Item) -> str:
+    return item.nodeid.partition("::")[0]
+
+
+def _turn(item: pytest.Item, slow: set[str]) -> int:
+    if _file(item) in FIRST:
         return 0
-    return 2 if {"as_built", "built_bench"} & set(getattr(item, "fixturenames", ())) else 1
+    if READS_BUILD & set(getattr(item, "fixturenames", ())):
+        return 3
+    return 1 if _file(item) in slow else 2
