@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 # Programs come as lines of JSON, and what came of each goes back as one.
@@ -27,13 +26,18 @@ for line in sys.stdin:
                 sys.path.insert(0, given["folder"])
                 exec(given["program"], {"__name__": "__main__"})
                 status = 0
+            except SystemExit as left:
+                status = left.code or 0
+                if not isinstance(status, int):
+                    print(status, file=sys.stderr)
+                    status = 1
             except BaseException:
                 traceback.print_exc()
             finally:
                 sys.stdout.flush()
                 sys.stderr.flush()
                 os._exit(status)
-        status = os.wait()[1]
+        status = os.waitstatus_to_exitcode(os.wait()[1])
         read = [stream.seek(0) or stream.read().decode() for stream in (out, err)]
     print(json.dumps([status, *read]), flush=True)
 """
@@ -57,12 +61,11 @@ class Forks:
         return subprocess.CompletedProcess(program, status, out, err)
 
 
-@contextmanager
-def forking(begin: str, environment: dict[str, str]) -> Iterator[Forks]:
-    """A process that has run a program, for as long as the context lasts."""
-    with subprocess.Popen(
+def forking(begin: str, environment: dict[str, str]) -> Forks:
+    """A process that has run a program, and ends with this one."""
+    server = subprocess.Popen(
         [sys.executable, "-c", _SERVER, begin], env=environment, text=True,
         stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-    ) as server:  # fmt: skip
-        yield Forks(server)
-        server.communicate()
+    )  # fmt: skip
+    atexit.register(server.communicate)
+    return Forks(server)

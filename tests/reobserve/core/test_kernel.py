@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -55,10 +55,9 @@ BEGIN = "import hashlib, numba, numpy; numba.njit(lambda x: 2 * x)(1.0)"
 
 
 @pytest.fixture(scope="module")
-def forks() -> Iterator[Forks]:
-    """Processes that have imported numba, as which takes longer than what is tested."""
-    with forking(BEGIN, {**os.environ, **VARIABLES}) as begun:
-        yield begun
+def forks() -> Forks:
+    """Processes that have imported numba, which takes longer than what is tested."""
+    return forking(BEGIN, {**os.environ, **VARIABLES})
 
 
 @pytest.fixture

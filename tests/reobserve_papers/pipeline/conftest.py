@@ -10,6 +10,7 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
 from tests import ROOT, project_copy
+from tests.forks import Forks, forking
 
 # Results of a default build: all papers, their figures and tables. An evaluation is made once for
 # all tests of a process.
@@ -54,6 +56,23 @@ def with_few_levels(parameters: Parameters) -> Parameters:
 FEW_SAMPLES = ("samples=1", "cached=false")
 
 
+# What Snakemake imports before it reads a workflow takes longer than a dry run.
+IMPORTED = "import snakemake.cli, snakemake.report.html_reporter, snakemake.storage"
+DRY_RUN = """
+import sys
+sys.argv = {words!r}
+sys.path.insert(0, {source!r})
+from snakemake.cli import main
+sys.exit(main())
+"""
+
+
+@cache
+def snakemakes() -> Forks:
+    """Processes that have imported Snakemake, and nothing of this project."""
+    return forking(IMPORTED, {**os.environ, "PYTHONDONTWRITEBYTECODE": ""})
+
+
 @dataclass(frozen=True)
 class Project:
     """A copy of the project whose own ``src`` is used in it."""
@@ -83,9 +102,14 @@ class Project:
     def snakemake(
         self, *arguments: str, check: bool = True, environment: dict[str, str] | None = None
     ) -> subprocess.CompletedProcess[str]:
-        """Run Snakemake in the copy."""
-        command = ("snakemake", "--cores", "2", *arguments)
-        return self.run(*command, check=check, environment=environment)
+        """Run Snakemake in the copy; without jobs, in a process that has imported it already."""
+        command = ["snakemake", "--cores", "2", *arguments]
+        if "--dry-run" not in arguments:
+            return self.run(*command, check=check, environment=environment)
+        program = DRY_RUN.format(words=command, source=str(self.folder / "src"))
+        done = snakemakes().run(self.folder, program, **(environment or self.environment))
+        assert done.returncode == 0 or not check, done.stdout + done.stderr
+        return done
 
     def stale(self, *arguments: str, config: Sequence[str] = ()) -> dict[str, int]:
         """The number of jobs per rule that a build would run now, with these ``--config`` pairs."""

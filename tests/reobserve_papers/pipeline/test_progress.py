@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from tests import ROOT
+from tests.project_copy import copy_environment
+
 from .conftest import Project
 
 
 def test_build_prints_its_jobs_and_the_failure(fresh: Project) -> None:
     target = "results/ilo/constant/plant.parquet"
-    said = fresh.snakemake(target).stderr
+    # The package of this checkout, whose kernels are compiled.
+    said = fresh.snakemake(target, environment=copy_environment(ROOT)).stderr
     assert "ilo: simulate the plant, scenario constant\n" in said
     assert "\n1 of 1 steps (100%) done\n" in said
     assert "reobserve-papers stage plant" not in said, "commands stand in the logs"
@@ -22,7 +26,7 @@ def test_build_prints_its_jobs_and_the_failure(fresh: Project) -> None:
 @pytest.mark.nightly
 def test_memory_and_time_are_measured_per_job(fresh: Project) -> None:
     """A process that has imported numpy, numba and pyarrow takes more than 60 MB."""
-    fresh.snakemake("results/ilo/constant/plant.parquet")
+    fresh.snakemake("results/ilo/constant/plant.parquet", environment=copy_environment(ROOT))
     header, row = (fresh.folder / "logs/ilo/constant/plant.tsv").read_text().splitlines()
     measured = dict(zip(header.split("\t"), row.split("\t"), strict=True))
     assert float(measured["s"]) > 0.2
