@@ -33,7 +33,7 @@ FAULTS = {
         "errata/ilo.yaml", "certainty: certain", "certainty: sure",
         "errata.ilo.",
     ),
-    "samples": ("samples/ilo.json", '"looked": true', '"looked": 1', ""),
+    "samples": ("samples/ilo.json", '"basis": "', '"basis": 1, "more": "', ""),
     "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
     "a link": (
         "papers/ilo.yaml", "same_as: plant.initial_rate", "same_as: plant.rate",

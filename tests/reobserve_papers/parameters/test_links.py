@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.choices import change, find_choice, sample
+from reobserve_papers.claims.choices import chosen, find_choice, with_values
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import links_in, resolve
 from reobserve_papers.parameters.parameters import Parameters
@@ -90,12 +90,13 @@ def test_theory_and_observers_follow_the_scenario_and_the_plant() -> None:
 def test_samples_preserve_links() -> None:
     parameters = Parameters.load(ROOT, "ilo", seed=1)
     choice = find_choice(parameters, "plant.initial_rate")
-    sampled, rates = sample(parameters, [choice], 3)
+    rates = chosen(parameters, [choice], 3)
+    sampled = with_values(parameters, [choice], rates)
     assert list(rates) == sampled.section("plant", "initial_rate")
     assert list(rates) == sampled.section("observers", "adaptive", "initial_rate")
     both = [choice, find_choice(parameters, "observers.*.initial_rate")]
-    apart, _ = sample(parameters, both, 3)
+    apart = with_values(parameters, both, chosen(parameters, both, 3))
     assert apart.section("plant", "initial_rate") == list(rates)
     assert apart.section("observers", "adaptive", "initial_rate") != list(rates)
-    moved = change(parameters, choice.knobs[0], 0.07)
+    moved = with_values(parameters, [choice], (0.07, *rates[1:]))
     assert moved.section("observers", "sampled", "initial_rate")[0] == 0.07
