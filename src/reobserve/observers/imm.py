@@ -56,6 +56,7 @@ from reobserve.observers.kalman import LINEAR
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_times
+from reobserve.observers.vague_start import warn_of_start
 from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
@@ -263,11 +264,10 @@ class IMM(Observer[ImmState]):
     def _timed(
         self, time: ArrayLike | None, state: ImmState, record: Record
     ) -> tuple[Array, Record]:
-        model = self.filters[0].model
         able = self._linear and all(
             one.model.density is not None or "Q" in record.given for one in self._linear
         )
-        found = uneven_times(model, time, state, record) if able else None
+        found = uneven_times(self.filters[0].model, time, state, record) if able else None
         return super()._timed(time, state, record) if found is None else found
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
@@ -292,6 +292,9 @@ class IMM(Observer[ImmState]):
                     new_bank_work(posteriors, self.mixing), rows,
                 )  # fmt: skip
         variance = rows.covariance.diagonal(axis1=1, axis2=2)
+        if state.count <= n and n * m > 1:
+            start = state.covariances.diagonal(0, 1, 2).max(axis=0)
+            warn_of_start(start, variance[: min(good, n + 1)])
         estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
         reached = ImmState(
             *posteriors, np.concatenate([record.y[-1], record.u[-1]]), state.count + k - fresh,
@@ -357,10 +360,8 @@ class IMM(Observer[ImmState]):
                     after = one.correct(ahead, y, inputs[k + 1])
                 except DivergenceError:
                     return k
-                posteriors.means[j], posteriors.errors[j] = (
-                    after.posterior.mean,
-                    after.posterior.error,
-                )
+                posteriors.means[j] = after.posterior.mean
+                posteriors.errors[j] = after.posterior.error
                 posteriors.covariances[j] = after.posterior.covariance
                 rows.innovation[k, j] = after.innovation
                 work.log_likelihoods[j] = after.log_likelihood

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
 
-from reobserve import IMM, KalmanFilter, LinearModel, rts_smoother
+from reobserve import (
+    IMM,
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    LinearModel,
+    NonlinearModel,
+    rts_smoother,
+)
 from reobserve.observers.vague_start import VagueStartWarning
 
 MOTION = LinearModel([[1.0, 1.0], [0.0, 1.0]], C=[[1.0, 0.0]], Q=0.0, R=1.0)
@@ -23,6 +31,23 @@ def test_start_that_loses_digits_is_said(start: float) -> None:
     with pytest.warns(VagueStartWarning, match="after smoothing") as later:
         rts_smoother(kalman, run)
     assert {one.filename for one in [*warned, *later]} == {__file__}  # the line that called
+
+
+@pytest.mark.parametrize("others", [KalmanFilter, ExtendedKalmanFilter])
+@pytest.mark.parametrize("modes", [[1e15, 1e15], [1.0, 1e15]])
+def test_start_of_a_bank_that_loses_digits_is_said(others: Any, modes: list[float]) -> None:
+    pendulum = NonlinearModel(["a + b", "b"], ["a"], Q=0.0, R=1.0, state_names=["a", "b"])
+    filters = [others(MOTION if others is KalmanFilter else pendulum)] * 2
+    bank = IMM(filters, [[0.9, 0.1], [0.1, 0.9]])
+    state = bank.init([0.0, 0.0], [one * np.eye(2) for one in modes])
+    with pytest.warns(VagueStartWarning, match="covariance: the variance of state 1") as warned:
+        bank.run(Y, state=state)
+    with pytest.warns(VagueStartWarning):
+        bank.step(state, [1.0])
+    assert [one.filename for one in warned] == [__file__]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        bank.run(Y, state=bank.init([0.0, 0.0], 1e8))
 
 
 def test_start_of_one_of_many_records_is_said() -> None:
