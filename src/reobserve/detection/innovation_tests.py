@@ -6,6 +6,7 @@ on records without a fault. At a missing number (nan) the statistic keeps its va
 
 - `cusum` sums the log-likelihood ratios of two filters, one of the healthy and one of the faulty
   plant. It is the quickest test if both models are known (Page 1954; Lorden 1971).
+- `inflated` marks samples at which innovations are too large for a probability of false alarms.
 - `inflation_glr` needs the healthy model only. It detects innovations that have become larger by an
   unknown factor at an unknown time. It is a generalised likelihood ratio (Willsky & Jones 1976),
   here for the scale of a covariance, over windows of a few lengths only (Lai 1995).
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
+from reobserve.core.chi_squared import inflated_rows
 from reobserve.core.errors import InputError, shown
 from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_numbers, as_scalar
@@ -86,6 +88,48 @@ def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Arr
     >>> print(inflation_glr([1.0, 0.8, 9.0, 8.0], outputs=1, lengths=[1, 2, 4]).round(2))
     [0.   0.   2.9  5.36]
     """
+    return _inflation_glr(*_as_windows(distances, outputs, lengths))
+
+
+def inflated(
+    distances: ArrayLike, outputs: int, lengths: ArrayLike, probability: float = 1e-3
+) -> NDArray[np.bool_]:
+    """Samples at which innovations are too large for the filter's model, shape (k,).
+
+    True where the sum of the last n distances, of those that are not missing, is beyond the
+    quantile of its chi-squared distribution with n m degrees of freedom for one of the lengths.
+
+    Parameters
+    ----------
+    distances, outputs, lengths
+        As in `inflation_glr`.
+    probability
+        That a record of the filter's own model has such a sample, at most; it is divided among all
+        samples and lengths (Bonferroni).
+
+    Raises
+    ------
+    InputError
+        As `inflation_glr`; and if the probability is not between 0 and 1.
+
+    Examples
+    --------
+    >>> from reobserve.detection.innovation_tests import inflated
+    >>> print(inflated([1.0, 0.8, 30.0, 0.5], outputs=1, lengths=[1, 2]))
+    [False False  True  True]
+    """
+    record, m, each = _as_windows(distances, outputs, lengths)
+    share = as_scalar("probability", probability)
+    if not 0 < share < 1:
+        raise InputError("probability", f"{share:g} must be between 0 and 1")
+    found, taken = np.zeros(len(record), dtype=bool), ~np.isnan(record)
+    found[taken] = inflated_rows(record[taken], m, each, share)
+    return found
+
+
+def _as_windows(
+    distances: ArrayLike, outputs: int, lengths: ArrayLike
+) -> tuple[Array, int, NDArray[np.int64]]:
     record = _as_record("distances", distances)
     if (record < 0).any():
         row = int(np.argmax(record < 0))
@@ -95,7 +139,7 @@ def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Arr
     wrong = (given < 1) | (given > _MOST) | (given != np.floor(given))
     if given.ndim != 1 or not len(given) or wrong.any():
         raise InputError("lengths", f"{shown(lengths)} must be whole numbers from 1 to {_MOST}")
-    return _inflation_glr(record, m, given.astype(np.int64))
+    return record, m, given.astype(np.int64)
 
 
 def _as_record(name: str, value: ArrayLike) -> Array:

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
+from reobserve.core.chi_squared import inflated_rows
 from reobserve.core.errors import InputError
 from reobserve.observers.run import Run
 
 Rows = NDArray[np.int64]
 
 _FAR = 10.0  # standard deviations
-_LENGTHS = tuple(2**k for k in range(11))
+_LENGTHS = 2 ** np.arange(11)
 _FALSE = 1e-3  # the probability that a run of a right model has a row in `inflated`
 
 
@@ -65,12 +65,8 @@ def diagnose(run: Run[Any]) -> Diagnostics:
     e, S, rows = e[whole], S[whole], np.flatnonzero(whole)
     # d = e' S^-1 e
     distances = (e * np.linalg.solve(S, e[..., None])[..., 0]).sum(axis=1)
-    totals, outputs = np.concatenate([[0.0], np.cumsum(distances)]), e.shape[1]
-    inflated = np.zeros(len(rows), dtype=bool)
-    for length in (one for one in _LENGTHS if one <= len(rows)):
-        sums = totals[length:] - totals[:-length]
-        share = chdtrc(length * outputs, np.maximum(sums, 0.0))
-        inflated[length - 1 :] |= share < _FALSE / (len(rows) * len(_LENGTHS))
+    outputs = e.shape[1]
+    inflated = inflated_rows(distances, outputs, _LENGTHS, _FALSE)
     mean = float(distances.mean()) / outputs if len(rows) else float("nan")
     return Diagnostics(np.flatnonzero(far), rows[inflated], mean, _least(P))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from reobserve.core.errors import InputError
-from reobserve.detection.innovation_tests import cusum, inflation_glr
+from reobserve.detection.innovation_tests import cusum, inflated, inflation_glr
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
 
@@ -212,3 +212,26 @@ def test_invalid_record_is_reported(call: Any, parameter: str, said: str) -> Non
     with pytest.raises(InputError, match=said) as caught:
         call()
     assert caught.value.parameter == parameter
+
+
+def test_inflated_is_the_chi_squared_quantile() -> None:
+    """30 for one output has probability 4.3e-8, and a sum of 30.8 of two 2.1e-7."""
+    distances = [1.0, np.nan, 0.8, 30.0, np.nan, 0.5]
+    bound = 4.320463057827488e-08 * 8  # of four samples and two lengths
+    assert np.flatnonzero(inflated(distances, 1, [1, 2], 1.001 * bound)).tolist() == [3]
+    assert not inflated(distances, 1, [1, 2], 0.999 * bound).any()
+    assert inflated(distances, 1, [1, 2], 0.1)[[3, 5]].all()
+
+
+def test_false_alarms_of_inflated_are_as_stated() -> None:
+    rng = np.random.default_rng(4)
+    records = rng.chisquare(2, size=(2000, 50))
+    alarms = sum(inflated(one, 2, [1, 2, 4], 0.05).any() for one in records)
+    assert 0 < alarms <= 100  # Bonferroni: at most 5 %
+    assert inflated(3.0 * records[0], 2, [1, 2, 4, 8, 16], 0.05).any()
+
+
+@pytest.mark.parametrize("probability", [0.0, 1.0, -0.1, np.nan])
+def test_probability_of_inflated_is_between_zero_and_one(probability: float) -> None:
+    with pytest.raises(InputError, match=r"^probability: "):
+        inflated([1.0], 1, [1], probability)
