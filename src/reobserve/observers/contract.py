@@ -33,8 +33,8 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import all_finite, as_positive, as_row, as_sample_rows, as_samples
 from reobserve.core.value import Value, converter
+from reobserve.observers import frames
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
-from reobserve.observers.frames import read_frames
 from reobserve.observers.record import (
     Many,
     ObserverState,
@@ -178,6 +178,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         DivergenceError
             As `run`.
         """
+        y, u, before, middle = frames.read_rows(self, y, u, before, middle)
         record = self._read(
             as_row("y", y), None if u is None else as_row("u", u),
             as_row_pair("before", before), as_row_pair("middle", middle), given,
@@ -216,9 +217,9 @@ class Observer(Value, ABC, Generic[StateKind]):
         state
             From `init`, or from an earlier run or step to go on with the sample after its last.
         time
-            Of the samples [s], shape (k,), a sampling period apart; left out, it counts from 0 or
-            goes on from the state. Kalman filters, extended and unscented ones and banks of them
-            take any rising times if their models are from `from_ode` with a density of the noise.
+            Of the samples [s], shape (k,), or dates, a sampling period apart; left out, it counts
+            from 0 or goes on from the state. Kalman filters, extended and unscented ones and banks
+            of them take any rising times of models from `from_ode` with a density of the noise.
         before
             y and u where a record jumps at samples: their limits from the left, in their shapes.
         middle
@@ -246,16 +247,16 @@ class Observer(Value, ABC, Generic[StateKind]):
             from reobserve.observers.many import run_many
 
             return run_many(self, y, u, state, time, loud, given)
-        y, u, index = read_frames(self, y, u, time is not None)
+        y, u, before, middle, time, index = frames.read_frames(self, y, u, before, middle, time)
         record = self._read(y, u, before, middle, given)
         start = self._start(record.y[0]) if state is None else self._checked(state)
-        times, record = self._timed(time, start, record)
+        times, record = frames.timed(self, index, time, start, record)
         rows = self._fill(start, record)
         good = self._good(rows)
-        missing = 0
+        estimates, left, missing = rows.estimates, rows.before, 0
         if self.reads_missing and not all_finite(record.y):
             missing = int(np.isnan(record.y[:good]).any(axis=1).sum())
-        estimates, left, after, diverged_at = rows.estimates, rows.before, rows.state, None
+        after, diverged_at = frames.stamped(rows.state, index, time), None
         if good < len(times):
             if loud:
                 raise self._divergence(start, record, rows, times, good)

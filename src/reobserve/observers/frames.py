@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,77 +13,184 @@ from reobserve.core.errors import InputError, shown
 UNEVEN = 0.01  # of the sampling period: how much longer or shorter the time between rows may be
 
 
-def read_frames(observer: Any, y: Any, u: Any, timed: bool) -> tuple[Any, Any, Any]:
-    """y and u with their columns in the order of the model's signals, and the index of y.
+def read_frames(
+    observer: Any, y: Any, u: Any, before: Any, middle: Any, time: Any
+) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """The arguments with columns in the order of the model's signals, and the index of y.
 
-    ``timed`` says that the times of the rows are given beside them. The index is None where y has
-    none, or a plain count of rows.
+    Times become seconds, of dates those since 1970. The index is None where y has none, or a plain
+    count of rows.
 
     Raises
     ------
     InputError
         If columns have other names than the model's signals, an index of times does not go on by
-        the sampling period, or y and u have different ones.
+        the sampling period and no times are given, or y and u have different ones.
     """
-    if type(y) is np.ndarray and (u is None or type(u) is np.ndarray):
-        return y, u, None
-    index, other = _index(y), _index(u)
-    if index is None and other is None and not (_columns(y) or _columns(u)):
-        return y, u, None
-    filters = getattr(observer, "filters", [observer])
-    model = getattr(filters[0], "model", None)  # of which some observers have none
-    y = _in_order("y", y, getattr(model, "output_names", None))
-    u = _in_order("u", u, getattr(model, "input_names", None))
-    for name, one in (("y", index), ("u", other)):
-        if one is not None and not timed:
-            _compare(name, one, observer.sampling_period)
+    time = as_seconds("time", time)
+    if type(y) is np.ndarray and (u is None or type(u) is np.ndarray) and before is middle is None:
+        return y, u, None, None, time, None
+    indices = {name: _index(one) for name, one in (("y", y), ("u", u))}
+    y, u = _arranged(observer, "y", y), _arranged(observer, "u", u)
+    before, middle = (
+        _arranged_pair(observer, name, pair)
+        for name, pair in (("before", before), ("middle", middle))
+    )
+    if time is None:
+        for name, one in indices.items():
+            if one is not None:
+                _compare(name, one, observer.sampling_period)
+    index, other = (None if _kind(one) in "iu" else one for one in indices.values())
     if index is not None and other is not None and len(index) == len(other):
         differ = np.flatnonzero(~np.asarray(index == other))
         if differ.size:
             row = int(differ[0])
             problem = f"has {shown(str(other[row]))} in the index of row {row}, y {index[row]}"
             raise InputError("u", problem)
-    return y, u, index
+    return y, u, before, middle, time, index
+
+
+def read_rows(observer: Any, y: Any, u: Any, before: Any, middle: Any) -> tuple[Any, Any, Any, Any]:
+    """Samples with their entries in the order of the model's signals, if they have names."""
+    if before is middle is None and type(y) in _PLAIN and type(u) in _PLAIN:
+        return y, u, None, None
+    pairs = (("before", before), ("middle", middle))
+    early, half = (_arranged_pair(observer, name, pair, row=True) for name, pair in pairs)
+    y, u = (_arranged(observer, name, one, row=True) for name, one in (("y", y), ("u", u)))
+    return y, u, early, half
+
+
+_PLAIN = (np.ndarray, list, float, type(None))
+
+
+def timed(observer: Any, index: Any, time: Any, state: Any, record: Any) -> Any:
+    """The times of the rows, and the record: by `Observer._timed`, or counted beside an index.
+
+    Raises
+    ------
+    InputError
+        If the index does not go on from the state by the sampling period.
+    """
+    if index is None or time is not None:
+        return observer._timed(time, state, record)
+    if state.time is not None:
+        first, period = float(as_seconds("y", index[:1])[0]), observer.sampling_period
+        off = abs(first - state.time - period)
+        if off > max(UNEVEN * period, 4 * np.spacing(first)):
+            gap = f"{first - state.time:.9g} s after the last row of the state"
+            raise InputError(
+                "y", f"has an index that begins at {index[0]}, {gap}, must go on by the sampling "
+                f"period of {period:g} s{observer._uneven_hint or '; for other times give time'}",
+            )  # fmt: skip
+    return observer._timed(None, replace(state, time=None), record)
+
+
+def stamped(state: Any, index: Any, time: Any) -> Any:
+    """The state after a run, with the time [s] of the last row in the index, if there is one."""
+    if index is None or time is not None:
+        return state
+    return replace(state, time=float(as_seconds("y", index[-1:])[0]))
+
+
+def as_seconds(name: str, time: Any) -> Any:
+    """Dates as seconds since 1970 and lengths of time as seconds; anything else as it is."""
+    if _kind(time) not in "MmO" or time is None:
+        return time
+    if hasattr(time, "to_timestamp"):
+        time = time.to_timestamp()
+    values = np.asarray(time)
+    if getattr(getattr(time, "dtype", None), "tz", None) is not None:  # else objects
+        values = np.asarray(time, dtype="datetime64[ns]")
+    if values.dtype.kind not in "Mm":
+        return time
+    if np.isnat(values).any():
+        raise InputError(name, f"is not known at row {int(np.argmax(np.isnat(values)))}")
+    whole, part = np.divmod(values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64), 10**9)
+    return whole + 1e-9 * part
+
+
+def _kind(value: Any) -> str:
+    dtype = getattr(value, "dtype", None)
+    kind: str = getattr(dtype, "kind", "-")
+    return kind
+
+
+def _arranged_pair(observer: Any, name: str, pair: Any, row: bool = False) -> Any:
+    """A pair of y and u, arranged, or what is none as it is."""
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        return pair
+    return tuple(
+        _arranged(observer, f"{name} {signal}", one, row)
+        for signal, one in zip("yu", pair, strict=True)
+    )
+
+
+def _arranged(observer: Any, name: str, value: Any, row: bool = False) -> Any:
+    """A frame, or with ``row`` a series of one sample, in the order of the model's signals."""
+    if type(value) in _PLAIN or not hasattr(value, "iloc"):
+        return value
+    if row or hasattr(value, "columns"):
+        model = getattr(getattr(observer, "filters", [observer])[0], "model", None)
+        kind = "output" if name.endswith("y") else "input"
+        value = _in_order(name, value, getattr(model, f"{kind}_names", None))
+    return _without_na(value)
+
+
+def _without_na(value: Any) -> Any:
+    """Columns that may hold NA as floats with nan in its place."""
+    if all(isinstance(one, np.dtype) for one in np.atleast_1d(np.asarray(value.dtypes, object))):
+        return value
+    try:
+        return value.to_numpy(np.float64, na_value=np.nan)
+    except (TypeError, ValueError):  # which the loops' check names
+        return value
 
 
 def _index(value: Any) -> Any:
-    """The index of a frame or series, if it is of times: dates, lengths of time or numbers."""
+    """The index of a frame or series, if it is of times: dates, lengths of time or numbers.
+
+    One of whole numbers is a count of rows, or of time in whatever unit.
+    """
     index: Any = getattr(value, "index", None)
-    kind = getattr(getattr(index, "dtype", None), "kind", "")
-    return index if kind in ("M", "m", "f") and len(index) == len(value) else None
+    if hasattr(index, "to_timestamp"):  # of periods
+        index = index.to_timestamp()
+    return index if _kind(index) in "Mmfiu" and len(index) == len(value) else None
 
 
-def _columns(value: Any) -> list[str] | None:
-    """The names of the columns of a frame, or None if they are not all texts."""
-    columns = getattr(value, "columns", None)
-    if columns is None or not hasattr(value, "index"):
-        return None
-    names = list(columns)
+def _names(value: Any) -> list[str] | None:
+    """The names of columns, or of the entries of a series, or None if they are not all texts."""
+    names = list(getattr(value, "columns", value.index))
     return names if names and all(isinstance(name, str) for name in names) else None
 
 
 def _in_order(name: str, value: Any, signals: Sequence[str] | None) -> Any:
-    columns = _columns(value)
-    if not columns or not signals or columns == list(signals):
+    names = _names(value)
+    if not names or not signals or names == list(signals):
         return value
-    if sorted(columns) != sorted(signals):
-        problem = f"has the columns {', '.join(columns)}, must have {', '.join(signals)}"
+    if sorted(names) != sorted(signals):
+        kind = "columns" if hasattr(value, "columns") else "entries"
+        problem = f"has the {kind} {', '.join(names)}, must have {', '.join(signals)}"
         raise InputError(name, problem)
     return value[list(signals)]
 
 
 def _compare(name: str, index: Any, period: float) -> None:
-    """Refuse an index of times that does not go on by the sampling period."""
-    kind = index.dtype.kind
-    if kind == "f":
-        seconds = index.to_numpy(np.float64)
+    """Refuse an index of times that does not go on by the sampling period, a count by its step."""
+    kind = _kind(index)
+    if kind in "iu":
+        steps, unit = np.diff(index.to_numpy()), "equal steps"
+        off = (steps == steps[:1]) & (steps > 0)
     else:
-        timestamps = index.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
-        seconds = (timestamps - timestamps[:1]) / np.timedelta64(1, "ns") * 1e-9
-    off = np.abs(np.diff(seconds) - period) <= UNEVEN * period
+        unit = f"the sampling period of {period:g} s"
+        if kind == "f":
+            seconds = index.to_numpy(np.float64)
+        else:
+            stamps = index.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
+            seconds = (stamps - stamps[:1]) / np.timedelta64(1, "ns") * 1e-9
+        off = np.abs(np.diff(seconds) - period) <= UNEVEN * period
     if not off.all():
         row = int(np.argmin(off)) + 1
         raise InputError(
             name, f"has an index that goes from {index[row - 1]} to {index[row]} at row {row}, "
-            f"must go on by the sampling period of {period:g} s; else give time",
+            f"must go on by {unit}; else give time",
         )  # fmt: skip

@@ -98,7 +98,7 @@ def rts_smoother(
             f"{shown(filter)} must be a Kalman filter, extended or unscented or augmented",
         )
     means, covariances = _filtered(filter, run)
-    y, u, _ = read_frames(filter, y, u, True)
+    y, u, *_ = read_frames(filter, y, u, None, None, run.time)
     k, m = len(means), filter.measurements
     if u is None and filter.inputs:
         raise InputError("u", f"is left out, must have shape {(k, filter.inputs)}")

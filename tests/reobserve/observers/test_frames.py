@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -87,15 +88,104 @@ def test_other_names_and_times_are_refused(y: Any, u: Any, said: str) -> None:
         ([[1.0, 2.0], [3.0, None]] * 2, r"y: is no array of numbers: the entry \[1, 1\] is None"),
         (VALUES.astype(object), "y: is no array of numbers: the dtype is object"),
         (np.ma.masked_equal(VALUES, 30.0), r"y: .*: the entry \[2, 1\] is masked"),
-        (
-            frame().astype("Float64").where(VALUES != 20.0),
-            r"y: .*: the entry \[1, 1\] is .*NA.* and the dtype object",
-        ),
     ],
 )
 def test_entry_that_is_no_number_is_named(y: Any, said: str) -> None:
     with pytest.raises(InputError, match=said):
         run(y, PUSH.to_numpy())
+
+
+def test_na_is_a_missing_measurement_and_no_input() -> None:
+    nullable = frame().astype("Float64").where(VALUES != 20.0)
+    sought = run(np.where(VALUES == 20.0, np.nan, VALUES), PUSH.to_numpy())
+    found = run(nullable[["right", "left"]])
+    assert np.array_equal(found["state"], sought["state"])
+    assert found.missing == 1
+    with pytest.raises(InputError, match="u: sample 1 is"):
+        run(VALUES, PUSH.astype("Float64").where(VALUES[:, :1] != 2.0))
+
+
+def test_sample_as_a_series_is_matched_by_name() -> None:
+    start = KALMAN.init([0.0, 0.0], 1.0)
+    _, sought = KALMAN.step(start, [1.0, 10.0], [2.0])
+    row, push = pd.Series({"right": 10.0, "left": 1.0}), pd.Series({"push": 2.0})
+    _, found = KALMAN.step(start, row, push)
+    assert np.array_equal(found["state"], sought["state"])
+    _, found = KALMAN.step(start, frame().iloc[0], [2.0])
+    assert np.array_equal(found["state"], sought["state"])
+    with pytest.raises(InputError, match="y: has the entries left, middle, must have left, right"):
+        KALMAN.step(start, row.rename({"right": "middle"}), push)
+    with pytest.raises(InputError, match="u: has the entries pull, must have push"):
+        KALMAN.step(start, row, pd.Series({"pull": 2.0}))
+
+
+def test_values_in_between_are_matched_by_name() -> None:
+    names = {"output_names": ["left", "right"], "input_names": ["push"]}
+    case = CASES["extended state"]()
+    rows, u = case.y[:4], case.u[:4]
+    observer = case.observer
+    object.__setattr__(observer, "model", SimpleNamespace(**names))
+    swapped = pd.DataFrame(rows + 0.5, columns=["left", "right"])[["right", "left"]]
+    sought = observer.run(rows, u, state=case.state, middle=(rows + 0.5, u))
+    found = observer.run(rows, u, state=case.state, middle=(swapped, u))
+    assert np.array_equal(found["state"], sought["state"])
+    with pytest.raises(InputError, match="middle y: has the columns left, other"):
+        observer.run(
+            rows, u, state=case.state, middle=(swapped.rename(columns={"right": "other"}), u)
+        )
+    step = observer.step(case.state, rows[0], u[0], middle=(rows[1], u[1]))[1]
+    other = observer.step(
+        case.state, rows[0], u[0],
+        middle=(pd.Series({"right": rows[1, 1], "left": rows[1, 0]}), u[1]),
+    )[1]  # fmt: skip
+    assert np.array_equal(step["state"], other["state"])
+
+
+def test_index_of_periods_is_one_of_times() -> None:
+    model = LinearModel([[1.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=3600.0)
+    kalman, hours = KalmanFilter(model), pd.period_range("2026-01-01", periods=4, freq="h")
+    found = kalman.run(pd.Series(VALUES[:, 0], index=hours), state=kalman.init([0.0], 1.0))
+    assert found.to_pandas().index.equals(hours.to_timestamp())
+    rows = pd.Series(VALUES[:3, 0], index=hours[[0, 1, 3]])
+    with pytest.raises(InputError, match=r"y: has an index that goes from .* at row 2"):
+        kalman.run(rows, state=kalman.init([0.0], 1.0))
+
+
+def test_count_of_rows_with_a_gap_is_refused() -> None:
+    u = PUSH.to_numpy()
+    for index in ([10, 11, 12, 13], [0, 10, 20, 30]):
+        assert len(run(frame(index=index), u)) == 4
+    for index in ([0, 1, 3, 4], [3, 2, 1, 0], [0, 0, 0, 0]):
+        with pytest.raises(InputError, match=r"y: has an index .* must go on by equal steps"):
+            run(frame(index=index), u)
+    assert len(run(frame(index=[0, 1, 3, 4]), u, time=0.5 * np.arange(4.0))) == 4
+
+
+@pytest.mark.parametrize(
+    "times", [DATES, DATES.tz_localize(None), DATES.tz_localize(None).to_period("ms")]
+)
+def test_dates_as_time_are_seconds_since_1970(times: Any) -> None:
+    found = run(VALUES, PUSH.to_numpy(), time=times)
+    first = DATES[0].timestamp() + (0.0 if times is DATES else 3600.0)
+    assert found.time.tolist() == [first, first + 0.5, first + 1.0, first + 1.5]
+    with pytest.raises(InputError, match=r"time: goes from .* at row 1"):
+        run(VALUES, PUSH.to_numpy(), time=DATES[[0, 2, 3, 3]])
+    with pytest.raises(InputError, match="time: is not known at row 1"):
+        run(VALUES, PUSH.to_numpy(), time=[*DATES[:1].to_numpy(), np.datetime64("NaT")] * 2)
+
+
+def test_next_frame_goes_on_from_the_state_or_is_refused() -> None:
+    whole = run(frame())
+    first = run(frame().iloc[:2], PUSH.iloc[:2])
+    second = KALMAN.run(frame().iloc[2:], PUSH.iloc[2:], state=first.state)
+    assert np.array_equal(second["state"], whole["state"][2:])
+    assert second.time.tolist() == [1.0, 1.5]
+    for seconds in (60.0, -0.5, -1e6):
+        later = frame().iloc[2:].set_axis(DATES[2:] + pd.Timedelta(seconds, "s"))
+        with pytest.raises(InputError, match=r"y: has an index that begins at .* must go on by"):
+            KALMAN.run(later, PUSH.iloc[2:].to_numpy(), state=first.state)
+    with pytest.raises(InputError, match=r"y: has an index that begins at"):
+        KALMAN.run(frame(), PUSH, state=whole.state)  # the same day again
 
 
 def test_poles_outside_the_unit_circle_are_named() -> None:
