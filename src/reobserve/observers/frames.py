@@ -93,7 +93,7 @@ def stamped(state: Any, index: Any, time: Any) -> Any:
 
 
 def as_seconds(name: str, time: Any) -> Any:
-    """Dates as seconds since 1970 and lengths of time as seconds; anything else as it is."""
+    """Dates as seconds since 1970 and lengths of time as seconds, anything else as it is."""
     if _kind(time) not in "MmO" or time is None:
         return time
     if hasattr(time, "to_timestamp"):
@@ -185,8 +185,8 @@ def _compare(name: str, index: Any, period: float) -> None:
         if kind == "f":
             seconds = index.to_numpy(np.float64)
         else:
-            stamps = index.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
-            seconds = (stamps - stamps[:1]) / np.timedelta64(1, "ns") * 1e-9
+            timestamps = index.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
+            seconds = (timestamps - timestamps[:1]) / np.timedelta64(1, "ns") * 1e-9
         off = np.abs(np.diff(seconds) - period) <= UNEVEN * period
     if not off.all():
         row = int(np.argmin(off)) + 1
