@@ -83,8 +83,8 @@ rule robustness:
 
 rule alternatives:
     input:
-        "results/{paper}/robustness.json",
-        numbers_behind,
+        robustness="results/{paper}/robustness.json",
+        numbers=numbers_behind,
     output:
         report(
             "results/{paper}/alternatives.csv",
@@ -106,8 +106,8 @@ rule alternatives:
     message:
         "{wildcards.paper}: try alternatives to conventions"
     shell:
-        "(set -x; reobserve-papers stage alternatives results/{wildcards.paper}/parameters.json {input[0]}"
-        " --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage alternatives results/{wildcards.paper}/parameters.json"
+        " {input.robustness} --output {output}) &> {log}"
 
 
 rule sensitivity:
