@@ -53,7 +53,7 @@ quick: $(STAMP)  ## style, types and the tests of the changed modules; SINCE=mai
 TESTS := pytest --numprocesses $(CORES)
 
 # With NIGHTLY=yes also the tests of `nightly`, in the same run and with the same build.
-test: check  ## `check`, unit tests, one build of the papers, their golden numbers; 6 minutes
+test: check  ## `check`, unit tests, one build of the papers, their golden numbers; a quarter of an hour
 	$(TESTS) $(if $(NIGHTLY),-m "" --hypothesis-profile=nightly)
 
 nightly: $(STAMP)  ## all other tests: the bench, second builds, kills, other processors, a browser, Slurm; half an hour
