@@ -109,7 +109,7 @@ def _glance(paper: Paper) -> str:
     rows = [
         (
             f"[{plain(_words(claim.name))}](../reference/claims/{paper.name}.md#{anchor(claim)})"
-            + (" **main claim**" if claim.is_main else ""),
+            + (" **main claim**" if _decides(claim) else ""),
             chip(claim.verdict),
             _share(claim),
         )
@@ -135,7 +135,7 @@ def _claims(paper: Paper) -> str:
 
 
 def _claim(paper: Paper, claim: ReportedClaim) -> str:
-    main_claim = ", **main claim**" if claim.is_main else ""
+    main_claim = ", **main claim**" if _decides(claim) else ""
     parts = [
         heading(3, plain(_words(claim.name)), anchor(claim)),
         f"{chip(claim.verdict)}{main_claim}, {plain(claim.place)}",
@@ -194,6 +194,11 @@ def _history(paper: Paper) -> str:
         "## What was asked before\n\nVerdicts that were others before a bound, range, quantifier, "
         f"window or promise changed, each with the verdict known at the time.\n\n{listed}"
     )
+
+
+def _decides(claim: ReportedClaim) -> bool:
+    """True for main claims, which are those promised ones that can be tested."""
+    return claim.is_main and claim.verdict != "not testable"
 
 
 def _words(name: str) -> str:
