@@ -30,7 +30,8 @@ def test_verdicts_in_findings_agree_with_the_accepted_ones(paper: str) -> None:
     """Each link to a claim shows its verdict, and each promised claim has a link."""
     text = by_hand((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
     text = published_numbers.squeezed(text)
-    reported = {claim: word for word, claim in re.findall(r"\[([^\]]*)\]\(\S*#claim-(\w+)\)", text)}
+    links = re.findall(r"\[([^\]]*)\]\([^)]*#claim-(\w+)\)", text)
+    reported = {claim: word for word, claim in links}
     accepted = {claim: one["verdict"] for claim, one in read_golden(ROOT)[paper].items()}
     assert reported == {claim: accepted.get(claim) for claim in reported}
     promised = {name for name, one in read_claims(ROOT, paper).claims.items() if one.promised}
