@@ -255,6 +255,27 @@ def of_imm() -> Iterator[str]:
     assert saturated == [0, 0]
     yield "no innovation leaves the boundary layers"
     yield from _of_layers_that_switch()
+    yield from _of_samples()
+
+
+def _of_samples() -> Iterator[str]:
+    """How often quoted values and main claims hold, and which alternatives change the title."""
+    paper = next(one for one in papers(ROOT) if one.name == "imm")
+    for claim in paper.claims:
+        found = claim.robustness
+        if found is None or not (claim.is_main or claim.name.endswith("_quoted")):
+            continue
+        what = "combinations" if found.whole else "samples"
+        yield f"held in {found.held} of {found.samples} {what}"
+        if found.opposed and claim.is_main and not found.whole:
+            yield f"the opposite in {found.opposed}, the others are ties"
+        if found.null:
+            yield f"with random gains in {100 * found.null:.0f} %"
+    for reason in paper.decided[1].reasons:
+        word, _, names = reason.partition(" with ")
+        if names:
+            assert word == "[¬Re]"
+            yield from (f"`{name}`" for name in names.split("; "))
 
 
 def _parameters(section: str, name: str) -> dict[str, Any]:
