@@ -19,8 +19,8 @@ from reobserve_papers.report.gather import cited
 
 _THRESHOLDS = {
     "stated": "The bound is the paper's.",
-    "before": "The bound was set before its numbers were known.",
-    "after": "The bound was set after its numbers were known.",
+    "before": "Bound set before its numbers were known.",
+    "after": "Bound set with its numbers known.",
 }
 _QUANTIFIERS = {
     "can": "It states that something can be so.",
@@ -143,7 +143,7 @@ def _claim(paper: Paper, claim: ReportedClaim) -> str:
     ]
     if claim.measured:
         parts.append("\n".join(f"- {_measured(paper, one)}" for one in claim.measured))
-    margin = f" The verdict is the same for {plain(claim.margin)}." if claim.margin else ""
+    margin = f" Same verdict for {plain(claim.margin)}." if claim.margin else ""
     if claim.why:
         parts.append(ticks(claim.why))
     if claim.quantifier in _QUANTIFIERS:

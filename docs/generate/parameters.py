@@ -48,10 +48,4 @@ def _row(paper: Paper, entry: AssumptionRow) -> tuple[str, ...]:
         text += " *Numerical: a resolution of the computation.*"
     if entry.chosen_for:
         text += f" **Chosen so that a claim holds.** {ticks(entry.chosen_for)}"
-    if entry.claims:
-        links = ", ".join(
-            f"[{plain(name.replace('_', ' '))}](../claims/{paper.name}.md#claim-{name})"
-            for name in entry.claims
-        )
-        text += f" *Claims that depend on it:* {links}."
     return keys, value, "<br>".join(map(plain, entry.range)), text
