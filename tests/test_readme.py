@@ -128,6 +128,7 @@ def test_readme_has_no_other_numbers() -> None:
     """Outside code, names and the compared numbers there are no digits."""
     before, _, rest = README.partition("<!-- verdicts -->")
     verdicts, _, after = rest.partition("<!-- end -->")
+    verdicts = re.sub(r"(?m)^- .*$", "", verdicts)  # the reasons of titles, which the build writes
     reported = [str(parameter.values[0]) for parameter in NUMBERS]
     assert numbers_left(before + verdicts + after, reported) == []
 

@@ -54,7 +54,7 @@ def _growth(
 ) -> Iterator[Metric]:
     """Exponents of the errors of u' and u'' in the size of the noise, from 0.5 to 5 per cent.
 
-    The amplitude of the sine is one. [34, Theorem 6] has powers 2/3 and 1/3 of the noise, not 1.
+    The amplitude of the sine is one. [34] has powers 2/3 and 1/3 of the noise, not 1.
     """
     rows = np.floor(time / job.plant.noise_period + 1e-9).astype(int)
     stream = random_stream(SEED, "delay", "theory", "growth")
