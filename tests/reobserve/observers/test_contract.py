@@ -11,6 +11,7 @@ from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Any
 
+import numba
 import numpy as np
 import pandas as pd
 import pytest
@@ -541,6 +542,8 @@ def test_only_correctly_aligned_rows_give_the_true_values(case: Case) -> None:
 def test_long_loops_can_be_interrupted(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     if isinstance(case.observer, IMM) and not case.observer._linear:
         pytest.skip("its loop is one of Python")
+    if numba.config.DISABLE_JIT:
+        pytest.skip("no loop is compiled")
 
     class SignalError(Exception):
         pass
