@@ -17,7 +17,7 @@ from reobserve.observers.linear_steps import (
     log_likelihood_of,
 )
 from reobserve.observers.nonlinear_filter_work import FilterWork, innovate
-from reobserve.systems.nonlinear_flow import Functions, jacobian, move_and_derive
+from reobserve.systems.nonlinear_flow import Functions, jacobian, move_and_derive, write_sizes
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,7 @@ def predict_extended(
     """Write f(x, u) to ``work.moved``, the covariance, and cov(x(k-1), x(k)) to ``work.cross``."""
     n = len(work.linear.states)
     # x = f(x, u), A = df/dx
+    write_sizes(functions.F, functions.scale, mean, covariance, work.flow.sizes)
     move_and_derive(functions, steps, k, mean, u, work.moved, work.flow)
     A, cross = work.flow.A, work.cross
     # cov(x(k-1), x(k)) = P A'
@@ -60,7 +61,8 @@ def correct_extended(
     """
     linear, flow = work.linear, work.flow
     # C = dh/dx
-    jacobian(functions.h, functions.H, functions.scale, mean, u, flow.C_flat, flow)
+    write_sizes(functions.H, functions.scale, mean, covariance, flow.sizes)
+    jacobian(functions.h, functions.H, mean, u, flow.C_flat, flow)
     # e = y - h(x, u)
     expected = flow.values[0, : len(y)]
     call(functions.h, (mean, u, expected))

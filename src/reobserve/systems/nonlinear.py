@@ -69,7 +69,8 @@ class NonlinearModel:
         Values by name: of further names in texts, and of p in Python functions. They are read at
         run time, so that a model with other values compiles nothing.
     scale
-        Typical sizes of the states, one number or n, for the steps of differences.
+        Typical sizes of the states, one number or n, for the steps of differences; left out, these
+        are found from the estimate.
     sampling_period
         [s]; left out, time is counted in samples.
     substeps
@@ -117,7 +118,7 @@ class NonlinearModel:
     input_names: tuple[str, ...] | None = None
     output_names: tuple[str, ...] | None = None
     parameters: Mapping[str, float] | None = None
-    scale: Array = 1.0  # type: ignore[assignment]
+    scale: Array | None = None
     sampling_period: float = 1.0
     substeps: int = 0
     density: Array | None = None
@@ -130,7 +131,7 @@ class NonlinearModel:
             states: int | None = ..., inputs: int | None = ..., outputs: int | None = ...,
             state_names: Sequence[str] | None = ..., input_names: Sequence[str] | None = ...,
             output_names: Sequence[str] | None = ..., parameters: Mapping[str, float] | None = ...,
-            scale: ArrayLike = ..., sampling_period: float = ..., substeps: int = ...,
+            scale: ArrayLike | None = ..., sampling_period: float = ..., substeps: int = ...,
             density: ArrayLike | None = ...,
         ) -> None: ...  # fmt: skip
 
@@ -160,7 +161,8 @@ class NonlinearModel:
         put(self, "parameters", _as_parameters(self.parameters, self._variables))
         put(self, "Q", read_only(as_covariance("Q", self.Q, self.states)))
         put(self, "R", read_only(as_covariance("R", self.R, self.outputs, definite=True)))
-        put(self, "scale", read_only(_as_scale(self.scale, self.states)))
+        if self.scale is not None:
+            put(self, "scale", read_only(_as_scale(self.scale, self.states)))
         put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         put(self, "substeps", as_whole("substeps", self.substeps, 0, 10_000))
         if self.density is not None:
@@ -364,7 +366,8 @@ class NonlinearModel:
     def _functions(self, jacobians: Mapping[str, Any]) -> Functions:
         f, h = self._pointers["f"][0], self._pointers["h"][0]
         F, H = (jacobians.get(name) for name in "FH")
-        return Functions(f, F, h, H, self.substeps, for_loop(self.scale))
+        scale = np.zeros(self.states) if self.scale is None else self.scale
+        return Functions(f, F, h, H, self.substeps, for_loop(scale))
 
 
 def _as_texts(name: str, given: Any) -> Any:

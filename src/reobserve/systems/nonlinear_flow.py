@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 # steps, over the larger; and what rounding may add, over the function.
 ALIKE, AGREE, NOISE = 1e-5, 1e-9, 2e-15
 REDUCTIONS = 8  # of the step, by 256 each
+LOUD, STRAIGHT = 1e-11, 1e-6  # rounding that asks for a longer step, and what that may bend
+FIRST = 2.0**-20  # of a deviation, for the step at zero
 
 
 class Functions(NamedTuple):
@@ -24,7 +26,7 @@ class Functions(NamedTuple):
 
     ``f``, ``F``, ``h`` and ``H`` are pointers to functions ``(x, u, out)``; a Jacobian that is None
     is found by differences. ``substeps`` is the number of Runge-Kutta steps in a sampling period;
-    ``scale``, (n,), are typical sizes of the states.
+    ``scale``, (n,), are typical sizes of the states, zero where they are not known.
     """
 
     f: Any
@@ -52,6 +54,8 @@ class NonlinearRows(NamedTuple):
 class FlowWork(NamedTuple):
     """Scratch: points and slopes (n,), values (6, n or m), Jacobians (n, n) and (m, n), also flat.
 
+    ``sizes``, (n,), are those of the states for the steps of differences.
+
     It is made in Python: to compile the allocation of arrays takes seconds.
     """
 
@@ -59,6 +63,7 @@ class FlowWork(NamedTuple):
     stage_point: Array
     slope: Array
     total: Array
+    sizes: Array
     values: Array
     A: Array
     A_flat: Array
@@ -74,22 +79,23 @@ def new_flow_work(states: int, outputs: int) -> FlowWork:
     """Scratch for a model of this size."""
     n, m = states, outputs
     A, C = np.empty((n, n)), np.empty((m, n))
-    vectors, squares = np.empty((4, n)), np.empty((4, n, n))
+    vectors, squares = np.empty((5, n)), np.empty((4, n, n))
     return FlowWork(
-        vectors[0], vectors[1], vectors[2], vectors[3], np.empty((6, max(n, m))),
-        A, A.reshape(-1), C, C.reshape(-1), squares[0], squares[1], squares[2], squares[3],
+        vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], np.empty((6, max(n, m))), A,
+        A.reshape(-1), C, C.reshape(-1), squares[0], squares[1], squares[2], squares[3],
     )  # fmt: skip
 
 
 @inlined_kernel
 def jacobian(
-    function: Any, derivative: Any, scale: Array, x: Array, u: Array, flat: Array, work: FlowWork
+    function: Any, derivative: Any, x: Array, u: Array, flat: Array, work: FlowWork
 ) -> None:
     """Write the Jacobian of a function, row by row: given, or by central differences.
 
     f'(x) = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d) + O(d^4), with d between 1/1000 and
-    1/500 of the larger of |x| and its scale: about twelve digits where f is smooth on that scale.
+    1/500 of the larger of |x| and its size: about twelve digits where f is smooth on that scale.
     Where slopes over 2d and 4d differ it may not be, and d is reduced until two derivatives agree.
+    Where f is so large that differences lose digits d is lengthened, as long as f is straight.
     """
     if derivative is not None:
         call(derivative, (x, u, flat))
@@ -101,10 +107,10 @@ def jacobian(
         point[i] = x[i]
     for j in range(n):
         # A power of two, so that the differences of x are nearly exact.
-        size = max(abs(x[j]), scale[j])
-        d = math.ldexp(1.0, math.frexp(size)[1] - 10)
+        size = max(abs(x[j]), work.sizes[j])
+        d = math.ldexp(1.0, math.frexp(size if size > 0.0 else 1.0)[1] - 10)
         differ(function, x[j], j, d, u, work.values, rows, point)
-        good = True
+        good, loud = True, False
         for i in range(rows):
             # f'(x) = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d)
             near = work.values[0, i] - work.values[1, i]
@@ -112,9 +118,27 @@ def jacobian(
             flat[i * n + j] = (8.0 * near - far) / (12.0 * d)
             apart, noise = abs(2.0 * near - far), NOISE * abs(work.values[2, i])
             good = good and apart <= ALIKE * abs(far) + noise
+            loud = loud or 0.0 < LOUD * abs(far) < noise
         point[j] = x[j]
         if not good:
             refine(function, x[j], j, d, u, flat, work.values, rows, point)
+        elif loud:
+            lengthen(function, x[j], j, d, u, flat, work.values, rows, point)
+
+
+@inlined_kernel
+def write_sizes(derivative: Any, scale: Array, x: Array, covariance: Array, sizes: Array) -> None:
+    """Write sizes of the states for `jacobian`, which do not depend on units.
+
+    Where a typical size is not known that of x is taken; at zero a small part of its deviation,
+    from where steps are lengthened, so that no function is called far from x.
+    """
+    if derivative is not None:
+        return
+    for j in range(len(x)):
+        sizes[j] = scale[j]
+        if scale[j] == 0.0 and x[j] == 0.0 and covariance[j, j] > 0.0:
+            sizes[j] = FIRST * math.sqrt(covariance[j, j])
 
 
 @kernel
@@ -165,6 +189,38 @@ def refine(
     point[j] = x
 
 
+@kernel
+def lengthen(
+    function: Any, x: float, j: int, d: float, u: Array, flat: Array, values: Array, rows: int,
+    point: Array,
+) -> None:  # fmt: skip
+    """Lengthen the step until rounding is small beside the difference, or f is not straight."""
+    n, done = len(point), values[5]
+    for i in range(rows):
+        far = values[2, i] - values[3, i]
+        done[i] = 0.0 if 0.0 < LOUD * abs(far) < NOISE * abs(values[2, i]) else 1.0
+    for _ in range(REDUCTIONS):
+        last, d = d, 256.0 * d
+        differ(function, x, j, d, u, values, rows, point)
+        left = 0
+        for i in range(rows):
+            if done[i] == 1.0:
+                continue
+            near, far = values[0, i] - values[1, i], values[2, i] - values[3, i]
+            found, noise = (8.0 * near - far) / (12.0 * d), NOISE * abs(values[2, i])
+            straight = abs(2.0 * near - far) <= STRAIGHT * abs(far) + noise
+            alike = abs(found - flat[i * n + j]) <= STRAIGHT * abs(found) + noise / last
+            if straight and alike:
+                flat[i * n + j] = found
+            if straight and alike and LOUD * abs(far) < noise:
+                left += 1
+            else:
+                done[i] = 1.0
+        if left == 0:
+            break
+    point[j] = x
+
+
 @inlined_kernel
 def move(
     functions: Functions, steps: Any, k: int, x: Array, u: Array, out: Array, work: FlowWork
@@ -204,7 +260,7 @@ def move_and_derive(
     """
     if steps is None:
         # A = df/dx, x(k) = f(x(k-1), u(k-1))
-        jacobian(functions.f, functions.F, functions.scale, x, u, work.A_flat, work)
+        jacobian(functions.f, functions.F, x, u, work.A_flat, work)
         call(functions.f, (x, u, out))
         return
     n, h = len(x), steps[min(k, len(steps) - 1)]
@@ -220,9 +276,7 @@ def move_and_derive(
             ahead = (0.0, 0.5 * h, 0.5 * h, h)[stage]
             weight = (1.0, 2.0, 2.0, 1.0)[stage]
             advance(out, work.sensitivity, ahead, slope, work.slopes, work.stage_point, work.stage)
-            jacobian(
-                functions.f, functions.F, functions.scale, work.stage_point, u, work.A_flat, work
-            )
+            jacobian(functions.f, functions.F, work.stage_point, u, work.A_flat, work)
             call(functions.f, (work.stage_point, u, slope))
             multiply(work.A, work.stage, work.slopes)
             advance(total, work.totals, weight, slope, work.slopes, total, work.totals)

@@ -112,7 +112,7 @@ def _target(tree: Tree, entry: Tree, place: str, seen: tuple[str, ...]) -> Tree:
         raise InputError(f"{place}.value", "must not stand beside same_as")
     other = _target(tree, found, place, (*seen, key))
     wording = {**other, **entry}
-    if other["source"] == OVERRIDDEN:
+    if other.get("source") == OVERRIDDEN:
         wording |= {"source": OVERRIDDEN}
         wording.pop("why", None)
     return {**wording, "value": copy.deepcopy(other["value"])}
