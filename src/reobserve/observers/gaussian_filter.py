@@ -191,8 +191,8 @@ class GaussianFilter(Observer[KalmanState]):
                 for_loop(posterior.covariance)[None], mean, *covariances, work,
             )  # fmt: skip
         if not good:
-            cause = self.steps.causes[int(work.cause[0])] if self.steps.causes else ""
-            raise DivergenceError(type(self).__name__, 0.0, cause)
+            cause = int(work.cause[0]) if hasattr(work, "cause") else 0
+            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(cause, ""))
         return Gaussian(mean[0], covariances[0, 0], posterior.error)
 
     def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
@@ -217,8 +217,7 @@ class GaussianFilter(Observer[KalmanState]):
         after = FilterPosteriors(*(part[None].copy() for part in vars(posterior).values()))
         rows, _, ends = self._filtered(model, inputs, taken[None, None], True, after)
         if not ends[0, 0]:
-            finding = self.steps.causes.get(int(ends[0, 1]), "")
-            raise DivergenceError(type(self).__name__, 0.0, finding)
+            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(ends[0, 1], ""))
         return Correction(
             Gaussian(*(part[0] for part in after)), rows.innovation[0, 0],
             rows.innovation_covariance[0, 0], float(rows.log_likelihood[0, 0]),
@@ -347,8 +346,8 @@ class GaussianFilter(Observer[KalmanState]):
         good, cause = ends[0].tolist()
         n, _, m = self._sizes
         if state.count <= n and n * m > 1:  # of one number Joseph's form loses nothing
-            variances = rows.covariance[0, : min(good, n + 1)].diagonal(0, 1, 2)
-            warn_of_start(posterior.covariance.diagonal(), variances)
+            P, S = (one[0, : min(good, n + 1)] for one in rows[1:4:2])
+            warn_of_start(posterior.covariance.diagonal(), P.diagonal(0, 1, 2), 5, S)
         return Rows(found, good, last, finding=self.steps.causes[cause] if cause else "")
 
     @cached_property
@@ -391,7 +390,8 @@ class GaussianFilter(Observer[KalmanState]):
         rows, kept, ends = self._filtered(model, inputs, y, fresh, after, keep)
         n, _, m = self._sizes
         if first.count <= n and n * m > 1:
-            warn_of_starts(starts, rows.covariance[:, : n + 1].diagonal(0, 2, 3), ends[:, 0])
+            P, S = (one[:, : n + 1] for one in rows[1:4:2])
+            warn_of_starts(starts, P.diagonal(0, 2, 3), ends[:, 0], S)
         causes = self.steps.causes
         return Many(
             self._named(rows, kept, keep), {}, ends[:, 0].tolist(),

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from reobserve.observers.correlated_noise import TakenOut, uncorrelated
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
-from reobserve.observers.linear_loop import predict_linear, run_linear
+from reobserve.observers.linear_loop import (
+    NO_INNOVATION,
+    NO_INNOVATION_CAUSE,
+    predict_linear,
+    run_linear,
+)
 from reobserve.observers.linear_steps import Gain, new_linear_work
 from reobserve.systems.linear import LinearModel, ModelRows
 
@@ -59,7 +64,10 @@ def linear_in_record(
     return InRecord(ModelRows(**matrices), inputs, as_held(after))
 
 
-LINEAR = FilterSteps(LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work, {})
+LINEAR = FilterSteps(
+    LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work,
+    {NO_INNOVATION: NO_INNOVATION_CAUSE},
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)

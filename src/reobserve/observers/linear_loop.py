@@ -24,6 +24,13 @@ from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
 
+# Why a filter stopped, and what is said of it.
+NO_INNOVATION = 3
+NO_INNOVATION_CAUSE = (
+    "the covariance of the next innovation is not finite and positive definite, as it is to "
+    "rounding if measurements of the same are too precise beside their prediction"
+)
+
 
 class FilterRows(NamedTuple):
     """The estimates of filters by their names: (records, k, ...)."""
@@ -97,11 +104,11 @@ def run_linear(
     ``inputs`` has a row more than a record: the input of the row before, then that of each row; so
     have A, B and Q of the model. The last row of each matrix holds for all later ones. A ``fresh``
     posterior is meant at the first row, which then corrects it as it stands; else it is meant a
-    period before. ``ends`` become the numbers of good rows, (records, 2).
+    period before. ``ends`` become the numbers of good rows and why the loop stopped, (records, 2).
     """
     count, due = measurements.shape[1], FIRST
     for r in range(len(measurements)):
-        ends[r, 0] = first = 0
+        ends[r, 0] = ends[r, 1] = first = 0
         while first < count and ends[r, 0] == first:
             if r * count + first >= due:
                 due = look(r * count + first)
@@ -142,6 +149,8 @@ def _run_rows(
                 gain.function, gain.parameters, y, inputs[r, k + 1], mean, covariance, error,
                 innovation, work,
             )  # fmt: skip
+            if math.isnan(rows.log_likelihood[r, k]):
+                ends[r, 1] = NO_INNOVATION
             if kept is not None:
                 assign_matrix(kept.gain[r, k], work.gain)
         if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):

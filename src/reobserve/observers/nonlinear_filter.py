@@ -12,8 +12,8 @@ from reobserve.core.covariances import as_covariances
 from reobserve.core.errors import InputError
 from reobserve.core.value import for_loop
 from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
+from reobserve.observers.linear_loop import NO_INNOVATION, NO_INNOVATION_CAUSE
 from reobserve.observers.nonlinear_filter_work import (
-    NO_INNOVATION,
     NO_OUTPUT,
     NO_POSTERIOR,
     NO_ROOT,
@@ -30,7 +30,7 @@ TAKES = ("Q", "R", "parameters", "dt", "keep")
 CAUSES = {
     NO_STATE: "f, or the covariance after it, is not finite at the next sample",
     NO_OUTPUT: "h is not finite at the next sample",
-    NO_INNOVATION: "the covariance of the next innovation is not finite and positive definite",
+    NO_INNOVATION: NO_INNOVATION_CAUSE,
     NO_ROOT: "the covariance of the state is no longer positive semidefinite, so that it has no "
     "Cholesky factor",
     NO_POSTERIOR: "the next correction is not finite",

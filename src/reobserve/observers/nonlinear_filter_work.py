@@ -15,7 +15,7 @@ from reobserve.systems.nonlinear_flow import FlowWork, new_flow_work
 Array = NDArray[np.float64]
 
 # Why a filter stopped, see `nonlinear_filter.CAUSES`.
-NO_STATE, NO_OUTPUT, NO_INNOVATION, NO_ROOT, NO_POSTERIOR = 1, 2, 3, 4, 5
+NO_STATE, NO_OUTPUT, NO_ROOT, NO_POSTERIOR = 1, 2, 4, 5  # beside NO_INNOVATION, 3
 
 
 class FilterWork(NamedTuple):

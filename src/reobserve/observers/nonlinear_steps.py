@@ -15,6 +15,7 @@ from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
 from reobserve.observers.linear_loop import (
+    NO_INNOVATION,
     FilterPosteriors,
     FilterRows,
     PredictedRows,
@@ -23,7 +24,6 @@ from reobserve.observers.linear_loop import (
 )
 from reobserve.observers.linear_steps import assign, assign_matrix, fill, is_missing
 from reobserve.observers.nonlinear_filter_work import (
-    NO_INNOVATION,
     NO_POSTERIOR,
     NO_STATE,
     FilterWork,

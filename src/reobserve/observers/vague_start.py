@@ -1,7 +1,9 @@
 """Digits that covariances of a start lose when measurements are far more precise.
 
 A correction from the variance p to the variance q leaves of 16 digits about 16 - log10(p / q): the
-covariance after it is the small difference of large numbers.
+covariance after it is the small difference of large numbers. So it is with two measurements of one
+quantity that are far more precise than it is known: the covariance of their innovations is then
+nearly singular, and what they say beside each other is lost.
 """
 
 from __future__ import annotations
@@ -21,11 +23,14 @@ class VagueStartWarning(UserWarning):
     """The covariance of a start is so large beside that of measurements that digits are lost."""
 
 
-def warn_of_start(start: Array, variances: Array, level: int = 5) -> bool:
+def warn_of_start(
+    start: Array, variances: Array, level: int = 5, innovations: Array | None = None
+) -> bool:
     """Warn the caller of `run` or `step` if a variance falls too far in one of the first rows.
 
-    ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n). True
-    if there was a warning; ``level`` is that of the caller.
+    ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n);
+    ``innovations`` are the covariances of the innovations, (k, m, m), which say it of measurements.
+    True if there was a warning; ``level`` is that of the caller.
     """
     before = start.tolist()
     for row, found in enumerate(variances.tolist()):  # few: numpy takes longer
@@ -38,17 +43,46 @@ def warn_of_start(start: Array, variances: Array, level: int = 5) -> bool:
                 )  # fmt: skip
                 return True
         before = found
+    if innovations is not None and innovations.shape[1] > 1:
+        least = _least(innovations)
+        row = int(np.argmin(least)) if len(least) else 0
+        if len(least) and least[row] * FILTERED < 1.0:
+            _warn(
+                "measurements of the same are far more precise than their prediction at row "
+                f"{row}: the covariance of their innovation is nearly singular (its correlation "
+                f"matrix has the eigenvalue {least[row]:.1g})",
+                "begin with a smaller covariance, or give R larger", level,
+            )  # fmt: skip
+            return True
     return False
 
 
-def warn_of_starts(starts: Array, variances: Array, goods: NDArray[np.int64]) -> None:
+def _least(innovations: Array) -> Array:
+    """The least eigenvalues of correlation matrices, (..., k); a missing output has a one."""
+    size = innovations.shape[-1]
+    known = np.where(np.isnan(innovations), np.eye(size), innovations)
+    deviations = np.sqrt(known.diagonal(axis1=-2, axis2=-1))
+    correlations = known / deviations[..., :, None] / deviations[..., None, :]
+    return np.asarray(np.linalg.eigvalsh(correlations)[..., 0], dtype=np.float64)
+
+
+def warn_of_starts(
+    starts: Array, variances: Array, goods: NDArray[np.int64], innovations: Array
+) -> None:
     """Do so for the first of many records with such a start.
 
-    The arrays are (records, n) and (records, k, n); ``goods`` are the good rows of each.
+    The arrays are those of `warn_of_start`, of each record; ``goods`` are the good rows of each.
     """
     before = np.concatenate([starts[:, None], variances[:, :-1]], axis=1)
-    for record in np.flatnonzero((before / FILTERED > variances).any(axis=(1, 2))):
-        if warn_of_start(starts[record], variances[record, : goods[record]], 7):
+    doubtful = (before / FILTERED > variances).any(axis=(1, 2))
+    if innovations.shape[-1] > 1:
+        good = np.arange(innovations.shape[1]) < goods[:, None]
+        least = _least(np.where(good[..., None, None], innovations, np.nan))
+        doubtful |= (least * FILTERED < 1.0).any(axis=1)
+    for record in np.flatnonzero(doubtful):
+        last = goods[record]
+        parts = starts[record], variances[record, :last], 7, innovations[record, :last]
+        if warn_of_start(*parts):
             return
 
 

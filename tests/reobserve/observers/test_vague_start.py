@@ -62,6 +62,19 @@ def test_start_of_one_of_many_records_is_said() -> None:
         kalman.run(np.array([Y, Y])[:, :, None], state=[states[0], states[2]])
 
 
+def test_precise_measurements_in_one_of_many_records_are_said() -> None:
+    one = LinearModel(np.eye(2), C=[[1.0, 1.0], [1.0, 1.0 + 1e-7]], Q=0.0, R=1e-14)
+    kalman = KalmanFilter(one)
+    states = [kalman.init([0.0, 0.0], start) for start in (1e-12, 1.0, 1e-12)]
+    said = r"measurements of the same are far more precise than their prediction at row 0"
+    with pytest.warns(VagueStartWarning, match=said) as warned:
+        kalman.run(np.ones((3, 2, 2)), state=states)
+    assert [one.filename for one in warned] == [__file__]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        kalman.run(np.ones((2, 2, 2)), state=[states[0], states[2]])
+
+
 def test_usual_start_is_least_squares_without_a_warning() -> None:
     kalman = KalmanFilter(MOTION)
     with warnings.catch_warnings():
