@@ -58,7 +58,7 @@ def warn_of_start(
 
 
 def _least(innovations: Array) -> Array:
-    """The least eigenvalues of correlation matrices, (..., k); a missing output has a one."""
+    """The least eigenvalues of correlation matrices, (..., k), with ones for what is missing."""
     size = innovations.shape[-1]
     known = np.where(np.isnan(innovations), np.eye(size), innovations)
     deviations = np.sqrt(known.diagonal(axis1=-2, axis2=-1))

@@ -39,6 +39,10 @@ FAULTS = {
         "papers/ilo.yaml", "same_as: plant.initial_rate", "same_as: plant.rate",
         "ilo.observers.sampled.initial_rate.same_as: there is no entry 'plant.rate'",
     ),
+    "an entry that others link to": (
+        "papers/ilo.yaml", "unit: rad/s\n    source: assumed", "unit: rad/s\n    origin: assumed",
+        "ilo.plant.initial_rate.origin: unknown key",
+    ),
 }  # fmt: skip
 
 
