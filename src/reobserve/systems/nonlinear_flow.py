@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 ALIKE, AGREE, NOISE = 1e-5, 1e-9, 2e-15
 REDUCTIONS = 8  # of the step, by 256 each
 LOUD, STRAIGHT = 1e-11, 1e-6  # rounding that asks for a longer step, and what that may bend
-FIRST = 2.0**-20  # of a deviation, for the step at zero
+PART = 2.0**-10  # of a large deviation, for the size of a state
 
 
 class Functions(NamedTuple):
@@ -130,15 +130,16 @@ def jacobian(
 def write_sizes(derivative: Any, scale: Array, x: Array, covariance: Array, sizes: Array) -> None:
     """Write sizes of the states for `jacobian`, which do not depend on units.
 
-    Where a typical size is not known that of x is taken; at zero a small part of its deviation,
-    from where steps are lengthened, so that no function is called far from x.
+    Where a typical size is not known the deviation of x is taken, and of one above 1 a part, so
+    that after a vague start no function is called far from x.
     """
     if derivative is not None:
         return
     for j in range(len(x)):
         sizes[j] = scale[j]
-        if scale[j] == 0.0 and x[j] == 0.0 and covariance[j, j] > 0.0:
-            sizes[j] = FIRST * math.sqrt(covariance[j, j])
+        if scale[j] == 0.0 and covariance[j, j] > 0.0:
+            deviation = math.sqrt(covariance[j, j])
+            sizes[j] = min(deviation, max(1.0, PART * deviation))
 
 
 @kernel
