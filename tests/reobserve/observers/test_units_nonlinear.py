@@ -92,3 +92,30 @@ def test_estimates_are_those_of_other_units(kind: str, model: str, powers: list[
     for name, values in wanted.items():
         size = np.abs(values).max(axis=0)
         np.testing.assert_array_less(np.abs(found[name] - values) / size, 1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize("variance", [1e-6, 1.0, 1e4, 1e8])
+@pytest.mark.parametrize("mean", [0.0, 1e-12])
+def test_differences_near_zero_keep_digits_beside_a_large_output(
+    mean: float, variance: float
+) -> None:
+    options: Any = {"states": 1, "outputs": 1, "Q": 1e-4, "R": 1e-2}
+
+    def f(x: Array) -> Array:
+        return np.array([0.9 * x[0] + 0.4])
+
+    def h(x: Array) -> Array:
+        return np.array([1e3 + math.sin(x[0])])
+
+    models = (
+        NonlinearModel(f, h, **options),
+        NonlinearModel(
+            f, h, F=lambda x: np.array([[0.9]]), H=lambda x: np.array([[math.cos(x[0])]]), **options
+        ),
+    )
+    rows = 1e3 + np.sin([0.1, 0.4, 0.7])
+    found, wanted = (
+        one.run(rows, state=one.init([mean], variance))["state"]
+        for one in map(ExtendedKalmanFilter, models)
+    )
+    assert found == pytest.approx(wanted, rel=1e-8)
