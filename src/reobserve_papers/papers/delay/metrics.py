@@ -26,9 +26,10 @@ import numpy as np
 
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import root_mean_square, scored
-from reobserve_papers.papers.delay import keys, without_threshold
+from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.observer_inputs import output
 from reobserve_papers.papers.delay.scoring import (
+    GUESS,
     constant_segments,
     errors,
     peaks,
@@ -36,7 +37,6 @@ from reobserve_papers.papers.delay.scoring import (
     rms_scores,
     turned_over_at,
 )
-from reobserve_papers.papers.delay.theory_runs import GUESS
 from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.signals.grid import stride
@@ -147,6 +147,8 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
         yield from scores_of(name, _scores(data, name))
     for name, observer in data.job.observers.items():
         if isinstance(observer, keys.Extended) and observer.model == "lag":
+            from reobserve_papers.papers.delay import without_threshold  # it loads numba
+
             found = without_threshold.estimate(data.job, observer, plant)
             for score in _varying(data, found):
                 yield Metric.at(name, score, threshold="none")

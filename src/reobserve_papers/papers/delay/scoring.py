@@ -22,6 +22,8 @@ from reobserve_papers.signals.series import Series
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+GUESS = "guess"  # as an observer of metrics: the estimate that stays where it begins
+
 
 def check_rules(rules: keys.Metrics, horizon: float, period: float) -> None:
     """Refuse windows that hold no sample of estimates ``period`` [s] apart."""

@@ -18,7 +18,7 @@ from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.observe import estimate
 from reobserve_papers.papers.delay.plant import simulate
-from reobserve_papers.papers.delay.scoring import errors, peaks
+from reobserve_papers.papers.delay.scoring import GUESS, errors, peaks
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
 from reobserve_papers.papers.delay.theory_gains import FIGURES, ORDERS
 from reobserve_papers.parameters.job import named
@@ -28,7 +28,6 @@ from reobserve_papers.signals.series import Series
 Array = NDArray[np.float64]
 
 SEED = 0
-GUESS = "guess"  # the estimate that stays where it begins
 
 
 def measure(job: keys.Job, ramp: Series, sine: Series) -> Iterator[Metric]:

@@ -17,11 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve_papers.metrics.metrics import Metric, scores_of
 from reobserve_papers.papers.eso import keys
-from reobserve_papers.papers.eso.observe import estimates_on
-from reobserve_papers.papers.eso.random_gains import RANDOM, medians, random_gains
 from reobserve_papers.papers.eso.scoring import (
     check_rules,
     corrected_speed,
@@ -29,7 +26,6 @@ from reobserve_papers.papers.eso.scoring import (
     scores,
     sizes,
 )
-from reobserve_papers.papers.eso.setup import augmented
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.signals.series import Series
 
@@ -97,7 +93,7 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
         if other is not None:
             yield from scores_of(name, differences(job.metrics, estimate, other))
     if isinstance(job.figure, keys.Faults):
-        yield from medians(_by_chance(job, data.plant))
+        yield from _by_chance(job, data.plant)
     if data.study:
         for design, numbers in data.study.groups("kind", *_CHOSEN, "quantity", "unit"):
             kind, rate, choice, level, quantity, unit = design
@@ -106,10 +102,17 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
 
 
 def _by_chance(job: keys.Job, plant: Series) -> Iterator[Metric]:
-    """Scores of observers with random gains, started from zero."""
-    system = augmented(job.plant, 1.0)
+    """The median scores of observers with random gains, started from zero."""
+    # Late, since observers load numba.
+    from reobserve.observers.extended_state import ExtendedStateObserver
+    from reobserve_papers.papers.eso.observe import estimates_on
+    from reobserve_papers.papers.eso.random_gains import RANDOM, medians, random_gains
+    from reobserve_papers.papers.eso.setup import augmented
+
+    system, found = augmented(job.plant, 1.0), list[Metric]()
     for gains in random_gains(system):
         observer = ExtendedStateObserver(system, gains, sampling_period=2.0 * plant.step)
         estimate = estimates_on(observer, plant)
-        yield from scores_of(RANDOM, scores(job.metrics, plant, estimate))
-        yield from scores_of(RANDOM, corrected_speed(job.metrics, plant, estimate))
+        found += scores_of(RANDOM, scores(job.metrics, plant, estimate))
+        found += scores_of(RANDOM, corrected_speed(job.metrics, plant, estimate))
+    yield from medians(found)

@@ -25,8 +25,7 @@ from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.papers.imm.null import GUESS
-from reobserve_papers.papers.imm.scoring import check_rules, probabilities
+from reobserve_papers.papers.imm.scoring import GUESS, check_rules, probabilities
 from reobserve_papers.papers.imm.study_rows import STATED, TUNED
 from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.parameters.figure_data import FigureData

@@ -18,9 +18,8 @@ from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 
-# Observers of metrics: filters with random gains, the measurement as it is, and a bank that
-# always gives all modes the same probability.
-RANDOM_GAIN, MEASUREMENT, GUESS = "random_gain", "measurement", "guess"
+# Observers of metrics: filters with random gains, and the measurement as it is.
+RANDOM_GAIN, MEASUREMENT = "random_gain", "measurement"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,6 +15,8 @@ from reobserve_papers.papers.imm.keys import MODES
 
 Array = NDArray[np.float64]
 
+GUESS = "guess"  # as an observer of metrics: a bank that always gives all modes the same
+
 
 def check_rules(rules: keys.Metrics, horizon: float, period: float) -> None:
     """Refuse windows that hold no sample of those ``period`` [s] apart."""
