@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from threading import Thread
 from typing import Any
 
@@ -23,6 +24,7 @@ import numpy as np
 from reobserve import IMM, ExtendedKalmanFilter, KalmanFilter, LinearModel, NonlinearModel
 from reobserve import UnscentedKalmanFilter
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it in background jobs
 n = 36
 chain = KalmanFilter(LinearModel(0.9 * np.eye(n), C=np.eye(1, n), Q=1e-4, R=1e-2))
 ode = NonlinearModel.from_ode(
@@ -52,6 +54,14 @@ for name, (filter, rows, size) in runs.items():
         late = time.monotonic() - sent[0]
     print(name, late, flush=True)
 """
+
+
+@pytest.fixture(autouse=True)
+def interrupted() -> Iterator[None]:
+    """The handler of Python, where a shell has ignored the signal in a background job."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def test_interrupt_ends_long_runs_within_a_second() -> None:
