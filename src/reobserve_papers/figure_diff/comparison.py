@@ -22,7 +22,7 @@ from reobserve_papers.parameters.names import stored_parameters
 from reobserve_papers.parameters.parameters import Parameters
 
 # Plots of Monte Carlo samples, whose verdicts are compared.
-_OF_SAMPLES = ("specification", "sensitivity")
+_OF_SAMPLES = ("alternatives", "specification", "sensitivity")
 
 
 @dataclass
