@@ -83,7 +83,8 @@ def _merged(old: str, new: str, papers: Sequence[str]) -> str:
     head = new.partition(next(iter(rows.values())))[0] if rows else new
     merged, reasons = _rows(old, r"\|") | rows, _rows(old, "-") | _rows(new, "-")
     cells = "".join(merged[one] for one in papers if one in merged)
-    return f"{head}{cells}\n" + "".join(reasons[one] for one in papers if one in reasons)
+    said = "".join(reasons[one] for one in papers if one in reasons)
+    return head + cells + (f"\n{said}" if said else "")
 
 
 def _rows(text: str, mark: str) -> dict[str, str]:
