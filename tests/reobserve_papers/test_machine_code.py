@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve_papers.papers.delay import theory_state_gain
+from reobserve_papers.papers.delay import theory_state_gain, without_threshold
 from tests.reobserve.core import kernels
 from tests.reobserve_papers.library.calls import calls
 from tests.reobserve_papers.papers.delay.scalar_plant import ALL, FAST, constant, run
@@ -20,8 +20,9 @@ def compiled() -> dict[str, Any]:
         one.function(*one.arguments)
     for make in ALL.values():
         run(make(0.1), FAST, constant(0.5), 0.5)
-    inputs, states = np.ones((5, 3)), np.ones((3, 5))
-    theory_state_gain._simulate(inputs, np.ones(4), np.ones(3), 0.1, states)
+    inputs, states = np.ones((5, 4)), np.ones((3, 5))
+    theory_state_gain._simulate(inputs, np.ones(4), np.ones(3), np.ones(3), 0.1, states)
+    without_threshold._fill(inputs, np.ones(2), np.ones(2), np.ones(2), 0.1, np.ones((3, 2)))
     return kernels.kernels("reobserve_papers")
 
 
