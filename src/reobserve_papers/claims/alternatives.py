@@ -9,7 +9,7 @@ share does not hold for weighted ones.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from reobserve.core.errors import InputError, located
@@ -43,6 +43,7 @@ _BETWEEN = " | "  # reasons in one cell
 
 LACKS = "lacks samples"  # of a verdict that no more than a lack of samples leaves open
 NOT_COMPUTED = "not computed"  # of one whose numbers the samples do not have
+NO_MAIN, NEW_MAIN = "no main claim", "a main claim"  # of a claim that no longer is, or becomes one
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class Decider:
     @property
     def title(self) -> str:
         """The title by the conventions, as if nothing could be seen otherwise."""
-        return self._title(self.judged, self.conventions)
+        return self._title(self.judged, self.conventions) or OPEN
 
     def outcomes(self, claim: Claim) -> list[Outcome]:
         """The outcomes in the samples, or with the parameter file where nothing is open."""
@@ -163,10 +164,11 @@ class Decider:
                 moved = after.verdict != before.verdict
                 lost = bool(before.promised) and not after.promised
                 gained = bool(after.promised) and not before.promised
-                if moved or note or lost or gained:
-                    other = f"{after.verdict}, no main claim" if lost else after.verdict
-                    rows.append((claim.name, before.verdict, other, note))
-            other_title = self._title(judged, one.conventions)
+                note = note or (NO_MAIN if lost else NEW_MAIN if gained else "")
+                if moved or note:
+                    rows.append((claim.name, before.verdict, after.verdict, note))
+            # Where it leaves no main claim it says nothing of the title.
+            other_title = self._title(judged, one.conventions) or title
             for name, verdict, other, note in rows or [("", "", "", "")]:
                 yield Changed(one, name, verdict, other, title, other_title, note)
 
@@ -246,25 +248,21 @@ class Decider:
 
     def _other(self, claim: Claim, one: Alternative) -> tuple[Judged, str]:
         """The verdict by an alternative, or the one there is where that cannot be said."""
-        before, keep = self.judged[claim.name], one.keep.get(claim.name)
+        before = self.judged[claim.name]
+        unchanged = replace(before, promised=claim.promised, purpose=claim.purpose)
         try:
-            after = self._judged(claim, one.conventions, keep)
+            after = self._judged(claim, one.conventions, one.keep.get(claim.name))
         except InputError:
-            unchanged = Judged(
-                claim.name, claim.place, claim.promised, claim.purpose, before.verdicts
-            )
             return unchanged, NOT_COMPUTED
         if len(after.verdicts) > 1 and before.verdict in after.verdicts:
-            unchanged = Judged(
-                claim.name, claim.place, claim.promised, claim.purpose, before.verdicts
-            )
             return unchanged, LACKS
         return after, ""
 
     def _title(self, judged: Mapping[str, Judged], conventions: Conventions) -> str:
+        """The title by verdicts, none without main claims."""
         values = conventions.values
         mains = main_claims(judged.values(), values["main"], values["purpose"])
-        return title_of(mains, values["majority"])
+        return title_of(mains, values["majority"]) if mains else ""
 
     def _single(self, name: str, single: SingleAlternative) -> Alternative:
         claims = {
@@ -296,19 +294,16 @@ def title(decider: Decider, changes: Iterable[Changed]) -> Title:
         reasons.append(
             f"{len(mains) - len(short)} of {len(mains)} main claims are reproduced: {listed}"
         )
-    by: dict[str, list[str]] = {}
+    by: dict[str, dict[str, None]] = {}
     for one in changes:
-        if one.other_title != plain and one.alternative.name not in by.setdefault(
-            one.other_title, []
-        ):
-            by[one.other_title].append(one.alternative.name)
-    reasons += [f"{word} with {'; '.join(names)}" for word, names in by.items() if names]
-    reasons += [
+        if one.other_title != plain:
+            by.setdefault(one.other_title, {})[one.alternative.name] = None
+    changing = [f"{word} with {'; '.join(names)}" for word, names in by.items()]
+    changing += [
         f"{other} if {claim} is {word}, which its samples allow"
         for claim, word, other in open_verdicts(mains, values["majority"])
     ]
-    changing = any(by.values()) or any(True for _ in open_verdicts(mains, values["majority"]))
-    return Title(OPEN if changing else plain, tuple(reasons))
+    return Title(OPEN if changing else plain, (*reasons, *changing))
 
 
 def write_alternatives(path: Path, changes: Iterable[Changed], title: Title) -> None:

@@ -66,7 +66,7 @@ def alternatives_curve(
         changed = by.setdefault(row["alternative"], {})
         titles[row["alternative"]] = row["other_title"]
         if row["claim"]:
-            changed[row["claim"]] = row["other"].partition(",")[0]
+            changed[row["claim"]] = row["other"]
     order = [
         STATED,
         *sorted((n for n in by if n != STATED), key=lambda n: -_share(by[n], mains, verdicts)),
@@ -114,7 +114,13 @@ def alternatives_curve(
     below.set_xticks([])
     below.grid(visible=False)
     below.legend(
-        fontsize=_SMALL, ncols=5, loc="upper center", bbox_to_anchor=(0.4, -0.02), frameon=False
+        fontsize=_SMALL,
+        ncols=5,
+        loc="upper center",
+        bbox_to_anchor=(0.35, -0.02),
+        frameon=False,
+        columnspacing=1.0,
+        handletextpad=0.2,
     )
     figure.text(0.02, 0.01, "\n".join(lines), fontsize=5.6, va="bottom", linespacing=1.25)
     return figure

@@ -207,10 +207,19 @@ def test_quantifier_and_promise_can_be_read_otherwise(code: Code, tmp_path: Path
     made, title = decide(decider(code, registry(tmp_path, claims, {}, alternatives)))
     found = by_name(made)
     assert (found["always"].claim, found["always"].other) == ("rare", CONTRADICTED)
-    assert found["no promise"].other == f"{REPRODUCED}, no main claim"
+    assert (found["no promise"].other, found["no promise"].note) == (REPRODUCED, "no main claim")
     assert found["no promise"].other_title == "[Re?]"  # one of two
     assert found["nothing else"].claim == ""
     assert title.reasons == ("[¬Re] with always", "[Re?] with no promise")
+
+
+def test_alternative_that_leaves_no_main_claim_says_nothing_of_the_title(
+    code: Code, tmp_path: Path
+) -> None:
+    main = {"value": "abstract and conclusions", "alternatives": {"end": "conclusions"}}
+    made, title = decide(decider(code, registry(tmp_path, {"one": SURE}, {"main": main})))
+    assert by_name(made)["main: end"].other_title == "[Re]"
+    assert title == Title("[Re]")
 
 
 def test_conventions_say_which_claims_are_main(code: Code, tmp_path: Path) -> None:
