@@ -46,9 +46,9 @@ def _format(low: float, high: float) -> str:
     if math.isinf(low) and math.isinf(high):
         return "any number"
     if math.isinf(high):
-        return f"{low:.3g} or any greater number"
+        return f"any number from {low:.3g} on"
     if math.isinf(low):
-        return f"{high:.3g} or any less number"
+        return f"any number up to {high:.3g}"
     return f"any number from {low:.3g} to {high:.3g}"
 
 

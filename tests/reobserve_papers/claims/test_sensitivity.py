@@ -121,7 +121,7 @@ def test_bound_margin_agrees_with_sorted_samples() -> None:
     found = margins(claim(BELOW), samples(*errors), False, 0.9)
     # One failure in 40 leaves it undecided: the bound may fall to the largest number.
     assert found == {BELOW: (pytest.approx(0.49), math.inf)}
-    said = "fig1 a error below 0.49 or any greater number"
+    said = "fig1 a error below any number from 0.49 on"
     assert format_margins(found) == said
     # With nine tenths of a count it may fall until more than four fail.
     found = margins(claim(BELOW), samples(*errors), True, 0.9)
@@ -152,7 +152,7 @@ def test_bound_margin_of_what_is_always_so_ends_at_the_worst_sample() -> None:
 @pytest.mark.parametrize(
     ("ends", "said"),
     [
-        ((-math.inf, 0.7), "0.7 or any less number"),
+        ((-math.inf, 0.7), "any number up to 0.7"),
         ((0.1, 0.7), "any number from 0.1 to 0.7"),
         ((-math.inf, math.inf), "any number"),
     ],
