@@ -312,10 +312,7 @@ LATE = {
 
 # What metrics load only for figures in which observers that know nothing are scored.
 OF_NULLS = {
-    "delay": [
-        "reobserve_papers.papers.delay.observer_inputs",
-        "reobserve_papers.papers.delay.without_threshold",
-    ],
+    "delay": ["reobserve_papers.papers.delay.without_threshold"],
     "eso": ["reobserve_papers.papers.eso.observe", "reobserve_papers.papers.eso.random_gains"],
 }
 

@@ -27,6 +27,7 @@ import numpy as np
 from reobserve_papers.metrics.metrics import Metric, Score, scores_of
 from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.papers.delay import keys
+from reobserve_papers.papers.delay.measured import output
 from reobserve_papers.papers.delay.scoring import (
     GUESS,
     constant_segments,
@@ -176,8 +177,6 @@ def _guess(data: FigureData[keys.Job], *, clean: bool) -> Iterator[Score]:
     time = plant.time[::every]
     channels = {"delay": Channel(np.full(len(time), observer.initial_delay), "s")}
     if job.scenario.model == "pendulum":
-        from reobserve_papers.papers.delay.observer_inputs import output  # it loads numba
-
         y = (plant["state"][:, 0] if clean else output(plant)[0])[::every]
         rate = np.diff(y, prepend=y[0]) / observer.sampling_period
         channels["state"] = Channel(np.column_stack([y, rate]), UNITS[job.scenario.model][0])

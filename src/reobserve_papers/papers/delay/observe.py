@@ -16,6 +16,7 @@ from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDe
 from reobserve_papers.papers.delay.estimator_variable_structure import (
     VariableStructureDelayEstimator,
 )
+from reobserve_papers.papers.delay.measured import output
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
 from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.signals.grid import stride
@@ -119,7 +120,7 @@ Found = dict[str, Channel]
 
 def _extended(job: keys.Job, observer: keys.Extended, plant: Series, every: int) -> Found:
     built = build_extended(job, observer)
-    y, y_before = observer_inputs.output(plant)
+    y, y_before = output(plant)
     u, u_before = observer_inputs.inputs(job, observer, plant)
     run = run_on_halves(
         built, y[::every], u[::every],
@@ -136,7 +137,7 @@ def _extended(job: keys.Job, observer: keys.Extended, plant: Series, every: int)
 
 def _standard(job: keys.Job, observer: keys.Standard, plant: Series, every: int) -> Found:
     built = build_standard(job, observer)
-    y, y_before = observer_inputs.output(plant)
+    y, y_before = output(plant)
     u, u_before = observer_inputs.delayed_input(job, plant, observer.mean_delay)
     run = run_on_halves(
         built, y[::every], u[::every], state=built.init(observer.initial_estimate),

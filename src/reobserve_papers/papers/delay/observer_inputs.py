@@ -8,25 +8,12 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve_papers.papers.delay import keys
+from reobserve_papers.papers.delay.measured import Pair, measured
 from reobserve_papers.papers.delay.setup import delay_bounds
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]
-Pair = tuple[Array, Array]
-
-
-def measured(plant: Series, name: str, clean: str) -> Pair:
-    """A measured channel and its limits from the left, or the clean one if there is no noise."""
-    if name in plant.channels:
-        return plant[name], plant[f"{name}_before"]
-    values = plant[clean] if plant[clean].ndim == 1 else np.ascontiguousarray(plant[clean][:, 0])
-    return values, values
-
-
-def output(plant: Series) -> Pair:
-    """The measured y and its limits from the left."""
-    return measured(plant, "measured", "state")
 
 
 def inputs(job: keys.Job, observer: keys.Extended, plant: Series) -> Pair:
