@@ -50,6 +50,26 @@ def test_output_row_is_printed_as_a_column() -> None:
     assert np.max(np.abs(residual)) < 1e-15
 
 
+def test_printed_blocks_of_lambda_do_not_fit() -> None:
+    n = 3
+    zeros, unit = np.zeros, np.eye(n - 1)
+    with pytest.raises(ValueError, match="dimensions"):
+        np.block([[zeros((n, 1)), unit], [zeros((1, 1)), zeros((1, n))]])
+    corrected = np.block([[zeros((n - 1, 1)), unit], [zeros((1, 1)), zeros((1, n - 1))]])
+    assert np.array_equal(corrected, np.eye(n, k=1))
+
+
+def test_bounded_rate_is_not_what_assumption_5_needs() -> None:
+    """u = sin t has a bounded rate that is zero; that of u = exp t fulfils (5) unbounded."""
+    time, bound = np.linspace(0, 10, 1001), 0.5
+    assert np.max(np.abs(np.cos(time))) <= 1
+    assert np.min(np.abs(np.cos(time))) < bound
+    # Where the rate is zero, the last entry of lambda and with it the determinant is.
+    assert np.linalg.det(scaling(3, GAIN * np.cos(np.pi / 2))) == pytest.approx(0, abs=1e-14)
+    assert np.min(np.exp(time)) > bound
+    assert np.exp(10) > 1e4 * bound
+
+
 def test_rank_is_deficient_without_the_first_output_derivative() -> None:
     """For n = 2 the printed list j = 2..n-1 is empty: y and y'' remain for three unknowns."""
     xi = GAIN * 0.2

@@ -80,6 +80,17 @@ def test_figure_numbers_are_one_above_those_in_the_text() -> None:
     assert captions == {number + 1: shown for number, shown in text.items()}
 
 
+def test_printed_input_of_the_motor_has_three_rows() -> None:
+    """A of the same equation has two rows; [0; 1/L] is B, since L i' = -Ke w - R i + u."""
+    motor, x = DCMotor(2.0, 0.5, 0.1, 0.02, 0.05, 0.3), np.array([1.5, -0.7])
+    printed = np.array([[0.0], [1.0], [0.3]])
+    with pytest.raises(ValueError, match="broadcast"):
+        motor.A @ x + printed @ [1.2]
+    assert (motor.A @ x + motor.B @ [1.2])[1] == pytest.approx(
+        (-0.02 * 1.5 + 0.05 * 0.7 + 1.2) / 0.3
+    )
+
+
 def test_only_table_is_not_numbered_first() -> None:
     """The text refers to table 1, and the only table is numbered seventh."""
     numerals = {"I": 1, "V": 5, "X": 10}

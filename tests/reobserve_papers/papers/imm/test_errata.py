@@ -279,6 +279,27 @@ def test_bank_without_feedthrough_diagnoses_the_normal_actuator_as_faulty() -> N
     assert found[1] < 0.02
 
 
+# --- Section II.B: two models -------------------------------------------------------------------
+
+
+def test_two_models_leave_the_third_without_a_probability() -> None:
+    """The leak has none of its own in a bank of the other two, which share 1 between them."""
+    wave = square_wave(200, 20)
+    u = np.hstack([wave, np.vstack([wave[:1], wave[:-1]])])
+    z = simulated(left_limit(motion_model("leakage")), u)
+    z += np.array([0.01, 0.2, 8.0]) * ripple(200, 3)
+    found = {}
+    for modes in (("normal", "friction"), ("normal", "friction", "leakage")):
+        models = [replace(left_limit(motion_model(mode)), R=[1e-4, 0.04, 64.0]) for mode in modes]
+        r = len(modes)
+        transition = 0.023 * np.ones((r, r)) + (1 - 0.023 * r) * np.eye(r)
+        bank = IMM([KalmanFilter(model) for model in models], transition)
+        run = run_over(bank, z, u, np.zeros(5), 0.01)
+        found[r] = run["probability"][50:].mean(axis=0)
+    assert found[2].sum() == pytest.approx(1.0)
+    assert found[3][2] > 0.5, "the most probable of three"
+
+
 # --- (7): the index of the sum is a superscript, and its name belongs to another quantity -------
 
 

@@ -85,6 +85,16 @@ def test_nonresonance_of_a_alone_is_not_sufficient() -> None:
     assert lowest_degree(other.residual_of_s([y.ring(p) for p in S])) > degree
 
 
+def test_sums_of_eigenvalues_have_integer_coefficients() -> None:
+    """With F = -1, A = -5/2 is 5/2 of F's eigenvalue, but no sum with integers: S exists."""
+    case, degree = scalar(QQ(-5, 2)), 6
+    assert QQ(5, 2) * -1 == QQ(-5, 2)
+    assert all(m * -1 != QQ(-5, 2) for m in range(2, degree + 1))
+    problem = case.problem(degree)
+    S = to_polynomials(PolynomialMap(problem.basis, solve_s(problem, solver_for(problem))))
+    assert lowest_degree(case.residual_of_s([y.ring(p) for p in S])) > degree
+
+
 def test_poincare_domain_of_a_excludes_nothing() -> None:
     """Every stable A has its eigenvalues there; for F, as in Section 1, it is a condition."""
     draw = np.random.default_rng(3)
