@@ -211,14 +211,19 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probabilities(job.Figure):
+class _OverTime(job.Figure):
+    plain: str = ""  # the same with the plain setting, if this one's was searched for
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probabilities(_OverTime):
     """The probability of one mode."""
 
     layout: Literal["normal", "leakage"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Switching(job.Figure):
+class Switching(_OverTime):
     """The probabilities of all modes, beside a study that is not drawn."""
 
     layout: Literal["switching"]

@@ -24,11 +24,14 @@ _SWITCHING_CONDITIONS = {
 
 
 def note(job: keys.Job) -> str:
-    """Notes on how curves are drawn, the input, noise, sampling and the banks."""
+    """Notes on a search for the setting, how curves are drawn, the input, noise and the banks."""
     scenario, first = job.scenario, next(iter(job.observers.values()))
     noise = "with noise" if any(scenario.noise) else "no noise"
     how = "from the least to the greatest value, if these differ"
+    plain = getattr(job.figure, "plain", "")
+    searched = f"Setting searched for so that the quoted values are met; the plain one: {plain}."
     sentences = (
+        searched if plain else "",
         f"Vertical line: the leak begins. Curves: means over 30 ms; bands: {how}.",
         "◂ and pale bars: quoted by the paper.",
         f"{stimulus(scenario.input, scenario.input_unit)}, samples every "
