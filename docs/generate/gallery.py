@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from docs.generate.evidence import REFERENCES, Figure, Paper
 from docs.generate.markdown import block, code, heading, plain
-from reobserve_papers.report.markup import first_sentence
 
 _REFERENCES = f"../../../{REFERENCES}"  # from a page in a folder
 
@@ -38,8 +37,7 @@ def figures(paper: Paper) -> str:
 
 
 def _picture(figure: Figure) -> str:
-    text = f"{figure.title.rstrip('.')}. {first_sentence(figure.caption)}"
-    return f"![{plain(text)}]({_REFERENCES}/{figure.paper}/{figure.name}.png)"
+    return f"![{plain(figure.title)}]({_REFERENCES}/{figure.paper}/{figure.name}.png)"
 
 
 def _figure(figure: Figure) -> str:
