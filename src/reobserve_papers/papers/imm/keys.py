@@ -211,19 +211,21 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _OverTime(job.Figure):
+class OverTime(job.Figure):
+    """Probabilities over time."""
+
     plain: str = ""  # the same with the plain setting, if this one's was searched for
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probabilities(_OverTime):
+class Probabilities(OverTime):
     """The probability of one mode."""
 
     layout: Literal["normal", "leakage"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Switching(_OverTime):
+class Switching(OverTime):
     """The probabilities of all modes, beside a study that is not drawn."""
 
     layout: Literal["switching"]

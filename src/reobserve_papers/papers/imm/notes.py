@@ -28,7 +28,7 @@ def note(job: keys.Job) -> str:
     scenario, first = job.scenario, next(iter(job.observers.values()))
     noise = "with noise" if any(scenario.noise) else "no noise"
     how = "from the least to the greatest value, if these differ"
-    plain = getattr(job.figure, "plain", "")
+    plain = job.figure.plain if isinstance(job.figure, keys.OverTime) else ""
     searched = f"Setting searched for so that the quoted values are met; the plain one: {plain}."
     sentences = (
         searched if plain else "",

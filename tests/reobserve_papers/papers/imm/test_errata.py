@@ -296,7 +296,7 @@ def test_two_models_leave_the_third_without_a_probability() -> None:
         bank = IMM([KalmanFilter(model) for model in models], transition)
         run = run_over(bank, z, u, np.zeros(5), 0.01)
         found[r] = run["probability"][50:].mean(axis=0)
-    assert found[2].sum() == pytest.approx(1.0)
+    assert found[2].sum() == pytest.approx(1.0), "all of it given to models that do not apply"
     assert found[3][2] > 0.5, "the most probable of three"
 
 
