@@ -33,6 +33,7 @@ from reobserve_papers.plotting.captions import render
 from reobserve_papers.report.assumptions import AssumptionRow, entries
 from reobserve_papers.report.claims import ReportedClaim, claim_of_row
 from reobserve_papers.report.markup import to_html, without_title
+from reobserve_papers.report.paper_figures import FigureRow, figure_rows
 
 GOLDEN = "tests/golden"
 REFERENCES = "tests/reference"
@@ -148,6 +149,13 @@ class Paper:
     def entries(self) -> tuple[AssumptionRow, ...]:
         """The entries of its parameter file, those that say the same together."""
         return entries(self.parameters, self.claims)
+
+    @cached_property
+    def figure_rows(self) -> list[FigureRow]:
+        """The figures that the paper has, one by one."""
+        return figure_rows(
+            self.registry.figures, self.parameters, self.entries, self.numbers.__getitem__
+        )
 
     @cached_property
     def figures(self) -> tuple[Figure, ...]:

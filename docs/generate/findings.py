@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from docs.generate.evidence import Paper
-from docs.generate.gallery import grid
 from docs.generate.markdown import code, heading, plain, table, ticks
 from reobserve.core.documents import read_yaml
 from reobserve_papers.claims.errata import Erratum
@@ -16,6 +15,7 @@ from reobserve_papers.claims.verdict_table import table as verdict_table
 from reobserve_papers.claims.verdicts import VERDICTS
 from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.gather import cited
+from reobserve_papers.report.paper_figures import FigureRow
 
 _THRESHOLDS = {
     "stated": "The bound is the paper's.",
@@ -165,6 +165,9 @@ def _claim(paper: Paper, claim: ReportedClaim) -> str:
         parts.append(
             f"A setting at which it {'fails' if fails else 'holds'}: {plain(claim.setting)}."
         )
+    if errata := paper.registry.corrections.get(claim.name):
+        links = ", ".join(f"[{plain(_words(one))}](#erratum-{one})" for one in errata)
+        parts.append(f"Corrected: {links}.")
     if claim.changes:
         parts.append(f"Another verdict with: {plain('; '.join(claim.changes))}.")
     if claim.depends_on:
@@ -261,9 +264,30 @@ def _erratum(erratum: Erratum) -> str:
 
 
 def _figures(paper: Paper) -> str:
+    rows = [
+        (plain(row.name), plain(row.shows), _drawn(paper, row), _printed(row), plain(row.differs))
+        for row in paper.figure_rows
+    ]
     return (
-        "## Figures\n\nEach figure with its caption, its command and the claims that it decides is "
-        f"in [the gallery](../gallery/{paper.name}.md).\n\n{grid(paper.figures, '../gallery/')}"
+        "## Figures\n\nAll figures of the paper. Settings of the curves are printed in it, "
+        "assumed, or searched for so that the curves meet what it shows. All drawings are in "
+        f"[the gallery](../gallery/{paper.name}.md).\n\n"
+        + table(("figure", "shows", "ours", "printed: ours", "what differs"), rows)
+    )
+
+
+def _drawn(paper: Paper, row: FigureRow) -> str:
+    if not row.ours:
+        return f"none: {plain(row.not_reproduced)}"
+    links = ", ".join(f"[{code(one)}](../gallery/{paper.name}.md#{one})" for one in row.ours)
+    counts = [(row.printed, "printed"), (row.assumed, "assumed"), (len(row.searched), "searched")]
+    settings = ", ".join(f"{n} {word}" for n, word in counts if n)
+    return f"{links}; {settings}"
+
+
+def _printed(row: FigureRow) -> str:
+    return "; ".join(
+        f"{plain(what)} {plain(text)}: {plain(ours)}" for what, text, ours in row.numbers
     )
 
 

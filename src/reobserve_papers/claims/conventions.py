@@ -37,7 +37,7 @@ _ALLOWED = {
     "main": ("abstract and conclusions", "abstract", "conclusions", "figures", "all claims"),
 }
 # Keys of claims and conventions that hold reasons.
-_WORDING = ("why", "note", "statement", "place", "history", "departs", "setting")
+_WORDING = ("why", "note", "statement", "place", "history", "departs", "setting", "errata")
 _NAMED = re.compile(r"\$([a-z][a-z0-9_]*)")
 
 

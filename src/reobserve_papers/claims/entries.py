@@ -104,6 +104,9 @@ class ClaimEntry(Model):
         description="A setting at which it is known to hold from a search, with the ranges, the"
         " method, the seed and the budget of that.",
     )
+    errata: Annotated[list[str], distinct] = Field(
+        [], description="The errata of the paper that correct the statement."
+    )
     not_testable: Text | None = Field(None, description="Why nothing can test it.")
 
     @model_validator(mode="after")
@@ -126,6 +129,41 @@ class Earlier(Model):
     why: Text = Field(description="The reason for the change.")
 
 
+class PrintedNumber(Model):
+    """A number that a paper prints of a figure, and ours."""
+
+    what: Text = Field(description="What it is of, and of which method.")
+    text: Text = Field(
+        description="What the paper prints, in its unit. Before a % at the end ours is multiplied"
+        " by 100."
+    )
+    value: str = Field(description="Ours, FIGURE OBSERVER METRIC as in checks.")
+    scale: float = Field(1.0, description="What ours is multiplied by.")
+    unit: Text | None = Field(None, description="The unit of ours then, if it is another.")
+
+
+class PaperFigure(Model):
+    """A figure of a paper: which of ours show it, or why none does."""
+
+    shows: Text = Field(description="What it shows.")
+    ours: Annotated[list[str], distinct] = Field(
+        [], description="The figures of the parameter file that show it, the nearest first."
+    )
+    not_reproduced: Text | None = Field(None, description="Why none of ours shows it.")
+    printed: list[PrintedNumber] = Field(
+        [], description="The numbers that the paper prints of it, in text, caption or drawing."
+    )
+    differs: Text | None = Field(None, description="What differs from the paper's figure.")
+
+    @model_validator(mode="after")
+    def _shown_or_not(self) -> PaperFigure:
+        if bool(self.ours) == (self.not_reproduced is not None):
+            raise InputError("", "must have ours or not_reproduced, and not both")
+        if self.ours and self.differs is None:
+            raise InputError("differs", "is missing: say what differs from the paper's figure")
+        return self
+
+
 class ClaimsFile(Model):
     """The claims of a paper, ``config/claims/<paper>.yaml``."""
 
@@ -137,6 +175,9 @@ class ClaimsFile(Model):
         dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry],
         Field(min_length=1),
     ]
+    figures: dict[str, PaperFigure] = Field(
+        {}, description="All figures of the paper, in its order, by what it calls them."
+    )
     history: list[Earlier] = Field(
         [], description="Verdicts that changed with what was asked, while the verdict was known."
     )

@@ -10,15 +10,23 @@ from pathlib import Path
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, ReobserveError, located, nearest, shown
 from reobserve_papers.claims.cached_samples import read_cached
+from reobserve_papers.claims.checks import Reference
 from reobserve_papers.claims.conventions import read_conventions
 from reobserve_papers.claims.errata import errata_file, read_errata
 from reobserve_papers.claims.kept_samples import kept_by
-from reobserve_papers.claims.registry import Registry, amiss, claims_file, read_registry
+from reobserve_papers.claims.registry import (
+    Registry,
+    amiss,
+    check_names,
+    claims_file,
+    read_registry,
+)
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.prepare import check_files
+from reobserve_papers.steps.meanings import meanings
 
 
 def checked_papers(
@@ -72,7 +80,9 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
             place, _, rest = problem.partition(": ")
             raise InputError(place, rest)
         _check_alternatives(registry, paper)
-    if errata_file(project, paper).exists():
+        _check_figures(registry, parameters)
+        _check_corrections(registry, project, paper)
+    elif errata_file(project, paper).exists():
         read_errata(project, paper)
     for key, entry in parameters.entries():
         if entry["unit"] == "file" and str(entry["value"]).endswith(".json"):
@@ -88,6 +98,30 @@ def _check_papers(project: Path) -> None:
         if one.paper not in known:
             problem = f"there is no {shown(one.paper)}{nearest(one.paper, known)}"
             raise InputError(f"alternatives.{name}.paper", problem)
+
+
+def _check_figures(registry: Registry, parameters: Parameters) -> None:
+    """Refuse rows of the paper's figures that name a figure or number that is not there."""
+    known, metrics = parameters.tree["figures"], meanings(parameters.package)
+    for name, row in registry.figures.items():
+        with located(f"claims.{parameters.paper}.figures.{name}"):
+            for ours in row.ours:
+                if ours not in known:
+                    raise InputError("ours", f"there is no {shown(ours)}{nearest(ours, known)}")
+            for number, one in enumerate(row.printed):
+                with located(f"printed.{number}.value"):
+                    check_names(parameters, [Reference.parse(one.value)], metrics)
+
+
+def _check_corrections(registry: Registry, project: Path, paper: str) -> None:
+    """Refuse claims that link an erratum that is not there."""
+    has_some = errata_file(project, paper).exists()
+    known = {one.name for one in read_errata(project, paper)} if has_some else set()
+    for claim, names in registry.corrections.items():
+        for name in names:
+            if name not in known:
+                place = f"claims.{paper}.{claim}.errata"
+                raise InputError(place, f"there is no {shown(name)}{nearest(name, known)}")
 
 
 def _check_alternatives(registry: Registry, paper: str) -> None:

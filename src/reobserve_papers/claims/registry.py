@@ -22,7 +22,13 @@ from reobserve_papers.claims.conventions import (
     without_reasons,
     words_in,
 )
-from reobserve_papers.claims.entries import ClaimEntry, ClaimsFile, Earlier, Quantifier
+from reobserve_papers.claims.entries import (
+    ClaimEntry,
+    ClaimsFile,
+    Earlier,
+    PaperFigure,
+    Quantifier,
+)
 from reobserve_papers.parameters.names import claims_path
 from reobserve_papers.parameters.parameter_file import parse_file
 from reobserve_papers.parameters.parameters import Parameters
@@ -102,14 +108,17 @@ class Claim:
 
 @dataclass(frozen=True)
 class Registry:
-    """The claims of a paper, and the limitations to replicating it.
+    """The claims of a paper, its figures, and the limitations to replicating it.
 
     ``conventions`` are those by which the claims are read; `variant` reads one by others.
+    ``corrections`` are the errata that claims link.
     """
 
     limitations: str = ""
     claims: list[Claim] = field(default_factory=list)
     history: list[Earlier] = field(default_factory=list)
+    figures: Mapping[str, PaperFigure] = field(default_factory=dict)
+    corrections: Mapping[str, Sequence[str]] = field(default_factory=dict)
     conventions: Conventions = field(default_factory=Conventions)
     bodies: Mapping[str, Any] = field(default_factory=dict, repr=False)
     _read: Callable[[str, Any, Conventions], Claim] | None = field(default=None, repr=False)
@@ -182,7 +191,14 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
         return _claim(parameters, name, entry, asked[name], known)
 
     registry = Registry(
-        stated.limitations, claims, stated.history, conventions, tree["claims"], read
+        stated.limitations,
+        claims,
+        stated.history,
+        stated.figures,
+        {name: entry.errata for name, entry in stated.claims.items() if entry.errata},
+        conventions,
+        tree["claims"],
+        read,
     )
     wanted = _wanted(registry, paper)
     claims[:] = [replace(claim, wanted=wanted[claim.name]) for claim in claims]
@@ -278,7 +294,7 @@ def _claim(
     for index, one in enumerate(entry.checks or ()):
         with located(f"checks.{index}"):
             checks.append(Check.parse(one.model_dump(exclude_none=True)))
-            _check_names(parameters, checks[-1], known)
+            check_names(parameters, checks[-1].references, known)
     if entry.null:
         observers = {one.observer for check in checks for one in check.references}
         for observer in entry.null:
@@ -305,10 +321,10 @@ def _claim(
     )
 
 
-def _check_names(parameters: Parameters, check: Check, known: Meanings) -> None:
+def check_names(parameters: Parameters, references: Iterable[Reference], known: Meanings) -> None:
     """Refuse a figure that is not there, and a metric that the paper's code does not know."""
     figures = [*parameters.tree["figures"], *([THEORY] if THEORY in parameters.tree else [])]
-    for reference in check.references:
+    for reference in references:
         if reference.figure not in figures:
             problem = f"there is no {shown(reference.figure)}{nearest(reference.figure, figures)}"
             raise InputError("figure", problem)

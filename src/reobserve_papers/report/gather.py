@@ -16,21 +16,24 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import read_table, read_text
 from reobserve.core.validation import parse
 from reobserve_papers.claims.alternatives import Title, read_alternatives
+from reobserve_papers.claims.entries import PaperFigure
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import read_claims
 from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.claims.table import HEADER, KINDS
 from reobserve_papers.claims.verdicts import BROKEN, count
+from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.parameters.config import known_papers, known_tasks
 from reobserve_papers.parameters.names import caption_template, stored_parameters
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.report.assumptions import entries
+from reobserve_papers.report.assumptions import AssumptionRow, entries
 from reobserve_papers.report.claims import ReportedClaim, claim_of_row
 from reobserve_papers.report.environment import environment, package_versions
 from reobserve_papers.report.files import csv_table, image, metrics_table
 from reobserve_papers.report.markup import first_sentence, to_html, without_title
+from reobserve_papers.report.paper_figures import FigureRow, figure_rows
 from reobserve_papers.report.reading import Gap, ReportGaps
 from reobserve_papers.steps.chain import log
 from reobserve_papers.steps.meanings import meanings
@@ -133,6 +136,7 @@ class _Build:
         parts = _Paper(self, parameters, claims)
         theory = f"results/{name}/theory.metrics.csv"
         found = entries(parameters, claims)
+        stated = self.gaps.attempt(name, read_claims, self.folder, name)
         statuses = [entry.status for entry in found for _ in entry.keys]
         return {
             "name": name,
@@ -140,7 +144,11 @@ class _Build:
             **{key: tree["about"].get(key, "") for key in ("year", "doi")},
             "short": cited(tree["about"]),
             "gaps": [stored] if isinstance(stored, Gap) else [],
-            "limitations": self.gaps.attempt(name, _limitations, self.folder, name),
+            "limitations": stated if isinstance(stated, Gap) else stated.limitations,
+            "rows": stated if isinstance(stated, Gap) else parts.rows(stated.figures, found),
+            "corrections": {}
+            if isinstance(stated, Gap)
+            else {claim: one.errata for claim, one in stated.claims.items() if one.errata},
             "figures": [parts.figure(*one) for one in tree["figures"].items()],
             "tables": [parts.table(*one) for one in tree.get("tables", {}).items()],
             "theory": parts.numbers(theory, "theory") if "theory" in tree else None,
@@ -274,6 +282,21 @@ class _Paper:
             **self.build.drawing(base, self._place(name), logged),
         }
 
+    def rows(
+        self, stated: Mapping[str, PaperFigure], found: Sequence[AssumptionRow]
+    ) -> list[FigureRow] | Gap:
+        """The figures of the paper, one by one."""
+
+        def metrics(name: str) -> list[Metric] | None:
+            path = self.build.folder / f"results/{self.parameters.paper}/{name}.metrics.csv"
+            try:
+                return read_metrics(path)
+            except InputError:
+                return None  # a gap where the numbers of that figure are
+
+        place = self._place("figures")
+        return self.build.gaps.attempt(place, figure_rows, stated, self.parameters, found, metrics)
+
     def plot(self, name: str, title: str) -> Data:
         """A plot of the samples that decided the claims."""
         base, logged = f"results/{self.parameters.paper}/{name}", self._log("sensitivity")
@@ -309,7 +332,3 @@ class _Paper:
 
         found: tuple[str, str] | Gap = self.build.read(self._place(name), path, logged, read)
         return (found, "") if isinstance(found, Gap) else found
-
-
-def _limitations(folder: Path, paper: str) -> str:
-    return read_claims(folder, paper).limitations

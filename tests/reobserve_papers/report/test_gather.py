@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from reobserve.core.errors import InputError
+from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.assumptions import range_lines, value_lines
 from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.environment import environment
@@ -60,6 +61,35 @@ def test_figure_has_its_caption_files_and_claims(project: Path) -> None:
     assert figure["links"] == [{"label": "SVG", "target": "toy/fig1.svg"}]
     assert figure["decides"] == ["placed_is_better", "tuned", "slow_is_good"]
     assert (figure["image"]["width"], figure["image"]["height"]) == (400, 200)  # 300 pt are 400 px
+
+
+def test_figures_of_the_paper_have_their_settings_and_numbers_beside_ours(project: Path) -> None:
+    drawn, rig = gathered(project)[1]["rows"]
+    assert (drawn.name, drawn.ours, drawn.not_reproduced) == ("Fig. 1", ("fig1",), "")
+    assert drawn.numbers == (
+        ("placed poles, late", "0.2 %", "0.1 %"),
+        ("slow poles, late", "390 mrad/s", "400 mrad/s"),
+        ("discriminant", "0", "0 1/s^2"),
+    )
+    # Rate, horizon, disturbance and pole; the step of the integration is numerical.
+    assert (drawn.printed, drawn.assumed, drawn.searched) == (4, 1, ())
+    assert (rig.ours, rig.not_reproduced, rig.numbers) == ((), "a photograph", ())
+
+
+def test_setting_chosen_for_what_a_figure_shows_is_searched(project: Path) -> None:
+    path = project / "config/papers/toy.yaml"
+    found = "source: assumed\n      chosen_for: Fig. 1"
+    path.write_text(path.read_text().replace("source: assumed", found))
+    (project / "results/toy/parameters.json").write_text(
+        Parameters.load(project, "toy", seed=1).text()
+    )
+    drawn = gathered(project)[1]["rows"][0]
+    assert (drawn.printed, drawn.assumed, drawn.searched) == (4, 0, ("observers.slow.gains",))
+
+
+def test_missing_number_beside_a_printed_one_is_named_there(project: Path) -> None:
+    (project / "results/toy/theory.metrics.csv").unlink()
+    assert gathered(project)[1]["rows"][0].numbers[2][2] == "not there"
 
 
 def test_numbers_are_listed_by_observer_with_their_meaning(project: Path) -> None:

@@ -70,7 +70,8 @@ def test_page_contains_everything(project: Path, capsys: pytest.CaptureFixture[s
         "A setting at which it holds: the parameter file.",
         "There is no laboratory here.", "The gains of one observer are not given.",
         "0.5 to 5 each", "l₂ = 15.9", "It is the square of the pole, which is 4.",
-        "numpy",
+        "slow poles, late: 390 mrad/s, ours 400 mrad/s", "none: a photograph", "numpy",
+        "4 printed, 1 assumed",
         "As <code>chosen</code>.",
     ):  # fmt: skip
         assert reported in text, reported

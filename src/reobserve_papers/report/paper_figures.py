@@ -1,0 +1,118 @@
+"""The figures of a paper, one by one: settings, printed numbers beside ours, and what differs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from reobserve_papers.claims.checks import Reference
+from reobserve_papers.claims.entries import PaperFigure, PrintedNumber
+from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.report.assumptions import AssumptionRow
+
+# How many digits of our numbers are worth reading beside what a paper prints.
+_DIGITS = 3
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """A figure of a paper.
+
+    ``ours`` names the figures that show it, empty where ``not_reproduced`` says why. Of the
+    settings of the first of them, ``printed`` and ``assumed`` are counted, ``searched`` are the
+    keys of those that were chosen for what the paper shows. ``numbers`` say what of what the paper
+    prints, as it prints it, and ours.
+    """
+
+    name: str
+    shows: str
+    ours: tuple[str, ...]
+    not_reproduced: str
+    printed: int
+    assumed: int
+    searched: tuple[str, ...]
+    numbers: tuple[tuple[str, str, str], ...]
+    differs: str
+
+
+def figure_rows(
+    stated: Mapping[str, PaperFigure],
+    parameters: Parameters,
+    entries: Iterable[AssumptionRow],
+    metrics: Callable[[str], Sequence[Metric] | None],
+) -> list[FigureRow]:
+    """A row for each figure of a paper, in its order.
+
+    ``metrics`` gives those of one of our figures, or of the theory, or None if these are missing.
+
+    Raises
+    ------
+    InputError
+        If a number that a row names is not among them.
+    """
+    known = list(entries)
+    return [_row(name, one, parameters, known, metrics) for name, one in stated.items()]
+
+
+def _row(
+    name: str,
+    stated: PaperFigure,
+    parameters: Parameters,
+    entries: Sequence[AssumptionRow],
+    metrics: Callable[[str], Sequence[Metric] | None],
+) -> FigureRow:
+    settings = _settings(parameters, stated.ours[0], entries) if stated.ours else []
+    searched = [one.keys[0] for one in settings if one.chosen_for]
+    assumed = sum(one.status == "assumed" for one in settings if not one.chosen_for)
+    return FigureRow(
+        name=name,
+        shows=stated.shows,
+        ours=tuple(stated.ours),
+        not_reproduced=stated.not_reproduced or "",
+        printed=len(settings) - assumed - len(searched),
+        assumed=assumed,
+        searched=tuple(searched),
+        numbers=tuple((one.what, one.text, _ours(one, metrics)) for one in stated.printed),
+        differs=stated.differs or "",
+    )
+
+
+def _settings(
+    parameters: Parameters, figure: str, entries: Sequence[AssumptionRow]
+) -> list[AssumptionRow]:
+    """The entries on which the curves of a figure depend, except numerical ones.
+
+    They are those of the plant, the figure's scenario and observers, and the designs of these.
+    """
+    body = parameters.tree["figures"][figure]
+    observers = body.get("observers", [])
+    designs = {parameters.tree["observers"][one].get("design") for one in observers} - {None}
+    branches = [("plant",), *(("observers", one) for one in observers)]
+    branches += [("scenarios", body["scenario"])] if "scenario" in body else []
+    branches += [("designs", one) for one in designs]
+    return [
+        one
+        for one in entries
+        if not one.numerical
+        and any(tuple(key.split("."))[: len(path)] == path for key in one.keys for path in branches)
+    ]
+
+
+def _ours(printed: PrintedNumber, metrics: Callable[[str], Sequence[Metric] | None]) -> str:
+    reference = Reference.parse(printed.value)
+    rows = metrics(reference.figure)
+    if rows is None:
+        return "not there"
+    value = reference.look_up(
+        {reference.figure: {(one.observer, one.metric): one.value for one in rows}}
+    )
+    if printed.text.endswith("%"):
+        return f"{_short(100 * value)} %"
+    units = {(one.observer, one.metric): one.unit for one in rows}
+    unit = printed.unit or units[reference.observer, reference.metric]
+    return f"{_short(printed.scale * value)} {'' if unit in ('1', 'word') else unit}".strip()
+
+
+def _short(value: float) -> str:
+    return f"{value + 0.0:.{_DIGITS}g}".replace("-", "−")
