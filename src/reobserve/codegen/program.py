@@ -43,7 +43,7 @@ for (int32_t i = 0; i < {m}; ++i) {{
             total -= {L}[i][k] * {L}[j][k];
         }}
         if (i == j) {{
-            if (total > 0.0) {{
+            if (total > {least} * {S}[i][i]) {{
                 {L}[i][j] = sqrt(total);
             }} else {{
                 {L}[i][j] = NAN;
@@ -211,9 +211,12 @@ class Program:
         self.line(f"{function}({', '.join(map(str, (*arguments, target)))});")
         return target
 
-    def cholesky(self, L: Name, S: Name) -> None:
-        """``L`` becomes the lower factor of a symmetric matrix, NAN if it is not definite."""
-        self.code(L, _CHOLESKY, L=L, S=S, m=S.shape[0])
+    def cholesky(self, L: Name, S: Name, least: float = 0.0) -> None:
+        """``L`` becomes the lower factor of a symmetric matrix, NAN if it is not definite.
+
+        Of each diagonal entry of ``S`` more than the part ``least`` must be left.
+        """
+        self.code(L, _CHOLESKY, L=L, S=S, m=S.shape[0], least=least)
 
     def solve_right(self, K: Name, C: Name, L: Name) -> None:
         """``K`` becomes C (L L')^-1."""

@@ -193,9 +193,16 @@ def leave_out(o: int, factor: Array, work: LinearWork) -> None:
     factor[o, o], work.scaled[o] = 1.0, 0.0
 
 
+# What is left of an output's variance below this part is rounding: two sensors that agree to more
+# than that beside their prediction would move the estimate by over a hundredth of its deviation.
+ROUNDED = 32 * float(np.finfo(float).eps)
+
+
 @inlined_kernel
 def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> float:
-    """Replace S by its lower Cholesky factor L, and return the log-likelihood, nan if it has none.
+    """Replace S by its lower Cholesky factor L, and return the log-likelihood.
+
+    It is nan if S is not positive definite by more than rounding.
 
     S is read from the lower triangle of ``factor``. A missing output, of which the innovation is
     nan, gets a row of its own with a one on the diagonal, and adds nothing to the likelihood.
@@ -216,7 +223,7 @@ def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> flo
             for i in range(q):
                 total -= factor[o, i] * factor[q, i]
             if o == q:
-                factor[o, o] = math.sqrt(total) if total > 0.0 else math.nan
+                factor[o, o] = math.sqrt(total) if total > ROUNDED * factor[o, o] else math.nan
             else:
                 factor[o, q] = total / factor[q, q]
                 factor[q, o] = 0.0

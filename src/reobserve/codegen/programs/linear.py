@@ -16,7 +16,7 @@ from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_steps import HALF_LOG_TWO_PI
+from reobserve.observers.linear_steps import HALF_LOG_TWO_PI, ROUNDED
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
 
@@ -282,7 +282,7 @@ def factor(program: Program, S: Name, valid: Name) -> Name:
             program.let(S[column, row], ZERO)
         program.let(S[row, row], ONE)
     L = program.local("L", (p, p))
-    program.cholesky(L, S)
+    program.cholesky(L, S, ROUNDED)
     return L
 
 
