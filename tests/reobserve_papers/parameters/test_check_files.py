@@ -33,6 +33,22 @@ FAULTS = {
         "errata/ilo.yaml", "certainty: certain", "certainty: sure",
         "errata.ilo.",
     ),
+    "a figure of ours beside the paper's": (
+        "claims/ilo.yaml", "ours: [fig1", "ours: [fig0",
+        "claims.ilo.figures.Fig. 1.ours: there is no 'fig0'; did you mean 'fig1'?",
+    ),
+    "a number beside a printed one": (
+        "claims/imm.yaml", 'text: "85 %", value: fig5 ', 'text: "85 %", value: fig0 ',
+        "claims.imm.figures.Fig. 5.printed.0.value.figure: there is no 'fig0'; did you mean",
+    ),
+    "a figure that is shown and not": (
+        "claims/ilo.yaml", "    ours: [fig1", "    not_reproduced: a drawing\n    ours: [fig1",
+        "claims.ilo.figures.Fig. 1: must have ours or not_reproduced, and not both",
+    ),
+    "the erratum of a claim": (
+        "claims/delay.yaml", "    errata: [", "    errata: [no_such_one, ",
+        "claims.delay.",
+    ),
     "samples": ("samples/ilo.json", '"basis": "', '"basis": 1, "more": "', ""),
     "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
     "a link": (

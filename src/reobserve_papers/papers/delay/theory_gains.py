@@ -24,6 +24,7 @@ from reobserve_papers.signals.series import Series
 Array = NDArray[np.float64]
 
 _STATES = 100_000  # random ones
+_LARGE_GAINS = (1600.0, 3200.0, 6400.0)  # far beyond what (31) needs
 
 FIGURES = ("order2", "order2_noise")  # the observers of Figs 1 and 2
 ORDERS = {1: "order1_noise", 2: "order2_noise"}  # those of Fig. 2, by m
@@ -33,6 +34,7 @@ def measure(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     """Metrics: poles, the lag behind a varying delay, the radius of (16), and V at a bound."""
     yield from _poles_and_lag(job, ramp)
     yield from _radii(job, ramp)
+    yield from _proof_radii(job, ramp)
     yield from _held()
 
 
@@ -79,6 +81,33 @@ def _radii(job: keys.Job, ramp: Series) -> Iterator[Metric]:
                 peak = gains[:, 1] * remainder + gains[:, 2] * xi * eta
                 radii.append(np.linalg.norm(scale * peak))
             yield Metric.at(f"order_{m}", ("ultimate_bound", float(max(radii)), "1"), rho=rho)
+
+
+@part
+def _proof_radii(job: keys.Job, ramp: Series) -> Iterator[Metric]:
+    """The r of (16) by (28) to (31), for m = 2 with the threshold and the sine of Fig. 2.
+
+    (31) bounds V by (c_4 / c_3)^2, and with it e = Delta_rho^-1 lambda^-1 e_bar.
+    """
+    g_over_l, friction, G = build_model(job.plant, "pendulum").parameters
+    tau = delay_bounds(job.plant)[1]
+    u = input_and_derivatives("sine", Signal.parse("sine", job.theory.sine, 1), 3)
+    U = [float(np.max(np.abs(signal(ramp.time)))) for signal in u]
+    moving = ramp.time > max(ramp.events["jumps"], default=0.0)
+    eta = float(np.max(np.abs(np.gradient(ramp["delay"][moving], ramp.time[moving]))))
+    xi = named(job.observers, ORDERS[2], keys.Extended).threshold
+    nu = G * (U[2] + tau * U[3] / 2 + eta * U[2] / 2)  # of xi with the true delay
+    c_0 = G * tau**2 / 2 * U[2]
+    gamma = G * tau**3 / 6 * U[3] + eta
+    S = lyapunov_matrix(3, 1.0)
+    low, high = np.linalg.eigvalsh(S)[[0, -1]]
+    for rho in _LARGE_GAINS:
+        c_1 = float(np.linalg.norm([g_over_l / rho, friction]))  # of (24) and (25)
+        c_3 = (rho * low - 2 * high * (c_1 + nu / xi)) / high
+        c_4 = 2 * high * (c_0 / rho + gamma) / np.sqrt(low)
+        back = max(1.0, rho, rho**2 / xi)  # |Delta_rho^-1 lambda^-1|
+        radius = back * c_4 / c_3 / np.sqrt(low) if c_3 > 0 else np.inf
+        yield Metric.at("order_2", ("proof_radius", float(radius), "1"), rho=rho)
 
 
 @part

@@ -31,6 +31,7 @@ from reobserve_papers.papers.eso.theory_observers import (
 from reobserve_papers.signals.inputs import Signal
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
+_DURATIONS = (1.0, 1e-3)  # of ramps of a fault [s]; a jump has none
 _BAND = 0.02  # of the step, within which the speed counts as settled
 
 
@@ -61,6 +62,11 @@ def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
         *_motors(plant),
         *_conditions(system),
         *_step_response(plant),
+        # ||f'|| of a ramp to one, which Theorem 1 multiplies by gamma
+        *(
+            Metric.at("fault", ("norm_of_rate", duration**-0.5, "s^-0.5"), duration=duration)
+            for duration in _DURATIONS
+        ),
         Metric("noise", "deviation", noise, "rad/s"),
         *certified(observers),
         *estimates(observers),

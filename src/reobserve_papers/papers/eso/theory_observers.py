@@ -37,13 +37,15 @@ _DURATION, _SAMPLE = 4.0, 0.01  # of the error after a jump [s]
 
 @part
 def certified(observers: Certified) -> Iterator[Metric]:
-    """Norm, gamma and slowest pole of the certificates."""
-    for name, (_, design) in observers.items():
+    """Norm, gamma and slowest pole of the certificates, and impulsive modes (Eo without rank)."""
+    for name, (system, design) in observers.items():
         gamma = float("nan") if design.gamma is None else design.gamma
         slowest = -design.certificate.poles[0][0]
         yield Metric(name, "norm", design.certificate.norm_upper, "1")
         yield Metric(name, "gamma", gamma, "1")
         yield Metric(name, "slowest_pole", slowest, "1/s")
+        impulsive = system.size - len(design.certificate.poles)
+        yield Metric(name, "impulsive_modes", float(impulsive), "1")
 
 
 @part

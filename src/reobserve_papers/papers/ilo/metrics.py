@@ -62,6 +62,9 @@ MEANINGS = {
         "constant of Assumption 2 for errors ten times as large, over the constant: of the whole "
         "torque (two), or of its component along the error (one)"
     ),
+    "command_range": (
+        "how much the command of a stuck thruster varies from the onset on, over the stuck torque"
+    ),
     "gaps": "steps of the printed proof that a counterexample refutes",
     "certified": "1 if Theorem 1 certifies the gains, 0 if not",
     "sine_error_over rival=<rival>": (

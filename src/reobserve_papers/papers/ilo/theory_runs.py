@@ -118,6 +118,7 @@ def measure(job: keys.Job) -> Iterator[Metric]:
         If the plant or an observer diverges.
     """
     runs = Runs.of(job)
+    yield from _stuck(runs)
     yield from _other_start(runs)
     yield from _from_other_start_with_identity(runs)
     yield from _adaptive(runs)
@@ -129,6 +130,18 @@ def measure(job: keys.Job) -> Iterator[Metric]:
     yield from _under_noise(runs)
     yield from _with_wrong_inertia(runs)
     yield from _by_adaptive_gain(runs)
+
+
+@part
+def _stuck(runs: Runs) -> Iterator[Metric]:
+    """How much the command, which a stuck thruster ignores, varies from the onset on.
+
+    What (2) adds to the command u_1 is then the stuck torque minus u_1.
+    """
+    axis = runs.job.metrics.axis - 1
+    stuck = runs.stuck.time >= runs.stuck.events["onsets"][0]
+    ignored = np.ptp(runs.stuck["control"][stuck, axis]) / peak(runs.stuck["fault"][:, axis])
+    yield Metric("stuck", "command_range", float(ignored), "1")
 
 
 @part

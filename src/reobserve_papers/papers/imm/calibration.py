@@ -8,10 +8,12 @@ calibrated banks at a time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,7 @@ from reobserve.observers.run import Run
 from reobserve_papers.metrics.responses import scored
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm import plant as plant_stage
-from reobserve_papers.papers.imm.scoring import quoted_distance
+from reobserve_papers.papers.imm.scoring import off_quoted, quoted_distance
 from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run, saturation
 from reobserve_papers.papers.imm.study_rows import OUTPUTS, STATES, TUNED
 from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
@@ -43,6 +45,8 @@ QUANTITIES = ("normal_after", "leakage_after", "normal_before")
 _KEYS = {"period": "periods", "share": "shares"}
 
 THREADS = 2
+
+_HALVINGS = 6  # of an interval between two factors
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,14 @@ class Calibration:
             means, float(np.sqrt(np.average(squares, weights=weights))), outside
         )
 
+    def keeps(self, trial: CalibrationTrial, band: float) -> bool:
+        """True if all quoted values are met within a band."""
+        return bool(trial.means) and all(
+            off_quoted(self.observers, name, quantity, mean) <= band
+            for name, means in trial.means.items()
+            for quantity, mean in zip(QUANTITIES, means, strict=True)
+        )
+
     @cached_property
     def _models(self) -> list[ActuatorModel]:
         return modes(self.plant)
@@ -147,6 +159,9 @@ def switches(
 
 def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -> list[Row]:
     """Mean probabilities of all banks by tuned number and factor, and the results of the search.
+
+    Between the last factor with which all quoted values stay in their band and the next one the
+    interval is bisected.
 
     Raises
     ------
@@ -174,9 +189,32 @@ def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -
             numbers[task[0]] *= task[1]
         return calibration.try_out(numbers)
 
+    def ends(side: tuple[int, bool]) -> list[tuple[tuple[int | None, float], CalibrationTrial]]:
+        index, upwards = side
+        inside = 1.0
+        for factor in sorted(study.factors):
+            outside = factor if upwards else 1.0 / factor
+            if not calibration.keeps(known[index, outside], study.band):
+                break
+            inside = outside
+        else:
+            return []
+        found: list[tuple[tuple[int | None, float], CalibrationTrial]] = []
+        for _ in range(_HALVINGS):
+            middle = math.sqrt(inside * outside)
+            found.append(((index, middle), trial((index, middle))))
+            if calibration.keeps(found[-1][1], study.band):
+                inside = middle
+            else:
+                outside = middle
+        return found
+
     with ThreadPoolExecutor(THREADS) as pool:
-        for (index, level), found in zip(tasks, pool.map(trial, tasks), strict=True):
-            rows += trial_rows("stated" if index is None else TUNED[index], level, found)
+        known = dict(zip(tasks, pool.map(trial, tasks), strict=True))
+        both = [(index, upwards) for index in range(len(TUNED)) for upwards in (False, True)]
+        known |= dict(chain.from_iterable(pool.map(ends, both)))
+    for (index, level), found in known.items():
+        rows += trial_rows("stated" if index is None else TUNED[index], level, found)
     return rows
 
 

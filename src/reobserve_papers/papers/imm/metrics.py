@@ -14,7 +14,7 @@ that it never happens.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from reobserve_papers.metrics.responses import root_mean_square, scored
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
-from reobserve_papers.papers.imm.scoring import GUESS, check_rules, probabilities
+from reobserve_papers.papers.imm.scoring import GUESS, check_rules, off_quoted, probabilities
 from reobserve_papers.papers.imm.study_rows import STATED, TUNED
 from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.parameters.figure_data import FigureData
@@ -146,39 +146,23 @@ def _neighbourhood(data: FigureData[keys.Job]) -> Iterator[Metric]:
 def reach(job: keys.Job, band: float, study: StudyTable, parameter: str) -> tuple[float, float]:
     """Minimum and maximum factor that keep all quoted values within a band.
 
-    Outwards from 1, this is where the largest distance first leaves the band. Between two factors
-    of the study the distance is interpolated linearly over the logarithm.
+    Outwards from 1, it is the last one of the study before the largest distance leaves the band.
     """
     worst: dict[float, float] = {}
     for sweep in (parameter, "stated"):
         coordinates = "observer", "quantity", "level", "value"
         for (name, quantity, level, value), _ in study.where(sweep=sweep).groups(*coordinates):
-            worst[level] = max(worst.get(level, 0.0), _off(job, name, quantity, value))
+            distance = off_quoted(job.observers, name, quantity, value)
+            worst[level] = max(worst.get(level, 0.0), distance)
     below = sorted((level for level in worst if level <= 1.0), reverse=True)
     above = sorted(level for level in worst if level >= 1.0)
     return _leaves(worst, below, band), _leaves(worst, above, band)
 
 
 def _leaves(worst: dict[float, float], levels: list[float], band: float) -> float:
-    """The level at which the distance first exceeds the band, or the last one if it never does."""
-    if not worst[levels[0]] <= band:
-        return levels[0]
-    for level, further in pairwise(levels):
-        if not worst[further] <= band:
-            near, far = worst[level], worst[further]
-            share = (band - near) / (far - near) if np.isfinite(far) else 0.0
-            return float(level * (further / level) ** share)
-    return levels[-1]
-
-
-def _off(job: keys.Job, name: str, quantity: str, value: float) -> float:
-    """Distance of a mean probability from the quoted one, or zero if the paper quotes none."""
-    if name not in job.observers:
-        return 0.0 if np.isfinite(value) else np.inf
-    observer = job.observers[name]
-    if quantity == "normal_before":
-        return 1.0 - value if observer.quoted_high else 0.0
-    return float(abs(value - observer.quoted[("normal_after", "leakage_after").index(quantity)]))
+    """The last level before the distance exceeds the band, or the first one if that does."""
+    inside = list(takewhile(lambda level: worst[level] <= band, levels))
+    return inside[-1] if inside else levels[0]
 
 
 def _changes(data: FigureData[keys.Job]) -> Iterator[Metric]:

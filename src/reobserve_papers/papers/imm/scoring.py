@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,18 @@ def probabilities(
     yield "alarm_samples", round(float(delay) / (time[1] - time[0]), 6), "1"
     right = np.argmax(late, axis=1) == fault
     yield "diagnosed_share", float(np.mean(right)), "1"
+
+
+def off_quoted(
+    observers: Mapping[str, keys.Observer], name: str, quantity: str, value: float
+) -> float:
+    """Distance of a mean probability from the quoted one, or zero if the paper quotes none."""
+    if name not in observers:
+        return 0.0 if np.isfinite(value) else np.inf
+    observer = observers[name]
+    if quantity == "normal_before":
+        return 1.0 - value if observer.quoted_high else 0.0
+    return float(abs(value - observer.quoted[("normal_after", "leakage_after").index(quantity)]))
 
 
 def quoted_distance(

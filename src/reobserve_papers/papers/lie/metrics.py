@@ -53,6 +53,8 @@ MEANINGS = {
     "coefficients_agreeing": "number of exact ones that round to them",
     "imaginary_part": "largest left over of a real part of S or T, relative to its size",
     "largest_difference": "of S, T or L between Lie transform and direct methods, over fractions",
+    "series_exists": "1 if S exists where A is nonresonant with itself and a sum of F's, else 0",
+    "smallest_eigenvalue": "smallest size of an eigenvalue of ad_A at degree 3",
     "largest_residual": "largest coefficient left in the equation for S, over fractions",
     "deviation": "of z - S(x) from e^(A t) times its first value, relative to that",
     "form_difference": "largest distance between estimates in z and in identity form",

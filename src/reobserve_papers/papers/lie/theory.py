@@ -50,7 +50,9 @@ from reobserve_papers.papers.lie.theory_series import (
     largest,
     random_problem,
     residual_of_s,
+    series_exists,
     spectrum_difference,
+    with_singular_ad,
 )
 from reobserve_papers.parameters.job import named
 from reobserve_papers.plants.polynomial import PolynomialPlant
@@ -157,6 +159,10 @@ def _series(job: keys.Job) -> Iterator[Metric]:
     yield Metric("linear", "largest_residual", found.residual(), "1")
     # Of z = x, in which nothing is transformed.
     yield Metric("copy", "largest_residual", residual_of_s(exact, identity(exact)), "1")
+    yield Metric("remark_3_7", "series_exists", float(series_exists()), "1")
+    smallest, residual = with_singular_ad(exact.system)
+    yield Metric("remark_4_19", "smallest_eigenvalue", round(smallest, 12), "1/s")
+    yield Metric("remark_4_19", "largest_residual", residual, "1")
     A = exact.A.astype(np.float64)
     highest = theory.spectrum_degree
     differences = [spectrum_difference(A, d) for d in range(2, highest + 1)]

@@ -119,6 +119,33 @@ def spectrum_difference(A: Array, degree: int) -> float:
     return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
 
 
+def series_exists() -> bool:
+    """Whether S exists for x' = -x + x^2, y = x and A = -2, which is no sum of itself (Remark 3.7).
+
+    Of S = x + s x^2 the terms of degree 2 are 1 + (2 F - A) s = 1, whatever s is.
+    """
+    f = PolynomialMap(monomials(1, 2), np.array([[Fraction(0), Fraction(-1), Fraction(1)]]))
+    one = np.array([[Fraction(1)]])
+    system = PolynomialSystem(f, PolynomialMap.linear(one))
+    problem = NormalFormProblem(system, PolynomialMap.linear(-one), 2)
+    try:
+        solve_s(problem, solver_for(problem))
+    except InputError:
+        return False
+    return True
+
+
+def with_singular_ad(system: PolynomialSystem) -> tuple[float, float]:
+    """Smallest eigenvalue of ad_Ax of degree 3 with L0 = (-5, -7), and the residual of S.
+
+    A of the example has the poles -1 and -3 = 3 (-1) then (Remark 4.19).
+    """
+    injection = PolynomialMap.linear(np.array([[Fraction(-5)], [Fraction(-7)]]))
+    problem = NormalFormProblem(system, injection, 7)
+    smallest = np.abs(sums_of_eigenvalues(problem.A.astype(np.float64), 3)).min()
+    return float(smallest), residual_of_s(problem, solve_s(problem, solver_for(problem)))
+
+
 def random_problem(
     stream: np.random.Generator, states: int, degree: int, terms: int, *, unobservable: bool = False
 ) -> NormalFormProblem:

@@ -149,6 +149,20 @@ def test_minimum_radius_tends_to_the_expansion_remainder() -> None:
         assert 0 < above[1] < 0.55 * above[0] < 0.02 * floor
 
 
+def test_radius_of_the_proof_by_hand_grows_with_the_gain() -> None:
+    """S_1 has the eigenvalues 1 and 4 +- sqrt(15), as x^3 - 9 x^2 + 9 x - 1 has."""
+    low, high = 4 - np.sqrt(15), 4 + np.sqrt(15)
+    nu = GAIN * (0.04 + 0.75 * 0.008 + 0.045 * 0.04)
+    driven = GAIN * (1.5**3 / 6 * 0.008), 0.45 * 0.2  # the remainder, and tau'
+    found, radii = numbers(), []
+    for rho in (1600, 3200, 6400):
+        decay = rho * low - 2 * high * (np.hypot(G_OVER_L / rho, A) + nu / 0.7)
+        push = GAIN * 1.5**2 / 2 * 0.04 / rho + sum(driven)
+        radii.append(rho**2 / 0.7 * 2 * high**2 / low * push / decay)
+        assert found.at("order_2", "proof_radius", rho=rho) == pytest.approx(radii[-1], rel=1e-3)
+    assert radii == sorted(radii)
+
+
 def test_function_of_lyapunov_grows_where_the_projection_holds_the_delay() -> None:
     """At (-1, 1, 0.1) by hand; no state has more than the largest eigenvalue with a zero row."""
     S = np.array([[1, -1, 1], [-1, 2, -3], [1, -3, 6.0]])

@@ -72,6 +72,15 @@ def test_largest_error_stays_where_its_mean_square_falls(
     assert 10**-0.3 < found["identity", "error_left_after_other_start"] < 10**-0.15
 
 
+def test_command_that_a_stuck_thruster_ignores_varies_as_its_sine(measure: Measure) -> None:
+    """0.5 sin(t / 2) has its minimum at 3 pi, and from 5 s on begins with its maximum."""
+    none = [{"kind": "sine", "axis": 1, "amplitude": 0.0, "frequency": 0.5}]
+    found = measure("_stuck", {})["stuck", "command_range"]
+    assert found == pytest.approx(1 + np.sin(2.5), abs=1e-6)
+    without = measure("_stuck", {"plant": {"control": none}})
+    assert without["stuck", "command_range"] == 0.0
+
+
 def test_error_under_noise_combines_noise_and_fault_errors(
     settings: dict[str, Any], found: Numbers
 ) -> None:

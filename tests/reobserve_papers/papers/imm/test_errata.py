@@ -145,12 +145,16 @@ def test_equation_15_without_the_inverse_contracts_only_for_the_identity(scale: 
     assert updated.posterior.error == pytest.approx([0.0], abs=1e-15)
 
 
-def test_equation_15_divides_by_zero_for_a_zero_innovation() -> None:
+def test_innovation_covariance_needs_the_transpose() -> None:
+    H, P = np.eye(2, 3), np.diag([1.0, 2.0, 3.0])
+    with pytest.raises(ValueError, match="mismatch"):
+        H @ P @ H
+    assert np.array_equal(H @ P @ H.T, np.diag([1.0, 2.0]))
+
+
+def test_gain_of_equation_15_is_finite_for_a_zero_innovation() -> None:
     with np.errstate(invalid="ignore"), pytest.raises(np.linalg.LinAlgError, match="Singular"):
         printed_gain(np.array([0.0, 1.0]), np.ones(2), np.ones(2), 0.1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        entry = np.float64(0.1) * 0.0 / np.float64(0.0)
-    assert np.isnan(entry)
     filters = smooth(FULL, 1.0)
     updated = filters.correct(Gaussian(np.zeros(2), np.eye(2), np.ones(2)), [0.0, 1.0], [0.0])
     assert updated.posterior.mean == pytest.approx([0.0, 1.1])

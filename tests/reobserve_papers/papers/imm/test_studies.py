@@ -91,28 +91,27 @@ def test_range_ends_where_the_worst_value_leaves_the_band() -> None:
         *rows_of("process_noise_1", 2.0, loud_normal=5.0),
     ]
     least, greatest = reach(RULES, 0.1, table(rows), "leave")
-    assert least == pytest.approx(0.5 * 0.5 ** ((0.1 - 0.05) / (0.25 - 0.05)))
-    # At 8 the distance equals the band, up to rounding; beyond, it leaves it at once.
-    assert greatest == pytest.approx(8.0, rel=1e-6)
+    assert least == 0.5
+    assert greatest == 8.0  # where the distance is that of the band
 
 
 @pytest.mark.parametrize(
     ("rows", "wanted"),
     [
         ([*rows_of("leave", 0.1), *rows_of("leave", 10.0)], (0.1, 10.0)),
-        ([*rows_of("leave", 0.1), *rows_of("leave", 2.0, loud_leakage=0.2)], (0.1, 2**0.5)),
+        ([*rows_of("leave", 0.1), *rows_of("leave", 2.0, loud_leakage=0.2)], (0.1, 1.0)),
         # Within a hundredth of what is stated, too.
-        ([*rows_of("leave", 0.1), *rows_of("leave", 1.005, loud_leakage=0.2)], (0.1, 1.005**0.5)),
+        ([*rows_of("leave", 0.1), *rows_of("leave", 1.005, loud_leakage=0.2)], (0.1, 1.0)),
         # Quantities that the paper does not report do not count.
         ([*rows_of("leave", 0.1, quiet_before=0.9), *rows_of("leave", 2.0)], (0.1, 2.0)),
-        # Nothing is known between an acceptable factor and one that diverges.
+        # A filter that diverges has left it.
         ([*rows_of("leave", 0.1), *rows_of("leave", 2.0), *lost("leave", 4.0)], (0.1, 2.0)),
         ([*lost("leave", 0.5), *lost("leave", 2.0)], (1.0, 1.0)),
         # Values that return into the band have left it.
         (
             [*rows_of("leave", 0.5), *rows_of("leave", 2.0, loud_normal=0.4),
              *rows_of("leave", 4.0)],
-            (0.5, 2**0.25),
+            (0.5, 1.0),
         ),
     ],
 )  # fmt: skip
@@ -180,12 +179,33 @@ def test_parameter_file_holds_the_search_result() -> None:
     assert found["all", "stated", 1.0, "distance"] == pytest.approx(kept["distance"], rel=1e-9)
 
 
+def met(calibration: Calibration) -> dict[str, tuple[float, float, float]]:
+    """Means of all banks as the paper quotes them."""
+    return {name: (*map(float, body.quoted), 1.0) for name, body in calibration.observers.items()}  # type: ignore[misc]
+
+
+def test_end_of_a_range_is_bisected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Filters diverge beyond the factor 3 of one number."""
+
+    def try_out(self: Calibration, numbers: Any) -> CalibrationTrial:
+        factors = numbers / self.stated()
+        if factors[0] > 3.0:
+            return CalibrationTrial({}, float("nan"))
+        return CalibrationTrial(met(self), 0.0)
+
+    monkeypatch.setattr(Calibration, "try_out", try_out)
+    rows = table(neighbourhood(factors=[2.0, 5.0]))
+    _, greatest = reach(RULES, 0.1, rows, TUNED[0])
+    assert 3.0 / 2.5 ** (1 / 64) < greatest <= 3.0
+    assert reach(RULES, 0.1, rows, TUNED[1]) == (0.2, 5.0)
+
+
 def test_each_factor_changes_only_one_number(monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[list[float]] = []
 
     def try_out(self: Calibration, numbers: Any) -> CalibrationTrial:
         tried.append(list(numbers / self.stated()))
-        return CalibrationTrial({}, 0.0)
+        return CalibrationTrial(met(self), 0.0)
 
     monkeypatch.setattr(Calibration, "try_out", try_out)
     monkeypatch.setattr(calibration, "THREADS", 1)
