@@ -17,15 +17,7 @@ from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.gather import cited
 from reobserve_papers.report.paper_figures import FigureRow
 
-_THRESHOLDS = {
-    "stated": "The bound is the paper's.",
-    "before": "Bound set before its numbers were known.",
-    "after": "Bound set with its numbers known.",
-}
-_QUANTIFIERS = {
-    "can": "It states that something can be so.",
-    "always": "It states that something is always so: one counterexample contradicts it.",
-}
+_THRESHOLDS = {"stated": "bound of the paper", "before": "bound before", "after": "bound after"}
 _CERTAINTIES = {
     "certain": "certain",
     "likely": "likely",
@@ -129,8 +121,10 @@ def _glance(paper: Paper) -> str:
 def _claims(paper: Paper) -> str:
     claims = "\n".join(_claim(paper, claim) for claim in paper.claims)
     return (
-        "## Claims\n\nThe claims of the paper, in our words. A check holds if the paper is right."
-        f"\n\n{claims}"
+        "## Claims\n\nThe claims of the paper, in our words. A check holds if the paper is right. "
+        "*can*: the paper says that something can be so; *always*: one counterexample contradicts "
+        "it. *Bound before* or *after*: we set it before or after its numbers were known.\n\n"
+        f"{claims}"
     )
 
 
@@ -138,18 +132,15 @@ def _claim(paper: Paper, claim: ReportedClaim) -> str:
     main_claim = ", **main claim**" if _decides(claim) else ""
     parts = [
         heading(3, plain(_words(claim.name)), anchor(claim)),
-        f"{chip(claim.verdict)}{main_claim}, {plain(claim.place)}",
+        f"{chip(claim.verdict)}{main_claim}, {plain(claim.place)}{_kind(claim)}",
         f"> {ticks(claim.statement)}",
     ]
     if claim.measured:
         parts.append("\n".join(f"- {_measured(paper, one)}" for one in claim.measured))
-    margin = f" Same verdict for {plain(claim.margin)}." if claim.margin else ""
     if claim.why:
         parts.append(ticks(claim.why))
-    if claim.quantifier in _QUANTIFIERS:
-        parts.append(_QUANTIFIERS[claim.quantifier])
-    if claim.threshold:
-        parts.append(f"{_THRESHOLDS[claim.threshold]}{margin}")
+    if claim.margin:
+        parts.append(f"Same verdict for {plain(claim.margin)}.")
     found = claim.robustness
     if found:
         what = "settings, which are all" if found.whole else "samples"
@@ -171,7 +162,9 @@ def _claim(paper: Paper, claim: ReportedClaim) -> str:
     if claim.changes:
         parts.append(f"Another verdict with: {plain('; '.join(claim.changes))}.")
     if claim.depends_on:
-        keys = ", ".join(_key(paper, key) for key in claim.depends_on)
+        rows = {key: entry.keys for entry in paper.entries for key in entry.keys}
+        alike = dict.fromkeys(rows.get(key, (key,)) for key in claim.depends_on)
+        keys = ", ".join(_key(paper, *keys) for keys in alike)
         parts.append(f"Depends on {keys}.")
     elif claim.verdict != "not testable":
         parts.append("Depends on nothing that the paper leaves open.")
@@ -226,15 +219,26 @@ def _measured(paper: Paper, measured: str) -> str:
     return f"{code(figure)} {plain(rest)}"
 
 
-def _key(paper: Paper, key: str) -> str:
-    """A parameter key with a link to its entry, or to the entry that it is a number of."""
+def _kind(claim: ReportedClaim) -> str:
+    """How much it claims, and who set its bounds."""
+    words = [claim.quantifier] if claim.quantifier in ("can", "always") else []
+    words += [_THRESHOLDS[claim.threshold]] if claim.threshold else []
+    return "".join(f", *{word}*" for word in words)
+
+
+def _key(paper: Paper, key: str, *others: str) -> str:
+    """A parameter key with a link to its entry, or to the entry that it is a number of.
+
+    The ``others`` share its entry.
+    """
     known = {name for entry in paper.entries for name in entry.keys}
     found = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)
     while found and found not in known:
         found = found.rpartition(".")[0]
     if not found:
         return code(key)
-    return f"[{code(key)}](../parameters/{paper.name}.md#{found})"
+    more = f" (+{len(others)})" if others else ""
+    return f"[{code(key)}](../parameters/{paper.name}.md#{found}){more}"
 
 
 def _errata(paper: Paper) -> str:

@@ -36,8 +36,9 @@ def margins(
 
 def format_margins(found: dict[Check, tuple[float, float]]) -> str:
     """The same for a reader."""
+    alone = len(found) == 1
     return "; ".join(
-        f"{check.name} {check.relation} {_format(low, high)}"
+        f"{'' if alone else f'{check.name} '}{check.relation} {_format(low, high)}"
         for check, (low, high) in found.items()
     )
 

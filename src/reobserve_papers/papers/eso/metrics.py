@@ -52,8 +52,8 @@ MEANINGS = {
     "<source>_in_<fault>_fault <choice>=<level> rate=<rate>": (
         "standard deviation of the estimate due to disturbances or noise"
     ),
-    "norm_of_rate duration=<duration>": (
-        "2-norm over time of the derivative of a fault that rises to one in a duration [s]"
+    "energy_of_rate duration=<duration>": (
+        "squared 2-norm of the derivative of a fault that rises to one in a duration [s]"
     ),
     "impulsive_modes": "modes of the error that have no finite pole",
     "slowest_pole": "distance of the slowest pole from the imaginary axis",

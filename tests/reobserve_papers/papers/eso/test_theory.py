@@ -175,8 +175,8 @@ def test_certificate_numbers_agree_with_the_designs() -> None:
         assert numbers()[observer, "slowest_pole"] == pytest.approx(-poles.real.max(), rel=1e-9)
         assert np.linalg.matrix_rank(Eo) == len(body["certificate"]["poles"]) == 6
         assert numbers()[observer, "impulsive_modes"] == 0.0
-    steep = numbers().at("fault", "norm_of_rate", duration=0.001)
-    assert steep**2 == pytest.approx(0.001 * (1 / 0.001) ** 2)  # a constant rate, squared
+    steep = numbers().at("fault", "energy_of_rate", duration=0.001)
+    assert steep == pytest.approx(0.001 * (1 / 0.001) ** 2)  # a constant rate, squared
     assert np.isnan(numbers()["pi", "gamma"])
     assert numbers()["minimum_gamma", "gamma"] == pytest.approx(1.00534017676, abs=1e-10)
     for observer in ("pd_pi", "pi_optimal"):
