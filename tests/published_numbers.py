@@ -250,7 +250,7 @@ def of_imm() -> Iterator[str]:
     near = golden_metrics("imm", "fig5_neighbourhood")
     yield f"({near['search', 'trials']:g} trials,"
     low, high = (near["leave", f"{end}_factor"] - 1 for end in ("minimum", "maximum"))
-    yield f"by {low * 100:.1g} % and +{high * 100:.2g} %"
+    yield f"by {low * 100:.2g} % and +{high * 100:.2g} %"
     saturated = [tuned[f"{name}_tuned", "saturation_fraction"] for name in ("svsf", "svsf_thin")]
     assert saturated == [0, 0]
     yield "no innovation leaves the boundary layers"

@@ -11,7 +11,6 @@ from docs.generate import api, commands, configuration, evidence, findings, gall
 from docs.generate.abilities import abilities
 from docs.generate.equations import equations
 from docs.generate.markdown import Page
-from docs.generate.modules import packages_and_modules
 from docs.generate.navigation import FOLDERS, hand_written
 from reobserve.core.errors import InputError, nearest
 from reobserve_papers.steps.meanings import list_metrics
@@ -37,7 +36,7 @@ def part(root: Path, name: str) -> str:
 @cache
 def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
     papers = evidence.papers(root)
-    library, of_the_papers = root / "src/reobserve", root / "src/reobserve_papers"
+    library = root / "src/reobserve"
     of_papers = {
         f"{name} of {paper.name}": lambda make=make, paper=paper: make(paper)
         for paper in papers
@@ -68,7 +67,6 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         "parameters": lambda: parameters.counts(papers),
         "metrics": lambda: list_metrics({paper.name: paper.parameters.package for paper in papers}),
         "equations": lambda: equations(papers),
-        "modules": lambda: packages_and_modules(library, of_the_papers),
         "lessons": lambda: _lessons(root / "docs/pages"),
         **of_papers,
     }

@@ -16,7 +16,7 @@ from .conftest import Site
 
 # One of each kind.
 KINDS = (
-    "", "start/library/", "findings/lie/", "gallery/lie/", "project/modules/",
+    "", "start/library/", "findings/lie/", "gallery/lie/", "project/quality/",
     "reference/library/observers/ilo_sampled/", "reference/commands/", "reference/parameters/lie/",
     "reference/configuration/", "reference/equations/",
 )  # fmt: skip

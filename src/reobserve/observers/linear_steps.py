@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 _MARGIN = 64  # numbers, 512 bytes: more than processors fetch at once
 
+# Less of an output's variance is rounding, which moves estimates by over 1 % of their deviation.
+ROUNDED = 32 * float(np.finfo(float).eps)
+
 # Sizes up to this have loops of their own, 1.2 to 2.4 times as fast as those of all sizes, at the
 # price of a second or two of compilation each: `benchmarks.kalman`. Five states are what the
 # hydraulic actuator's banks have: their longest study takes a third less time.
@@ -193,19 +196,12 @@ def leave_out(o: int, factor: Array, work: LinearWork) -> None:
     factor[o, o], work.scaled[o] = 1.0, 0.0
 
 
-# What is left of an output's variance below this part is rounding: two sensors that agree to more
-# than that beside their prediction would move the estimate by over a hundredth of its deviation.
-ROUNDED = 32 * float(np.finfo(float).eps)
-
-
 @inlined_kernel
 def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> float:
-    """Replace S by its lower Cholesky factor L, and return the log-likelihood.
+    """Replace S, the lower triangle of ``factor``, by its factor L, and return the log-likelihood.
 
-    It is nan if S is not positive definite by more than rounding.
-
-    S is read from the lower triangle of ``factor``. A missing output, of which the innovation is
-    nan, gets a row of its own with a one on the diagonal, and adds nothing to the likelihood.
+    It is nan if S is not positive definite by more than rounding. A missing output, of which the
+    innovation is nan, gets a row with a one on the diagonal, and adds nothing to the likelihood.
     """
     m, scaled = len(work.outputs), work.scaled
     log_root, distance, taken = 0.0, 0.0, m

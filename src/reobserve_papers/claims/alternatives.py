@@ -294,6 +294,8 @@ def title(decider: Decider, changes: Iterable[Changed]) -> Title:
         reasons.append(
             f"{len(mains) - len(short)} of {len(mains)} main claims are reproduced: {listed}"
         )
+    if contradicted := [one.name for one in mains if one.verdict == CONTRADICTED]:
+        reasons.append(f"contradicted: {', '.join(contradicted)}")
     by: dict[str, dict[str, None]] = {}
     for one in changes:
         if one.other_title != plain:

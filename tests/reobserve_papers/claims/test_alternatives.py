@@ -88,7 +88,7 @@ def test_title_that_nothing_changes_stands(code: Code, tmp_path: Path) -> None:
     good = decider(code, registry(tmp_path, {"one": SURE, "two": above(450)}))
     assert decide(good)[1] == Title("[Re]")
     bad = decider(code, registry(tmp_path, {"one": SURE, "never": NEVER}))
-    assert decide(bad)[1] == Title("[¬Re]")
+    assert decide(bad)[1] == Title("[¬Re]", ("contradicted: never",))
 
 
 def test_title_of_half_is_open_with_its_reason(code: Code, tmp_path: Path) -> None:

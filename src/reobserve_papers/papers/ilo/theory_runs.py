@@ -134,7 +134,7 @@ def measure(job: keys.Job) -> Iterator[Metric]:
 
 @part
 def _stuck(runs: Runs) -> Iterator[Metric]:
-    """How much the command, which a stuck thruster ignores, varies from the onset on.
+    """Range of the command, which a stuck thruster ignores, from the onset on.
 
     What (2) adds to the command u_1 is then the stuck torque minus u_1.
     """

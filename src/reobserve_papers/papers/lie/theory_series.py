@@ -120,7 +120,7 @@ def spectrum_difference(A: Array, degree: int) -> float:
 
 
 def series_exists() -> bool:
-    """Whether S exists for x' = -x + x^2, y = x and A = -2, which is no sum of itself (Remark 3.7).
+    """True if S exists for x' = -x + x^2, y = x and A = -2, which is no sum of itself (Remark 3.7).
 
     Of S = x + s x^2 the terms of degree 2 are 1 + (2 F - A) s = 1, whatever s is.
     """
