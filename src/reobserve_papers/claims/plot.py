@@ -69,7 +69,7 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
     ]
     if not shown:
         return _said(f"No claim turns over in some of {FEWEST} samples or more.")
-    figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in shown], 0.45)
+    figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in shown], 0.6)
     for axes, (claim, one, bars) in zip(panels, shown, strict=True):
         places = range(len(bars))
         colors = ["0.25" if bar.chance < 0.05 else "0.75" for bar in bars]
@@ -83,7 +83,7 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
         axes.set_xticks([0, 0.25, 0.5, 0.75, 1], labels=[])
     panels[-1].set_xticklabels(["0", "0.25", "0.5", "0.75", "1"])
     panels[-1].set_xlabel(
-        "rank correlation of the outcome with the choice; grey: chance gives as much among so many",
+        "rank correlation of the outcome with the choice;\ngrey: chance gives as much among so many",
         fontsize=7,
     )
     return figure
