@@ -13,6 +13,7 @@ from reobserve_papers.golden.files import golden_file, read_metrics, read_number
 from reobserve_papers.metrics.metrics import Numbers
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
+from tests.reobserve_papers.papers.lie.test_convergence_of_the_example import measures
 
 
 def golden_metrics(paper: str, figure: str) -> dict[tuple[str, str], float]:
@@ -134,6 +135,12 @@ def of_lie() -> Iterator[str]:
     )
     yield f"after {settled[0]:.3g} s against {settled[1]:.3g} s"
     yield f"at {decay[0]:.3g} against {decay[1]:.3g} 1/s"
+    square, _, early = measures((2.0, 0.5), -0.5)
+    yield f"(-0.5, -0.5) y³ has an integral of {square:.3g} s and settles after {early:.3g} s"
+    yield f"as the degree to the power {-(1 + 0.5 / 1.0594):.3g} there (80 digits, to degree 121)"
+    degree = Parameters.load(ROOT, "lie").section("studies", "domain")["degree"]
+    yield f"The boundary drawn outside the cycle is that of degree {degree}"
+    yield "What Remarks 3.7 and 4.19 ask"
     table = read_numbers(golden_file(ROOT, "lie", "table_coefficients"))
     rows = {row for (row, column, _), cell in table.items() if column == "printed" and cell.value}
     agree = [table[row, "agrees", ""].value for row in rows]

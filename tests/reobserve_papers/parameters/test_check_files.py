@@ -35,7 +35,7 @@ FAULTS = {
     ),
     "a figure of ours beside the paper's": (
         "claims/ilo.yaml", "ours: [fig1", "ours: [fig0",
-        "claims.ilo.figures.Fig. 1.ours: there is no 'fig0'; did you mean 'fig1'?",
+        "claims.ilo.figures.Fig. 1.ours: there is no 'fig0'; did you mean 'fig",
     ),
     "a number beside a printed one": (
         "claims/imm.yaml", 'text: "85 %", value: fig5 ', 'text: "85 %", value: fig0 ',
@@ -46,8 +46,8 @@ FAULTS = {
         "claims.ilo.figures.Fig. 1: must have ours or not_reproduced, and not both",
     ),
     "the erratum of a claim": (
-        "claims/delay.yaml", "    errata: [", "    errata: [no_such_one, ",
-        "claims.delay.",
+        "claims/ilo.yaml", "errata: [norm_of_k_d]", "errata: [norm_of_k]",
+        "claims.ilo.theorem_1_true.errata: there is no 'norm_of_k'; did you mean 'norm_of_k_d'?",
     ),
     "samples": ("samples/ilo.json", '"basis": "', '"basis": 1, "more": "', ""),
     "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
