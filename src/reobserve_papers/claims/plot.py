@@ -83,7 +83,8 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
         axes.set_xticks([0, 0.25, 0.5, 0.75, 1], labels=[])
     panels[-1].set_xticklabels(["0", "0.25", "0.5", "0.75", "1"])
     panels[-1].set_xlabel(
-        "rank correlation of the outcome with the choice;\ngrey: chance gives as much among so many",
+        "rank correlation of the outcome with the choice;\n"
+        "grey: chance gives as much among so many",
         fontsize=7,
     )
     return figure
