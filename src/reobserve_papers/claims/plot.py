@@ -40,6 +40,8 @@ _MARKS: dict[object, tuple[str, str, str]] = {
 _WIDEST = 1e12  # maximum ratio of the ends of a logarithmic axis; smaller values are below it
 _SMALL = 6.3  # points
 _LEFT = 1.95  # inches, for the names of choices
+_ROW = 0.13  # inches
+_TITLE = 2.6  # rows, with a gap above it
 _MAX_BARS = 6  # the largest; the others seldom explain more than chance does
 
 
@@ -69,20 +71,28 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
     ]
     if not shown:
         return _said(f"No claim turns over in some of {FEWEST} samples or more.")
-    figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in shown], 0.6)
-    for axes, (claim, one, bars) in zip(panels, shown, strict=True):
-        places = range(len(bars))
-        colors = ["0.25" if bar.chance < 0.05 else "0.75" for bar in bars]
-        axes.barh(places, [max(bar.share, 0.0) for bar in bars], color=colors, height=0.7)
-        _label_rows(axes, [bar.name for bar in bars])
-        axes.set_title(
-            f"{_spoken(claim)}: held in {_held(claim, one)} of {one.samples} samples", fontsize=7.5
-        )
-        axes.grid(axis="y", visible=False)
-        axes.set_xlim(0, 1)
-        axes.set_xticks([0, 0.25, 0.5, 0.75, 1], labels=[])
-    panels[-1].set_xticklabels(["0", "0.25", "0.5", "0.75", "1"])
-    panels[-1].set_xlabel(
+    rows = sum(len(bars) + _TITLE for _, _, bars in shown)
+    figure, (axes,) = _stack([(0.05, _ROW * rows)], 0.6)
+    places: list[float] = []
+    row = 0.0
+    for claim, one, bars in shown:
+        said = f"{_spoken(claim)}: held in {_held(claim, one)} of {one.samples} samples"
+        axes.text(0.0, row + _TITLE - 0.9, said, fontsize=7.5)
+        places += [row + _TITLE + k for k in range(len(bars))]
+        row += _TITLE + len(bars)
+    each_bar = [bar for _, _, bars in shown for bar in bars]
+    axes.barh(
+        places,
+        [max(bar.share, 0.0) for bar in each_bar],
+        color=["0.25" if bar.chance < 0.05 else "0.75" for bar in each_bar],
+        height=0.7,
+    )
+    axes.set_yticks(places, [_short(bar.name) for bar in each_bar], fontsize=5.6)
+    axes.set_ylim(rows - 0.4, 0.0)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlim(0, 1)
+    axes.set_xticks([0, 0.25, 0.5, 0.75, 1], ["0", "0.25", "0.5", "0.75", "1"])
+    axes.set_xlabel(
         "rank correlation of the outcome with the choice;\n"
         "grey: chance gives as much among so many",
         fontsize=7,
@@ -189,10 +199,14 @@ def _in_range(values: Sequence[Any]) -> list[float]:
 
 
 def _label_rows(axes: Axes, names: Sequence[str]) -> None:
-    """Label rows, without the names of those that move together."""
-    short = [re.sub(r"\{.*?\}", "*", name) for name in names]
-    axes.set_yticks(range(len(names)), short, fontsize=5.6)
+    """Label rows from the top."""
+    axes.set_yticks(range(len(names)), [_short(name) for name in names], fontsize=5.6)
     axes.set_ylim(len(names) - 0.4, -0.6)
+
+
+def _short(name: str) -> str:
+    """The name of a choice, without those of others that move with it."""
+    return re.sub(r"\{.*?\}", "*", name)
 
 
 def _spelled(check: Check) -> str:
