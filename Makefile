@@ -87,8 +87,12 @@ mixed: $(STAMP)  ## the same, and the bench, with compiled loops of the older pr
 benchmarks: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks
 
-figdiff: $(STAMP)  ## build papers and bench, compare with the accepted figures and numbers, write figdiff/
+figdiff: $(STAMP)  ## build papers and bench, compare with the accepted figures and numbers, write figdiff/; PAPER=ilo for one
+ifdef PAPER
+	snakemake --cores $(CORES) --keep-going --config 'papers=[$(PAPER)]'; reobserve-papers figdiff $(PAPER)
+else
 	snakemake --cores $(CORES) --keep-going bench; snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
+endif
 
 accept: $(STAMP)  ## build papers and bench, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve-papers accept $(PAPER) --reason "$(REASON)" --cores $(CORES)

@@ -46,6 +46,12 @@ def report_options(command: argparse.ArgumentParser) -> None:
 
 def figdiff_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `figdiff`."""
+    command.add_argument(
+        "part",
+        nargs="*",
+        metavar="PAPER[/FIGURE]",
+        help="only these papers, or figures, tables or theories of papers (default: all)",
+    )
     for name, default, text in (
         ("reference", "tests/reference", "the accepted figures"),
         ("results", "results", "the folder of results"),
@@ -63,7 +69,10 @@ def accept_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--reason", required=True, help="why they changed; written into tests/golden/REASONS.md"
     )
-    command.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    command.add_argument(
+        "paper", nargs="*", metavar="PAPER[/FIGURE]",
+        help="only these papers, or figures, tables or theories of papers (default: all)",
+    )  # fmt: skip
     command.add_argument(
         "--cores", type=whole(1), default=2, help="processor cores for the build (default: 2)"
     )

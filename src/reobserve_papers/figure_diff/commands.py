@@ -15,7 +15,8 @@ from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.claims.sample_command import keep
 from reobserve_papers.claims.verdict_table import put_into
 from reobserve_papers.figure_diff import pixels
-from reobserve_papers.figure_diff.comparison import compare_all, figures
+from reobserve_papers.figure_diff.beside import differences
+from reobserve_papers.figure_diff.comparison import Chosen, compare_all, figures
 from reobserve_papers.figure_diff.page import render, summary
 from reobserve_papers.golden import bench as golden_bench
 from reobserve_papers.golden import claims as golden_claims
@@ -26,52 +27,79 @@ from reobserve_papers.parameters.parameters import Parameters, default_parameter
 from reobserve_papers.steps.meanings import write_lists
 
 
-def figdiff_command(project: Path, reference: Path, results: Path, output: Path) -> None:
-    """Compare, write page and summary to ``output``, and fail if anything does not agree."""
+def figdiff_command(
+    project: Path, part: Sequence[str], reference: Path, results: Path, output: Path
+) -> None:
+    """Compare, write page and summary to ``output``, and fail if anything does not agree.
+
+    Of some papers, or figures of papers, if ``part`` names them. What a build would make again is
+    not up to date, and agrees with nothing.
+    """
     folders = (("--reference", reference), ("--results", results))
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
-    items, page = compare_all(project, reference, results), output / "index.html"
-    said = summary(items, problems)
-    write_text(page, render(items, problems, project / "workflow" / "report"))
+    items, page = compare_all(project, reference, results, part), output / "index.html"
+    failed = [item for item in items if item.verdict != "agrees"]
+    beside = differences(project, {item.paper for item in failed}) if failed else []
+    said = summary(items, problems, beside)
+    write_text(page, render(items, problems, project / "workflow" / "report", beside))
     write_text(output / "summary.md", said + "\n")
     print(said)
-    failed = sum(item.verdict != "agrees" for item in items)
     if failed or problems:
-        raise ReobserveError(f"{failed} do not agree with what was accepted; see {page}")
+        raise ReobserveError(f"{len(failed)} do not agree with what was accepted; see {page}")
 
 
 def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
     """Accept figures, golden numbers, verdicts, and the table of the README, of some or all papers.
 
-    If no paper is named, results of the bench are accepted, too. Refuses without a reason, in CI
-    and on a dirty tree. What is not up to date is built first; if that fails, what was accepted
-    stays.
+    If no paper is named, results of the bench are accepted, too; of PAPER/FIGURE only its numbers
+    and its drawing are, and no verdicts. Refuses without a reason, in CI and on a dirty tree. What
+    is not up to date is built first; if that fails, what was accepted stays.
     """
     check_may_accept(project, reason)
     known, results, moved = known_papers(project), project / "results", []
-    chosen = named_papers(known, paper)
-    _build(project, paper, cores)
+    references = project / "tests" / "reference"
+    parts = Chosen.read(project, paper).parts if paper else ()
+    whole = [one for one in paper if "/" not in one]
+    chosen = named_papers(known, whole) if whole or not paper else []
+    _build(project, whole, cores, parts)
+    for one, part in parts:
+        tree = Parameters.load(project, one).tree
+        moved += renew(project, results / one, tree, one, cores, only=part)
+    redrawn = [line for one in parts for line in _renew_references(references, results, *one)]
     for one in chosen:
         moved += renew(project, results / one, Parameters.load(project, one).tree, one, cores)
         _keep_samples(project, results, one)
     tasks = [] if paper else known_tasks(project)
     moved += [line for task in tasks for line in golden_bench.renew(project, results, task)]
-    moved += golden_claims.renew(project, results, paper)
-    put_into(project / "README.md", results / "verdicts.md", known if paper else ())
+    if chosen:
+        moved += golden_claims.renew(project, results, whole)
+        put_into(project / "README.md", results / "verdicts.md", known if paper else ())
     write_lists(project)
-    drawn = [*chosen, *(f"bench/{task}" for task in tasks)]
-    redrawn = _renew_references(project / "tests" / "reference", results, drawn)
+    for one in (*chosen, *(f"bench/{task}" for task in tasks)):
+        redrawn += _renew_references(references, results, one)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
     keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
 
 
-def _build(project: Path, papers: Sequence[str], cores: int) -> None:
-    """Bring the results up to date, of these papers, or of the bench and all papers."""
-    chosen = ["--config", f"papers=[{','.join(papers)}]"]
-    for asked in [chosen] if papers else [["bench"], []]:
+def _build(
+    project: Path, papers: Sequence[str], cores: int, parts: Sequence[tuple[str, str]] = ()
+) -> None:
+    """Bring results up to date: of these papers and parts, or of the bench and all papers."""
+    asked_for = [["--config", f"papers=[{','.join(papers)}]"]] if papers else []
+    if parts:
+        asked_for.append([path for one in parts for path in _files(project, *one)])
+    for asked in asked_for or [["bench"], []]:
         command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *asked]
         if subprocess.run(command, cwd=project, check=False).returncode:
             raise ReobserveError("nothing is accepted: the build failed")
+
+
+def _files(project: Path, paper: str, part: str) -> list[str]:
+    """The files of a figure, a table or the theory."""
+    tree = Parameters.load(project, paper).tree
+    if part in tree["figures"]:
+        return [f"results/{paper}/{part}.metrics.csv", f"results/{paper}/{part}.png"]
+    return [f"results/{paper}/{part}{'' if part in tree.get('tables', {}) else '.metrics'}.csv"]
 
 
 def _keep_samples(project: Path, results: Path, paper: str) -> None:
@@ -85,26 +113,27 @@ def _keep_samples(project: Path, results: Path, paper: str) -> None:
         keep(project, parameters, kept)
 
 
-def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> list[str]:
+def _renew_references(reference: Path, results: Path, paper: str, only: str = "") -> list[str]:
     """Put the figures in place of the accepted ones, and return what is different, a line each."""
     said = []
-    for paper in papers:
-        built = figures(results / paper)
-        for name, path in built.items():
-            accepted, title = reference / paper / path.name, f"{paper} {name}"
-            try:
-                old, new = map(pixels.read_pixels, (accepted, path))
-                rms = pixels.rms_difference(old, new, title)
-            except InputError as error:
-                said.append(f"{title}: the figure is new ({error})")
-            else:
-                if rms == 0:
-                    continue
-                said.append(f"{title}: RMS {rms:.3g} grey levels")
-            accepted.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, accepted)
-        for name, path in figures(reference / paper).items():
-            if name not in built:
-                path.unlink()
-                said.append(f"{paper} {name}: removed, the figure is no longer built")
+    built = figures(results / paper)
+    for name, path in built.items():
+        if only not in ("", name):
+            continue
+        accepted, title = reference / paper / path.name, f"{paper} {name}"
+        try:
+            old, new = map(pixels.read_pixels, (accepted, path))
+            rms = pixels.rms_difference(old, new, title)
+        except InputError as error:
+            said.append(f"{title}: the figure is new ({error})")
+        else:
+            if rms == 0:
+                continue
+            said.append(f"{title}: RMS {rms:.3g} grey levels")
+        accepted.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, accepted)
+    for name, path in figures(reference / paper).items():
+        if name not in built and not only:
+            path.unlink()
+            said.append(f"{paper} {name}: removed, the figure is no longer built")
     return said

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import read_yaml
-from reobserve.core.errors import InputError, ReobserveError
+from reobserve.core.errors import InputError, ReobserveError, nearest
 from reobserve_papers.figure_diff import pixels
+from reobserve_papers.figure_diff.freshness import out_of_date
 from reobserve_papers.golden import bench as golden_bench
 from reobserve_papers.golden import claims as golden_claims
 from reobserve_papers.golden.comparison import Moved, compare_built
 from reobserve_papers.golden.files import golden_files
 from reobserve_papers.golden.values import part_names
-from reobserve_papers.parameters.config import known_papers, known_tasks
+from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import stored_parameters
 from reobserve_papers.parameters.parameters import Parameters
 
 # Plots of Monte Carlo samples, whose verdicts are compared.
 _OF_SAMPLES = ("alternatives", "specification", "sensitivity")
+
+# Results of one paper, from which the table of the claims of all papers is put together.
+_OF_CLAIMS = ("robustness.json", "alternatives.csv")
 
 
 @dataclass
@@ -31,7 +36,7 @@ class Item:
 
     ``reference`` and ``new`` are the images of a figure, None where there is none, and ``rms``
     is their difference in grey levels. ``problems`` are sentences on what is missing or cannot be
-    compared.
+    compared. ``stale`` says why a build would make it again, if it would.
     """
 
     paper: str
@@ -41,13 +46,26 @@ class Item:
     rms: float | None = None
     moved: list[Moved] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    stale: str = ""
 
     @property
     def verdict(self) -> str:
         """The verdict in a few words, the gravest first."""
         if self.problems:
             return "not compared"
+        if self.stale:
+            return "not up to date"
         return "moved" if self.moved or self.redrawn else "agrees"
+
+    @property
+    def gravity(self) -> float:
+        """The farthest change in tolerances, infinite for what cannot be compared."""
+        if self.verdict == "agrees":
+            return -1.0
+        if self.problems:
+            return math.inf
+        drawn = self.rms / pixels.TOLERANCE if self.rms and self.redrawn else 0.0
+        return max((one.excess for one in self.moved), default=drawn)
 
     @property
     def redrawn(self) -> bool:
@@ -69,24 +87,84 @@ def figures(folder: Path) -> dict[str, Path]:
     return {path.stem: path for path in paths if path.stem not in _OF_SAMPLES}
 
 
-def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
-    """An item for each figure, table and theory of the papers to build, and for their claims.
+@dataclass(frozen=True)
+class Chosen:
+    """What is compared: papers, or single figures, tables and theories of them, and tasks."""
 
-    For each task of the bench, too, if all papers are built.
+    papers: tuple[str, ...]
+    parts: tuple[tuple[str, str], ...] = ()
+    tasks: tuple[str, ...] = ()
+
+    @classmethod
+    def read(cls, project: Path, named: Sequence[str]) -> Chosen:
+        """What is named, PAPER or PAPER/FIGURE, or all that the configuration builds.
+
+        Raises
+        ------
+        InputError
+            If there is no such paper or figure.
+        """
+        if not named:
+            stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
+            tasks = [] if stated else known_tasks(project)
+            return cls(tuple(stated or known_papers(project)), tasks=tuple(tasks))
+        split = [one.partition("/") for one in named]
+        papers = named_papers(known_papers(project), [paper for paper, _, _ in split])
+        parts = [(paper, part) for paper, slash, part in split if slash]
+        for paper, part in parts:
+            known = part_names(Parameters.load(project, paper).tree)
+            if part not in known:
+                raise InputError(paper, f"there is no {part!r}{nearest(part, known)}")
+        whole = {paper for paper, slash, _ in split if not slash}
+        return cls(tuple(papers), tuple(one for one in parts if one[0] not in whole))
+
+    def has(self, paper: str, part: str) -> bool:
+        """True if that part of a paper was asked for."""
+        asked = [name for one, name in self.parts if one == paper]
+        return not asked or part in asked
+
+
+def compare_all(
+    project: Path, reference: Path, results: Path, named: Sequence[str] = ()
+) -> list[Item]:
+    """An item for each figure, table and theory that is ``named``, and for the claims of papers.
+
+    If nothing is, those of all papers to build, and each task of the bench.
+
+    Raises
+    ------
+    InputError
+        If there is no such paper or figure.
+    ReobserveError
+        If Snakemake cannot say what is up to date.
     """
-    stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
-    papers: list[str] = stated or known_papers(project)
+    chosen = Chosen.read(project, named)
     items = [
         item
-        for paper in papers
+        for paper in chosen.papers
         for item in _compare_paper(project, reference / paper, results / paper, paper)
+        if chosen.has(paper, item.name)
     ]
-    items += _compare_claims(project, results, papers)
-    tasks = [] if stated else known_tasks(project)
-    return [
-        *items,
-        *(item for task in tasks for item in compare_task(project, reference, results, task)),
-    ]
+    items += _compare_claims(
+        project, results, [paper for paper in chosen.papers if chosen.has(paper, "claims")]
+    )
+    for task in chosen.tasks:
+        items += compare_task(project, reference, results, task)
+    if results.resolve() == (project / "results").resolve():
+        stale = out_of_date(project, chosen.papers, bench=bool(chosen.tasks)) or {}
+        for item in items:
+            item.stale = next((why for path, why in stale.items() if _makes(path, item)), "")
+    return sorted(items, key=lambda item: -item.gravity)
+
+
+def _makes(path: Path, item: Item) -> bool:
+    """True if an item is compared by a file of results."""
+    if item.name == "claims":
+        return path.parts[-2:] in [(item.paper, name) for name in _OF_CLAIMS]
+    if item.paper == "bench":
+        task, _, figure = item.name.partition("_")
+        return path.parts[-3:-1] == ("bench", task) and path.stem == (figure or "table")
+    return path.parts[-2] == item.paper and path.name.partition(".")[0] == item.name
 
 
 def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> Iterator[Item]:

@@ -12,6 +12,10 @@ from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.comparison import Item
 from reobserve_papers.report.policy import content_policy, inline
 
+MOST_LINES = 30  # of the summary
+_MOST_MOVED = 3  # numbers of an item there
+_MOST_IMAGES = 12  # figures on the page, three images each
+
 
 @dataclass(frozen=True)
 class _Shown:
@@ -26,25 +30,44 @@ class _Shown:
 def counts(items: Sequence[Item]) -> str:
     """The number of items with each verdict."""
     found = Counter(item.verdict for item in items)
-    words = {"not compared": "not compared", "moved": "moved", "agrees": "agree"}
+    words = {word: word for word in ("not compared", "not up to date", "moved")}
+    words["agrees"] = "agree"
     return ", ".join(f"{found[one]} {words[one]}" for one in words if found[one]) or "nothing"
 
 
-def summary(items: Sequence[Item], problems: Sequence[str]) -> str:
-    """The counts and what does not agree, as a list in Markdown."""
+def summary(items: Sequence[Item], problems: Sequence[str], beside: Sequence[str] = ()) -> str:
+    """The counts and what does not agree, the largest change first, as a list in Markdown.
+
+    It has `MOST_LINES` at most, so that it can stand in a pull request. ``beside`` are sentences on
+    what else is different.
+    """
     lines = [f"{len(items)} figures, tables, theories and papers' claims: {counts(items)}"]
-    lines += [f"- {problem}" for problem in problems]
-    for item in items:
-        if item.verdict != "agrees":
-            lines.append(f"- {item.paper} {item.name}: {item.verdict}")
-            drawn = [f"RMS {item.rms:.3g} grey levels"] if item.redrawn else []
-            said = (*item.problems, *drawn, *map(str, item.moved[:3]))
-            lines += [f"    - {sentence}" for sentence in said]
+    lines += [f"- {sentence}" for sentence in (*problems, *beside)]
+    failed = [item for item in items if item.verdict != "agrees"]
+    for number, item in enumerate(failed):
+        said = _said(item)
+        if len(lines) + 1 + len(said) > MOST_LINES - 1:
+            lines.append(f"- and {len(failed) - number} more, on the page")
+            break
+        lines += [f"- {item.paper} {item.name}: {item.verdict}", *said]
     return "\n".join(lines)
 
 
-def render(items: Sequence[Item], problems: Sequence[str], templates: Path) -> str:
-    """The page, from the template in the folder ``templates``, with what does not agree first."""
+def _said(item: Item) -> list[str]:
+    drawn = [f"RMS {item.rms:.3g} grey levels"] if item.redrawn else []
+    stale = [f"a build would make it again: {item.stale}"] if item.stale else []
+    said = [*item.problems, *stale, *map(str, item.moved[:_MOST_MOVED]), *drawn]
+    more = len(item.moved) - _MOST_MOVED
+    return [f"    - {one}" for one in (*said, *([f"and {more} more numbers"] if more > 0 else []))]
+
+
+def render(
+    items: Sequence[Item], problems: Sequence[str], templates: Path, beside: Sequence[str] = ()
+) -> str:
+    """The page, from the template in the folder ``templates``, with what does not agree first.
+
+    Only the first figures that do not agree are shown, so that it stays small.
+    """
     import jinja2
     from markupsafe import Markup
 
@@ -52,15 +75,18 @@ def render(items: Sequence[Item], problems: Sequence[str], templates: Path) -> s
         loader=jinja2.FileSystemLoader(templates), autoescape=True,
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    shown = [_show(item) for item in items]
+    failed = [item for item in items if item.verdict != "agrees"]
+    drawn = [item for item in failed if item.reference or item.new][:_MOST_IMAGES]
+    shown = [_show(item) if item in drawn else _Shown(item, "", "", "") for item in failed]
     style = inline(templates / "figure_diff.css")
     return environment.get_template("figure_diff.html.jinja").render(
         policy=content_policy(style),
         style=Markup(style),
         counts=counts(items),
         problems=problems,
-        failed=[one for one in shown if one.item.verdict != "agrees"],
-        agreeing=[one for one in shown if one.item.verdict == "agrees"],
+        beside=beside,
+        failed=shown,
+        agreeing=[item for item in items if item.verdict == "agrees"],
         tolerance=pixels.TOLERANCE,
     )
 

@@ -25,15 +25,18 @@ from reobserve_papers.golden.values import built_numbers, part_names
 
 
 def renew(
-    project: Path, folder: Path, tree: Mapping[str, Any], paper: str, cores: int
+    project: Path, folder: Path, tree: Mapping[str, Any], paper: str, cores: int, only: str = ""
 ) -> list[str]:
     """Write the golden numbers of a paper that moved, from its results in ``folder``.
+
+    With ``only`` those of one figure, table or the theory.
 
     The paper is evaluated under other settings only if something moved. What moved is returned,
     one line for each column.
     """
     golden: dict[str, Numbers] = {}
-    found = {part: built_numbers(folder, tree, part) for part in part_names(tree)}
+    parts = [part for part in part_names(tree) if only in ("", part)]
+    found = {part: built_numbers(folder, tree, part) for part in parts}
     moved: list[str] = []
     for part, numbers in found.items():
         path = golden_file(project, paper, part)
@@ -50,7 +53,7 @@ def renew(
             new = renewed(golden[part], numbers, others, halved[part])
             write_numbers(golden_file(project, paper, part), new)
     for part, path in golden_files(project, paper).items():
-        if part not in found:
+        if part not in found and not only:
             path.unlink()
             moved.append(f"{paper} {part}: removed, nothing of this name is built")
     return moved

@@ -14,20 +14,52 @@ from reobserve_papers.golden.values import built_numbers
 
 @dataclass(frozen=True)
 class Moved:
-    """A number, a word or a whole column that is not the golden one."""
+    """A number, a word or a whole column that is not the golden one.
+
+    ``excess`` is the distance of a number in tolerances.
+    """
 
     place: str
     golden: str
     value: str
     tolerance: str = ""
+    unit: str = ""
+    excess: float = math.inf
 
     def __str__(self) -> str:
-        """One line: what it was, what it is, and for a number what is allowed."""
-        said = f"{self.place}: golden {self.golden}, found {self.value}"
+        """One line: what it was, what it is, and for a number how far that is."""
         if not self.tolerance:
-            return said
-        off = abs(float(self.value) - float(self.golden))
-        return f"{said}, off by {off:.2g}, allowed {self.tolerance}"
+            return f"{self.place}: golden {self.golden}, found {self.value}"
+        old, new = self.short
+        unit = "" if self.unit in ("", "1", "word") else f" {self.unit}"
+        return f"{self.place}: golden {old}, found {new}{unit}{self._by}"
+
+    @property
+    def short(self) -> tuple[str, str]:
+        """Both numbers with so few digits that they differ, but four at least."""
+        if not self.tolerance:
+            return self.golden, self.value
+        numbers = float(self.golden), float(self.value)
+        for digits in range(4, 16):
+            old, new = (f"{number:.{digits}g}" for number in numbers)
+            if old != new:
+                break
+        return old, new
+
+    @property
+    def relative(self) -> str:
+        """The change in per cent of the golden number, empty where that says nothing."""
+        if not self.tolerance:
+            return ""
+        old, new = float(self.golden), float(self.value)
+        change = 100 * (new - old) / abs(old) if old else math.nan
+        return f"{change:+.2g} %" if math.isfinite(change) else ""
+
+    @property
+    def _by(self) -> str:
+        off = "" if math.isinf(self.excess) else f"{self.excess:.2g} times what is allowed"
+        said = ", ".join(filter(None, (self.relative, off)))
+        return f" ({said})" if said else ""
 
 
 def compare_built(
@@ -39,7 +71,11 @@ def compare_built(
 
 
 def compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
-    """The number furthest off, in tolerances, of each column that moved."""
+    """The number furthest off, in tolerances, of each column that moved, the furthest first."""
+    return iter(sorted(_compare(golden, found, name), key=lambda moved: -moved.excess))
+
+
+def _compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
     for (source, quantity, _), keys in columns(golden, found).items():
         place = f"{name}, {source} {quantity}"
         old, new = ([key for key in keys if key in side] for side in (golden, found))
@@ -47,14 +83,16 @@ def compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
         if old != new:
             yield Moved(place, _extent(old), _extent(new))
         elif units[0] != units[1]:
-            yield Moved(place, *(f"in {', '.join(sorted(side)) or 'no unit'}" for side in units))
+            before, after = (f"in {', '.join(sorted(side)) or 'no unit'}" for side in units)
+            yield Moved(place, before, after)
         else:
             worst = max(keys, key=lambda key: excess(golden, found, key))
-            if excess(golden, found, worst) > 1:
-                before, after = golden[worst], found[worst]
+            if (off := excess(golden, found, worst)) > 1:
+                old_one, new_one = golden[worst], found[worst]
                 at = f"{place} at {worst[2]} s" if worst[2] else place
-                allowed = "" if after.is_word else before.tolerance
-                yield Moved(at, before.value or "nothing", after.value or "nothing", allowed)
+                allowed = "" if new_one.is_word else old_one.tolerance
+                values = old_one.value or "nothing", new_one.value or "nothing"
+                yield Moved(at, values[0], values[1], allowed, new_one.unit, off)
 
 
 def excess(golden: Numbers, found: Numbers, key: Key) -> float:

@@ -45,8 +45,12 @@ def moved(golden: dict[Key, GoldenNumber], found: dict[Key, GoldenNumber]) -> li
     ("golden", "found", "said"),
     [
         (number("0.5"), number("0.5000009"), ""),
-        (number("0.5"), number("0.500002"), "golden 0.5, found 0.500002, off by 2e-06, allowed"),
-        (number("0.5"), number("nan"), "golden 0.5, found nan, off by nan, allowed 1e-6"),
+        (
+            number("0.5"),
+            number("0.500002"),
+            "golden 0.5, found 0.500002 V (+0.0004 %, 2 times what is allowed)",
+        ),
+        (number("0.5"), number("nan"), "golden 0.5, found nan V"),
         (number("nan"), number("nan"), ""),
         (number("0.5"), number("0.5", unit="A"), "golden in V, found in A"),
         (number("0.5"), {}, "golden a number, found none"),
@@ -69,7 +73,7 @@ def test_largest_deviation_of_a_series_is_named() -> None:
     golden = samples({0.0: 1.0, 0.5: 2.0, 1.0: 3.0}, "0.1")
     assert moved(golden, samples({0.0: 1.05, 0.5: 2.0, 1.0: 3.0})) == []
     assert moved(golden, samples({0.0: 1.2, 0.5: 1.6, 1.0: 3.0})) == [
-        "made fig1, plant x at 0.5 s: golden 2, found 1.6, off by 0.4, allowed 0.1"
+        "made fig1, plant x at 0.5 s: golden 2, found 1.6 m (-20 %, 4 times what is allowed)"
     ]
     assert moved(golden, samples({0.0: 1.0, 0.5: 2.0})) == [
         "made fig1, plant x: golden 3 numbers up to 1 s, found 2 numbers up to 0.5 s"
