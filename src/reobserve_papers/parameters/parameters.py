@@ -143,6 +143,8 @@ class Parameters:
 
     def _check_ranges(self) -> None:
         for path, entry in self.entries():
+            if "multiple_of" in entry and entry["source"] != OVERRIDDEN:
+                _check_grid(f"{self.paper}.{path}", entry)
             if entry["source"] == OVERRIDDEN or "range" not in entry:
                 continue
             _check_range(f"{self.paper}.{path}", entry["value"], entry["range"])
@@ -224,6 +226,19 @@ def matches(pattern: str, path: tuple[str | int, ...]) -> bool:
     return len(wanted) == len(path) and all(
         word in ("*", str(step)) for word, step in zip(wanted, path, strict=True)
     )
+
+
+def _check_grid(place: str, entry: Tree) -> None:
+    grids, allowed = entry["multiple_of"], entry.get("range")
+    if not isinstance(grids, Mapping):
+        grids = dict.fromkeys(allowed if isinstance(allowed, Mapping) else [""], grids)
+    for pattern, grid in grids.items():
+        for path, leaf in leaves(entry["value"]):
+            if matches(pattern, path) and isinstance(leaf, int | float):
+                steps = leaf / grid
+                if abs(steps - round(steps)) > 1e-6:
+                    where = ".".join((place, *map(str, path)))
+                    raise InputError(where, f"{shown(leaf)} must be a multiple of {grid:g}")
 
 
 def _check_range(place: str, value: Any, allowed: Any) -> None:

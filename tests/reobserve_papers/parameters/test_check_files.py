@@ -51,6 +51,11 @@ FAULTS = {
     ),
     "samples": ("samples/ilo.json", '"basis": "', '"basis": 1, "more": "', ""),
     "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
+    "a value off its grid": (
+        "papers/delay.yaml", "{value: 0.8, unit: s, source: \"Section 4.1, tau_m",
+        "{value: 0.8004, unit: s, source: \"Section 4.1, tau_m",
+        "delay.observers.standard.mean_delay: 0.8004 must be a multiple of 0.0025",
+    ),
     "a link": (
         "papers/ilo.yaml", "same_as: plant.initial_rate", "same_as: plant.rate",
         "ilo.observers.sampled.initial_rate.same_as: there is no entry 'plant.rate'",
