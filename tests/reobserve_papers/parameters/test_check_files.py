@@ -52,9 +52,8 @@ FAULTS = {
     "samples": ("samples/ilo.json", '"basis": "', '"basis": 1, "more": "', ""),
     "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
     "a value off its grid": (
-        "papers/delay.yaml", "{value: 0.8, unit: s, source: \"Section 4.1, tau_m",
-        "{value: 0.8004, unit: s, source: \"Section 4.1, tau_m",
-        "delay.observers.standard.mean_delay: 0.8004 must be a multiple of 0.0025",
+        "papers/ilo.yaml", "value: 10.0\n    unit: s", "value: 10.4\n    unit: s",
+        "ilo.plant.horizon: 10.4 must be a multiple of 1",
     ),
     "a link": (
         "papers/ilo.yaml", "same_as: plant.initial_rate", "same_as: plant.rate",
