@@ -10,8 +10,9 @@ from typing import Any
 from docs.generate.evidence import Paper, papers
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.golden.files import golden_file, read_metrics, read_numbers
-from reobserve_papers.metrics.metrics import Numbers
+from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.evaluation import Evaluator, evaluate
 from tests import ROOT
 from tests.reobserve_papers.papers.lie.test_convergence_of_the_example import measures
 
@@ -88,9 +89,26 @@ def of_ilo() -> Iterator[str]:
     learning, integral = (
         percent(theory[name, "relative_error_under_random_fault"]) for name in ("best", "integral")
     )
-    spacing = Parameters.load(ROOT, "ilo").section("theory")["fault_spacing"]
+    theory_settings = Parameters.load(ROOT, "ilo").section("theory")
+    spacing = theory_settings["fault_spacing"]
     yield f"With {spacing:g} s between values the error is {learning} with the learning observer"
     yield f"and {integral} with the integrator"
+    without = {"observers": {"sampled": {"K1": 0.0, "K2": 5000.0, "observer_gain": 1.0}}}
+    unlearned = [
+        percent(
+            lookup(evaluate(Parameters.load(ROOT, "ilo", without), figure).numbers)[
+                "sampled", "relative_rms_error"
+            ]
+        )
+        for figure in ("fig1", "fig2", "fig3", "fig5")
+    ]
+    listed = f"{', '.join(unlearned[:3])} and {unlearned[3]}"
+    yield f"(K1 = 0, K2 = 5000, Lambda = 1) the errors would be {listed}, so the constant"
+    equal = {"theory": {"adaptive_gain": 5 * theory_settings["adaptive_gain"]}}
+    error = lookup(Evaluator(Parameters.load(ROOT, "ilo", equal)).theory())[
+        "integral", "relative_error_under_random_fault"
+    ]
+    yield f"with all of it the error is {percent(error)}."
     estimated, samples = _held("ilo", "any_fault").split(" of ")
     yield f"of {samples} samples it estimates {estimated} and misses the fastest"
     accurate = [f"{kind}_accurate" for kind in ("stuck", "periodic", "aperiodic", "combined")]
@@ -139,7 +157,7 @@ def of_lie() -> Iterator[str]:
     yield f"(-0.5, -0.5) y³ has an integral of {square:.3g} s and settles after {early:.3g} s"
     yield f"as the degree to the power {-(1 + 0.5 / 1.0594):.3g} there (80 digits, to degree 121)"
     degree = Parameters.load(ROOT, "lie").section("studies", "domain")["degree"]
-    yield f"The boundary drawn outside the cycle is that of degree {degree}"
+    yield f"the boundary drawn outside is that of degree {degree}"
     yield "What Remarks 3.7 and 4.19 ask"
     table = read_numbers(golden_file(ROOT, "lie", "table_coefficients"))
     rows = {row for (row, column, _), cell in table.items() if column == "printed" and cell.value}

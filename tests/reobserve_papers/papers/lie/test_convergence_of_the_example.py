@@ -65,8 +65,8 @@ def sizes_on_the_cycle(cubic: tuple[float, float]) -> dict[int, float]:
 
 
 @pytest.mark.parametrize("cubic", [(0.0, 0.0), (0.2, -0.7)])
-def test_series_of_s_converges_within_the_limit_cycle_only(cubic: tuple[float, float]) -> None:
-    """Along the backward orbit S is analytic inside; on the cycle it is not.
+def test_domain_of_the_series_of_s_ends_at_the_limit_cycle(cubic: tuple[float, float]) -> None:
+    """Along the backward orbit S is analytic inside; on the cycle it is not, but converges.
 
     There the error falls as the distance to the power 0.5 / 1.0594, the rate of A over the exponent
     of the cycle, so that the parts of S fall as d^-1.472.
