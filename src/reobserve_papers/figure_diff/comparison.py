@@ -89,7 +89,7 @@ def figures(folder: Path) -> dict[str, Path]:
 
 @dataclass(frozen=True)
 class Chosen:
-    """What is compared: papers, or single figures, tables and theories of them, and tasks."""
+    """Parts to compare: papers, or single figures, tables and theories of them, and tasks."""
 
     papers: tuple[str, ...]
     parts: tuple[tuple[str, str], ...] = ()
@@ -97,7 +97,7 @@ class Chosen:
 
     @classmethod
     def read(cls, project: Path, named: Sequence[str]) -> Chosen:
-        """What is named, PAPER or PAPER/FIGURE, or all that the configuration builds.
+        """Parts that are named, PAPER or PAPER/FIGURE, or all that the configuration builds.
 
         Raises
         ------
