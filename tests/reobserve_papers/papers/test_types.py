@@ -35,7 +35,7 @@ FIELDS = {
     },
     "imm": {
         "plant": "scenario.input_unit", "observe": "observer.realisation",
-        "metrics": "observer.quoted_high",
+        "metrics": "scenario.fault",
     },
 }  # fmt: skip
 

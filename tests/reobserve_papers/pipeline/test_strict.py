@@ -237,7 +237,10 @@ def test_target_of_another_paper_is_reported_in_one_sentence(
         ),
         ("claims: {a: words}", "claims.ilo.limitations: is missing; the claims file needs it"),
         ("[]", "must be a mapping of keys to values"),
-        ("a: b", "claims.ilo.a: unknown key; there are: limitations, choices, claims, history"),
+        (
+            "a: b",
+            "claims.ilo.a: unknown key; there are: limitations, choices, claims, figures, history",
+        ),
     ],
 )
 def test_invalid_claims_stop_the_first_job(fresh: Project, claims: str, said: str) -> None:
