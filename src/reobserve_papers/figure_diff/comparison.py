@@ -13,7 +13,7 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, ReobserveError, nearest
 from reobserve_papers.figure_diff import pixels
-from reobserve_papers.figure_diff.freshness import out_of_date
+from reobserve_papers.figure_diff.freshness import FOR_INPUTS, out_of_date
 from reobserve_papers.golden import bench as golden_bench
 from reobserve_papers.golden import claims as golden_claims
 from reobserve_papers.golden.comparison import Moved, compare_built
@@ -153,14 +153,19 @@ def compare_all(
     if results.resolve() == (project / "results").resolve():
         stale = out_of_date(project, chosen.papers, bench=bool(chosen.tasks)) or {}
         for item in items:
-            item.stale = next((why for path, why in stale.items() if _makes(path, item)), "")
+            found = (why for path, why in stale.items() if _makes(path, why, item))
+            item.stale = next(found, "")
     return sorted(items, key=lambda item: -item.gravity)
 
 
-def _makes(path: Path, item: Item) -> bool:
-    """True if an item is compared by a file of results."""
+def _makes(path: Path, why: str, item: Item) -> bool:
+    """True if an item is compared by a file that would be made again.
+
+    Claims are decided by numbers and by samples; that these were cached anew changes nothing.
+    """
     if item.name == "claims":
-        return path.parts[-2:] in [(item.paper, name) for name in _OF_CLAIMS]
+        decisive = path.name in _OF_CLAIMS and why not in FOR_INPUTS
+        return path.parts[-2] == item.paper and (decisive or path.name.endswith(".metrics.csv"))
     if item.paper == "bench":
         task, _, figure = item.name.partition("_")
         return path.parts[-3:-1] == ("bench", task) and path.stem == (figure or "table")

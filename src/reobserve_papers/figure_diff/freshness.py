@@ -14,6 +14,9 @@ from pathlib import Path
 from reobserve.core.errors import ReobserveError
 
 _PENDING = "update pending"
+
+# Of a file that would be made again for its inputs alone.
+FOR_INPUTS = ("updated input files", "its inputs are")
 _COLUMNS = ("output_file", "date", "rule", "log-file(s)", "status", "plan")
 
 

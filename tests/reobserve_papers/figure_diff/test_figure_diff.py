@@ -250,7 +250,7 @@ def test_result_that_a_build_would_make_again_agrees_with_nothing(
     monkeypatch.setattr(comparison, "out_of_date", lambda *arguments, **options: stale)
     assert main(["figdiff"]) == 1
     said = capsys.readouterr().out
-    assert "1 not up to date, 3 agree" in said
+    assert "2 not up to date, 2 agree" in said  # and the claims that it decides
     assert "made fig1: not up to date\n    - a build would make it again: params changed" in said
     assert "Not up to date: a build would make it again" in text("figdiff/index.html")
     stale.clear()
@@ -258,6 +258,11 @@ def test_result_that_a_build_would_make_again_agrees_with_nothing(
     assert main(["figdiff", "made"]) == 1
     assert "made claims: not up to date" in capsys.readouterr().out
     assert main(["figdiff", "--results", "./results/../results", "made/fig1"]) == 0
+    stale[Path(f"{BUILT}/alternatives.csv")] = "updated input files"  # its samples were cached
+    assert main(["figdiff", "made"]) == 0
+    stale[Path(f"{BUILT}/theory.metrics.csv")] = "updated input files"
+    assert main(["figdiff", "made"]) == 1
+    assert "2 not up to date" in capsys.readouterr().out
 
 
 def test_summary_is_short_and_has_the_largest_change_first(

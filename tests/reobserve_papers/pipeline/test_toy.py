@@ -473,7 +473,9 @@ def test_golden_numbers_cover_the_table(toy: Project) -> None:
     before = kept.read_text()
     kept.write_text(before.replace(",16.0,", ",16.1,"))
     done = toy.run("reobserve-papers", "figdiff", check=False)
-    moved = "toy table1, row 2 computed: golden 16.1, found 16.0, off by 0.1, allowed 1.6e-11"
+    moved = (
+        "toy table1, row 2 computed: golden 16.1, found 16 (-0.62 %, 6.3e+09 times what is allowed)"
+    )
     assert done.returncode == 1
     assert moved in done.stdout
     toy.run("git", "add", "--all")
