@@ -147,7 +147,8 @@ def _loader() -> Any:
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             seen = set()
             for key, value in node.value:
-                if key.value.isdigit() and not value.value:  # {value: 60,0} has a key 0
+                text = key.value if isinstance(key.value, str) else ""
+                if text.isdigit() and not value.value:  # {value: 60,0} has a key 0
                     raise _refused(key, "a decimal comma; numbers have a decimal point")
                 if key.tag != "tag:yaml.org,2002:str":
                     raise _refused(key, "a key that is no text; put it in quotes")

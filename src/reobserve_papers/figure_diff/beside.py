@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.overrides import is_entry
 from reobserve_papers.report.environment import environment, package_versions
@@ -33,6 +31,8 @@ def differences(project: Path, papers: Iterable[str]) -> list[str]:
 
 def _changed(project: Path, paper: str) -> Iterator[str]:
     """Values of the parameter file that were others when the golden numbers were written."""
+    import yaml
+
     path = f"config/papers/{paper}.yaml"
     commit = _git(project, "log", "-1", "--format=%H", "--", f"tests/golden/{paper}")
     before = _values(yaml.safe_load(_git(project, "show", f"{commit}:{path}") or "{}"))
