@@ -161,7 +161,7 @@ def compare_all(
 def _makes(path: Path, why: str, item: Item) -> bool:
     """True if an item is compared by a file that would be made again.
 
-    Claims are decided by numbers and by samples; that these were cached anew changes nothing.
+    Claims are decided by numbers and by samples; that these were cached again changes nothing.
     """
     if item.name == "claims":
         decisive = path.name in _OF_CLAIMS and why not in FOR_INPUTS
