@@ -145,9 +145,8 @@ def compare_all(
         for item in _compare_paper(project, reference / paper, results / paper, paper)
         if chosen.has(paper, item.name)
     ]
-    items += _compare_claims(
-        project, results, [paper for paper in chosen.papers if chosen.has(paper, "claims")]
-    )
+    whole = [paper for paper in chosen.papers if chosen.has(paper, "claims")]
+    items += _compare_claims(project, results, whole) if whole else []
     for task in chosen.tasks:
         items += compare_task(project, reference, results, task)
     if results.resolve() == (project / "results").resolve():

@@ -98,7 +98,8 @@ def as_run(command: Command, built: str = "") -> str:
         earnest = built in rest or "--dry-run" in rest or command.refused
         return shlex.join(words if earnest else [*words, "--dry-run"])
     if first in PROGRAMS:
-        whole = command.alone or len(rest) > 1 + rest.count("stage")
+        # What `figdiff` compares is built by a line before, which is a dry run here.
+        whole = rest[0] != "figdiff" and (command.alone or len(rest) > 1 + rest.count("stage"))
         return command.text if whole else shlex.join([*words, "--help"])
     elsewhere = (
         words[:2] in (["source", ".venv/bin/activate"], ["pip", "install"])
