@@ -142,7 +142,7 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
     stated = own[k] if own else math.nan
     if math.isfinite(stated):
         curve.axhline(stated, color=_STATED, linewidth=0.8, label="parameter file")
-    _scale(curve, [*filter(math.isfinite, [*numbers, stated]), *_bounds(check)])
+    _scale(curve, [*filter(math.isfinite, [*numbers, stated])], _bounds(check))
     lost = one.samples - len(order)
     noted = f" ({lost} diverged or were refused)" if lost else ""
     curve.set_title(
@@ -180,12 +180,13 @@ def _bounds(check: Check) -> list[float]:
     return [] if check.relation == "exists" else [float(check.bound)]
 
 
-def _scale(axes: Axes, shown: Sequence[float]) -> None:
-    """Magnitudes where numbers span two decades."""
+def _scale(axes: Axes, numbers: Sequence[float], bounds: Sequence[float]) -> None:
+    """Magnitudes where numbers span two decades, so that the bounds are in sight."""
+    shown = [*numbers, *bounds]
     low, high = min(shown, default=1.0), max(shown, default=1.0)
     if low > 0 and high > 100 * low:
         axes.set_yscale("log")
-        axes.set_ylim(bottom=max(low, high / _WIDEST) / 2)
+        axes.set_ylim(bottom=max(low, min([high, *bounds]) / _WIDEST) / 2)
 
 
 def _last_if_none(number: float) -> float:
