@@ -20,11 +20,11 @@ def small(papers: Sequence[Paper]) -> str:
     )
 
 
-def grid(figures: Sequence[Figure], folder: str = "") -> str:
-    """Figures beside each other, each with a link to its place in the gallery's ``folder``."""
+def grid(figures: Sequence[Figure]) -> str:
+    """Figures beside each other, each with a link to its place in the gallery."""
     cells = []
     for figure in figures:
-        target = f"{folder}{figure.paper}.md#{figure.name}"
+        target = f"{figure.paper}.md#{figure.name}"
         text = f"[{plain(figure.title)}]({target})"
         cells.append(f"<div markdown>\n\n[{_picture(figure)}]({target})\n\n{text}\n\n</div>\n")
     return f'<div class="gallery" markdown>\n\n{"".join(cells)}\n</div>\n'

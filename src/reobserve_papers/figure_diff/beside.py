@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from reobserve_papers.parameters.config import known_papers
-from reobserve_papers.parameters.overrides import is_entry
-from reobserve_papers.report.environment import environment, package_versions
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.report.environment import environment, git_output, package_versions
 
 _PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "cvxpy", "clarabel")
 _MOST = 5  # parameters of a paper
@@ -34,27 +33,15 @@ def _changed(project: Path, paper: str) -> Iterator[str]:
     import yaml
 
     path = f"config/papers/{paper}.yaml"
-    commit = _git(project, "log", "-1", "--format=%H", "--", f"tests/golden/{paper}")
-    before = _values(yaml.safe_load(_git(project, "show", f"{commit}:{path}") or "{}"))
-    now = _values(yaml.safe_load((project / path).read_text(encoding="utf-8")) or {})
+    commit = git_output(project, "log", "-1", "--format=%H", "--", f"tests/golden/{paper}")
+    before = _values(paper, yaml.safe_load(git_output(project, "show", f"{commit}:{path}")))
+    now = _values(paper, yaml.safe_load((project / path).read_text(encoding="utf-8")))
     for key in dict.fromkeys([*before, *now]):
         if before.get(key) != now.get(key) and before:
             yield f"{key} {before.get(key, 'none')} -> {now.get(key, 'none')}"
 
 
-def _values(branch: Any, place: str = "") -> dict[str, Any]:
-    if is_entry(branch):
-        return {place: branch.get("value", branch.get("same_as"))}
-    if not isinstance(branch, dict):
-        return {}
-    return {
-        key: value
-        for name, inner in branch.items()
-        for key, value in _values(inner, f"{place}.{name}" if place else str(name)).items()
-    }
-
-
-def _git(project: Path, *arguments: str) -> str:
-    command = ["git", "-C", str(project), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return done.stdout.strip() if done.returncode == 0 else ""
+def _values(paper: str, tree: Any) -> dict[str, Any]:
+    """Values by key, or the keys of those that they are the same as."""
+    entries = Parameters(paper, tree or {}, 0).entries()
+    return {key: entry.get("value", entry.get("same_as")) for key, entry in entries}

@@ -31,15 +31,16 @@ def package_versions() -> dict[str, str]:
 
 def _commit(project: Path) -> str:
     """The commit checked out in exactly this folder, and whether files differ from it."""
-    top = _git(project, "rev-parse", "--show-toplevel")
+    top = git_output(project, "rev-parse", "--show-toplevel")
     if not top or Path(top).resolve() != project.resolve():
         return ""
-    commit = _git(project, "rev-parse", "HEAD")
-    changed = _git(project, "status", "--porcelain")
+    commit = git_output(project, "rev-parse", "HEAD")
+    changed = git_output(project, "status", "--porcelain")
     return commit and commit + (", with changes that are not committed" if changed else "")
 
 
-def _git(project: Path, *arguments: str) -> str:
+def git_output(project: Path, *arguments: str) -> str:
+    """What a git command prints, without the end of the line, empty if it fails."""
     try:
         done = subprocess.run(
             ["git", "-C", str(project), *arguments],
