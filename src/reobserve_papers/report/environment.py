@@ -40,7 +40,7 @@ def _commit(project: Path) -> str:
 
 
 def git_output(project: Path, *arguments: str) -> str:
-    """What a git command prints, without the end of the line, empty if it fails."""
+    """Output of a git command without the end of its last line, empty if it fails."""
     try:
         done = subprocess.run(
             ["git", "-C", str(project), *arguments],
