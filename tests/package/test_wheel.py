@@ -5,25 +5,13 @@ from __future__ import annotations
 import email.parser
 import re
 import subprocess
-import sys
-import zipfile
-
-import pytest
 
 from tests import ROOT
 
-DATA = ("config/config.yaml", "config/papers", "config/searches")
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """The files of the wheel by name."""
-    folder = tmp_path_factory.mktemp("dist")
-    words = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory"]
-    subprocess.run([*words, str(folder)], cwd=ROOT, capture_output=True, check=True)
-    (built,) = folder.iterdir()
-    with zipfile.ZipFile(built) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
+DATA = (
+    "config/config.yaml", "config/papers", "config/searches", "config/styles", "examples/two_mass",
+    "workflow",
+)  # fmt: skip
 
 
 def tracked(*folders: str) -> dict[str, bytes]:

@@ -3,14 +3,13 @@
 
 import shlex
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 from reobserve.__main__ import collect_rarely
 from reobserve.core.documents import read_yaml
-from reobserve.core.errors import ReobserveError
 from reobserve_papers.claims.claims_digest import claims_digest
 from reobserve_papers.claims.evidence import checked_papers
+from reobserve_papers.cli.own_modules import refused_in_one_sentence
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
@@ -27,15 +26,6 @@ collect_rarely()
 if not workflow.deployment_settings.deployment_method:
     here = shlex.quote(str(Path(sys.executable).parent))
     shell.prefix(f"set -euo pipefail; PS4='+ '; export PATH={here}:$PATH; ")
-
-
-@contextmanager
-def refused_in_one_sentence():
-    """End the run with the message of an error of the user's."""
-    try:
-        yield
-    except ReobserveError as error:
-        sys.exit(f"reobserve-papers: {error}")
 
 
 with refused_in_one_sentence():

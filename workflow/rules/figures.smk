@@ -1,6 +1,6 @@
 # From records to what readers see: metrics, plots with captions, and tables.
 
-STYLE = [path for path in [style_sheet(config["style"])] if Path(path).is_file()]
+STYLE = [path for path in [style_sheet(Path(), config["style"])] if Path(path).is_file()]
 
 
 rule metrics:

@@ -48,6 +48,10 @@ COMMANDS = CommandTable(
 )  # fmt: skip
 
 
+def _explain(error: Exception) -> str | None:
+    return str(error) if isinstance(error, ReobserveError) else None
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one sub-command of `reobserve` (see `run_command`)."""
     return run_command("reobserve", COMMANDS, arguments)
@@ -58,16 +62,20 @@ def run_command(
     table: CommandTable,
     arguments: Sequence[str] | None = None,
     check: Callable[[Mapping[str, Any]], None] = lambda _: None,
+    explain: Callable[[Exception], str | None] = _explain,
 ) -> int:
     """Run one sub-command and return its exit code: 0, 1 after a user's error, 2 for usage.
 
-    ``check`` may refuse the options with an `InputError` before anything runs.
+    ``check`` may refuse the options with an `InputError` before anything runs. ``explain`` has the
+    sentence on an error, or None if it needs its traceback, which `--traceback` always shows.
     """
     pin_code_paths()  # before numpy is imported
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal that has no letter for a name is shown its code; lines end alike anywhere.
         sys.stdout.reconfigure(errors="backslashreplace", newline="\n")
     words = sys.argv[1:] if arguments is None else list(arguments)
+    traced = "--traceback" in words
+    words = [word for word in words if word != "--traceback"]
     options = vars(command_parser(program, table, words).parse_args(words))
     run, extra = options.pop("run"), options.pop("extra")
     try:
@@ -76,26 +84,29 @@ def run_command(
         load(run)(**options)
         if sys.stdout is not None:
             sys.stdout.flush()
-    except ImportError as error:  # of a package that an extra brings
-        top = str(error.name).partition(".")[0]
-        if top not in EXTRAS:
-            raise
-        purpose = getattr(error, "purpose", "run this command")
-        print(f"{program}: {MissingPackageError(top, purpose, extra)}", file=sys.stderr)
-        return 1
-    except ReobserveError as error:
-        print(f"{program}: {one_line(error, _MOST_SAID)}", file=sys.stderr)
-        return 1
     except BrokenPipeError:
         _forget_output()
-    except OSError as error:  # files have their own sentences: this is standard output
-        _forget_output()
-        place = error.filename or "standard output"
-        print(f"{program}: {place}: cannot be written ({error.strerror})", file=sys.stderr)
-        return 1
     except KeyboardInterrupt:
         return 130
+    except Exception as error:
+        said = None if traced else _missing_package(error, extra) or explain(error)
+        if said is None and isinstance(error, OSError):  # files have their own sentences
+            _forget_output()
+            place = error.filename or "standard output"
+            said = f"{place}: cannot be written ({error.strerror})"
+        if said is None:
+            raise
+        print(f"{program}: {one_line(said, _MOST_SAID)}", file=sys.stderr)
+        return 1
     return 0
+
+
+def _missing_package(error: Exception, extra: str) -> str | None:
+    """The sentence on a package that is not installed, if an extra brings it."""
+    top = str(error.name).partition(".")[0] if isinstance(error, ImportError) else ""
+    if top not in EXTRAS:
+        return None
+    return str(MissingPackageError(top, getattr(error, "purpose", "run this command"), extra))
 
 
 def _forget_output() -> None:
@@ -125,5 +136,9 @@ def command_parser(
     parser.add_argument(
         "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="show the version"
     )
+    parser.add_argument(
+        "--traceback", action="store_true", default=argparse.SUPPRESS,
+        help="show where an error arises; at any place of the line",
+    )  # fmt: skip
     add_commands(parser, table, words)
     return parser

@@ -9,6 +9,7 @@ from reobserve.cli.main import command_parser as parser_of
 from reobserve.cli.main import run_command
 from reobserve.cli.parts import Command, CommandTable
 from reobserve_papers.cli.options import check_project
+from reobserve_papers.cli.own_modules import explained
 
 PROGRAM = "reobserve-papers"
 
@@ -24,8 +25,13 @@ _COMMANDS = {
         "overview:params_options",
         "parameters.overview:show_params",
     ),
+    "new": (
+        "write a repository for a paper of your own into a folder NAME",
+        "overview:new_options",
+        "cli.new_repository:new_command",
+    ),
     "check": (
-        "check everything under config/; it runs the code of that project",
+        "check everything under config/; this runs code of the papers",
         "overview:check_options",
         "cli.stages.check:run",
     ),
@@ -69,21 +75,20 @@ _COMMANDS = {
 }
 
 COMMANDS = CommandTable(
-    "Every figure and claim of papers on observers: parameters, jobs, evidence.",
+    "Papers on observers: parameters, jobs, evidence. On recorded data: reobserve.",
     {
         name: Command(
             text, f"reobserve_papers.cli.{options}", run and f"reobserve_papers.{run}", "papers"
         )
         for name, (text, options, run) in _COMMANDS.items()
     },
-    epilog="Observers on recorded data have a command of their own, reobserve.",
     other="reobserve",
 )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one sub-command of `reobserve-papers` (see `reobserve.cli.main.run_command`)."""
-    return run_command(PROGRAM, COMMANDS, arguments, check_project)
+    return run_command(PROGRAM, COMMANDS, arguments, check_project, explained)
 
 
 def command_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:

@@ -45,6 +45,11 @@ def latex_options(command: argparse.ArgumentParser) -> None:
     add_output(command, "a .tex file to be included by \\input")
 
 
+def new_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of `new`."""
+    command.add_argument("name", metavar="NAME", help="the paper: letters, digits and _")
+
+
 def check_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `check`."""
     command.add_argument("paper", nargs="*", help="only these papers (default: all)")

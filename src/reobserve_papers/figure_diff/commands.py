@@ -23,8 +23,9 @@ from reobserve_papers.golden import claims as golden_claims
 from reobserve_papers.golden.acceptance import renew
 from reobserve_papers.golden.guard import check_may_accept, keep_reason
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
+from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
-from reobserve_papers.steps.meanings import write_lists
+from reobserve_papers.steps.meanings import LISTS, write_lists
 
 
 def figdiff_command(
@@ -41,7 +42,7 @@ def figdiff_command(
     failed = [item for item in items if item.verdict != "agrees"]
     beside = differences(project, {item.paper for item in failed}) if failed else []
     said = summary(items, problems, beside)
-    write_text(page, render(items, problems, project / "workflow" / "report", beside))
+    write_text(page, render(items, problems, shared_texts(project), beside))
     write_text(output / "summary.md", said + "\n")
     print(said)
     if failed or problems:
@@ -74,7 +75,8 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     if chosen:
         moved += golden_claims.renew(project, results, whole)
         put_into(project / "README.md", results / "verdicts.md", known if paper else ())
-    write_lists(project)
+    if (project / LISTS).is_file():
+        write_lists(project)
     for one in (*chosen, *(f"bench/{task}" for task in tasks)):
         redrawn += _renew_references(references, results, one)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")

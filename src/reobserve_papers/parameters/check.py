@@ -57,7 +57,7 @@ def check_parameters(parameters: Parameters) -> None:
     stated = read_parameters(parameters)
     module = importlib.import_module(paper_part(parameters.package, "checks"))
     with building(parameters.paper):
-        check_stated(stated, module.CHECKS)
+        check_stated(stated, getattr(module, "CHECKS", Checks()))
         if hasattr(module, "LAYOUTS"):  # a paper in one module has its drawings at hand
             for name, figure in stated.figures.items():
                 as_word(f"figures.{name}.layout", figure.layout, tuple(module.LAYOUTS))

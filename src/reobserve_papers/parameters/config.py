@@ -9,7 +9,7 @@ from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import reason
 from reobserve.core.validation import parse
-from reobserve_papers.parameters.names import DEFAULT_STYLE, style_sheet
+from reobserve_papers.parameters.names import DEFAULT_STYLE, own_project
 
 
 def known_papers(project: Path) -> list[str]:
@@ -46,9 +46,10 @@ def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
 
 
 def known_styles(project: Path) -> list[str]:
-    """The styles of figures with a sheet, and the default style."""
-    sheets = (project / style_sheet("x")).parent.glob("*.mplstyle")
-    return sorted({DEFAULT_STYLE, *(path.stem for path in sheets)})
+    """The styles of figures with a sheet, here or in this installation, and the default style."""
+    folders = (one / "config" / "styles" for one in (project, own_project()))
+    sheets = (path.stem for folder in folders for path in folder.glob("*.mplstyle"))
+    return sorted({DEFAULT_STYLE, *sheets})
 
 
 def check_config_files(*paths: str | Path) -> None:

@@ -2,10 +2,31 @@
 
 from __future__ import annotations
 
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 DEFAULT_STYLE = "default"
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def own_project() -> Path:
+    """The checkout that this package is in, or what was installed with it of a checkout."""
+    checkout = _PACKAGE.parents[1]
+    return checkout if (checkout / "config" / "papers").is_dir() else _PACKAGE / "project"
+
+
+def workflow_path() -> str:
+    """The Snakefile of this installation, for the ``module`` of another one."""
+    return str(own_project() / "workflow" / "Snakefile")
+
+
+def add_sources(project: Path) -> None:
+    """Let modules in the ``src`` of a project be imported: those of its own papers."""
+    folder = str((project / "src").absolute())
+    if Path(folder).is_dir() and folder not in sys.path:
+        sys.path.insert(0, folder)
 
 
 def paper_part(package: str, part: str) -> str:
@@ -33,12 +54,21 @@ def samples_path(paper: str) -> str:
     return f"config/samples/{paper}.json"
 
 
-def style_sheet(name: str) -> str:
-    """The path of a style sheet, in a project."""
-    return f"config/styles/{name}.mplstyle"
+def style_sheet(project: Path, name: str) -> str:
+    """The path of a style sheet: the project's own, or one of this installation."""
+    return _shared(project, f"config/styles/{name}.mplstyle")
 
 
 def caption_template(project: Path, paper: str, name: str, general: str) -> str:
     """The path of a caption's template: the figure's or table's own, or the ``general`` one."""
     own = f"workflow/report/{paper}/{name}.rst"
-    return own if (project / own).is_file() else f"workflow/report/{general}.rst"
+    return own if (project / own).is_file() else _shared(project, f"workflow/report/{general}.rst")
+
+
+def shared_texts(project: Path) -> Path:
+    """The folder of texts that all papers share: the project's, or that of this installation."""
+    return project / Path(_shared(project, "workflow/report/figure.rst")).parent
+
+
+def _shared(project: Path, path: str) -> str:
+    return path if (project / path).exists() else str(own_project() / path)

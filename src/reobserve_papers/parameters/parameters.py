@@ -20,6 +20,7 @@ from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.seals import sealed
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.names import add_sources
 from reobserve_papers.parameters.overrides import OVERRIDDEN, is_entry, resolve
 from reobserve_papers.parameters.settings import settings
 from reobserve_papers.parameters.step_kinds import SECTIONS
@@ -67,6 +68,7 @@ class Parameters:
         parameters = cls(paper, tree, seed)
         parameters._check_ranges()
         parameters._check_references()
+        add_sources(project)
         return parameters
 
     @classmethod
@@ -79,6 +81,8 @@ class Parameters:
             If the file is missing, or has not the digest of what it holds.
         """
         kept = read_json(path, must_be_sealed=True)
+        file = Path(path).absolute()  # results/PAPER/parameters.json
+        add_sources(file.parent.parent.parent)
         return cls(kept["paper"], kept["parameters"], kept["seed"])
 
     def text(self) -> str:

@@ -80,7 +80,7 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
     if config["style"] != DEFAULT_STYLE:  # else this would import matplotlib in vain
         from reobserve_papers.plotting.look import read_sheet
 
-        read_sheet(project / style_sheet(config["style"]))
+        read_sheet(project / style_sheet(project, config["style"]))
     found = {}
     for paper in papers:
         found[paper] = Parameters.load(project, paper, config.get(paper), config["seed"])

@@ -55,6 +55,16 @@ def latex_number(value: float, digits: int) -> str:
     return rf"\ensuremath{{{shown}}}" if sign else shown
 
 
+def latex_digits(text: str) -> str:
+    """A number with the digits that it is written with."""
+    mantissa, _, power = text.lower().partition("e")
+    if not mantissa.lstrip("+-")[:1].isdigit():
+        return latex_number(float(text), 1)  # infinite, or none
+    if power:
+        return rf"\ensuremath{{{mantissa} \times 10^{{{int(power)}}}}}"
+    return rf"\ensuremath{{{mantissa}}}" if mantissa.startswith("-") else mantissa
+
+
 _WHOLE = 1e6  # below which whole numbers have all of their digits
 _LEAST, _MOST = -3, 5  # powers of ten between which numbers are written out
 

@@ -10,6 +10,7 @@ from typing import Any
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
 from reobserve_papers.claims.verdicts import BROKEN, VERDICTS
+from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.report.gather import gather
 from reobserve_papers.report.policy import content_policy, inline
 from reobserve_papers.report.reading import Gap
@@ -33,7 +34,7 @@ def report_command(
         If the project has no config or no templates, or the page cannot be written.
     """
     report = gather(project, output, papers, formats, bench)
-    write_text(output, render(report, project / "workflow" / "report" / "replication"))
+    write_text(output, render(report, shared_texts(project) / "replication"))
     count = len(report["gaps"])
     print(f"{output}: {'no gaps' if not count else '1 gap' if count == 1 else f'{count} gaps'}")
     for gap in report["gaps"]:

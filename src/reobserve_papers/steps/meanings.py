@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
+from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import paper_module
 
@@ -40,6 +42,21 @@ def pattern(name: str) -> re.Pattern[str]:
     """The names that a name with ``<word>`` in it stands for."""
     parts = re.split(r"(<\w+>)", name)
     return re.compile("".join(".+" if part[:1] == "<" else re.escape(part) for part in parts))
+
+
+def check_meanings(package: str, metrics: Iterable[Metric]) -> None:
+    """Refuse metrics of a paper that no entry of its ``MEANINGS`` explains.
+
+    Raises
+    ------
+    InputError
+        With the first of them.
+    """
+    known = meanings(package)
+    for one in metrics:
+        if not any(fits.fullmatch(one.metric) for fits, _ in known):
+            problem = f"has no entry in MEANINGS of {paper_part(package, 'metrics')}"
+            raise InputError(f"metric {one.metric!r}", problem)
 
 
 def list_metrics(packages: Mapping[str, str]) -> str:

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.extras import package
+from reobserve_papers.parameters.names import own_project
 from reobserve_papers.signals.inputs import sample_files
 
 if TYPE_CHECKING:
     from reobserve_papers.parameters.parameters import Parameters
     from reobserve_papers.steps.evaluation import Replication
-
-_PACKAGE = Path(__file__).parents[1]
 
 
 def replicate(
@@ -65,7 +64,7 @@ def replicate(
             raise InputError(name, f"{shown(word)} must be a name")
     if not isinstance(project, str | Path | None):
         raise InputError("project", f"{shown(project)} must be a folder")
-    folder = _own_project() if project is None else Path(project)
+    folder = own_project() if project is None else Path(project)
     if overrides is not None and not isinstance(overrides, Mapping):
         raise InputError("overrides", f"{shown(overrides)} must be a mapping")
     package("pydantic", "read parameters", extra="papers")
@@ -77,12 +76,6 @@ def replicate(
         raise InputError("figure", f"{paper} has no {shown(figure)}{nearest(str(figure), figures)}")
     _name_files_from_here(parameters, folder)
     return evaluate(parameters, figure)
-
-
-def _own_project() -> Path:
-    """The checkout that this package is in, or the parameter files that were installed with it."""
-    checkout = _PACKAGE.parents[1]
-    return checkout if (checkout / "config" / "papers").is_dir() else _PACKAGE / "project"
 
 
 def _name_files_from_here(parameters: Parameters, folder: Path) -> None:

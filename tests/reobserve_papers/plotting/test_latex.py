@@ -93,6 +93,17 @@ def test_other_tables_are_unchanged_unless_digits_are_requested(tmp_path: Path) 
     assert output.read_text().splitlines()[4].endswith(r"& 1/36 & 0.028 \\")
 
 
+def test_other_tables_have_minus_signs_and_powers_of_ten(tmp_path: Path) -> None:
+    source, output = tmp_path / "table.csv", tmp_path / "table.tex"
+    source.write_text("a,b,c,d\n-0.584013,-1.20e-05,3e7,-inf\n0.5,2,,nan\n")
+    stage.run(source, output)
+    first = (
+        r"\ensuremath{-0.584013} & \ensuremath{-1.20 \times 10^{-5}} & "
+        r"\ensuremath{3 \times 10^{7}} & \ensuremath{-\infty} \\"
+    )
+    assert output.read_text().splitlines()[4:6] == [first, r"0.5 & 2 &  & -- \\"]
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [

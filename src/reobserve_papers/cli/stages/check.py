@@ -48,4 +48,4 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
 
         for style in known_styles(project):
             if style != DEFAULT_STYLE:
-                read_sheet(project / style_sheet(style))
+                read_sheet(project / style_sheet(project, style))

@@ -7,7 +7,7 @@ from pathlib import Path
 from reobserve.core.errors import InputError
 from reobserve.core.files import SCORE, read_rows, read_text, write_text
 from reobserve_papers.metrics.metrics import HEADER, read_metrics
-from reobserve_papers.plotting.latex import booktabs, latex, latex_number
+from reobserve_papers.plotting.latex import booktabs, latex, latex_digits, latex_number
 from reobserve_papers.plotting.latex_captions import caption_in_latex
 from reobserve_papers.report.files import by_observer
 
@@ -52,8 +52,10 @@ def _table(source: Path, digits: int | None) -> str:
 
 
 def _cell(text: str, digits: int | None) -> str:
-    """A number with so many digits, all else as it stands."""
-    return latex_number(float(text), digits) if digits and SCORE.allows(text) else latex(text)
+    """A number with so many digits, or with its own, and all else as it stands."""
+    if not SCORE.allows(text) or not text:
+        return latex(text)
+    return latex_number(float(text), digits) if digits else latex_digits(text)
 
 
 def _words(name: str) -> str:

@@ -8,6 +8,7 @@ from reobserve_papers.cli.stages.records import read_estimates, read_record
 from reobserve_papers.metrics.metrics import write_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import figure_data, measure, read_study, rows_from
+from reobserve_papers.steps.meanings import check_meanings
 
 
 def run(
@@ -26,4 +27,5 @@ def run(
     study = read_study(parameters.package, study_file)
     with rows_from(study_file):
         found = measure(parameters, figure_data(parameters, settings, plant, estimates, study))
+    check_meanings(parameters.package, found)
     write_metrics(output, found)

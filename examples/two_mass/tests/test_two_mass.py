@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve_papers.papers.two_mass import Plant, sampled
+from two_mass import Plant, sampled
 
 
 def test_the_printed_sign_of_the_damper_is_unstable() -> None:

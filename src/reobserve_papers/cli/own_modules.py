@@ -1,0 +1,61 @@
+"""Errors that arise in the modules of a paper outside this package: where, in one sentence."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import reobserve
+import reobserve_papers
+from reobserve.core.errors import ReobserveError, one_line
+
+_OURS = tuple(str(Path(str(one.__file__)).parent) for one in (reobserve, reobserve_papers))
+
+
+def explained(error: Exception) -> str | None:
+    """The sentence on an error, with file and line if it arose in a module below ``src``.
+
+    None for an error that is neither a user's nor of such a module.
+    """
+    place = _place(error)
+    if isinstance(error, ReobserveError):
+        return f"{error} ({place})" if place else str(error)
+    if not place:
+        return None
+    said = error.msg if isinstance(error, SyntaxError) else str(error)
+    return one_line(f"{place}: {type(error).__name__}: {said}; --traceback shows all")
+
+
+@contextmanager
+def refused_in_one_sentence() -> Iterator[None]:
+    """End the process with that sentence, if there is one."""
+    try:
+        yield
+    except Exception as error:
+        said = explained(error)
+        if said is None:
+            raise
+        sys.exit(f"reobserve-papers: {said}")
+
+
+def _place(error: BaseException | None) -> str:
+    """The innermost line of such a module, in the error or in what led to it."""
+    found = ""
+    while error is not None:
+        lines = [(one.filename, one.lineno) for one in traceback.extract_tb(error.__traceback__)]
+        if isinstance(error, SyntaxError):
+            lines.append((error.filename or "", error.lineno))
+        own = [f"{path}, line {line}" for file, line in lines if (path := _own(file))]
+        found = own[-1] if own else found
+        error = error.__context__
+    return found
+
+
+def _own(file: str) -> str:
+    """The path below this folder of a module of one's own, or nothing."""
+    path, here = Path(file), Path.cwd()
+    own = path.is_relative_to(here / "src") and not file.startswith(_OURS)
+    return str(path.relative_to(here)) if own else ""
