@@ -1,4 +1,4 @@
-"""The command `new`: a repository for a paper of one's own, which begins as the worked example."""
+"""The command `new`: a repository for a new paper, which begins as the worked example."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def _write(folder: Path, name: str) -> None:
 
 def _requirement() -> str:
     """The installed version of reobserve for pip: by its commit if it was installed by one."""
-    told = metadata.distribution("reobserve").read_text("direct_url.json")
-    origin = json.loads(told) if told else {}
+    stated = metadata.distribution("reobserve").read_text("direct_url.json")
+    origin = json.loads(stated) if stated else {}
     if "vcs_info" in origin:
         version = origin["vcs_info"]
         return f"reobserve[papers] @ {version['vcs']}+{origin['url']}@{version['commit_id']}"

@@ -55,7 +55,7 @@ def _place(error: BaseException | None) -> str:
 
 
 def _own(file: str) -> str:
-    """The path below this folder of a module of one's own, or nothing."""
+    """The path below this folder of such a module, or nothing."""
     path, here = Path(file), Path.cwd()
     own = path.is_relative_to(here / "src") and not file.startswith(_OURS)
     return str(path.relative_to(here)) if own else ""
