@@ -20,7 +20,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: figures bench unlock report archive quick test nightly check elsewhere mixed benchmarks figdiff accept samples mutations pages docs lock \
+.PHONY: figures bench unlock report archive quick test nightly check elsewhere mixed benchmarks figdiff unlocked accept samples mutations pages docs lock \
 	package env cluster clean distclean help
 .DEFAULT_GOAL := figures
 
@@ -66,7 +66,7 @@ check: $(STAMP)  ## style, types, workflow lint
 	mypy
 	snakefmt --check Snakefile workflow
 	check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
-	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml examples/*/.github/workflows/*.yml
 	snakemake --lint
 
 # A newer and an older processor: what numpy, its BLAS, numba and the C library are made to use.
@@ -93,6 +93,15 @@ ifdef PAPER
 else
 	snakemake --cores $(CORES) --keep-going bench; snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
 endif
+
+# In an environment of its own, without the lock.
+RESOLUTION := highest
+UNLOCKED := build/$(RESOLUTION)
+unlocked:  ## build with the newest packages, compare as figdiff; RESOLUTION=lowest-direct for the lowest that pyproject.toml admits
+	$(PYTHON) -m venv --clear $(UNLOCKED)
+	$(UNLOCKED)/bin/python -m pip install --quiet uv
+	$(UNLOCKED)/bin/uv pip install --quiet --python $(UNLOCKED)/bin/python --resolution $(RESOLUTION) --editable '.[papers]'
+	PATH="$(CURDIR)/$(UNLOCKED)/bin:$$PATH"; snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
 
 accept: $(STAMP)  ## build papers and bench, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve-papers accept $(PAPER) --reason "$(REASON)" --cores $(CORES)

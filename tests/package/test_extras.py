@@ -90,7 +90,7 @@ def test_page_names_the_extras_that_its_code_takes(
     text: str, blocks: int | None, tmp_path: Path
 ) -> None:
     before, *_ = text.partition("```python")
-    extras = re.findall(r'`pip install "\.\[([\w,]+)\]"`', before)[-1]
+    extras = re.findall(r'pip install "\.\[([\w,]+)\]"', before)[-1]
     program = tmp_path / "page.py"
     found = re.findall(r"```python\n(.*?)```", text, re.DOTALL)[:blocks]
     program.write_text("\n".join(found), encoding="utf-8")

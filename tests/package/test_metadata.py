@@ -54,7 +54,25 @@ def test_papers_agree_with_the_citation_file() -> None:
     assert CODEMETA["referencePublication"] == [*map(article, CITATION["references"])]
 
 
-@pytest.mark.parametrize("workflow", sorted((ROOT / ".github/workflows").glob("*.yml")))
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+ALL_WORKFLOWS = [*WORKFLOWS, *sorted(ROOT.glob("examples/*/.github/workflows/*.yml"))]
+
+
+@pytest.mark.parametrize("workflow", ALL_WORKFLOWS, ids=lambda path: path.name)
+def test_workflow_pins_its_actions_and_keeps_no_rights(workflow: Path) -> None:
+    text = workflow.read_text(encoding="utf-8")
+    for action in re.findall(r"uses: (.*)", text):
+        assert re.fullmatch(r"[\w./-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", action), action
+    stated = yaml.safe_load(text)
+    assert stated["permissions"] == {"contents": "read"}
+    for job in stated["jobs"].values():
+        assert job.get("permissions", {}).get("contents", "read") == "read"
+        for step in job["steps"]:
+            if step.get("uses", "").startswith("actions/checkout@"):
+                assert step["with"]["persist-credentials"] is False
+
+
+@pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda path: path.name)
 def test_ci_workflow_runs_makefile_targets(workflow: Path) -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"\bmake (\w+)", workflow.read_text(encoding="utf-8")):

@@ -26,7 +26,6 @@ from reobserve_papers.parameters.job import AnyFigure
 from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
 from reobserve_papers.signals.series import Channel, Series
 
-
 # The keys of the parameter file, a class for a section.
 
 

@@ -223,7 +223,7 @@ def _eigenvalues(matrix: arb_mat, bits: int) -> list[acb]:
         nudge = max(abs(entry).upper() for entry in matrix.entries()) * arb(2) ** -bits
         nearby = (matrix + arb_mat.dct(size, size) * nudge).mid()
         basis = acb_mat(nearby).eig(right=True, algorithm="approx")[1]
-    turned = basis.solve(matrix * basis, nonstop=True).tolist()
+    turned = basis.solve(acb_mat(matrix) * basis, nonstop=True).tolist()
     squares = []
     for i, row in enumerate(turned):
         radius = sum((entry.abs_upper() for j, entry in enumerate(row) if j != i), arb(0))

@@ -53,40 +53,33 @@ def _of(rows: Sequence[Mapping[str, str]], paper: str) -> list[Mapping[str, str]
     return [row for row in rows if row["paper"] == paper]
 
 
-# Between these the README holds what `reobserve-papers stage verdicts` writes.
+# Between these the README holds the table that `reobserve-papers stage verdicts` writes.
 _BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
 
 
 def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
-    """Put what `reobserve-papers stage verdicts` wrote in its place in the README.
+    """Put the table that `reobserve-papers stage verdicts` wrote in its place in the README.
 
-    With ``papers``, all that there are, what the README tells of those that the verdicts are not
-    about stays.
+    With ``papers``, all that there are, rows of the README on papers that the verdicts are not
+    about stay.
 
     Raises
     ------
     InputError
         If the README has no such place, or a file cannot be read.
     """
-    text, table = read_text(readme), read_text(verdicts)
+    text, table = read_text(readme), read_text(verdicts).partition("\n\n")[0].rstrip() + "\n"
     before, begin, rest = text.partition(_BEGIN)
     old, end, after = rest.partition(_END)
     if not begin or not end:
         raise InputError(str(readme), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
-    table = _merged(old, table, papers) if papers else table
+    if papers and (new := _rows(table)):
+        rows = _rows(old) | new
+        head = table.partition(next(iter(new.values())))[0]
+        table = head + "".join(rows[one] for one in papers if one in rows)
     write_text(readme, f"{before}{begin}\n{table}\n{end}{after}")
 
 
-def _merged(old: str, new: str, papers: Sequence[str]) -> str:
-    """The rows of ``papers``: in ``new``, or else in ``old``."""
-    rows = _rows(new, r"\|")
-    head = new.partition(next(iter(rows.values())))[0] if rows else new
-    merged, reasons = _rows(old, r"\|") | rows, _rows(old, "-") | _rows(new, "-")
-    cells = "".join(merged[one] for one in papers if one in merged)
-    said = "".join(reasons[one] for one in papers if one in reasons)
-    return head + cells + (f"\n{said}" if said else "")
-
-
-def _rows(text: str, mark: str) -> dict[str, str]:
-    """The lines of `table` that begin with a mark and the name of a paper, by paper."""
-    return {found[1]: found[0] for found in re.finditer(rf"^{mark} `(\w+)` .*\n", text, re.M)}
+def _rows(text: str) -> dict[str, str]:
+    """The rows of `table` by paper."""
+    return {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` .*\n", text, re.MULTILINE)}

@@ -34,9 +34,10 @@ _OF_CLAIMS = ("robustness.json", "alternatives.csv")
 class Item:
     """A figure, a table, the theory or the claims of a paper, and what is different about it.
 
-    ``reference`` and ``new`` are the images of a figure, None where there is none, and ``rms``
-    is their difference in grey levels. ``problems`` are sentences on what is missing or cannot be
-    compared. ``stale`` says why a build would make it again, if it would.
+    ``reference`` and ``new`` are the images of a figure, None where there is none, ``rms`` is the
+    difference of their panels in grey levels, and ``note_rms`` that of what is printed below.
+    ``problems`` are sentences on what is missing or cannot be compared. ``stale`` says why a build
+    would make it again, if it would.
     """
 
     paper: str
@@ -44,6 +45,7 @@ class Item:
     reference: Path | None = None
     new: Path | None = None
     rms: float | None = None
+    note_rms: float = 0.0
     moved: list[Moved] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     stale: str = ""
@@ -70,7 +72,7 @@ class Item:
     @property
     def redrawn(self) -> bool:
         """True if the images differ by more than the tolerance."""
-        return self.rms is not None and self.rms > pixels.TOLERANCE
+        return max(self.rms or 0.0, self.note_rms) > pixels.TOLERANCE
 
     @contextmanager
     def problem_noted(self) -> Iterator[None]:
@@ -196,8 +198,7 @@ def _drawn(paper: str, name: str, reference: Path | None, new: Path | None) -> I
     item = Item(paper, name, reference, new)
     if reference and new:
         with item.problem_noted():
-            old, found = map(pixels.read_pixels, (reference, new))
-            item.rms = pixels.rms_difference(old, found, f"{paper} {name}")
+            item.rms, item.note_rms = pixels.compare_images(reference, new, f"{paper} {name}")
     elif reference:
         item.problems.append("the figure was not built")
     elif new:

@@ -27,6 +27,13 @@ class _Shown:
     difference: str
 
 
+def drawing(item: Item) -> str:
+    """Sentence on how far the images differ."""
+    if not item.rms or item.rms <= pixels.TOLERANCE < item.note_rms:
+        return f"only the note below the panels differs, RMS {item.note_rms:.3g} grey levels"
+    return f"RMS {item.rms:.3g} grey levels"
+
+
 def counts(items: Sequence[Item]) -> str:
     """The number of items with each verdict."""
     found = Counter(item.verdict for item in items)
@@ -54,7 +61,7 @@ def summary(items: Sequence[Item], problems: Sequence[str], beside: Sequence[str
 
 
 def _said(item: Item) -> list[str]:
-    drawn = [f"RMS {item.rms:.3g} grey levels"] if item.redrawn else []
+    drawn = [drawing(item)] if item.redrawn else []
     stale = [f"a build would make it again: {item.stale}"] if item.stale else []
     said = [*item.problems, *stale, *map(str, item.moved[:_MOST_MOVED]), *drawn]
     more = len(item.moved) - _MOST_MOVED
@@ -78,10 +85,11 @@ def render(
     failed = [item for item in items if item.verdict != "agrees"]
     drawn = [item for item in failed if item.reference or item.new][:_MOST_IMAGES]
     shown = [_show(item) if item in drawn else _Shown(item, "", "", "") for item in failed]
-    style = inline(templates / "figure_diff.css")
+    style, script = inline(templates / "figure_diff.css"), inline(templates / "figure_diff.js")
     return environment.get_template("figure_diff.html.jinja").render(
-        policy=content_policy(style),
+        policy=content_policy(style, script),
         style=Markup(style),
+        script=Markup(script),
         counts=counts(items),
         problems=problems,
         beside=beside,
@@ -93,10 +101,10 @@ def render(
 
 def _show(item: Item) -> _Shown:
     difference = ""
-    if item.rms and item.reference and item.new:
+    if (item.rms or item.note_rms) and item.reference and item.new:
         images = map(pixels.read_pixels, (item.reference, item.new))
         difference = _data(pixels.show_difference(*images))
-    new = "" if item.rms == 0 else _image(item.new)
+    new = "" if item.rms == item.note_rms == 0 else _image(item.new)
     return _Shown(item, _image(item.reference), new, difference)
 
 

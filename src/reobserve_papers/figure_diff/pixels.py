@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_bytes
+from reobserve_papers.plotting.formats import PANELS
 
 Pixels = NDArray[np.uint8]
 
@@ -59,6 +60,31 @@ def read_pixels(path: Path) -> Pixels:
         raise InputError(str(path), f"is damaged or is no image ({error})") from None
     paper = Image.new("RGBA", decoded.size, (_WHITE, _WHITE, _WHITE, _WHITE))
     return np.asarray(Image.alpha_composite(paper, decoded).convert("RGB"))
+
+
+def panel_share(path: Path) -> float:
+    """The share of the height of a PNG above its note: 1 if it states none."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(read_bytes(path)), formats=["PNG"]) as image:
+        share = float(image.info.get(PANELS, 1.0))
+    return share if 0 < share < 1 else 1.0
+
+
+def compare_images(reference: Path, new: Path, name: str) -> tuple[float, float]:
+    """Root mean squares of the differences of the panels, and of the note below them.
+
+    Raises
+    ------
+    InputError
+        If one is no image, or they differ in size.
+    """
+    old, found = map(read_pixels, (reference, new))
+    if old.shape != found.shape:
+        return rms_difference(old, found, name), 0.0
+    rows = round(panel_share(new) * len(found))
+    note = rms_difference(old[rows:], found[rows:], name) if rows < len(found) else 0.0
+    return rms_difference(old[:rows], found[:rows], name), note
 
 
 def rms_difference(reference: Pixels, new: Pixels, name: str) -> float:

@@ -53,9 +53,19 @@ def save(figure: Figure, path: Path) -> None:
 
             write_text(path, pgf(figure, str(path)))
         else:
-            write_whole(
-                path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind])
-            )
+            about = _METADATA[kind] | (_panels(figure) if kind == "png" else {})
+            write_whole(path, lambda partial: figure.savefig(partial, format=kind, metadata=about))
+
+
+# What a PNG says of the share of its height that panels take, where a note is below them.
+PANELS = "Panels"
+
+
+def _panels(figure: Figure) -> dict[str, str]:
+    note = next((one for one in figure.texts if one.get_text() == figure.get_supxlabel()), None)
+    if note is None:
+        return {}
+    return {PANELS: f"{1 - note.get_window_extent().y1 / figure.bbox.height:.4f}"}
 
 
 def _put(path: Path, content: bytes) -> None:

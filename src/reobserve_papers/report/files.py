@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,32 +23,54 @@ _LEAST_FILLED = 0.6
 _POINT = 4 / 3  # CSS pixels
 _DENSITY = 1.6  # pixels of a PNG to a CSS pixel, at least
 
+_LONGEST = 200_000  # bytes of an SVG in the page
+_COLOURS = 64  # of a PNG there: those of lines and of their edges
+_DIGITS = re.compile(r"(?<!scale\(0)(\.\d\d)\d{3,}")  # after hundredths of a point, of coordinates
+
 _WORDS = ("observer", "metric", "unit", "what it is")  # columns that are no numbers
 
 
 def image(path: Path) -> dict[str, Any]:
     """Return a drawing as a data URI, with its size in CSS pixels.
 
+    Coordinates of an SVG are cut to hundredths of a point. One that is long all the same, of
+    thousands of markers, gives way to the PNG beside it, if there is one.
+
     Raises
     ------
     InputError
         If it is no SVG as matplotlib writes it, and no PNG.
     """
-    from PIL import Image
-
     content = read_bytes(path)
+    drawn = path.with_suffix(".png")
     try:
         if path.suffix == ".svg":
-            kind, root = "svg+xml", ElementTree.fromstring(content)
+            root = ElementTree.fromstring(content)
             lengths = (root.attrib[key].removesuffix("pt") for key in ("width", "height"))
             size = [float(length) * _POINT for length in lengths]
+            if len(content) > _LONGEST and drawn.is_file():
+                return {**image(drawn), "width": round(size[0]), "height": round(size[1])}
+            source = _shortened(content.decode())
         else:
-            kind, size = "png", [s / _DENSITY for s in Image.open(io.BytesIO(content)).size]
+            from PIL import Image
+
+            opened, small = Image.open(io.BytesIO(content)), io.BytesIO()
+            size = [s / _DENSITY for s in opened.size]
+            opened.convert("RGB").quantize(_COLOURS, Image.Quantize.FASTOCTREE).save(small, "png")
+            source = f"data:image/png;base64,{base64.b64encode(small.getvalue()).decode()}"
     except (ElementTree.ParseError, KeyError, ValueError, OSError):
         kind = "SVG with a width and a height in points" if path.suffix == ".svg" else "PNG"
         raise InputError(str(path), f"is no {kind}") from None
-    source = f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
     return {"source": source, "width": round(size[0]), "height": round(size[1])}
+
+
+def _shortened(svg: str) -> str:
+    """An SVG as a data URI, without what no reader sees."""
+    svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = " ".join(_DIGITS.sub(r"\1", svg).split())
+    if "'" not in svg:  # which is one character in a page, and a quotation mark three
+        svg = svg.replace('"', "'")
+    return "data:image/svg+xml," + re.sub(r'[%#<>&"]', lambda found: f"%{ord(found[0]):02X}", svg)
 
 
 def csv_table(path: Path) -> dict[str, Any]:

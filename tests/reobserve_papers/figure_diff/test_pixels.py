@@ -16,6 +16,8 @@ from scipy import ndimage
 from reobserve.core.errors import InputError
 from reobserve_papers.figure_diff.pixels import (
     TOLERANCE,
+    compare_images,
+    panel_share,
     read_pixels,
     rms_difference,
     show_difference,
@@ -114,6 +116,21 @@ def test_small_images_and_edge_changes_are_compared(size: tuple[int, int]) -> No
     black[-1, -1] = 0
     assert rms_difference(white, black, "fig1") == pytest.approx(255 / np.prod(size) ** 0.5)
     assert show_difference(white, black)
+
+
+def test_note_is_compared_apart_from_the_panels(reference: Path) -> None:
+    new = reference.with_name("noted.png")
+    save(drawing(note="RMS 0.46 %"), new)
+    panels, note = compare_images(reference, new, "fig1")
+    assert panels == 0
+    assert note > TOLERANCE
+    save(drawing(shift=3), new)
+    panels, note = compare_images(reference, new, "fig1")
+    assert note == 0
+    assert panels > TOLERANCE
+    rows = read_pixels(new).shape[0]
+    whole = rms_difference(read_pixels(reference), read_pixels(new), "fig1")
+    assert panels**2 * round(panel_share(new) * rows) == pytest.approx(whole**2 * rows)
 
 
 @pytest.mark.parametrize("start", [0, 200, 5000])

@@ -182,22 +182,65 @@ def test_figure_opens_without_javascript(browser: Browser, small_page: Path) -> 
     opened.context.close()
 
 
-def test_print_shows_closed_sections_and_cuts_no_figure(browser: Browser, small_page: Path) -> None:
+def test_print_shows_what_is_open_and_cuts_no_figure(browser: Browser, small_page: Path) -> None:
     opened = Watched(browser, small_page.as_uri())
     page = opened.page
-    closed = "document.querySelectorAll('details:not([open])').length"
-    before = page.evaluate(closed)
-    assert before > 0
-    page.evaluate(f"addEventListener('beforeprint', () => (window.closedInPrint = {closed}))")
-    printed = page.pdf(prefer_css_page_size=True)
-    assert page.evaluate("window.closedInPrint") == 0
-    assert page.evaluate(closed) == before, "and closed again"
-    sizes = set(re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", printed))
+    short = page.pdf(prefer_css_page_size=True)
+    sizes = set(re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", short))
     assert {(round(float(w)), round(float(h))) for w, h in sizes} == {(595, 842)}, "A4"
     page.emulate_media(media="print")
     assert not page.locator("nav.contents").is_visible()
-    inside = page.locator("details:not([open]) > :not(summary)").first
-    assert inside.bounding_box()["height"] > 0, "shown without a script, too"
+    assert not page.locator("article.claim").first.is_visible()
     breaks = "(figures) => figures.map((one) => getComputedStyle(one).breakInside)"
     assert set(page.locator("figure").evaluate_all(breaks)) == {"avoid"}
+    page.emulate_media(media="screen")
+    page.get_by_role("button", name="Open all details").click()
+    page.emulate_media(media="print")
+    assert page.locator("article.claim").first.is_visible()
+    assert len(page.pdf(prefer_css_page_size=True)) > len(short)
+    opened.context.close()
+
+
+def test_claims_are_filtered_by_verdict_and_links_show_them_again(
+    browser: Browser, whole_page: Path
+) -> None:
+    opened = Watched(browser, whole_page.as_uri(), viewport=WIDE)
+    page = opened.page
+    rows = page.locator("tr[data-verdict]")
+    verdicts = rows.evaluate_all("(all) => all.map((one) => one.dataset.verdict)")
+    mains = page.locator("tr[data-main]").count()
+    counted = page.locator("td.count a[data-filter]").first
+    word, number = counted.get_attribute("data-filter"), int(counted.inner_text().split()[0])
+    counted.click()
+    shown = "(all) => all.filter((one) => one.checkVisibility()).map((one) => one.dataset.verdict)"
+    assert rows.evaluate_all(shown) == [one for one in verdicts if one == word]
+    claims = counted.get_attribute("href").removeprefix("#")
+    of_paper = page.locator(f"section[aria-labelledby='{claims}'] tr[data-verdict='{word}']")
+    assert number == of_paper.count()
+    assert page.locator("#filter output").inner_text() == f"{verdicts.count(word)} claims"
+    page.get_by_role("button", name="All", exact=True).click()
+    page.get_by_label("main claims only").check()
+    assert page.locator("#filter output").inner_text() == f"{mains} claims"
+    hidden = page.locator("article.claim:not([data-main])").first.get_attribute("id")
+    page.evaluate("(name) => (location.hash = name)", hidden)
+    page.locator(f"[id='{hidden}']").wait_for(state="visible")
+    assert opened.complaints == []
+    opened.context.close()
+
+
+def test_title_of_an_enlarged_figure_covers_nothing(browser: Browser, small_page: Path) -> None:
+    opened = Watched(browser, small_page.as_uri(), viewport={"width": 1280, "height": 900})
+    page = opened.page
+    page.locator("a.zoom").first.click()
+    image, title = (page.locator(one).bounding_box() for one in ("dialog img", ".controls p"))
+    assert image["y"] + image["height"] <= title["y"]
+    opened.context.close()
+
+
+def test_phone_has_a_way_back_to_the_contents(browser: Browser, small_page: Path) -> None:
+    opened = Watched(browser, small_page.as_uri(), viewport=PHONE, is_mobile=True, has_touch=True)
+    page = opened.page
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    page.get_by_role("link", name="Contents").last.tap()
+    page.wait_for_function("scrollY < 200")
     opened.context.close()

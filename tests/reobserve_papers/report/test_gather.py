@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -307,7 +308,7 @@ def test_vector_formats_are_preferred_to_png_and_links(
     assert report["gaps"] == []
     assert len(figure["links"]) == len(formats.split(","))
     image = figure["image"]
-    assert (image["source"].partition(";")[0] if image else None) == (kind and f"data:{kind}")
+    assert (re.split("[;,]", image["source"])[0] if image else None) == (kind and f"data:{kind}")
     assert kind != "image/png" or (image["width"], image["height"]) == (40, 20)
 
 

@@ -17,11 +17,12 @@
   }, { rootMargin: "-20% 0px -75% 0px" });
   for (const section of entries.keys()) watcher.observe(section);
 
-  // Details: opened by a link into them, and for print.
+  // Details: opened by a link into them, or all at once, for print.
   const reveal = () => {
     const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
     if (!target) return;
-    let opened = false;
+    let opened = target.hidden;
+    target.hidden = false;
     for (let box = target.closest("details"); box; box = box.parentElement.closest("details")) {
       opened ||= !box.open;
       box.open = true;
@@ -35,15 +36,33 @@
     if (link && link.hash === location.hash) reveal();
   });
   reveal();
-  let closed = [];
-  addEventListener("beforeprint", () => {
-    closed = [...document.querySelectorAll("details:not([open])")];
-    for (const box of closed) box.open = true;
+  document.getElementById("open").addEventListener("click", () => {
+    for (const box of document.querySelectorAll("details")) box.open = true;
   });
-  addEventListener("afterprint", () => {
-    for (const box of closed) box.open = false;
-    closed = [];
-  });
+
+  // Claims: those with a verdict, or the main ones, of all papers.
+  const filter = document.getElementById("filter");
+  const choose = () => {
+    const { verdict, main } = filter.elements;
+    let shown = 0;
+    for (const one of document.querySelectorAll("[data-verdict]")) {
+      const { verdict: found, main: isMain } = one.dataset;
+      one.hidden = (verdict.value && found !== verdict.value) || (main.checked && isMain === undefined);
+      shown += !one.hidden && one.localName === "tr";
+    }
+    filter.querySelector("output").textContent = `${shown} claims`;
+  };
+  filter.hidden = false;
+  filter.addEventListener("input", choose);
+  filter.addEventListener("reset", () => setTimeout(choose));
+  for (const link of document.querySelectorAll("a[data-filter]")) {
+    link.addEventListener("click", () => {
+      filter.elements.verdict.value = link.dataset.filter;
+      filter.elements.main.checked = false;
+      choose();
+    });
+  }
+  choose();
 
   // Figures: enlarged in a dialog, moved and scaled by wheel, fingers and keys.
   const dialog = document.getElementById("zoom");
