@@ -203,7 +203,7 @@ rule report:
     message:
         "write the replication report"
     shell:
-        "(set -x; reobserve-papers report {params.built} --output {output}) &> {log}"
+        "(set -x; reobserve-papers report --fresh {params.built} --output {output}) &> {log}"
 
 
 # After the report, which shows broken claims: this fails then.

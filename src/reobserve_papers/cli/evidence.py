@@ -40,6 +40,10 @@ def report_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--bench", nargs="*", help=f"tasks of the bench to report where they were built {default}"
     )
+    command.add_argument(
+        "--fresh", action="store_true",
+        help="do not ask Snakemake what is up to date: all is",
+    )  # fmt: skip
     add_output(command, "the page, HTML")
     add_project(command)
 

@@ -25,6 +25,7 @@ from reobserve_papers.golden.guard import check_may_accept, keep_reason
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
+from reobserve_papers.steps.freshness import can_tell
 from reobserve_papers.steps.meanings import LISTS, write_lists
 
 
@@ -41,6 +42,8 @@ def figdiff_command(
     items, page = compare_all(project, reference, results, part), output / "index.html"
     failed = [item for item in items if item.verdict != "agrees"]
     beside = differences(project, {item.paper for item in failed}) if failed else []
+    if not can_tell(project, results):
+        beside.append("not compared: what is up to date, which only a build in `results` can tell")
     said = summary(items, problems, beside)
     write_text(page, render(items, problems, shared_texts(project), beside))
     write_text(output / "summary.md", said + "\n")

@@ -13,7 +13,6 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, ReobserveError, nearest
 from reobserve_papers.figure_diff import pixels
-from reobserve_papers.figure_diff.freshness import FOR_INPUTS, out_of_date
 from reobserve_papers.golden import bench as golden_bench
 from reobserve_papers.golden import claims as golden_claims
 from reobserve_papers.golden.comparison import Moved, compare_built
@@ -22,6 +21,7 @@ from reobserve_papers.golden.values import part_names
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import stored_parameters
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.freshness import FOR_INPUTS, can_tell, out_of_date
 
 # Plots of Monte Carlo samples, whose verdicts are compared.
 _OF_SAMPLES = ("alternatives", "specification", "sensitivity")
@@ -151,8 +151,8 @@ def compare_all(
     items += _compare_claims(project, results, whole) if whole else []
     for task in chosen.tasks:
         items += compare_task(project, reference, results, task)
-    if results.resolve() == (project / "results").resolve():
-        stale = out_of_date(project, chosen.papers, bench=bool(chosen.tasks)) or {}
+    if can_tell(project, results):
+        stale = out_of_date(project, chosen.papers, bench=bool(chosen.tasks))
         for item in items:
             found = (why for path, why in stale.items() if _makes(path, why, item))
             item.stale = next(found, "")

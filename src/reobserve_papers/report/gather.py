@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from reobserve_papers.report.markup import first_sentence, to_html, without_titl
 from reobserve_papers.report.paper_figures import FigureRow, figure_rows
 from reobserve_papers.report.reading import Gap, ReportGaps
 from reobserve_papers.steps.chain import log
+from reobserve_papers.steps.freshness import FOR_INPUTS, can_tell, out_of_date
 from reobserve_papers.steps.meanings import meanings
 
 CLAIMS_FILE = "results/claims.csv"
@@ -57,6 +58,8 @@ _BEYOND = "beyond the paper"
 # Rows of a figure's table; sweeps of studies have hundreds, which only files serve well.
 MAX_ROWS = 40
 
+_STALE = "not up to date, a build would make it again"
+
 # How the command line begins the sentence that says why it failed.
 _SAID = "reobserve-papers: "
 
@@ -69,11 +72,14 @@ def gather(
     papers: Sequence[str] | None = None,
     formats: Sequence[str] | None = None,
     bench: Sequence[str] | None = None,
+    *,
+    fresh: bool = True,
 ) -> Data:
     """Read everything that a page at ``page`` says of the project in ``folder``.
 
     ``papers``, the ``formats`` of their figures and the tasks of the ``bench`` are those of
     `config/config.yaml` if not given. A task without a table was not built, and is left out.
+    Unless all is known to be ``fresh``, what a build would make again is marked.
 
     Raises
     ------
@@ -91,7 +97,13 @@ def gather(
     if tasks is None:
         tasks = [] if papers or config.papers else known_tasks(folder)
     built = [name for name in tasks if (folder / _TASK_TABLE.format(name)).is_file()]
-    build = _Build(folder, page, formats or config.formats, gaps, config.seed)
+    stale: Any = {}
+    if not fresh and can_tell(folder, page.parent):
+        asked = gaps.attempt("summary", lambda: out_of_date(folder, names, bench=False))
+        stale = {} if isinstance(asked, Gap) else asked
+    if (why := stale.get(folder / CLAIMS_FILE, "")) and why not in FOR_INPUTS:
+        gaps.add("summary", f"{CLAIMS_FILE}: {_STALE} ({why})")
+    build = _Build(folder, page, formats or config.formats, gaps, config.seed, stale)
     return {
         "papers": [build.paper(name, rows) for name in names],
         "bench": [build.task(name) for name in built],
@@ -120,6 +132,7 @@ class _Build:
     formats: Sequence[str]
     gaps: ReportGaps
     seed: int
+    stale: Mapping[Path, str] = field(default_factory=dict)
 
     def paper(self, name: str, rows: list[dict[str, str]] | Gap) -> Data:
         """Everything about one paper."""
@@ -240,6 +253,10 @@ class _Build:
             sentence = f"{', '.join(missing)}: not built{self.reason(logged)}"
             gaps.append(self.gaps.add(place, sentence))
         there = [path for path in files if path not in missing]
+        old = [path for path in there if self.folder / path in self.stale]
+        if old:
+            why = self.stale[self.folder / old[0]]
+            gaps.append(self.gaps.add(place, f"{', '.join(old)}: {_STALE} ({why})"))
         for path in sorted(there, key=lambda path: path.endswith(".png")):
             if shown is None and path.endswith((".svg", ".png")):
                 found = self.gaps.attempt(place, image, self.folder / path)

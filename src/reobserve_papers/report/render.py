@@ -22,18 +22,20 @@ def report_command(
     papers: Sequence[str] | None = None,
     formats: Sequence[str] | None = None,
     bench: Sequence[str] | None = None,
+    *,
+    fresh: bool = False,
 ) -> None:
     """Write the page, with every gap shown in its place, and print how many there are.
 
     ``papers``, ``formats`` and ``bench`` are what was built, if other than `config/config.yaml`
-    says.
+    says. What a build would make again is marked, unless all is known to be ``fresh``.
 
     Raises
     ------
     InputError
         If the project has no config or no templates, or the page cannot be written.
     """
-    report = gather(project, output, papers, formats, bench)
+    report = gather(project, output, papers, formats, bench, fresh=fresh)
     write_text(output, render(report, shared_texts(project) / "replication"))
     count = len(report["gaps"])
     print(f"{output}: {'no gaps' if not count else '1 gap' if count == 1 else f'{count} gaps'}")

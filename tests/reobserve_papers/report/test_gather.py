@@ -14,6 +14,7 @@ from PIL import Image
 
 from reobserve.core.errors import InputError
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.report import gather as gather_module
 from reobserve_papers.report.assumptions import range_lines, value_lines
 from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.environment import environment
@@ -405,3 +406,22 @@ def test_report_is_complete_without_the_bench(project: Path) -> None:
     page = render(report, project / "workflow/report/replication")
     assert "No gaps" in page
     assert "#bench" not in page
+
+
+def test_what_a_build_would_make_again_is_marked(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (project / "Snakefile").write_text("")
+    drawing, claims = project / "results/toy/fig1.svg", project / gather_module.CLAIMS_FILE
+    stale = {drawing: "code has changed since last execution", claims: "its inputs are"}
+    monkeypatch.setattr(gather_module, "out_of_date", lambda *_, bench: stale)
+    found = gather(project, project / "results/report.html", fresh=False)
+    sentence = (
+        "results/toy/fig1.svg: not up to date, a build would make it again "
+        "(code has changed since last execution)"
+    )
+    assert [gap.sentence for gap in found["gaps"]] == [sentence]
+    assert [gap.sentence for gap in found["papers"][0]["figures"][0]["gaps"]] == [sentence]
+    assert found["papers"][0]["figures"][0]["image"]
+    assert gather(project, project / "results/report.html")["gaps"] == []
+    assert gather(project, project / "elsewhere/report.html", fresh=False)["gaps"] == []

@@ -20,16 +20,21 @@ FOR_INPUTS = ("updated input files", "its inputs are")
 _COLUMNS = ("output_file", "date", "rule", "log-file(s)", "status", "plan")
 
 
-def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Path, str] | None:
-    """Files that a build would make again, with the reason, or None where nothing can tell.
+def can_tell(project: Path, results: Path) -> bool:
+    """True if these are results of builds in the project."""
+    return (project / "Snakefile").is_file() and results.resolve() == (
+        project / "results"
+    ).resolve()
+
+
+def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Path, str]:
+    """Files that a build would make again, with the reason.
 
     Raises
     ------
     ReobserveError
         If Snakemake cannot say.
     """
-    if not (project / "Snakefile").is_file():
-        return None
     chosen = ["--config", f"papers=[{','.join(papers)}]"]
     found: dict[Path, str] = {}
     for asked in (chosen, ["bench"]) if bench else (chosen,):
