@@ -25,7 +25,10 @@ README, LIBRARY, PAGE = (
 )
 
 # Import names that differ from the package name.
-IMPORTED = {"python-flint": "flint", "pyyaml": "yaml", "pillow": "PIL"}
+IMPORTED = {
+    "python-flint": "flint", "pyyaml": "yaml", "pillow": "PIL",
+    "typing-extensions": "typing_extensions",
+}  # fmt: skip
 
 ONLY = """
 import runpy, sys

@@ -33,6 +33,7 @@ EXTRAS = {
     "jinja2": ("papers",),
     "pylatexenc": ("papers",),
     "rocrate": ("papers",),
+    "typing_extensions": ("papers",),
 }
 
 
