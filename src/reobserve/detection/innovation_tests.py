@@ -88,7 +88,7 @@ def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Arr
     >>> print(inflation_glr([1.0, 0.8, 9.0, 8.0], outputs=1, lengths=[1, 2, 4]).round(2))
     [0.   0.   2.9  5.36]
     """
-    return _inflation_glr(*_as_windows(distances, outputs, lengths))
+    return _inflation_glr(*as_windows(distances, outputs, lengths))
 
 
 def inflated(
@@ -118,7 +118,7 @@ def inflated(
     >>> print(inflated([1.0, 0.8, 30.0, 0.5], outputs=1, lengths=[1, 2]))
     [False False  True  True]
     """
-    record, m, each = _as_windows(distances, outputs, lengths)
+    record, m, each = as_windows(distances, outputs, lengths)
     share = as_scalar("probability", probability)
     if not 0 < share < 1:
         raise InputError("probability", f"{share:g} must be between 0 and 1")
@@ -127,9 +127,10 @@ def inflated(
     return found
 
 
-def _as_windows(
+def as_windows(
     distances: ArrayLike, outputs: int, lengths: ArrayLike
 ) -> tuple[Array, int, NDArray[np.int64]]:
+    """The arguments of `inflation_glr`, checked (raises as it does)."""
     record = _as_record("distances", distances)
     if (record < 0).any():
         row = int(np.argmax(record < 0))

@@ -165,6 +165,11 @@ def _filters() -> Iterator[Call]:
     yield from called({
         "detection.innovation_tests.cusum": (y[:, 0], 0.5),
         "detection.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
+        "detection.detectors.chi_square_window": (y[:, 0] ** 2, 1, 2, 1e-3),
+        "detection.detectors.cusum_of_mean": (y[:, 0], 1.0, 1e-3),
+        "detection.detectors.glr_of_mean": (y[:, 0], [1, 2, 4], 1e-3),
+        "detection.detectors.glr_of_size": (y[:, 0] ** 2, 1, [1, 2, 4], 1e-3),
+        "detection.normalised_squares.consistency": (y[:, 0] ** 2, 1, 0.9),
     }, MISSING)  # fmt: skip
     yield from called({
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),
