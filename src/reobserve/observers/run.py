@@ -13,6 +13,8 @@ from reobserve.core.errors import InputError, nearest, one_line, shown
 from reobserve.core.extras import package
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from reobserve.observers.run_diagnostics import Diagnostics
 
 Array = NDArray[np.float64]
@@ -185,18 +187,25 @@ class Run(Generic[StateKind]):
         index = pd.Index(self.time, name="time") if self.index is None else self.index
         return pd.DataFrame(columns, index=index)
 
-    def plot(self, names: Iterable[str] | None = None) -> Any:
+    def plot(
+        self, names: Iterable[str] | None = None, known: Mapping[str, ArrayLike] | None = None
+    ) -> Any:
         """A matplotlib figure of the estimates ``names`` over time, one panel each, by `run_plot`.
+
+        Where the run has their variances, bands of two deviations are around the estimates of a
+        filter, and around zero for innovations. ``known`` are true values by the same names, such
+        as a fault or states that were simulated, of the shape of the estimates.
 
         Raises
         ------
         InputError
-            If there is no estimate of such a name, or matplotlib is not installed.
+            If there is no estimate of such a name, true values have another shape, or matplotlib is
+            not installed.
         """
         self._refuse_many()
         from reobserve.observers.run_plot import plot
 
-        return plot(self, list(self.estimates if names is None else names))
+        return plot(self, list(self.estimates if names is None else names), known or {})
 
     def diagnostics(self) -> Diagnostics:
         """Signs against the model in the innovations and covariances of a Gaussian filter.

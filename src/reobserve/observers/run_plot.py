@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.errors import InputError
 from reobserve.core.extras import package
+from reobserve.core.matrices import as_numbers
 from reobserve.observers.run import Run
+
+Array = NDArray[np.float64]
 
 _MAX_LINES = 12  # in one panel: more cannot be distinguished
 _MAX_ROWS = 8  # in a column of the legend
 
 
-def plot(run: Run[Any], names: list[str]) -> Any:
-    """A figure with a panel for each name that has components, these as lines.
+def plot(run: Run[Any], names: list[str], known: Mapping[str, ArrayLike]) -> Any:
+    """A figure with a panel for each name that has components, these as lines (see `Run.plot`).
 
     Raises
     ------
     InputError
-        If there is no estimate of such a name, or matplotlib is not installed.
+        If there is no estimate of such a name, true values have another shape, or matplotlib is not
+        installed.
     """
+    true = {name: _as_true(run, name, value) for name, value in known.items()}
     values = {name: run[name].reshape(len(run), -1) for name in names if run[name].size}
     labels = {
         name: [_label(run, name, index) for index in np.ndindex(run[name].shape[1:])]
@@ -31,8 +39,17 @@ def plot(run: Run[Any], names: list[str]) -> Any:
     )
     axes = figure.subplots(max(len(values), 1), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, rows) in zip(axes, values.items(), strict=False):
+        centre, spread = _band(run, name, rows)
         for column in range(min(rows.shape[1], _MAX_LINES)):
-            ax.plot(run.time, rows[:, column], label=labels[name][column], linewidth=1.2)
+            (line,) = ax.plot(run.time, rows[:, column], label=labels[name][column], linewidth=1.2)
+            if name in true:
+                ax.plot(run.time, true[name][:, column], color="0.6", linewidth=2.5, zorder=1)
+            if spread is not None:
+                middle, wide = centre[:, column], 2.0 * spread[:, column]
+                ax.fill_between(
+                    run.time, middle - wide, middle + wide, color=line.get_color(), alpha=0.2,
+                    linewidth=0, zorder=0,
+                )  # fmt: skip
         unit = run.units.get(name)
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
         if rows.shape[1] > 1 or name in run.component_names:
@@ -42,6 +59,25 @@ def plot(run: Run[Any], names: list[str]) -> Any:
             ax.axvline(run.diverged_at, color="0.3", linestyle=":", label="diverged")
     axes[-1].set_xlabel("time [s]")
     return figure
+
+
+def _band(run: Run[Any], name: str, rows: Array) -> tuple[Array, Array | None]:
+    """The centre of an estimate's band, and its standard deviation, or None where it has none."""
+    if name == "innovation" and "innovation_covariance" in run:
+        variance = np.diagonal(run["innovation_covariance"], axis1=-2, axis2=-1)
+        return np.zeros_like(rows), np.sqrt(np.maximum(variance, 0.0))
+    found = {"state": "variance", "unknown_input": "unknown_input_variance"}.get(name, "")
+    if found not in run or run[found].size != rows.size:
+        return rows, None
+    return rows, np.sqrt(np.maximum(run[found].reshape(rows.shape), 0.0))
+
+
+def _as_true(run: Run[Any], name: str, value: ArrayLike) -> Array:
+    """True values of an estimate as rows."""
+    wanted, array = run[name].shape, as_numbers(f"known {name}", value)
+    if array.size != run[name].size or array.shape[:1] != wanted[:1]:
+        raise InputError(f"known {name}", f"has shape {array.shape}, must be {wanted}")
+    return array.reshape(len(run), -1)
 
 
 def _label(run: Run[Any], name: str, index: tuple[int, ...]) -> str:
