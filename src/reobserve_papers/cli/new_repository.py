@@ -70,4 +70,5 @@ def _requirement() -> str:
     if "vcs_info" in origin:
         version = origin["vcs_info"]
         return f"reobserve[papers] @ {version['vcs']}+{origin['url']}@{version['commit_id']}"
-    return f"reobserve[papers]=={metadata.version('reobserve')}"
+    hint = "# Where no index has it: reobserve[papers] @ git+ADDRESS, that of its repository."
+    return f"{hint}\nreobserve[papers]=={metadata.version('reobserve')}"
