@@ -59,6 +59,8 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
         problem += f", and those of its correlation matrix {_listed(np.linalg.eigvalsh(scaled))}"
     elif np.count_nonzero(matrix[variances == 0]):
         problem += f", and beside the variance of 0 at [{i}, {i}] there are covariances"
+    if definite and name.partition("[")[0] == "R" and (variances == 0).any():
+        problem += "; what is exact to a digit d has a variance of d^2 / 12"
     wanted = "definite" if definite else "semidefinite"
     raise InputError(name, f"must be positive {wanted}, {problem}")
 

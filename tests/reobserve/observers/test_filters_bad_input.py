@@ -81,7 +81,7 @@ def test_covariance_of_several_outputs_is_checked() -> None:
     skew[0, 1] = 1e-6
     with pytest.raises(InputError, match=r"^R: .* must be symmetric$"):
         LinearModel(A, B, H, Q=Q, R=skew, D=D)
-    with pytest.raises(InputError, match=r"^R: must be positive definite, .* are 0, 1, 1$"):
+    with pytest.raises(InputError, match=r"^R: must be positive definite, .* are 0, 1, 1; what is exact to a digit d has"):
         LinearModel(A, B, H, Q=Q, R=[1.0, 0.0, 1.0], D=D)
 
 
