@@ -75,7 +75,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
     ),
     "R zero": (
         kalman, {"R": np.zeros((ROWS, 2, 2))},
-        r"R\[0\]: must be positive definite, its eigenvalues are 0, 0; what is exact to a digit d has a variance of",
+        r"R\[0\]: must be positive definite, its eigenvalues are 0, 0; what is exact to a digit",
     ),
     "D not finite": (kalman, {"D": np.full((ROWS, 2, 2), np.nan)}, r"D: .* not finite$"),
     "S of other size": (
