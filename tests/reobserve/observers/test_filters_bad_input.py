@@ -63,7 +63,7 @@ DISCRETE = "it must be the transition over one sample"
         (
             {"R": 0.0},
             "R: must be positive definite, its eigenvalues are 0; "
-            "what is exact to a digit d has a variance of d^2 / 12",
+            r"what is exact to a digit d has a variance of d\^2 / 12",
         ),
         ({"R": -2.0}, "R: must be positive definite, its eigenvalues are -2"),
         ({"R": INF}, "R: inf has an entry that is not finite"),
