@@ -410,7 +410,10 @@ def test_failing_design_is_reported_in_one_sentence(toy: Project) -> None:
     assert said == "reobserve-papers: toy.designs.gains.pole: -1 must be greater than zero"
     overrides = ("--overrides", '{"designs": {"gains": {"pole": 1e200}}}')
     said = refused(toy, "stage", "parameters", "toy", *overrides)
-    assert said == "reobserve-papers: toy.designs.gains.pole: gives a number that is not finite"
+    assert said == (
+        "reobserve-papers: toy.designs.gains.pole: gives a number that is not finite "
+        "(src/toy_paper/checks.py, line 13)"
+    )
     said = refused(toy, "stage", "design", PARAMETERS, "gain")
     assert said == "reobserve-papers: toy.designs: there is no 'gain'; did you mean 'gains'?"
     said = refused(toy, "stage", "table", PARAMETERS, "table2", "--design-file", DESIGN)

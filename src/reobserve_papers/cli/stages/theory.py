@@ -8,7 +8,6 @@ from reobserve.core.errors import InputError
 from reobserve_papers.metrics.metrics import write_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import compute, read_design
-from reobserve_papers.steps.meanings import check_meanings
 
 
 def run(parameter_file: Path, design_files: list[Path], output: Path) -> None:
@@ -31,5 +30,4 @@ def run(parameter_file: Path, design_files: list[Path], output: Path) -> None:
         for name, path in zip(names, design_files, strict=True)
     }
     found = compute(parameters, "theory", "", settings, designs)
-    check_meanings(parameters.package, found)
     write_metrics(output, found)
