@@ -35,6 +35,7 @@ _LEAST = 1e-9  # rate of false alarms: one in 30 years at a hertz
 _MOST = 0.1
 _NODES = 30  # of the integral equation of `cusum_of_mean`, and eight more for each deviation
 _FARTHEST = 60.0  # deviations, of its threshold
+_LONGEST = 1e6  # of the wanted run length: what is beyond is no matter of digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +182,10 @@ def glr_of_mean(values: ArrayLike, lengths: ArrayLike, false_alarm_rate: float) 
     def ratio(taken: Array) -> Array:
         statistic = np.zeros(len(taken))
         for n in each[each <= len(taken)].tolist():
-            sums = sliding_window_view(taken, n, axis=0).sum(axis=-1)
-            found = (sums**2).sum(axis=1) / (2.0 * n)
+            with np.errstate(over="ignore", invalid="ignore"):
+                sums = sliding_window_view(taken, n, axis=0).sum(axis=-1)
+                found = (sums**2).sum(axis=1) / (2.0 * n)
+            found[np.isnan(found)] = np.inf  # of sums beyond the float range
             statistic[n - 1 :] = np.maximum(statistic[n - 1 :], found)
         return statistic
 
@@ -251,15 +254,17 @@ def _cusum_threshold(allowance: float, length: float) -> float:
     from scipy.optimize import brentq
 
     def excess(h: float) -> float:
-        return math.log(_run_length(allowance, h) / length)
+        return math.log(min(_run_length(allowance, h) / length, _LONGEST))
 
-    highest = 1.0
+    if excess(0.0) >= 0:
+        return 0.0
+    highest = 0.2
     while excess(highest) < 0 and highest < _FARTHEST:
         highest *= 1.5
     if excess(highest) < 0:
         problem = f"{2.0 * allowance:g} is too small for so few false alarms"
         raise InputError("shift", f"{problem}: the threshold is above {_FARTHEST:g} deviations")
-    return float(brentq(excess, 0.0, highest, xtol=1e-12)) if excess(0.0) < 0 else 0.0
+    return float(brentq(excess, 0.0, highest, xtol=1e-12))
 
 
 def _run_length(allowance: float, h: float) -> float:
@@ -268,7 +273,8 @@ def _run_length(allowance: float, h: float) -> float:
     L(u) = 1 + L(0) Phi(r - u) + integral from 0 to h of L(y) phi(y + r - u) dy
     """
     if h == 0.0:
-        return float(1.0 / ndtr(-allowance))
+        share = float(ndtr(-allowance))
+        return 1.0 / share if share > 0 else math.inf
     nodes, weights = np.polynomial.legendre.leggauss(_NODES + 8 * math.ceil(h))
     y, w = 0.5 * h * (nodes + 1.0), 0.5 * h * weights
     at = np.concatenate([[0.0], y])
@@ -306,5 +312,6 @@ def _sums(taken: Array, n: int) -> Array:
     """Sums of the last n, each of its own: after a huge one the next are exact again."""
     found = np.full(len(taken), np.nan)
     if n <= len(taken):
-        found[n - 1 :] = sliding_window_view(taken, n).sum(axis=1)
+        with np.errstate(over="ignore"):
+            found[n - 1 :] = sliding_window_view(taken, n).sum(axis=1)
     return found

@@ -196,4 +196,5 @@ def _normalised(errors: Array, covariances: Array) -> tuple[Array, Array]:
         raise InputError("run", "has a covariance that is not positive definite") from None
     known: Array = np.where(missing[..., None], np.nan, errors)
     whitened: Array = np.asarray(np.linalg.solve(root, known[..., None])[..., 0], dtype=np.float64)
-    return (whitened**2).sum(axis=-1), whitened
+    with np.errstate(over="ignore"):
+        return (whitened**2).sum(axis=-1), whitened
