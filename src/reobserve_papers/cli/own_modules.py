@@ -12,7 +12,7 @@ import reobserve
 import reobserve_papers
 from reobserve.core.errors import ReobserveError, one_line
 
-_OURS = tuple(str(Path(str(one.__file__)).parent) for one in (reobserve, reobserve_papers))
+_OURS = [Path(str(one.__file__)).parent for one in (reobserve, reobserve_papers)]
 
 
 def explained(error: Exception) -> str | None:
@@ -57,5 +57,5 @@ def _place(error: BaseException | None) -> str:
 def _own(file: str) -> str:
     """The path below this folder of such a module, or nothing."""
     path, here = Path(file), Path.cwd()
-    own = path.is_relative_to(here / "src") and not file.startswith(_OURS)
+    own = path.is_relative_to(here / "src") and not any(map(path.is_relative_to, _OURS))
     return str(path.relative_to(here)) if own else ""
