@@ -89,7 +89,9 @@ def run_command(
     except KeyboardInterrupt:
         return 130
     except Exception as error:
-        said = None if traced else _missing_package(error, extra) or explain(error)
+        if traced:
+            raise
+        said = _missing_package(error, extra) or explain(error)
         if said is None and isinstance(error, OSError):  # files have their own sentences
             _forget_output()
             place = error.filename or "standard output"

@@ -6,7 +6,7 @@ of freedom, and the whitened innovations L^-1 e, S = L L', are standard normal (
 this the thresholds follow, each for a rate of false alarms per sample.
 
 - `chi_square_window` sums the distances of the last n samples: for any fault.
-- `cusum_of_mean` is the quickest test for a shift of the mean whose size is known (Page 1954).
+- `cusum_of_mean` is quick for a shift of the mean whose size is known (Page 1954; Lorden 1971).
 - `glr_of_mean` and `glr_of_size` are likelihood ratios for a shift of the mean, and for a larger
   covariance, both of unknown size and time (Willsky & Jones 1976; Lai 1995).
 
@@ -45,7 +45,8 @@ class Detection:
     Attributes
     ----------
     statistic
-        Shape (k,). At a missing sample it keeps its value; it is nan before a window is full.
+        Shape (k,). At a missing sample it keeps its value. Before a window is full it is nan, that
+        of a sum or a likelihood ratio 0.
     threshold
         An alarm is raised where the statistic exceeds it.
 
@@ -175,7 +176,7 @@ def glr_of_mean(values: ArrayLike, lengths: ArrayLike, false_alarm_rate: float) 
     [0.01 0.08 2.   6.25] 6.06
     """
     record = _as_values(values, (1, 2))
-    rows = record.reshape(len(record), -1)
+    rows = record if record.ndim == 2 else record[:, None]
     _, _, each = as_windows([], 1, lengths)
     rate = _as_rate(false_alarm_rate)
 
@@ -297,7 +298,7 @@ def _as_values(value: ArrayLike, dimensions: Sequence[int]) -> Array:
     if record.ndim not in dimensions:
         wanted = "(k,)" if 2 not in dimensions else "(k,) or (k, m)"
         raise InputError("values", f"have shape {record.shape}, must be {wanted}")
-    infinite = np.isinf(record.reshape(len(record), -1)).any(axis=1)
+    infinite = np.isinf(record if record.ndim == 2 else record[:, None]).any(axis=1)
     if infinite.any():
         raise InputError("values", f"are infinite at row {int(np.argmax(infinite))}")
     return record

@@ -14,7 +14,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.files import reason
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.names import own_project
-from reobserve_papers.parameters.parameter_file import Name
+from reobserve_papers.parameters.parameter_file import Configuration, Name
 
 EXAMPLE = "two_mass"
 
@@ -31,6 +31,8 @@ def new_command(name: str) -> None:
         If the name is none of a module, or is taken, or the folder cannot be written.
     """
     parse(Name, name, "NAME")
+    if name in (*Configuration.model_fields, "bench"):
+        raise InputError("NAME", f"{shown(name)} is a key of config/config.yaml")
     if keyword.iskeyword(name):
         raise InputError("NAME", f"{shown(name)} is a word of Python's own")
     if Path(name).exists():

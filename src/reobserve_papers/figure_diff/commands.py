@@ -43,7 +43,9 @@ def figdiff_command(
     failed = [item for item in items if item.verdict != "agrees"]
     beside = differences(project, {item.paper for item in failed}) if failed else []
     if not can_tell(project, results):
-        beside.append("not compared: what is up to date, which only a build in `results` can tell")
+        beside.append(
+            "not checked: whether these are up to date, which only a build in `results` tells"
+        )
     said = summary(items, problems, beside)
     write_text(page, render(items, problems, shared_texts(project), beside))
     write_text(output / "summary.md", said + "\n")

@@ -67,7 +67,7 @@ def caption_template(project: Path, paper: str, name: str, general: str) -> str:
 
 def shared_texts(project: Path) -> Path:
     """The folder of texts that all papers share: the project's, or that of this installation."""
-    return project / Path(_shared(project, "workflow/report/figure.rst")).parent
+    return project / Path(_shared(project, "workflow/report/figure_diff.js")).parent
 
 
 def _shared(project: Path, path: str) -> str:

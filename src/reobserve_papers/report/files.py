@@ -25,7 +25,7 @@ _DENSITY = 1.6  # pixels of a PNG to a CSS pixel, at least
 
 _LONGEST = 200_000  # bytes of an SVG in the page
 _COLOURS = 64  # of a PNG there: those of lines and of their edges
-_DIGITS = re.compile(r"(?<!scale\(0)(\.\d\d)\d{3,}")  # after hundredths of a point, of coordinates
+_DIGITS = re.compile(r"(\.\d\d)\d{3,}")  # after hundredths of a point, of coordinates
 
 _WORDS = ("observer", "metric", "unit", "what it is")  # columns that are no numbers
 
@@ -67,10 +67,15 @@ def image(path: Path) -> dict[str, Any]:
 def _shortened(svg: str) -> str:
     """An SVG as a data URI, without what no reader sees."""
     svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = " ".join(_DIGITS.sub(r"\1", svg).split())
+    svg = " ".join(re.sub(r"<[^>]*>", _cut, svg).split())
     if "'" not in svg:  # which is one character in a page, and a quotation mark three
         svg = svg.replace('"', "'")
     return "data:image/svg+xml," + re.sub(r'[%#<>&"]', lambda found: f"%{ord(found[0]):02X}", svg)
+
+
+def _cut(tag: re.Match[str]) -> str:
+    """A tag without what follows hundredths of a point, which scales are no matter of."""
+    return tag[0] if "scale(" in tag[0] else _DIGITS.sub(r"\1", tag[0])
 
 
 def csv_table(path: Path) -> dict[str, Any]:

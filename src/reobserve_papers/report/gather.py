@@ -98,7 +98,7 @@ def gather(
         tasks = [] if papers or config.papers else known_tasks(folder)
     built = [name for name in tasks if (folder / _TASK_TABLE.format(name)).is_file()]
     stale: Any = {}
-    if not fresh and can_tell(folder, page.parent):
+    if not fresh and can_tell(folder, folder / "results"):
         asked = gaps.attempt("summary", lambda: out_of_date(folder, names, bench=False))
         stale = {} if isinstance(asked, Gap) else asked
     if (why := stale.get(folder / CLAIMS_FILE, "")) and why not in FOR_INPUTS:

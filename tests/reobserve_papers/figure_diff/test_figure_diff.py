@@ -129,7 +129,7 @@ def test_agreement_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     lines = said.out.splitlines()
     assert lines[0] == "4 figures, tables, theories and papers' claims: 4 agree"
     assert lines[1:] == [
-        "- not compared: what is up to date, which only a build in `results` can tell"
+        "- not checked: whether these are up to date, which only a build in `results` tells"
     ]
     assert text("figdiff/summary.md") == said.out
     page = text("figdiff/index.html")

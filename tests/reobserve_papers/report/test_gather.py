@@ -424,4 +424,3 @@ def test_what_a_build_would_make_again_is_marked(
     assert [gap.sentence for gap in found["papers"][0]["figures"][0]["gaps"]] == [sentence]
     assert found["papers"][0]["figures"][0]["image"]
     assert gather(project, project / "results/report.html")["gaps"] == []
-    assert gather(project, project / "elsewhere/report.html", fresh=False)["gaps"] == []
