@@ -43,6 +43,12 @@ def test_new_repository_is_small_sound_and_renamed(mine: Path) -> None:
     assert "mine: parameters, claims, conventions and errata are sound" in checked(mine).stderr
 
 
+def test_name_may_have_digits_and_capitals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "Gain2"]) == 0
+    assert "errata are sound" in checked(tmp_path / "Gain2").stderr
+
+
 def test_workflows_of_a_new_repository_meet_their_schema(mine: Path) -> None:
     workflows = sorted(map(str, mine.glob(".github/workflows/*.yml")))
     assert len(workflows) == 2
@@ -86,7 +92,7 @@ MODULE, PARAMETERS = Path("src/mine.py"), Path("config/papers/mine.yaml")
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('"errors": errors}', '"errors": errors', "line 147: SyntaxError: '{' was never closed"),
+        ('"errors": errors}', '"errors": errors', "line 148: SyntaxError: '{' was never closed"),
         ("import numpy as", "import nump as", "line 14: ModuleNotFoundError: No module named "),
         ('Channel(force, "N")', 'Chanel(force, "N")', "line 97: NameError: name 'Chanel' is not "),
         ("0.0, 0.0]]", "0.0]]", "C: has shape (1, 3), must be (m, 4), as A is (4, 4) (src/mine.py"),

@@ -23,7 +23,7 @@ from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import AnyFigure
-from reobserve_papers.plotting.figures import STYLES, new_figure, time_axis
+from reobserve_papers.plotting.figures import STYLES, headroom, new_figure, time_axis
 from reobserve_papers.signals.series import Channel, Series
 
 # The keys of the parameter file, a class for a section.
@@ -139,7 +139,8 @@ def errors(data: FigureData[Job]) -> Any:
         error = (found["position"] - data.plant["position"])[:, 1]
         axes.plot(found.time, error, **style.line(), label=data.job.observers[name].label)
     axes.set_ylabel("error of x₂ [m]")
-    axes.legend(ncols=2)
+    headroom(axes, 0.2)
+    axes.legend(ncols=2, loc="upper left")
     time_axis(axes, data.plant.time)
     return figure
 

@@ -26,7 +26,9 @@ def explained(error: Exception) -> str | None:
     if not place:
         return None
     said = error.msg if isinstance(error, SyntaxError) else str(error)
-    return one_line(f"{place}: {type(error).__name__}: {said}; --traceback shows all")
+    return one_line(
+        f"{place}: {type(error).__name__}: {said}; the command with --traceback shows all"
+    )
 
 
 @contextmanager
