@@ -28,7 +28,7 @@ class ErratumEntry(Model):
     settles: Text | None = Field(
         None, description="The parameter whose value it corrects; no claim may depend on that."
     )
-    test: Annotated[str, StringConstraints(pattern=r"^tests/[A-Za-z0-9_/]+\.py::test_\w+$")] = Field(
+    test: Annotated[str, StringConstraints(pattern=r"^tests/[\w/]+\.py::test_\w+$")] = Field(
         description="FILE::FUNCTION, which shows that the printed form fails."
     )
 
