@@ -66,8 +66,10 @@ def _restarted(
             predict(A1, B1, Q1, inputs[k - 1], other, spread, other, spread, work)
         # g = max(0, g + ln p1(y) - ln p0(y))
         ratio = correct(
-            C1, D1, R1, None, error, y, u, other, spread, error, innovation, work
-        ) - correct(C, D, R, None, error, y, u, mean, covariance, error, innovation, work)
+            C1, D1, R1, error, 0.0, None, error, y, u, other, spread, error, innovation, work
+        ) - correct(
+            C, D, R, error, 0.0, None, error, y, u, mean, covariance, error, innovation, work
+        )
         g = max(0.0, g + ratio)
         statistic[k] = g
         if g == 0.0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,6 +84,7 @@ class AugmentedKalmanFilter(GaussianFilter):
     unknown_input_names: tuple[str, ...] | None = None
 
     steps: ClassVar[FilterSteps] = LINEAR
+    has_kalman_gain: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = (*TAKES, "S")
     keeps: ClassVar[tuple[str, ...]] = (*KEPT, CROSS)
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
@@ -100,6 +101,10 @@ class AugmentedKalmanFilter(GaussianFilter):
             random_walk: ArrayLike,
             output_fault_matrix: ArrayLike | None = ...,
             unknown_input_names: Sequence[str] | None = ...,
+            *,
+            gate: float | None = ...,
+            outliers: Literal["skip", "inflate"] = ...,
+            noise_memory: float | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -126,6 +131,7 @@ class AugmentedKalmanFilter(GaussianFilter):
                 "leaves a mode of state and unknown inputs unobservable that does not decay, of "
                 f"the eigenvalue {unobservable[0]:.4g}",
             )
+        self._set_rules()
 
     @property
     def unknown_inputs(self) -> int:
@@ -145,6 +151,10 @@ class AugmentedKalmanFilter(GaussianFilter):
         found = LinearModel(**matrices, check=False, sampling_period=self.sampling_period)
         found._set("state_names", self._all_names)
         found._set("output_names", self.model.output_names)
+        found._set("output_periods", self.model.output_periods)
+        if self.model.state_periods is not None:
+            none = np.zeros(self.unknown_inputs)
+            found._set("state_periods", np.concatenate([self.model.state_periods, none]))
         return found
 
     @cached_property

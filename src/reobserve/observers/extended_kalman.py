@@ -54,6 +54,7 @@ class ExtendedKalmanFilter(GaussianFilter):
     model: NonlinearModel
 
     steps: ClassVar[FilterSteps] = NONLINEAR
+    has_kalman_gain: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = TAKES
 
     @property

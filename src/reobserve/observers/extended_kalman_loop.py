@@ -14,6 +14,7 @@ from reobserve.observers.linear_steps import (
     correct_covariance,
     correct_mean,
     kalman_gain,
+    learn_noise,
     log_likelihood_of,
 )
 from reobserve.observers.nonlinear_filter_work import FilterWork, innovate
@@ -52,8 +53,8 @@ def predict_extended(
 
 @inlined_kernel
 def correct_extended(
-    functions: Functions, R: Array, y: Array, u: Array, mean: Array, covariance: Array,
-    innovation: Array, work: FilterWork,
+    functions: Functions, y: Array, u: Array, mean: Array, covariance: Array,
+    innovation: Array, weight: float, work: FilterWork,
 ) -> float:  # fmt: skip
     """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
@@ -69,11 +70,13 @@ def correct_extended(
     if not innovate(y, expected, innovation, work):
         return math.nan
     # S = C P C' + R
-    log_likelihood = log_likelihood_of(flow.C, R, covariance, innovation, linear)
+    log_likelihood = log_likelihood_of(flow.C, covariance, innovation, linear)
+    if linear.rules.forgetting > 0.0:
+        learn_noise(innovation, weight, linear)
     # K = P C' S^-1
     kalman_gain(linear)
     # x = x + K e
     correct_mean(mean, innovation, linear)
     # P = (I - K C) P (I - K C)' + K R K'
-    correct_covariance(flow.C, R, covariance, linear)
+    correct_covariance(flow.C, covariance, linear)
     return log_likelihood

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,7 +72,10 @@ class FixedGainObserver(GaussianFilter):
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
-        def __init__(self, model: LinearModel, gain: ArrayLike) -> None: ...
+        def __init__(
+            self, model: LinearModel, gain: ArrayLike, *, gate: float | None = ...,
+            outliers: Literal["skip", "inflate"] = ...,
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()

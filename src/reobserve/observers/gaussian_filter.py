@@ -14,16 +14,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind
+from reobserve.core.arguments import as_kind, as_word
 from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
-from reobserve.core.matrices import as_row, as_samples, as_vector
+from reobserve.core.matrices import as_positive, as_row, as_samples, as_vector
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import (
@@ -35,6 +35,7 @@ from reobserve.observers.gaussian_state import (
     Matrices,
     ModeFilter,
     check_held,
+    check_noise,
     check_posterior,
     check_sample,
     check_time,
@@ -42,7 +43,9 @@ from reobserve.observers.gaussian_state import (
     reached,
     sample_before,
 )
+from reobserve.observers.estimated_noise import check_noise_memory
 from reobserve.observers.linear_loop import FilterPosteriors, FilterRows, PredictedRows
+from reobserve.observers.linear_steps import Rules
 from reobserve.observers.many import in_threads, part
 from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
@@ -83,21 +86,43 @@ class GaussianFilter(Observer[KalmanState]):
         A list of what else the run shall hold: ``predicted_state``, (k, n), and
         ``predicted_covariance``, (k, n, n), before each measurement, and ``gain``, (k, n, m).
 
+    With a ``gate`` there is also ``outlier``, (k, m): innovations beyond it in their standard
+    deviations, zero elsewhere; `Run.outliers` counts their rows. With ``noise_memory`` there is
+    ``noise_variance``, (k, m), the diagonal of R as estimated.
+
     Parameters
     ----------
     model
         The model that it trusts, whose sampling period is the filter's.
+    gate
+        How many standard deviations an innovation may have, each output for itself: what is beyond
+        is an outlier. Left out, none is. A fault that looks like outliers is rejected with them, so
+        look at ``outlier``.
+    outliers
+        ``skip``: they count as missing; or ``inflate``: their variance of noise is raised so far
+        that they are at the gate.
+    noise_memory
+        [s]. The diagonal of R is estimated while running, with this memory and from that of the
+        model on: R <- R + g diag(R S^-1 (e e' - S) S^-1 R), with the weight g = max(T / memory,
+        1 / (k + 20)) of row k, expectation maximisation that forgets (Shumway & Stoffer 1982).
+        Correlations stay those of the model.
 
     Raises
     ------
     InputError
-        If it is a model of another kind.
+        If it is a model of another kind, a number is not above zero; or R cannot be estimated, as
+        it is less than a tenth of the innovation's variance: ten times less information a row is a
+        hundred times the memory.
     """
 
     model: Any
     sampling_period: float = field(init=False)
+    gate: float | None = field(default=None, kw_only=True)
+    outliers: Literal["skip", "inflate"] = field(default="skip", kw_only=True)
+    noise_memory: float | None = field(default=None, kw_only=True)
 
     steps: ClassVar[FilterSteps]
+    has_kalman_gain: ClassVar[bool] = False  # without, R cannot be estimated
     keeps: ClassVar[tuple[str, ...]] = KEPT
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
@@ -105,12 +130,43 @@ class GaussianFilter(Observer[KalmanState]):
 
     def __post_init__(self) -> None:
         period: float = as_kind("model", self.model, self.steps.model).sampling_period
-        object.__setattr__(self, "sampling_period", period)
+        self._set("sampling_period", period)
+        self._set_rules()
+
+    def _set_rules(self) -> None:
+        """Check gate and memory, which the model must allow."""
+        for name in ("gate", "noise_memory"):
+            value = getattr(self, name)
+            self._set(name, None if value is None else as_positive(name, value))
+        self._set("outliers", as_word("outliers", self.outliers, ("skip", "inflate")))
+        if self.noise_memory is not None:
+            check_noise_memory(self)
 
     @property
     def method(self) -> Any:
         """The difference from other filters by the same steps, as the compiled steps read it."""
         raise NotImplementedError
+
+    @cached_property
+    def _rules(self) -> Rules:
+        """The filter's settings beside its model, as compiled loops read them."""
+        whole, memory = self.whole, self.noise_memory
+        x, y = whole.state_periods, whole.output_periods
+        return Rules(
+            np.zeros(whole.states) if x is None else for_loop(x),
+            np.zeros(whole.outputs) if y is None else for_loop(y),
+            np.inf if self.gate is None else self.gate, self.outliers == "inflate",
+            0.0 if memory is None else min(1.0, self.sampling_period / memory),
+        )  # fmt: skip
+
+    def _work(self) -> Any:
+        """New scratch for the compiled loops."""
+        return self.steps.work(self.whole.states, self.whole.outputs, self._rules)
+
+    @property
+    def _start_noise(self) -> Array | None:
+        """The variances of R that an estimate starts from, shape (m,), or None."""
+        return None if self.noise_memory is None else np.diag(self.whole.R).copy()
 
     @property
     def whole(self) -> Any:
@@ -165,7 +221,8 @@ class GaussianFilter(Observer[KalmanState]):
         posterior = Gaussian(
             as_vector("mean", mean, n), as_covariance("covariance", covariance, n), np.zeros(m)
         )
-        return KalmanState(posterior, sample_before(u, m, self.whole.inputs))
+        before = sample_before(u, m, self.whole.inputs)
+        return KalmanState(posterior, before, noise=self._start_noise)
 
     def predict(self, posterior: Gaussian, u: ArrayLike = ()) -> Gaussian:
         """Time update with the input that is held over the step, shape (p,).
@@ -184,7 +241,7 @@ class GaussianFilter(Observer[KalmanState]):
         posterior = check_posterior("posterior", posterior, n, m)
         control = as_vector("u", u, self.whole.inputs)
         model, inputs, _ = self._in_record({}, np.empty((1, m)), np.array([[control, control]]))
-        mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self.steps.work(n, m)
+        mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self._work()
         with RaisedAfterLoop():
             good = self.steps.predict(
                 model, self.method, inputs[0], for_loop(posterior.mean)[None],
@@ -214,12 +271,12 @@ class GaussianFilter(Observer[KalmanState]):
         if np.isnan(taken).all():
             return Correction(posterior, np.full(m, np.nan), np.full((m, m), np.nan), 0.0)
         model, inputs, _ = self._in_record({}, taken[None], np.array([[control, control]]))
-        after = FilterPosteriors(*(part[None].copy() for part in vars(posterior).values()))
+        after = self._posteriors([KalmanState(posterior, noise=self._start_noise)])
         rows, _, ends = self._filtered(model, inputs, taken[None, None], True, after)
         if not ends[0, 0]:
             raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(ends[0, 1], ""))
         return Correction(
-            Gaussian(*(part[0] for part in after)), rows.innovation[0, 0],
+            Gaussian(*(part[0] for part in after[:3])), rows.innovation[0, 0],
             rows.innovation_covariance[0, 0], float(rows.log_likelihood[0, 0]),
         )  # fmt: skip
 
@@ -266,9 +323,11 @@ class GaussianFilter(Observer[KalmanState]):
         """
         records, k, m = y.shape
         n = after.means.shape[1]
+        gated, learned = self.gate is not None, self.noise_memory is not None
         rows = FilterRows(
             np.empty((records, k, n)), np.empty((records, k, n, n)), np.empty((records, k, m)),
             np.empty((records, k, m, m)), np.empty((records, k)),
+            np.empty((records, k if gated else 1, m)), np.empty((records, k if learned else 1, m)),
         )  # fmt: skip
         kept = None
         if keep and any(name in KEPT for name in keep):
@@ -280,7 +339,7 @@ class GaussianFilter(Observer[KalmanState]):
 
         def block(one: slice) -> None:
             parts = [None if all_ is None else part(all_, one) for all_ in (after, rows, kept)]
-            work = self.steps.work(n, m)
+            work = self._work()
             with RaisedAfterLoop():
                 self.steps.run(model, method, y[one], inputs[one], fresh, *parts, work, ends[one])
 
@@ -291,7 +350,7 @@ class GaussianFilter(Observer[KalmanState]):
             try:
                 work = spare.pop()
             except IndexError:
-                work = self.steps.work(n, m)
+                work = self._work()
             with RaisedAfterLoop():
                 self.steps.run(model, method, y, inputs, fresh, after, rows, kept, work, ends)
             spare.append(work)
@@ -306,7 +365,7 @@ class GaussianFilter(Observer[KalmanState]):
         self, rows: FilterRows, kept: PredictedRows | None, keep: Sequence[str]
     ) -> dict[str, Array]:
         """The estimates by their names."""
-        state, covariance, innovation, innovation_covariance, log_likelihood = rows
+        state, covariance, innovation, innovation_covariance, log_likelihood = rows[:5]
         found = {
             "state": state,
             "variance": covariance.diagonal(axis1=-2, axis2=-1),
@@ -315,6 +374,10 @@ class GaussianFilter(Observer[KalmanState]):
             "innovation_covariance": innovation_covariance,
             "log_likelihood": log_likelihood,
         }
+        if self.gate is not None:
+            found["outlier"] = rows.outlier
+        if self.noise_memory is not None:
+            found["noise_variance"] = rows.noise_variance
         return found | {name: getattr(kept, name) for name in keep} if keep else found
 
     def _kept(self, given: Mapping[str, Any]) -> Sequence[str]:
@@ -329,17 +392,16 @@ class GaussianFilter(Observer[KalmanState]):
     def _fill(self, state: KalmanState, record: Record) -> Rows:
         given = self._given(record.given, len(record.y)) if record.given else record.given
         keep = self._kept(given) if given else ()
+        if "R" in given and self.noise_memory is not None:
+            raise InputError("R", "must be left out: noise_memory says that it is estimated")
         y, posterior, fresh = record.y, state.posterior, state.sample is None
         model, inputs, held = self._in_record(
             given, y, inputs_of_rows(state.sample, record)[None], state.held, record.periods
         )  # fmt: skip
-        after = FilterPosteriors(
-            posterior.mean[None].copy(), posterior.covariance[None].copy(),
-            posterior.error[None].copy(),
-        )  # fmt: skip
+        after = self._posteriors([state])
         rows, kept, ends = self._filtered(model, inputs, y[None], fresh, after, keep)
         found = self._named(
-            FilterRows(rows[0][0], rows[1][0], rows[2][0], rows[3][0], rows[4][0]),
+            FilterRows(*[one[0] for one in rows]),
             None if kept is None else PredictedRows(kept[0][0], kept[1][0], kept[2][0]), keep,
         )  # fmt: skip
         last = reached(after, 0, state, record, held, self._sizes)
@@ -350,22 +412,37 @@ class GaussianFilter(Observer[KalmanState]):
             warn_of_start(posterior.covariance.diagonal(), P.diagonal(0, 1, 2), 5, S)
         return Rows(found, good, last, finding=self.steps.causes[cause] if cause else "")
 
+    def _posteriors(self, states: Sequence[KalmanState]) -> FilterPosteriors:
+        """Copies of what the states hold, which the loops move."""
+        posteriors = [state.posterior for state in states]
+        learned = self.noise_memory is not None
+        return FilterPosteriors(
+            np.array([one.mean for one in posteriors]),
+            np.array([one.covariance for one in posteriors]),
+            np.array([one.error for one in posteriors]),
+            np.array([one.noise for one in states]) if learned else np.empty((len(states), 1)),
+            np.array([float(one.count) for one in states]),
+        )
+
     @cached_property
     def _sizes(self) -> tuple[int, int, int]:
         return self.whole.states, self.whole.inputs, self.whole.outputs
 
     def _checked(self, state: Any) -> KalmanState:
-        if type(state) is KalmanState and vars(state).get("checked") == self._sizes:
+        checked = type(state) is KalmanState and vars(state).get("checked") == self._sizes
+        if checked and (state.noise is None) is (self.noise_memory is None):
             check_held(state.held, self)  # which may be of a model with other parameters
             return state
         given = check_state(state, KalmanState, "")
         n, p, m = self._sizes
         posterior = check_posterior("state.posterior", given.posterior, n, m)
         sample = check_sample(given.sample, m, p)
+        noise = check_noise(given.noise, self.noise_memory is not None, m)
         held, time = check_held(given.held, self), check_time(given.time)
-        if posterior is given.posterior and sample is given.sample and held is None:
+        same = posterior is given.posterior and sample is given.sample and noise is given.noise
+        if same and held is None:
             return given
-        return KalmanState(posterior, sample, given.count, held, time)
+        return KalmanState(posterior, sample, given.count, held, time, noise)
 
     def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Many:
         first, one = states[0], records[0]
@@ -376,16 +453,14 @@ class GaussianFilter(Observer[KalmanState]):
         if not alike or one.periods is not None or "S" in one.given:
             return super()._run_records(records, states)  # what leads to each row differs
         given, fresh = self._given(one.given, len(one.y)), first.sample is None
+        if "R" in given and self.noise_memory is not None:
+            raise InputError("R", "must be left out: noise_memory says that it is estimated")
         pairs = zip(states, records, strict=True)
         inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
         y = np.array([record.y for record in records])
         model, inputs, held = self._in_record(given, y[0], inputs)
         keep = self._kept(given) if given else ()
-        after = FilterPosteriors(
-            np.array([state.posterior.mean for state in states]),
-            np.array([state.posterior.covariance for state in states]),
-            np.array([state.posterior.error for state in states]),
-        )
+        after = self._posteriors(states)
         starts = after.covariances.diagonal(0, 1, 2).copy()
         rows, kept, ends = self._filtered(model, inputs, y, fresh, after, keep)
         n, _, m = self._sizes

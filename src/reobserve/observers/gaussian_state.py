@@ -38,7 +38,8 @@ class KalmanState(Value):
 
     ``sample`` and ``count`` are as in `reobserve.observers.record.ObserverState`; y may be nan.
     ``held`` is what was given by row and leads from that sample to the next, by name, or None;
-    ``time`` is that of the sample [s], or None where it is counted.
+    ``time`` is that of the sample [s], or None where it is counted; ``noise`` are the variances of
+    R, shape (m,), where they are estimated.
     """
 
     posterior: Gaussian
@@ -46,6 +47,7 @@ class KalmanState(Value):
     count: int = 0
     held: Matrices | None = None
     time: float | None = None
+    noise: Array | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,7 +99,7 @@ class FilterSteps(NamedTuple):
     in_record: Callable[..., InRecord]
     run: Callable[..., None]
     predict: Callable[..., int]
-    work: Callable[[int, int], Any]
+    work: Callable[..., Any]
     causes: Mapping[int, str]
 
 
@@ -112,7 +114,8 @@ def reached(
     return KalmanState._made(
         posterior=posterior, sample=np.concatenate([record.y[-1], record.u[-1]]),
         count=state.count + len(record.y) - (state.sample is None), held=held,
-        time=None if record.time is None else float(record.time[-1]), checked=sizes,
+        time=None if record.time is None else float(record.time[-1]),
+        noise=None if state.noise is None else after.noises[r], checked=sizes,
     )  # fmt: skip
 
 
@@ -208,6 +211,26 @@ def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices |
 def check_time(time: Any) -> float | None:
     """The time [s] of a state's sample, or `InputError` if it is no finite number and not None."""
     return None if time is None else as_scalar("state.time", time)
+
+
+def check_noise(value: Any, learned: bool, outputs: int) -> Array | None:
+    """The variances of R in a state, which only a filter that estimates them has.
+
+    Raises
+    ------
+    InputError
+        If they are of another filter, or not above zero.
+    """
+    if not learned:
+        if value is not None:
+            raise InputError("state.noise", "is of a filter with noise_memory, which this has not")
+        return None
+    if value is None:
+        raise InputError("state.noise", "is missing: the state is of a filter without noise_memory")
+    found = as_numbers("state.noise", value, writable=False)
+    if found.shape != (outputs,) or not all_finite(found) or found.min() <= 0:
+        raise InputError("state.noise", f"{shown(value)} must be {outputs} numbers above zero")
+    return found
 
 
 def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:

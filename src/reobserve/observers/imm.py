@@ -27,15 +27,23 @@ from reobserve.core.arguments import as_flag
 from reobserve.core.covariances import as_covariances
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
-from reobserve.core.matrices import as_floats, as_numbers, as_probabilities, as_row_stochastic
+from reobserve.core.matrices import (
+    as_floats,
+    as_numbers,
+    as_positive,
+    as_probabilities,
+    as_row_stochastic,
+)
 from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
+    Correction,
     Gaussian,
     Matrices,
     ModeFilter,
     check_held,
+    check_noise,
     check_sample,
     check_time,
     inputs_of_rows,
@@ -53,6 +61,7 @@ from reobserve.observers.imm_loop import (
     update_probabilities,
 )
 from reobserve.observers.kalman import LINEAR
+from reobserve.observers.linear_steps import Rules
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_times
@@ -70,7 +79,7 @@ class ImmState(Value):
     one behind the other, as the compiled loop takes them. ``sample`` and ``count`` are as in
     `reobserve.observers.record.ObserverState`; y may be nan. ``held`` is what was given by row
     and leads from that sample to the next, of each filter; ``time`` is that of the sample [s], or
-    None where it is counted.
+    None where it is counted; ``noise`` are the variances of R, (m,), where they are estimated.
     """
 
     means: Array
@@ -81,6 +90,7 @@ class ImmState(Value):
     count: int = 0
     held: tuple[Matrices, ...] | None = None
     time: float | None = None
+    noise: Array | None = None
 
     @property
     def posteriors(self) -> tuple[Gaussian, ...]:
@@ -115,12 +125,19 @@ class IMM(Observer[ImmState]):
     mixing
         Whether posteriors interact, (9) and (10). Without, each filter goes its own way and only
         the probabilities of the modes follow the chain.
+    gate
+        As `GaussianFilter` has it, for the bank: an output is left out if all filters would leave
+        it out, as ``outlier``, (k, m), says.
+    noise_memory
+        As `GaussianFilter` has it, of a bank of Kalman filters whose R is the same: what a row says
+        of R is the mean over the modes by their probabilities.
 
     Raises
     ------
     InputError
         If there is no filter, two differ in their numbers of states, inputs or outputs or in their
-        sampling periods, or the transition has a negative entry or a row that does not sum to one.
+        sampling periods or in the periods of angles, one has a gate or a memory of its own, or the
+        transition has a negative entry or a row that does not sum to one.
 
     Examples
     --------
@@ -137,6 +154,8 @@ class IMM(Observer[ImmState]):
     transition: Array
     mixing: bool = True
     sampling_period: float = field(init=False)
+    gate: float | None = field(default=None, kw_only=True)
+    noise_memory: float | None = field(default=None, kw_only=True)
 
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
@@ -149,8 +168,9 @@ class IMM(Observer[ImmState]):
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
-            self, filters: Sequence[ModeFilter], transition: ArrayLike, mixing: bool = ...
-        ) -> None: ...
+            self, filters: Sequence[ModeFilter], transition: ArrayLike, mixing: bool = ..., *,
+            gate: float | None = ..., noise_memory: float | None = ...,
+        ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
         given: Any = self.filters
@@ -169,10 +189,49 @@ class IMM(Observer[ImmState]):
             if period != first_period:
                 problem = f"has a sampling period of {period:g} s, the first {first_period:g} s"
                 raise InputError(f"filters[{j}]", problem)
+            for name in ("gate", "noise_memory"):
+                if getattr(one, name, None) is not None:
+                    problem = f"has {name} of its own: the bank takes it, for all filters"
+                    raise InputError(f"filters[{j}]", problem)
+            if not all(map(np.array_equal, _periods(one), _periods(given[0]))):
+                problem = "has other periods of angles than the first filter"
+                raise InputError(f"filters[{j}]", problem)
         self._set("filters", tuple(given))
         self._set("transition", as_row_stochastic("transition", self.transition, len(given)))
         self._set("mixing", as_flag("mixing", self.mixing))
         self._set("sampling_period", period)
+        for name in ("gate", "noise_memory"):
+            value = getattr(self, name)
+            self._set(name, None if value is None else as_positive(name, value))
+        if self.noise_memory is not None:
+            self._check_noise_memory()
+
+    def _check_noise_memory(self) -> None:
+        """Refuse to estimate R where not one of the filters can see it, or there is no one R."""
+        if not self._linear or any(not one.has_kalman_gain for one in self._linear):
+            problem = "must be left out: it is for banks of Kalman filters on linear models"
+            raise InputError("noise_memory", problem)
+        first = self._linear[0].model.R
+        problems = []
+        for j, one in enumerate(self._linear):
+            if not np.array_equal(one.model.R, first):
+                raise InputError("noise_memory", f"must be left out: filters[{j}] has another R")
+            try:
+                replace(one, noise_memory=self.noise_memory)
+            except InputError as error:
+                problems.append(error)
+        if len(problems) == len(self._linear):
+            raise problems[0]
+
+    @cached_property
+    def _rules(self) -> Rules:
+        """The settings of the filters beside their models."""
+        x, y = _periods(self.filters[0])
+        memory = self.noise_memory
+        return Rules(
+            for_loop(x), for_loop(y), np.inf if self.gate is None else self.gate, False,
+            0.0 if memory is None else min(1.0, self.sampling_period / memory),
+        )  # fmt: skip
 
     @property
     def measurements(self) -> int:
@@ -231,8 +290,10 @@ class IMM(Observer[ImmState]):
         chosen = np.full(r, 1.0 / r) if probabilities is None else probabilities
         with np.errstate(divide="ignore"):
             logarithms = np.log(as_probabilities("probabilities", chosen, r))
-        held = sample_before(u, m, inputs)
-        return ImmState(means, covariances, np.zeros((r, m)), logarithms, held)
+        held, noise = sample_before(u, m, inputs), None
+        if self.noise_memory is not None:
+            noise = np.diag(self._linear[0].model.R).copy()
+        return ImmState(means, covariances, np.zeros((r, m)), logarithms, held, noise=noise)
 
     def _checked(self, state: Any) -> ImmState:
         r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
@@ -257,9 +318,13 @@ class IMM(Observer[ImmState]):
                 for j, (one, mode) in enumerate(zip(held, modes, strict=True))
             )
         time = check_time(given.time)
-        if logarithms is given.log_probabilities and sample is given.sample and held is None:
+        noise = check_noise(given.noise, self.noise_memory is not None, m)
+        same = logarithms is given.log_probabilities and sample is given.sample
+        if same and noise is given.noise and held is None:
             return given
-        return replace(given, log_probabilities=logarithms, sample=sample, held=held, time=time)
+        return replace(
+            given, log_probabilities=logarithms, sample=sample, held=held, time=time, noise=noise
+        )
 
     def _timed(
         self, time: ArrayLike | None, state: ImmState, record: Record
@@ -273,9 +338,14 @@ class IMM(Observer[ImmState]):
     def _fill(self, state: ImmState, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
         parts = state.means, state.covariances, state.errors, state.log_probabilities
-        posteriors = Posteriors(*(part.copy() for part in parts))
+        noise = np.ones(m) if state.noise is None else state.noise.copy()
+        count = np.array([float(state.count)])
+        posteriors = Posteriors(*(part.copy() for part in parts), noise, count)
         inputs, fresh = inputs_of_rows(state.sample, record)[:, None], state.sample is None
-        rows, held = new_bank_rows(k, r, n, m), None
+        gated, learned = self.gate is not None, self.noise_memory is not None
+        rows, held = new_bank_rows(k, r, n, m, gated, learned), None
+        if learned and "R" in record.given:
+            raise InputError("R", "must be left out: noise_memory says that it is estimated")
         if not self._linear:
             if record.given:
                 problem = "is taken by banks of filters of one kind on linear models alone"
@@ -289,16 +359,21 @@ class IMM(Observer[ImmState]):
                 good = run_bank(
                     Bank(model, self._parameters, for_loop(self.transition), self.mixing),
                     self._linear[0].method.function, posteriors, record.y, inputs, fresh,
-                    new_bank_work(posteriors, self.mixing), rows,
+                    new_bank_work(posteriors, self.mixing, self._rules), rows,
                 )  # fmt: skip
         variance = rows.covariance.diagonal(axis1=1, axis2=2)
         if state.count <= n and n * m > 1:
             start = state.covariances.diagonal(0, 1, 2).max(axis=0)
             warn_of_start(start, variance[: min(good, n + 1)])
         estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
+        if not gated:
+            del estimates["outlier"]
+        if not learned:
+            del estimates["noise_variance"]
         reached = ImmState(
-            *posteriors, np.concatenate([record.y[-1], record.u[-1]]), state.count + k - fresh,
-            held, None if record.time is None else float(record.time[-1]),
+            *posteriors[:4], np.concatenate([record.y[-1], record.u[-1]]),
+            state.count + k - fresh, held,
+            None if record.time is None else float(record.time[-1]), noise if learned else None,
         )  # fmt: skip
         return Rows(estimates, good, reached)
 
@@ -346,20 +421,22 @@ class IMM(Observer[ImmState]):
     ) -> int:
         """The loop of `run_bank` with filters that are called: they may be anyone's."""
         transition = for_loop(self.transition)
-        work = new_bank_work(posteriors, self.mixing)
+        work, gated = new_bank_work(posteriors, self.mixing, self._rules), self.gate is not None
         for k, y in enumerate(measurements):
             moves = k > 0 or not fresh
             if moves:
                 interact(transition, self.mixing, posteriors, work)
                 posteriors.log_probabilities[:] = work.mixed.log_probabilities
-            for j, one in enumerate(self.filters):
-                parts = (work.mixed if moves else posteriors)[:3]
-                posterior = Gaussian(*(part[j].copy() for part in parts))
-                try:
-                    ahead = one.predict(posterior, inputs[k]) if moves else posterior
-                    after = one.correct(ahead, y, inputs[k + 1])
-                except DivergenceError:
-                    return k
+            parts = (work.mixed if moves else posteriors)[:3]
+            begun = [Gaussian(*(part[j].copy() for part in parts)) for j in range(len(self.filters))]
+            try:
+                if moves:
+                    pairs = zip(self.filters, begun, strict=True)
+                    begun = [one.predict(posterior, inputs[k]) for one, posterior in pairs]
+                found = self._corrected(begun, y, inputs[k + 1], rows.outlier[k * gated])
+            except DivergenceError:
+                return k
+            for j, after in enumerate(found):
                 posteriors.means[j] = after.posterior.mean
                 posteriors.errors[j] = after.posterior.error
                 posteriors.covariances[j] = after.posterior.covariance
@@ -367,10 +444,29 @@ class IMM(Observer[ImmState]):
                 work.log_likelihoods[j] = after.log_likelihood
             whole = update_probabilities(posteriors.log_probabilities, work.log_likelihoods)
             rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
-            combine(posteriors, k, rows)
+            combine(posteriors, k, rows, work)
             if not all(np.isfinite(part[k]).all() for part in rows[:3]):
                 return k
         return len(measurements)
+
+    def _corrected(
+        self, begun: Sequence[Gaussian], y: Array, u: Array, outliers: Array
+    ) -> list[Correction]:
+        """The corrections of all filters, without what is beyond the gates of all of them."""
+        pairs = list(zip(self.filters, begun, strict=True))
+        found = [one.correct(posterior, y, u) for one, posterior in pairs]
+        if self.gate is None:
+            return found
+        deviations = np.array(
+            [one.innovation / np.sqrt(np.diag(one.innovation_covariance)) for one in found]
+        )
+        least = deviations[np.argmin(np.abs(deviations), axis=0), np.arange(len(y))]
+        beyond = np.abs(least) > self.gate
+        outliers[:] = np.where(beyond, least, 0.0)
+        if not beyond.any():
+            return found
+        taken = np.where(beyond, np.nan, y)
+        return [one.correct(posterior, taken, u) for one, posterior in pairs]
 
     @cached_property
     def _linear(self) -> list[GaussianFilter]:
@@ -393,6 +489,16 @@ class IMM(Observer[ImmState]):
     def _parameters(self) -> Array:
         """Parameters of the gain of each filter, (r, .)."""
         return np.array([one.method.parameters for one in self._linear])
+
+
+def _periods(one: ModeFilter) -> tuple[Array, Array]:
+    """The periods of angles among states and outputs, zero where there are none."""
+    model = getattr(one, "whole", one.model)
+    sizes = {"state_periods": model.states, "output_periods": model.outputs}
+    found = [getattr(model, name, None) for name in sizes]
+    pairs = zip(found, sizes.values(), strict=True)
+    x, y = (np.zeros(size) if value is None else value for value, size in pairs)
+    return x, y
 
 
 def _size(one: ModeFilter) -> tuple[int, int, int]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers import linear_steps as linear
+from reobserve.observers.linear_loop import BEGUN
 from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
@@ -35,48 +36,72 @@ class Bank(NamedTuple):
 
 
 class Posteriors(NamedTuple):
-    """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu."""
+    """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu.
+
+    ``noise``, (m,), are the variances of R, and ``count``, (1,), the number of rows before, if they
+    are estimated.
+    """
 
     means: Array
     covariances: Array
     errors: Array
     log_probabilities: Array
+    noise: Array
+    count: Array
 
 
 class BankRows(NamedTuple):
-    """The estimates of a bank, a row a sample, by their names."""
+    """The estimates of a bank, a row a sample, by their names.
+
+    ``outlier`` and ``noise_variance`` have one row, which is overwritten, if nobody wants them.
+    """
 
     state: Array
     covariance: Array
     probability: Array
     innovation: Array
     log_likelihood: Array
+    outlier: Array
+    noise_variance: Array
 
 
 class BankWork(NamedTuple):
-    """Arrays of a step: mu(i|j), (r, r), mixed posteriors, log-likelihoods (r,), one filter's."""
+    """Arrays of a step: mu(i|j), (r, r), mixed posteriors, log-likelihoods (r,), one filter's.
+
+    ``taken``, (m,), is a row without outliers, and ``changes``, (r, m), what each filter says of
+    the variances of R.
+    """
 
     weights: Array
     mixed: Posteriors
     log_likelihoods: Array
+    taken: Array
+    changes: Array
     of_filter: linear.LinearWork
 
 
-def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
+def new_bank_work(
+    posteriors: Posteriors, mixing: bool, rules: linear.Rules | None = None
+) -> BankWork:
     """Arrays for the steps of a bank, whose mixed posteriors without mixing are the filters'."""
     r, n = posteriors.means.shape
     m = posteriors.errors.shape[1]
-    means, covariances, errors, _ = posteriors
+    means, covariances, errors, *_ = posteriors
     if mixing:
         means, covariances = np.empty((r, n)), np.empty((r, n, n))
-    mixed = Posteriors(means, covariances, errors, np.empty(r))
-    return BankWork(np.empty((r, r)), mixed, np.empty(r), linear.new_linear_work(n, m))
+    mixed = Posteriors(means, covariances, errors, np.empty(r), *posteriors[4:])
+    return BankWork(
+        np.empty((r, r)), mixed, np.empty(r), np.empty(m), np.zeros((r, m)),
+        linear.new_linear_work(n, m, rules),
+    )  # fmt: skip
 
 
-def new_bank_rows(k: int, r: int, n: int, m: int) -> BankRows:
+def new_bank_rows(
+    k: int, r: int, n: int, m: int, gated: bool = False, learned: bool = False
+) -> BankRows:
     """Arrays for the estimates of k rows, by r filters of n states and m outputs."""
-    shapes = (k, n), (k, n, n), (k, r), (k, r, m), (k,)
-    return BankRows(*map(np.empty, shapes))
+    shapes = (k, n), (k, n, n), (k, r), (k, r, m), (k,), (k if gated else 1, m)
+    return BankRows(*map(np.empty, shapes), np.empty((k if learned else 1, m)))
 
 
 @inlined_kernel
@@ -143,6 +168,19 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
     return whole
 
 
+@inlined_kernel
+def average(weights: Array, means: Array, a: int, period: float) -> float:
+    """The mean of entry a by weights that sum to one; of angles, around that of the first filter."""
+    total = 0.0
+    if period == 0.0:
+        for i in range(len(weights)):
+            total += weights[i] * means[i, a]
+        return total
+    for i in range(len(weights)):
+        total += weights[i] * linear.shortest(means[i, a] - means[0, a], period)
+    return linear.shortest(means[0, a] + total, period)
+
+
 # mu(i|j) = p_ij mu_i / c_j,   c_j = sum_i p_ij mu_i
 # x0_j = sum_i mu(i|j) x_i,   P0_j = sum_i mu(i|j) (P_i + (x_i - x0_j) (x_i - x0_j)')
 @inlined_kernel
@@ -153,18 +191,16 @@ def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: Bank
     if not mixing:
         return
     r, n = posteriors.means.shape
-    means = posteriors.means
+    means, periods = posteriors.means, work.of_filter.rules.state_periods
     for j in range(r):
         for a in range(n):
-            total = 0.0
-            for i in range(r):
-                total += weights[j, i] * means[i, a]
-            mixed.means[j, a] = total
+            mixed.means[j, a] = average(weights[j], means, a, periods[a])
         for a in range(n):
             for b in range(a + 1):
                 total = 0.0
                 for i in range(r):
-                    apart = (means[i, a] - mixed.means[j, a]) * (means[i, b] - mixed.means[j, b])
+                    apart = linear.shortest(means[i, a] - mixed.means[j, a], periods[a])
+                    apart *= linear.shortest(means[i, b] - mixed.means[j, b], periods[b])
                     total += weights[j, i] * (posteriors.covariances[i, a, b] + apart)
                 mixed.covariances[j, a, b] = mixed.covariances[j, b, a] = total
 
@@ -185,6 +221,40 @@ def predict(
         )  # fmt: skip
 
 
+@inlined_kernel
+def leave_out_outliers(
+    bank: Bank, k: int, measurement: Array, controls: Array, posteriors: Posteriors,
+    outliers: Array, work: BankWork,
+) -> None:  # fmt: skip
+    """Write to ``work.taken`` the measurements without those beyond the gates of all filters.
+
+    If one filter alone left one out, its mode would gain by that. ``outliers`` become the least
+    deviations of those that are left out.
+    """
+    C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
+    R, one = bank.model.R[min(k, len(bank.model.R) - 1)], work.of_filter
+    for o in range(len(measurement)):
+        outliers[o] = math.inf
+    for j in range(len(C)):
+        mean, P = posteriors.means[j], posteriors.covariances[j]
+        control = controls[min(j, len(controls) - 1)]
+        linear.output_error(C[j], D[j], measurement, control, mean, one.scaled, one)
+        for o in range(len(measurement)):
+            # S_oo = c P c' + R_oo
+            variance = posteriors.noise[o] if one.rules.forgetting > 0.0 else R[j, o, o]
+            for a in range(len(mean)):
+                for b in range(len(mean)):
+                    variance += C[j, o, a] * P[a, b] * C[j, o, b]
+            deviations = one.scaled[o] / math.sqrt(variance)
+            if not abs(deviations) >= abs(outliers[o]):
+                outliers[o] = deviations
+    for o in range(len(measurement)):
+        beyond = abs(outliers[o]) > one.rules.gate
+        work.taken[o] = math.nan if beyond else measurement[o]
+        if not beyond:
+            outliers[o] = 0.0
+
+
 # e_j = y - C_j x_j - D_j u,   S_j = C_j P_j C_j' + R_j,   x_j += K_j e_j
 # L_j = N(e_j; 0, S_j),   mu_j = L_j c_j / c,   c = sum_j L_j c_j
 @inlined_kernel
@@ -196,6 +266,7 @@ def correct(
     controls: Array,
     posteriors: Posteriors,
     innovations: Array,
+    outliers: Array,
     work: BankWork,
 ) -> float:
     """Measurement update of all filters and of the modes, (13) to (21).
@@ -204,6 +275,11 @@ def correct(
     """
     C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
     R, log_likelihoods = bank.model.R[min(k, len(bank.model.R) - 1)], work.log_likelihoods
+    rules = work.of_filter.rules
+    weight = max(rules.forgetting, 1.0 / (posteriors.count[0] + k + BEGUN))
+    if rules.gate < math.inf:
+        leave_out_outliers(bank, k, measurement, controls, posteriors, outliers, work)
+        measurement = work.taken
     missing = linear.is_missing(measurement)
     for j in range(len(C)):
         if missing:
@@ -211,39 +287,46 @@ def correct(
             log_likelihoods[j] = 0.0
         else:
             log_likelihoods[j] = linear.correct(
-                C[j], D[j], R[j], function, bank.parameters[j], measurement,
+                C[j], D[j], R[j], posteriors.noise, weight, function, bank.parameters[j],
+                measurement,
                 controls[min(j, len(controls) - 1)], posteriors.means[j],
                 posteriors.covariances[j], posteriors.errors[j], innovations[j], work.of_filter,
             )  # fmt: skip
+            linear.assign(work.changes[j], work.of_filter.change)
     whole = update_probabilities(posteriors.log_probabilities, log_likelihoods)
-    return 0.0 if missing else whole
+    if missing:
+        return 0.0
+    if rules.forgetting > 0.0:
+        # The change of R is the mean of those of the modes
+        for o in range(len(measurement)):
+            for j in range(len(C)):
+                share = math.exp(posteriors.log_probabilities[j])
+                posteriors.noise[o] += share * work.changes[j, o]
+    return whole
 
 
 # x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
 @inlined_kernel
-def combine(posteriors: Posteriors, k: int, rows: BankRows) -> bool:
+def combine(posteriors: Posteriors, k: int, rows: BankRows, work: BankWork) -> bool:
     """Write the estimates of row k, and return whether they are finite.
 
     Gadsden et al. 2011, (22) and (23).
     """
     mean, covariance, probability = rows.state, rows.covariance, rows.probability
+    periods = work.of_filter.rules.state_periods
     r, n = posteriors.means.shape
     whole = rows.log_likelihood[k]
     for j in range(r):
         probability[k, j] = math.exp(posteriors.log_probabilities[j])
         whole += probability[k, j]
     for a in range(n):
-        total = 0.0
-        for j in range(r):
-            total += probability[k, j] * posteriors.means[j, a]
-        mean[k, a] = total
+        mean[k, a] = average(probability[k], posteriors.means, a, periods[a])
     for a in range(n):
         for b in range(a + 1):
             total = 0.0
             for j in range(r):
-                apart = (posteriors.means[j, a] - mean[k, a]) * (
-                    posteriors.means[j, b] - mean[k, b]
-                )
+                apart = linear.shortest(posteriors.means[j, a] - mean[k, a], periods[a])
+                apart *= linear.shortest(posteriors.means[j, b] - mean[k, b], periods[b])
                 total += probability[k, j] * (posteriors.covariances[j, a, b] + apart)
             covariance[k, a, b] = covariance[k, b, a] = total
         whole += mean[k, a] + covariance[k, a, a]
@@ -277,8 +360,10 @@ def run_bank(
             interact(bank.transition, bank.mixing, posteriors, work)
             predict(bank.model, k, inputs[k], posteriors, work)
         rows.log_likelihood[k] = correct(
-            bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k], work
-        )
-        if not combine(posteriors, k, rows):
+            bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k],
+            rows.outlier[min(k, len(rows.outlier) - 1)], work,
+        )  # fmt: skip
+        linear.assign(rows.noise_variance[min(k, len(rows.noise_variance) - 1)], posteriors.noise)
+        if not combine(posteriors, k, rows, work):
             return k
     return len(measurements)

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.errors import InputError
 from reobserve.observers.correlated_noise import TakenOut, uncorrelated
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
@@ -46,6 +47,9 @@ def linear_in_record(
         If a matrix that is given has another shape, or is no covariance.
     """
     model: LinearModel = filter.whole
+    if ("S" in given or "noise" in held) and model.output_periods is not None:
+        problem = "must be left out where outputs have periods: it is of y - C x, which then jumps"
+        raise InputError("S", problem)
     if not given and not held and periods is None:
         return InRecord(model.rows, inputs, None)
     matrices = {name: given[name] for name in given if name in ModelRows._fields}
@@ -108,6 +112,7 @@ class KalmanFilter(GaussianFilter):
     model: LinearModel
 
     steps: ClassVar[FilterSteps] = LINEAR
+    has_kalman_gain: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = (*TAKES, "S")
 
     @property

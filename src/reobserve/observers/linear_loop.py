@@ -24,6 +24,8 @@ from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
 
+BEGUN = 20.0  # rows that the R of the model counts as, where it is estimated
+
 # Why a filter stopped, and what is said of it.
 NO_INNOVATION = 3
 NO_INNOVATION_CAUSE = (
@@ -33,13 +35,18 @@ NO_INNOVATION_CAUSE = (
 
 
 class FilterRows(NamedTuple):
-    """The estimates of filters by their names: (records, k, ...)."""
+    """The estimates of filters by their names: (records, k, ...).
+
+    ``outlier`` and ``noise_variance`` have one row, which is overwritten, if nobody wants them.
+    """
 
     state: Array
     covariance: Array
     innovation: Array
     innovation_covariance: Array
     log_likelihood: Array
+    outlier: Array
+    noise_variance: Array
 
 
 class PredictedRows(NamedTuple):
@@ -51,11 +58,17 @@ class PredictedRows(NamedTuple):
 
 
 class FilterPosteriors(NamedTuple):
-    """Means (records, n), covariances (records, n, n) and output errors (records, m)."""
+    """Means (records, n), covariances (records, n, n) and output errors (records, m).
+
+    ``noises``, (records, m), are the variances of R where it is estimated, and ``counts``,
+    (records,), the numbers of rows that they have been estimated from.
+    """
 
     means: Array
     covariances: Array
     errors: Array
+    noises: Array
+    counts: Array
 
 
 @inlined_kernel
@@ -78,12 +91,34 @@ def keep_row(
     write_innovation_covariance(innovation, rows.innovation_covariance[r, k], work)
     total: float = rows.log_likelihood[r, k]
     n = len(work.states)
+    for o in range(len(work.outputs)):
+        rows.outlier[r, min(k, rows.outlier.shape[1] - 1), o] = work.outlier[o]
     for a in range(n):
         rows.state[r, k, a] = mean[a]
         for b in range(n):
             rows.covariance[r, k, a, b] = covariance[a, b]
         total += mean[a] + covariance[a, a]
     return total
+
+
+@inlined_kernel
+def weight_of_row(posteriors: FilterPosteriors, r: int, k: int, forgetting: float) -> float:
+    """The weight of row k in the variances of R: at first that of a mean with `BEGUN` rows more."""
+    return max(forgetting, 1.0 / (posteriors.counts[r] + k + BEGUN))
+
+
+@inlined_kernel
+def keep_noise(
+    posteriors: FilterPosteriors, taken: bool, rows: FilterRows, r: int, k: int, work: LinearWork
+) -> None:
+    """Change the variances of R by a row, if it was taken, and write them."""
+    if work.rules.forgetting == 0.0:
+        return
+    noise = posteriors.noises[r]
+    for o in range(len(noise)):
+        if taken:
+            noise[o] += work.change[o]
+        rows.noise_variance[r, k, o] = noise[o]
 
 
 @kernel
@@ -139,13 +174,16 @@ def _run_rows(
             )  # fmt: skip
         if kept is not None:
             keep_prediction(mean, covariance, kept, r, k)
-        if is_missing(y):
+        missing = is_missing(y)
+        if missing:
             fill(innovation, math.nan)
+            fill(work.outlier, 0.0)
             rows.log_likelihood[r, k] = 0.0
         else:
             # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
             rows.log_likelihood[r, k] = correct(
                 C[min(k, len(C) - 1)], D[min(k, len(D) - 1)], R[min(k, len(R) - 1)],
+                posteriors.noises[r], weight_of_row(posteriors, r, k, work.rules.forgetting),
                 gain.function, gain.parameters, y, inputs[r, k + 1], mean, covariance, error,
                 innovation, work,
             )  # fmt: skip
@@ -153,6 +191,7 @@ def _run_rows(
                 ends[r, 1] = NO_INNOVATION
             if kept is not None:
                 assign_matrix(kept.gain[r, k], work.gain)
+        keep_noise(posteriors, not missing, rows, r, k, work)
         if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
             break
         ends[r, 0] = k + 1

@@ -66,11 +66,28 @@ class Gain(NamedTuple):
     parameters: Array
 
 
+class Rules(NamedTuple):
+    """Settings of a filter beside its model.
+
+    ``state_periods`` (n,) and ``output_periods`` (m,) are those of angles, 0 for none. Innovations
+    beyond ``gate`` deviations are left out, or ``inflates`` their variance; inf is no gate. R is
+    estimated with the weight ``forgetting`` of a row, 0 if it is known.
+    """
+
+    state_periods: Array
+    output_periods: Array
+    gate: float
+    inflates: bool
+    forgetting: float
+
+
 class LinearWork(NamedTuple):
     """Scratch: products of shapes (n, n), (n,), (n, m), (n, m), (m,), and the factor of S, (m, m).
 
-    ``states`` and ``outputs`` have the lengths n and m: tuples up to `UNROLLED`, whose lengths the
-    compiler knows, and arrays beyond.
+    ``noise``, (m, m), is R as it is used at a row, ``outlier``, (m,), the innovations beyond the
+    gate in deviations, ``change``, (m,), what the row says of the variances of R, and ``column``,
+    (m,), a column. ``states`` and ``outputs`` have the lengths n and m: tuples up to `UNROLLED`,
+    whose lengths the compiler knows, and arrays beyond.
     """
 
     square: Array
@@ -79,21 +96,27 @@ class LinearWork(NamedTuple):
     gain: Array
     scaled: Array
     factor: Array
+    noise: Array
+    outlier: Array
+    change: Array
+    column: Array
     states: Any
     outputs: Any
+    rules: Rules
 
 
-def new_linear_work(states: int, outputs: int) -> LinearWork:
-    """Scratch for one filter.
+def new_linear_work(states: int, outputs: int, rules: Rules | None = None) -> LinearWork:
+    """Scratch for one filter, without periods and gate if no rules are given.
 
     It is made in Python: to compile the allocation of arrays takes seconds. A margin keeps what
     threads write apart, so that they do not wait for each other's memory.
     """
     n, m = states, outputs
-    shapes = (n, n), (n,), (n, m), (n, m), (m,), (m, m)
+    shapes = (n, n), (n,), (n, m), (n, m), (m,), (m, m), (m, m), (m,), (m,), (m,)
     small = max(n, m) <= UNROLLED
     sizes = ((0,) * n, (0,) * m) if small else (np.empty(n), np.empty(m))
-    return LinearWork(*blocks(shapes), *sizes)
+    plain = rules or Rules(np.zeros(n), np.zeros(m), math.inf, False, 0.0)
+    return LinearWork(*blocks(shapes), *sizes, plain)
 
 
 def blocks(shapes: Sequence[tuple[int, ...]]) -> Iterator[Array]:
@@ -127,6 +150,21 @@ def assign_matrix(target: Array, source: Array) -> None:
 
 
 @inlined_kernel
+def shortest(difference: float, period: float) -> float:
+    """A difference of angles the shortest way round, as it is where the period is 0."""
+    if period > 0.0:
+        return difference - period * math.floor(difference / period + 0.5)
+    return difference
+
+
+@inlined_kernel
+def wrap_states(mean: Array, work: LinearWork) -> None:
+    """Move angles among the states to within half a period around zero."""
+    for a in range(len(work.states)):
+        mean[a] = shortest(mean[a], work.rules.state_periods[a])
+
+
+@inlined_kernel
 def predict(
     A: Array,
     B: Array,
@@ -154,7 +192,7 @@ def predict(
         moved[a] = total
     # P = (A P) A' + Q
     for a in range(n):
-        next_mean[a] = moved[a]
+        next_mean[a] = shortest(moved[a], work.rules.state_periods[a])
         for b in range(n):
             total = 0.0
             for i in range(n):
@@ -185,7 +223,7 @@ def output_error(
             total -= D[o, p] * control[p]
         for a in range(len(work.states)):
             total -= C[o, a] * mean[a]
-        error[o] = total
+        error[o] = shortest(total, work.rules.output_periods[o])
 
 
 @inlined_kernel
@@ -234,8 +272,73 @@ def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> flo
 
 
 @inlined_kernel
+def noise_of_row(R: Array, variances: Array, work: LinearWork) -> None:
+    """Write R as it is used at a row to ``work.noise``: with the estimated variances, if any.
+
+    Correlations are those of R.
+    """
+    noise, estimated = work.noise, work.rules.forgetting > 0.0
+    for o in range(len(work.outputs)):
+        work.outlier[o] = 0.0
+        for q in range(len(work.outputs)):
+            noise[o, q] = R[o, q]
+            if estimated and o == q:
+                noise[o, q] = variances[o]
+            elif estimated:
+                noise[o, q] *= math.sqrt(variances[o] / R[o, o] * (variances[q] / R[q, q]))
+
+
+@inlined_kernel
+def gate(innovation: Array, work: LinearWork) -> None:
+    """Leave out innovations beyond the gate, or inflate their variance so that they are on it.
+
+    ``work.factor`` is the lower half of S, whose diagonal and that of R are inflated.
+    """
+    factor, gate = work.factor, work.rules.gate
+    if gate == math.inf:
+        return
+    for o in range(len(work.outputs)):
+        # |e_o| > gate sqrt(S_oo)
+        deviations = innovation[o] / math.sqrt(factor[o, o])
+        if abs(deviations) > gate:
+            work.outlier[o] = deviations
+            if work.rules.inflates:
+                # R_oo = R_oo + e_o^2 / gate^2 - S_oo
+                wider = (innovation[o] / gate) ** 2
+                work.noise[o, o] += wider - factor[o, o]
+                factor[o, o] = wider
+            else:
+                innovation[o] = math.nan
+
+
+@inlined_kernel
+def learn_noise(innovation: Array, weight: float, work: LinearWork) -> None:
+    """Write to ``work.change`` what a row changes of the variances of R, with its weight g.
+
+    The expectation of v v' after the measurement, whose mean is R S^-1 e and whose covariance is
+    R - R S^-1 R: a step of expectation maximisation (Shumway & Stoffer 1982) that forgets.
+    """
+    # R = R + g diag(R S^-1 (e e' - S) S^-1 R)
+    m, column, factor = len(work.outputs), work.column, work.factor
+    for o in range(m):
+        work.change[o] = 0.0
+        if math.isnan(innovation[o]) or work.outlier[o] != 0.0:
+            continue
+        mean, spread = 0.0, 0.0
+        for q in range(m):
+            # L w = R_o
+            total = 0.0 if math.isnan(innovation[q]) else work.noise[q, o]
+            for i in range(q):
+                total -= factor[q, i] * column[i]
+            column[q] = total / factor[q, q]
+            mean += column[q] * work.scaled[q]
+            spread += column[q] * column[q]
+        work.change[o] = weight * (mean * mean - spread)
+
+
+@inlined_kernel
 def log_likelihood_of(
-    C: Array, R: Array, covariance: Array, innovation: Array, work: LinearWork
+    C: Array, covariance: Array, innovation: Array, work: LinearWork
 ) -> float:
     """Write P C' and the Cholesky factor of S, and return the log-likelihood.
 
@@ -256,10 +359,11 @@ def log_likelihood_of(
     # S = C (P C') + R
     for o in range(m):
         for q in range(o + 1):
-            total = R[o, q]
+            total = work.noise[o, q]
             for a in range(n):
                 total += C[o, a] * cross[a, q]
             factor[o, q] = total
+    gate(innovation, work)
     return factor_innovation(innovation, factor, work)
 
 
@@ -295,17 +399,18 @@ def correct_mean(mean: Array, innovation: Array, work: LinearWork) -> None:
                 gain[a, o] = 0.0
             else:
                 mean[a] += gain[a, o] * innovation[o]
+    wrap_states(mean, work)
 
 
 @inlined_kernel
-def correct_covariance(C: Array, R: Array, covariance: Array, work: LinearWork) -> None:
+def correct_covariance(C: Array, covariance: Array, work: LinearWork) -> None:
     """Correct the covariance in Joseph's form, which holds for any gain.
 
     Gadsden et al. 2011, (17).
 
     M = I - K C itself is never formed, which saves two products of square matrices.
     """
-    cross, gain, square = work.cross, work.gain, work.square
+    cross, gain, square, R = work.cross, work.gain, work.square, work.noise
     n, m = len(work.states), len(work.outputs)
     # T = M P = P - K (P C')'
     for a in range(n):
@@ -337,6 +442,8 @@ def correct(
     C: Array,
     D: Array,
     R: Array,
+    variances: Array,
+    weight: float,
     function: Callable[..., None] | None,
     parameters: Array,
     measurement: Array,
@@ -355,11 +462,15 @@ def correct(
 
     ``innovation`` is written, e(k+1|k), and so are the gain and the lower Cholesky factor of S in
     ``work``. Outputs that are missing, nan, correct nothing; the others correct as if these alone
-    were measured.
+    were measured. ``variances`` of R and the ``weight`` of this row are read where R is estimated;
+    what the row says of them is left in ``work.change``.
     """
     # e = y - C x - D u, S = C P C' + R
     output_error(C, D, measurement, control, mean, innovation, work)
-    log_likelihood = log_likelihood_of(C, R, covariance, innovation, work)
+    noise_of_row(R, variances, work)
+    log_likelihood = log_likelihood_of(C, covariance, innovation, work)
+    if work.rules.forgetting > 0.0:
+        learn_noise(innovation, weight, work)
     # K = P C' S^-1, or another gain
     if function is None:
         kalman_gain(work)
@@ -367,7 +478,7 @@ def correct(
         call(function, (work.cross, work.factor, innovation, error, parameters, work.gain))
     # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
     correct_mean(mean, innovation, work)
-    correct_covariance(C, R, covariance, work)
+    correct_covariance(C, covariance, work)
     # e(k|k) = y - C x - D u
     output_error(C, D, measurement, control, mean, work.scaled, work)
     for o in range(len(work.outputs)):

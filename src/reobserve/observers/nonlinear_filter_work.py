@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_steps import LinearWork, blocks, new_linear_work
+from reobserve.observers.linear_steps import LinearWork, Rules, blocks, new_linear_work, shortest
 from reobserve.systems.nonlinear_flow import FlowWork, new_flow_work
 
 Array = NDArray[np.float64]
@@ -31,15 +31,16 @@ class FilterWork(NamedTuple):
     cause: NDArray[np.int64]
 
 
-def new_filter_work(states: int, outputs: int) -> FilterWork:
+def new_filter_work(states: int, outputs: int, rules: Rules | None = None) -> FilterWork:
     """Scratch for the steps of a filter."""
     n, m, most = states, outputs, max(states, outputs)
     shapes = (n,), (n, n), (2 * n + 1, n), (2 * n + 1, most), (n, n)
     moved, root, points, images, cross = blocks(shapes)
     cause = np.zeros(16, np.int64)[:1]
     return FilterWork(
-        new_linear_work(n, m), new_flow_work(n, m), moved, root, points, images, cross, cause
-    )
+        new_linear_work(n, m, rules), new_flow_work(n, m), moved, root, points, images, cross,
+        cause,
+    )  # fmt: skip
 
 
 @inlined_kernel
@@ -50,5 +51,5 @@ def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> 
         if not math.isfinite(expected[o]):
             work.cause[0] = NO_OUTPUT
             return False
-        innovation[o] = y[o] - expected[o]
+        innovation[o] = shortest(y[o] - expected[o], work.linear.rules.output_periods[o])
     return True

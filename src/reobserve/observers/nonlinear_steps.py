@@ -19,10 +19,19 @@ from reobserve.observers.linear_loop import (
     FilterPosteriors,
     FilterRows,
     PredictedRows,
+    keep_noise,
     keep_prediction,
     keep_row,
+    weight_of_row,
 )
-from reobserve.observers.linear_steps import assign, assign_matrix, fill, is_missing
+from reobserve.observers.linear_steps import (
+    assign,
+    assign_matrix,
+    fill,
+    is_missing,
+    noise_of_row,
+    shortest,
+)
 from reobserve.observers.nonlinear_filter_work import (
     NO_POSTERIOR,
     NO_STATE,
@@ -52,7 +61,7 @@ def predict(
         return False
     total = 0.0
     for a in range(len(work.linear.states)):
-        next_mean[a] = work.moved[a]
+        next_mean[a] = shortest(work.moved[a], work.linear.rules.state_periods[a])
         total += next_mean[a] + next_covariance[a, a]
     if not math.isfinite(total):
         work.cause[0] = NO_STATE
@@ -63,19 +72,23 @@ def predict(
 @inlined_kernel
 def correct(
     model: NonlinearRows, weights: Weights | None, k: int, y: Array, u: Array, mean: Array,
-    covariance: Array, innovation: Array, work: FilterWork,
+    covariance: Array, innovation: Array, variances: Array, weight: float, work: FilterWork,
 ) -> float:  # fmt: skip
     """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
-    ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``.
+    ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``;
+    ``variances`` and ``weight`` are those of `linear_steps.correct`.
     """
-    functions, R = model.functions, model.R[min(k, len(model.R) - 1)]
+    functions = model.functions
     work.cause[0] = 0
+    noise_of_row(model.R[min(k, len(model.R) - 1)], variances, work.linear)
     if weights is None:
-        log_likelihood = correct_extended(functions, R, y, u, mean, covariance, innovation, work)
+        log_likelihood = correct_extended(
+            functions, y, u, mean, covariance, innovation, weight, work
+        )
     else:
         log_likelihood = correct_unscented(
-            functions, weights, R, y, u, mean, covariance, innovation, work
+            functions, weights, y, u, mean, covariance, innovation, weight, work
         )
     total = log_likelihood
     for a in range(len(work.linear.states)):
@@ -140,19 +153,24 @@ def _run_rows(
             break
         if kept is not None:
             keep_prediction(mean, covariance, kept, r, k)
-        if is_missing(y):
+        missing = is_missing(y)
+        if missing:
             fill(innovation, math.nan)
+            fill(work.linear.outlier, 0.0)
             rows.log_likelihood[r, k] = 0.0
         else:
             # x = x + K (y - h(x, u)), P = (I - K C) P (I - K C)' + K R K'
             rows.log_likelihood[r, k] = correct(
-                model, weights, k, y, inputs[r, k + 1], mean, covariance, innovation, work
-            )
+                model, weights, k, y, inputs[r, k + 1], mean, covariance, innovation,
+                posteriors.noises[r],
+                weight_of_row(posteriors, r, k, work.linear.rules.forgetting), work,
+            )  # fmt: skip
             if math.isnan(rows.log_likelihood[r, k]):
                 ends[r, 1] = work.cause[0]
                 break
             if kept is not None:
                 assign_matrix(kept.gain[r, k], work.linear.gain)
+        keep_noise(posteriors, not missing, rows, r, k, work.linear)
         keep_row(mean, covariance, innovation, work.linear, rows, r, k)
         ends[r, 0] = k + 1
 

@@ -103,6 +103,17 @@ class Run(Generic[StateKind]):
                         return self.estimates[whole][(..., *index)]
         return _named(self.estimates, name)
 
+    @property
+    def outliers(self) -> Any:
+        """The number of rows with an innovation beyond the filter's gate, zero without one.
+
+        Of a run of many records, an entry each.
+        """
+        if "outlier" not in self.estimates:
+            return 0
+        rows = np.nan_to_num(self.estimates["outlier"]).any(axis=-1).sum(axis=-1)
+        return rows if rows.ndim else int(rows)
+
     def record(self, number: int) -> Run[Any]:
         """The run of one of many records, by its ``number`` from 0 on.
 

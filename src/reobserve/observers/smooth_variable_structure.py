@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,6 +92,9 @@ class SmoothVariableStructureFilter(GaussianFilter):
             boundary_layer: ArrayLike,
             convergence_rate: float,
             inverse: str = ...,
+            *,
+            gate: float | None = ...,
+            outliers: Literal["skip", "inflate"] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:

@@ -20,7 +20,7 @@ from reobserve.observers.frames import read_frames
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_steps import blocks
+from reobserve.observers.linear_steps import blocks, shortest
 from reobserve.observers.run import Run
 from reobserve.observers.uneven_times import EVEN
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
@@ -117,13 +117,16 @@ def rts_smoother(
     with RaisedAfterLoop():
         rows = filter.steps.predict(
             model, filter.method, held_inputs[0], means, covariances, *ahead,
-            filter.steps.work(n, m),
+            filter._work(),
         )  # fmt: skip
     if rows < k - 1:
         problem = "the prediction from there is not finite"
         raise DivergenceError("rts_smoother", float(run.time[rows]), problem)
     smooth_means, smooth_covariances = means.copy(), covariances.copy()
-    row = _smooth(*ahead, smooth_means, smooth_covariances, *blocks(((n, n),) * 3))
+    row = _smooth(
+        *ahead, smooth_means, smooth_covariances, filter._rules.state_periods,
+        *blocks(((n, n),) * 3),
+    )  # fmt: skip
     if row >= 0:
         raise DivergenceError(
             "rts_smoother", float(run.time[row]), "going backwards it fails there"
@@ -200,7 +203,7 @@ def _by_name(filter: GaussianFilter, means: Array, covariances: Array) -> dict[s
 @kernel
 def _smooth(
     next_means: Array, next_covariances: Array, crosses: Array, means: Array, covariances: Array,
-    root: Array, gain: Array, apart: Array,
+    periods: Array, root: Array, gain: Array, apart: Array,
 ) -> int:  # fmt: skip
     """Smooth filtered means and covariances in place, and return the row that fails, or -1."""
     n = means.shape[1]
@@ -216,7 +219,9 @@ def _smooth(
         total = 0.0
         for a in range(n):
             for i in range(n):
-                means[k, a] += gain[a, i] * (means[k + 1, i] - next_means[k, i])
+                means[k, a] += gain[a, i] * shortest(
+                    means[k + 1, i] - next_means[k, i], periods[i]
+                )
             total += means[k, a]
         # P_s(k) = P(k|k) + G (P_s(k+1) - P(k+1|k)) G'
         for a in range(n):
@@ -233,6 +238,9 @@ def _smooth(
             total += covariances[k, a, a]
         if not math.isfinite(total):
             return k
+    for k in range(len(means)):
+        for a in range(n):
+            means[k, a] = shortest(means[k, a], periods[a])
     return -1
 
 

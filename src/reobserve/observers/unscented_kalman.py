@@ -72,6 +72,7 @@ class UnscentedKalmanFilter(GaussianFilter):
     kappa: float = 0.0
 
     steps: ClassVar[FilterSteps] = NONLINEAR
+    has_kalman_gain: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = TAKES
 
     def __post_init__(self) -> None:

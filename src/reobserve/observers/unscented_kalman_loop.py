@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_steps import assign, correct_mean, factor_innovation, kalman_gain
+from reobserve.observers.linear_steps import (
+    assign,
+    correct_mean,
+    factor_innovation,
+    gate,
+    kalman_gain,
+    learn_noise,
+    shortest,
+)
 from reobserve.observers.nonlinear_filter_work import NO_ROOT, FilterWork, innovate
 from reobserve.systems.nonlinear_flow import Functions, move
 
@@ -74,15 +82,16 @@ def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterW
 
 
 @inlined_kernel
-def average_points(images: Array, weight: float, mean: Array) -> None:
+def average_points(images: Array, weight: float, periods: Array, mean: Array) -> None:
     """Write the mean, as the first point plus what the others differ from it by.
 
-    All weights sum to one; so written, a large negative one does not cancel.
+    All weights sum to one; so written, a large negative one does not cancel, and angles differ the
+    shortest way round.
     """
     for a in range(len(mean)):
         total = 0.0
         for i in range(1, len(images)):
-            total += images[i, a] - images[0, a]
+            total += shortest(images[i, a] - images[0, a], periods[a])
         mean[a] = images[0, a] + weight * total
 
 
@@ -111,11 +120,11 @@ def cross_of(root: Array, images: Array, weights: Weights, cross: Array) -> None
 
 
 @inlined_kernel
-def subtract(rows: Array, mean: Array) -> None:
-    """Subtract a mean from each row."""
+def subtract(rows: Array, mean: Array, periods: Array) -> None:
+    """Subtract a mean from each row, angles the shortest way round."""
     for i in range(len(rows)):
         for a in range(len(mean)):
-            rows[i, a] -= mean[a]
+            rows[i, a] = shortest(rows[i, a] - mean[a], periods[a])
 
 
 @inlined_kernel
@@ -136,8 +145,9 @@ def predict_unscented(
         move(functions, steps, k, work.points[i], u, work.moved, work.flow)
         assign(images[i], work.moved)
     # x = sum w f(X), P = sum w (f(X) - x) (f(X) - x)' + Q
-    average_points(images, weights.each, work.moved)
-    subtract(images, work.moved)
+    periods = work.linear.rules.state_periods
+    average_points(images, weights.each, periods, work.moved)
+    subtract(images, work.moved, periods)
     cross_of(work.root, images, weights, work.cross)
     spread_of(images, weights, Q, next_covariance)
     for a in range(n):
@@ -148,8 +158,8 @@ def predict_unscented(
 
 @inlined_kernel
 def correct_unscented(
-    functions: Functions, weights: Weights, R: Array, y: Array, u: Array, mean: Array,
-    covariance: Array, innovation: Array, work: FilterWork,
+    functions: Functions, weights: Weights, y: Array, u: Array, mean: Array,
+    covariance: Array, innovation: Array, weight: float, work: FilterWork,
 ) -> float:  # fmt: skip
     """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
@@ -164,18 +174,24 @@ def correct_unscented(
         call(functions.h, (points[i], u, expected))
         assign(images[i], expected)
     # y = sum w h(X)
-    average_points(images, weights.each, expected)
+    periods, R = linear.rules.output_periods, linear.noise
+    average_points(images, weights.each, periods, expected)
     if not innovate(y, expected, innovation, work):
         return math.nan
     # S = sum w (h(X) - y) (h(X) - y)' + R
-    subtract(images, expected)
+    subtract(images, expected, periods)
     spread_of(images, weights, R, linear.factor)
+    gate(innovation, linear)
     log_likelihood = factor_innovation(innovation, linear.factor, linear)
+    if linear.rules.forgetting > 0.0:
+        learn_noise(innovation, weight, linear)
     # K = sum w (X - x) (h(X) - y)' S^-1
     cross_of(work.root, images, weights, linear.cross)
     kalman_gain(linear)
     # x = x + K e
-    subtract(points, mean)
+    for i in range(len(points)):
+        for a in range(n):
+            points[i, a] -= mean[a]
     correct_mean(mean, innovation, linear)
     # P = sum w r r' + K R K'
     spread_after(R, weights, linear.gain, points, images, covariance)

@@ -16,6 +16,7 @@ from reobserve.core.discretisation import held_noise, zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_positive
 from reobserve.core.value import Value, for_loop
+from reobserve.systems.periods import Periods, as_periods
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
@@ -78,6 +79,10 @@ class LinearModel(Value):
         Refuse a transition that looks like one of continuous time, see below.
     state_names, input_names, output_names
         Names of the signals, with which runs are labelled; left out, they are numbered.
+    state_periods, output_periods
+        Of angles: the difference after which a state or an output is the same again, such as 360,
+        by name or as a list with None for what is no angle. Innovations are then the shortest way
+        round, and estimates of such a state are within half a period of zero.
 
     Raises
     ------
@@ -112,6 +117,8 @@ class LinearModel(Value):
     state_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    state_periods: Array | None = field(default=None, kw_only=True)
+    output_periods: Array | None = field(default=None, kw_only=True)
     ode: Ode | None = field(default=None, init=False, repr=False)
 
     if TYPE_CHECKING:  # the parameters accept more types than the attributes have
@@ -130,6 +137,8 @@ class LinearModel(Value):
             state_names: Sequence[str] | None = ...,
             input_names: Sequence[str] | None = ...,
             output_names: Sequence[str] | None = ...,
+            state_periods: Periods | None = ...,
+            output_periods: Periods | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -162,6 +171,9 @@ class LinearModel(Value):
         put("check", check)
         for name, size in (("state_names", n), ("input_names", p), ("output_names", m)):
             put(name, as_names(name, getattr(self, name), size))
+        for kind, size in (("state", n), ("output", m)):
+            key, names = f"{kind}_periods", getattr(self, f"{kind}_names")
+            put(key, as_periods(key, getattr(self, key), size, names))
 
     @classmethod
     def from_ode(

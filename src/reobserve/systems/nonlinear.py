@@ -21,6 +21,7 @@ from reobserve.core.matrices import as_floats, as_numbers, as_positive, as_scala
 from reobserve.core.value import for_loop, read_only
 from reobserve.systems.nonlinear_flow import Functions
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
+from reobserve.systems.periods import Periods, as_periods
 from reobserve.systems.signal_names import as_names
 from reobserve.systems.text_functions import compiled_rows
 from reobserve.systems.user_function import UserFunction
@@ -65,6 +66,8 @@ class NonlinearModel:
     state_names, input_names, output_names
         Names of the signals, which texts are written in and runs are labelled with. Texts need
         those of states and of inputs; other names may be left out.
+    state_periods, output_periods
+        Of angles, as `LinearModel` has them; then f and h must be the same after a period.
     parameters
         Values by name: of further names in texts, and of p in Python functions. They are read at
         run time, so that a model with other values compiles nothing.
@@ -117,6 +120,8 @@ class NonlinearModel:
     state_names: tuple[str, ...] | None = None
     input_names: tuple[str, ...] | None = None
     output_names: tuple[str, ...] | None = None
+    state_periods: Array | None = None
+    output_periods: Array | None = None
     parameters: Mapping[str, float] | None = None
     scale: Array | None = None
     sampling_period: float = 1.0
@@ -130,7 +135,8 @@ class NonlinearModel:
             F: JacobianFunction | None = ..., H: JacobianFunction | None = ..., *,
             states: int | None = ..., inputs: int | None = ..., outputs: int | None = ...,
             state_names: Sequence[str] | None = ..., input_names: Sequence[str] | None = ...,
-            output_names: Sequence[str] | None = ..., parameters: Mapping[str, float] | None = ...,
+            output_names: Sequence[str] | None = ..., state_periods: Periods | None = ...,
+            output_periods: Periods | None = ..., parameters: Mapping[str, float] | None = ...,
             scale: ArrayLike | None = ..., sampling_period: float = ..., substeps: int = ...,
             density: ArrayLike | None = ...,
         ) -> None: ...  # fmt: skip
@@ -157,6 +163,10 @@ class NonlinearModel:
                 raise InputError("fh"[kind == "output"], f"has {length} texts, must have {size}")
             put(self, f"{kind}_names", names)
             put(self, f"{kind}s", size)
+            if kind != "input":
+                key = f"{kind}_periods"
+                periods = as_periods(key, getattr(self, key), size, names)
+                put(self, key, None if periods is None else read_only(periods))
         as_names("input_names", list(self._variables))  # of which none may be a state's
         put(self, "parameters", _as_parameters(self.parameters, self._variables))
         put(self, "Q", read_only(as_covariance("Q", self.Q, self.states)))

@@ -1,0 +1,74 @@
+"""Periods of signals that are angles, after which they are the same again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.matrices import as_positive
+
+Array = NDArray[np.float64]
+Periods = Mapping[str, float] | Sequence[float | None]
+
+
+def as_periods(key: str, value: Any, size: int, names: Sequence[str] | None) -> Array | None:
+    """The periods of signals, shape (size,), zero where there is none; None if all have none.
+
+    Parameters
+    ----------
+    key
+        The name of the argument.
+    value
+        A list of ``size`` positive numbers, or None where a signal has no period; or numbers by the
+        names of signals.
+    size, names
+        Of the signals.
+
+    Raises
+    ------
+    InputError
+        If it is not that.
+    """
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        known = tuple(names or ())
+        for name in value:
+            if name not in known:
+                problem = f"{shown(name)} is no name of a signal{nearest(str(name), known)}"
+                raise InputError(key, problem)
+        value = [value.get(name) for name in known]
+    given = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(given, list | tuple) or len(given) != size:
+        raise InputError(key, f"{shown(value)} must be a list of {size} periods, None for none")
+    found = np.zeros(size)
+    for place, one in enumerate(given):
+        if one is not None and one != 0:  # as this function itself writes none
+            found[place] = as_positive(f"{key}[{place}]", one)
+    return found if found.any() else None
+
+
+def wrapped(values: ArrayLike, periods: ArrayLike) -> Array:
+    """Values, or differences of them, moved by whole periods to within half of one around zero.
+
+    Parameters
+    ----------
+    values
+        Shape (..., n).
+    periods
+        Shape (n,), or one number; zero where there is none.
+
+    Examples
+    --------
+    >>> from reobserve.systems.periods import wrapped
+    >>> print(wrapped([350.0, -200.0, 10.0], 360.0))
+    [-10. 160.  10.]
+    """
+    found, period = np.asarray(values, dtype=np.float64), np.asarray(periods, dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        turns = np.floor(found / np.where(period > 0, period, np.inf) + 0.5)
+    return np.asarray(found - period * np.nan_to_num(turns, posinf=0.0, neginf=0.0))
