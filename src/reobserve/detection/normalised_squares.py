@@ -13,15 +13,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri
+from scipy.special import chdtrc, chdtri
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.core.matrices import as_numbers, as_scalar
 from reobserve.observers.run import Run
+from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
+
+_LARGEST = 1000.0  # a distance whose probability is a float
 
 
 def normalised(run: Run[Any]) -> tuple[Array, Array]:
@@ -38,9 +41,11 @@ def normalised(run: Run[Any]) -> tuple[Array, Array]:
     Returns
     -------
     distances
-        Shape (k,), nan where a measurement or a part of it is missing.
+        Shape (k,), nan where a measurement is missing. Of a row of which only some outputs were
+        measured, it is that of the same probability with m of them, so that all are chi-squared
+        with m degrees of freedom.
     whitened
-        Shape (k, m).
+        Shape (k, m), nan for what is missing.
 
     Raises
     ------
@@ -58,7 +63,15 @@ def normalised(run: Run[Any]) -> tuple[Array, Array]:
     [ 1.  1. 16.] [ 1.  1. -4.]
     """
     run = as_kind("run", run, Run)
-    return _normalised(run["innovation"], run["innovation_covariance"])
+    distances, whitened = _normalised(run["innovation"], run["innovation_covariance"])
+    m = whitened.shape[-1]
+    measured = (~np.isnan(whitened)).sum(axis=-1)
+    for count in range(1, m):
+        some = measured == count
+        taken = np.minimum(distances[some], _LARGEST)
+        same = chdtri(m, chdtrc(count, taken))
+        distances[some] = same + (distances[some] - taken)
+    return distances, whitened
 
 
 def nees(run: Run[Any], state: ArrayLike) -> Array:
@@ -89,7 +102,8 @@ def nees(run: Run[Any], state: ArrayLike) -> Array:
     estimates, truth = run["state"], as_numbers("state", state)
     if truth.shape != estimates.shape:
         raise InputError("state", f"has shape {truth.shape}, must be {estimates.shape}")
-    return _normalised(truth - estimates, run["covariance"])[0]
+    errors = wrapped(truth - estimates, run.periods.get("state", 0.0))
+    return _normalised(errors, run["covariance"])[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,13 +202,18 @@ def consistency(distances: ArrayLike, dimension: int, probability: float = 0.95)
 
 
 def _normalised(errors: Array, covariances: Array) -> tuple[Array, Array]:
-    missing = np.asarray(np.isnan(errors).any(axis=-1))
-    spread = np.where(missing[..., None, None], np.eye(errors.shape[-1]), covariances)
+    """The distances and whitened errors of what is there; nan where nothing is."""
+    missing = np.isnan(errors)
+    either = missing[..., :, None] | missing[..., None, :]
+    spread = np.where(either, np.eye(errors.shape[-1]), covariances)
     try:
         root = np.linalg.cholesky(spread)
     except np.linalg.LinAlgError:
         raise InputError("run", "has a covariance that is not positive definite") from None
-    known: Array = np.where(missing[..., None], np.nan, errors)
-    whitened: Array = np.asarray(np.linalg.solve(root, known[..., None])[..., 0], dtype=np.float64)
+    known = np.where(missing, 0.0, errors)
+    whitened = np.asarray(np.linalg.solve(root, known[..., None])[..., 0], dtype=np.float64)
     with np.errstate(over="ignore"):
-        return (whitened**2).sum(axis=-1), whitened
+        distances = (whitened**2).sum(axis=-1)
+    distances[missing.all(axis=-1)] = np.nan
+    whitened[missing] = np.nan
+    return distances, whitened

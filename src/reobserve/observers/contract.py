@@ -97,6 +97,11 @@ class Observer(Value, ABC, Generic[StateKind]):
         """Names of components of estimates, for each axis of one, where the model has them."""
         return names_by_model(getattr(self, "model", None))
 
+    @property
+    def _periods(self) -> Mapping[str, Array]:
+        """The periods of components of estimates that are angles, by name."""
+        return {}
+
     @abstractmethod
     def _checked(self, state: Any) -> StateKind:
         """The state as the loop takes it, or `InputError` if it is of no such observer."""
@@ -265,7 +270,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             after, diverged_at = start, self._last_finite(start, times, good)
         return Run(
             times[:good], estimates, self._units_of(estimates), after, diverged_at, left, missing,
-            self.component_names, None if index is None else index[:good],
+            self.component_names, None if index is None else index[:good], self._periods,
         )  # fmt: skip
 
     def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Many:

@@ -159,6 +159,11 @@ class GaussianFilter(Observer[KalmanState]):
             0.0 if memory is None else min(1.0, self.sampling_period / memory),
         )  # fmt: skip
 
+    @property
+    def _periods(self) -> Mapping[str, Array]:
+        found = self.model.state_periods
+        return {} if found is None else dict.fromkeys(("state", "predicted_state"), found)
+
     def _work(self) -> Any:
         """New scratch for the compiled loops."""
         return self.steps.work(self.whole.states, self.whole.outputs, self._rules)
@@ -421,7 +426,7 @@ class GaussianFilter(Observer[KalmanState]):
             np.array([one.covariance for one in posteriors]),
             np.array([one.error for one in posteriors]),
             np.array([one.noise for one in states]) if learned else np.empty((len(states), 1)),
-            np.array([float(one.count) for one in states]),
+            np.array([float(one.count + (one.sample is not None)) for one in states]),
         )
 
     @cached_property

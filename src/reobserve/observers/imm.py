@@ -223,13 +223,18 @@ class IMM(Observer[ImmState]):
         if len(problems) == len(self._linear):
             raise problems[0]
 
+    @property
+    def _periods(self) -> Mapping[str, Array]:
+        found, _ = _periods(self.filters[0])
+        return {"state": found} if found.any() else {}
+
     @cached_property
     def _rules(self) -> Rules:
-        """The settings of the filters beside their models."""
+        """The settings of the filters beside their models; the gate is the bank's."""
         x, y = _periods(self.filters[0])
         memory = self.noise_memory
         return Rules(
-            for_loop(x), for_loop(y), np.inf if self.gate is None else self.gate, False,
+            for_loop(x), for_loop(y), np.inf, False,
             0.0 if memory is None else min(1.0, self.sampling_period / memory),
         )  # fmt: skip
 
@@ -339,7 +344,7 @@ class IMM(Observer[ImmState]):
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
         parts = state.means, state.covariances, state.errors, state.log_probabilities
         noise = np.ones(m) if state.noise is None else state.noise.copy()
-        count = np.array([float(state.count)])
+        count = np.array([float(state.count + (state.sample is not None))])
         posteriors = Posteriors(*(part.copy() for part in parts), noise, count)
         inputs, fresh = inputs_of_rows(state.sample, record)[:, None], state.sample is None
         gated, learned = self.gate is not None, self.noise_memory is not None
@@ -357,7 +362,10 @@ class IMM(Observer[ImmState]):
                 model, inputs, held = self._in_record(state, record, inputs)
             with RaisedAfterLoop():
                 good = run_bank(
-                    Bank(model, self._parameters, for_loop(self.transition), self.mixing),
+                    Bank(
+                        model, self._parameters, for_loop(self.transition), self.mixing,
+                        np.inf if self.gate is None else self.gate,
+                    ),
                     self._linear[0].method.function, posteriors, record.y, inputs, fresh,
                     new_bank_work(posteriors, self.mixing, self._rules), rows,
                 )  # fmt: skip

@@ -27,12 +27,13 @@ FAR = -1000.0  # a logarithm below this loses digits of the logarithm of a sum t
 
 
 class Bank(NamedTuple):
-    """Matrices of all filters by row, (., r, ...), their parameters, and p_ij of the chain."""
+    """Matrices of all filters by row, (., r, ...), their parameters, p_ij of the chain, the gate."""
 
     model: ModelRows
     parameters: Array
     transition: Array
     mixing: bool
+    gate: float = math.inf
 
 
 class Posteriors(NamedTuple):
@@ -249,7 +250,7 @@ def leave_out_outliers(
             if not abs(deviations) >= abs(outliers[o]):
                 outliers[o] = deviations
     for o in range(len(measurement)):
-        beyond = abs(outliers[o]) > one.rules.gate
+        beyond = abs(outliers[o]) > bank.gate
         work.taken[o] = math.nan if beyond else measurement[o]
         if not beyond:
             outliers[o] = 0.0
@@ -277,7 +278,7 @@ def correct(
     R, log_likelihoods = bank.model.R[min(k, len(bank.model.R) - 1)], work.log_likelihoods
     rules = work.of_filter.rules
     weight = max(rules.forgetting, 1.0 / (posteriors.count[0] + k + BEGUN))
-    if rules.gate < math.inf:
+    if bank.gate < math.inf:
         leave_out_outliers(bank, k, measurement, controls, posteriors, outliers, work)
         measurement = work.taken
     missing = linear.is_missing(measurement)

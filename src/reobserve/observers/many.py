@@ -87,5 +87,5 @@ def run_many(
     return Run(
         times, found.estimates, observer._units_of(found.estimates), tuple(found.states),
         diverged_at if np.isfinite(diverged_at).any() else None, found.before,
-        np.array(missing), observer.component_names,
+        np.array(missing), observer.component_names, periods=observer._periods,
     )  # fmt: skip

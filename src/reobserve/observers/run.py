@@ -68,6 +68,7 @@ class Run(Generic[StateKind]):
     run started from. ``component_names`` name the components of estimates, a tuple for each axis,
     where the model names its signals; an axis without names is None. ``run["state_position"]`` is
     the component of that name. ``index`` is that of the frame of measurements, if it is of times.
+    ``periods`` are those of the components of estimates that are angles, zero for the others.
 
     A run of many records has estimates (records, k, ...), nan from where one diverged, a tuple of
     states, and in ``diverged_at`` and ``missing`` an entry each, nan where one did not diverge;
@@ -92,6 +93,7 @@ class Run(Generic[StateKind]):
     missing: Any = 0
     component_names: Mapping[str, AxisNames] = field(default_factory=dict)
     index: Any = None
+    periods: Mapping[str, Array] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
         if isinstance(name, str) and name not in self.estimates:
@@ -140,6 +142,7 @@ class Run(Generic[StateKind]):
             {name: values[number, :good] for name, values in self.before.items()},
             int(self.missing[number]),
             self.component_names,
+            periods=self.periods,
         )
 
     def __len__(self) -> int:

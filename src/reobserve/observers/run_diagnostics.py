@@ -26,8 +26,9 @@ class Diagnostics:
     Attributes
     ----------
     far
-        Rows with an innovation e of more than ten of its standard deviations: outliers, angles
-        that wrap, wrong units, a start that was taken for certain.
+        Rows with an innovation e of more than ten of its standard deviations, or beyond the
+        filter's gate: outliers, angles whose period is not given, wrong units, a start that was
+        taken for certain.
     inflated
         Rows at which the sum of e' S^-1 e over the last 1, 2, 4, ..., 1024 measured rows is too
         large for its chi-squared distribution: noise that is larger than stated, or another model.
@@ -61,6 +62,8 @@ def diagnose(run: Run[Any]) -> Diagnostics:
     e, S, P = (run[name] for name in needed)
     with np.errstate(invalid="ignore", divide="ignore"):
         far = (np.abs(e) > _FAR * np.sqrt(np.einsum("kii->ki", S))).any(axis=1)
+    if "outlier" in run:
+        far |= run["outlier"].any(axis=1)
     whole = np.isfinite(e).all(axis=1) & np.isfinite(S).all(axis=(1, 2))
     e, S, rows = e[whole], S[whole], np.flatnonzero(whole)
     # d = e' S^-1 e

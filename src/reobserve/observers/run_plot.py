@@ -40,16 +40,21 @@ def plot(run: Run[Any], names: list[str], known: Mapping[str, ArrayLike]) -> Any
     axes = figure.subplots(max(len(values), 1), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, rows) in zip(axes, values.items(), strict=False):
         centre, spread = _band(run, name, rows)
+        periods = run.periods.get(name, np.zeros(rows.shape[1]))
         for column in range(min(rows.shape[1], _MAX_LINES)):
-            (line,) = ax.plot(run.time, rows[:, column], label=labels[name][column], linewidth=1.2)
+            period = periods[column]
+            drawn = _without_turns(run.time, rows[:, column], period)
+            (line,) = ax.plot(*drawn, label=labels[name][column], linewidth=1.2)
             if name in true:
-                ax.plot(run.time, true[name][:, column], color="0.6", linewidth=2.5, zorder=1)
+                behind = _without_turns(run.time, true[name][:, column], period)
+                ax.plot(*behind, color="0.6", linewidth=2.5, zorder=1)
             if spread is not None:
                 middle, wide = centre[:, column], 2.0 * spread[:, column]
+                edges = [_without_turns(run.time, middle, period, off) for off in (-wide, wide)]
+                (time, low), (_, high) = edges
                 ax.fill_between(
-                    run.time, middle - wide, middle + wide, color=line.get_color(), alpha=0.2,
-                    linewidth=0, zorder=0,
-                )  # fmt: skip
+                    time, low, high, color=line.get_color(), alpha=0.2, linewidth=0, zorder=0
+                )
         unit = run.units.get(name)
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
         if rows.shape[1] > 1 or name in run.component_names:
@@ -59,6 +64,14 @@ def plot(run: Run[Any], names: list[str], known: Mapping[str, ArrayLike]) -> Any
             ax.axvline(run.diverged_at, color="0.3", linestyle=":", label="diverged")
     axes[-1].set_xlabel("time [s]")
     return figure
+
+
+def _without_turns(
+    time: Array, values: Array, period: float, off: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """A line, interrupted where an angle goes round: times and values, with nan between rows."""
+    turns = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * period) + 1 if period else []
+    return np.insert(time, turns, time[turns]), np.insert(values + off, turns, np.nan)
 
 
 def _band(run: Run[Any], name: str, rows: Array) -> tuple[Array, Array | None]:

@@ -136,6 +136,7 @@ def rts_smoother(
     return Run(
         run.time, estimates, dict.fromkeys(estimates, ""), run.state, run.diverged_at,
         missing=run.missing, component_names=filter.component_names, index=run.index,
+        periods=run.periods,
     )  # fmt: skip
 
 

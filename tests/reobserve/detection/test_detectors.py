@@ -173,13 +173,20 @@ def test_bounds_follow_the_number_of_records_that_are_there() -> None:
     )
 
 
-def test_partly_missing_measurement_has_no_distance() -> None:
-    y = np.ones((3, 2))
-    y[1, 0] = np.nan
+def test_partly_missing_measurement_has_the_distance_of_the_same_probability() -> None:
+    y = np.ones((4, 2))
+    y[1, 0] = y[2] = np.nan
     kalman = KalmanFilter(TWO)
-    distances, whitened = normalised(kalman.run(y, state=kalman.init(np.zeros(2), np.eye(2))))
-    assert np.isnan(distances).tolist() == [False, True, False]
-    assert np.isnan(whitened[1]).all()
+    run = kalman.run(y, state=kalman.init(np.zeros(2), np.eye(2)))
+    distances, whitened = normalised(run)
+    assert np.isnan(distances).tolist() == [False, False, True, False]
+    assert np.isnan(whitened).tolist() == [[False] * 2, [True, False], [True] * 2, [False] * 2]
+    alone = run["innovation"][1, 1] ** 2 / run["innovation_covariance"][1, 1, 1]
+    assert whitened[1, 1] ** 2 == pytest.approx(alone)
+    assert stats.chi2.sf(distances[1], 2) == pytest.approx(stats.chi2.sf(alone, 1))
+    y[1, 1] = 1e6  # whose probability is no float
+    distances, whitened = normalised(kalman.run(y, state=run.state.__class__(run.state.posterior)))
+    assert distances[1] == pytest.approx(whitened[1, 1] ** 2, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,174 @@
+"""Angles: a filter across the cut is the same filter turned away from it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reobserve import (
+    IMM,
+    AugmentedKalmanFilter,
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    LinearModel,
+    NonlinearModel,
+    UnscentedKalmanFilter,
+    rts_smoother,
+)
+from reobserve.core.errors import InputError
+from reobserve.detection import nees
+from reobserve.systems.periods import wrapped
+
+PERIOD, STEP = 0.1, 0.5
+TURN = np.array([[-1.0, 0.0], [0.0, -1.0]])  # half a turn about the sensor
+
+
+def bearings(turned: bool) -> NonlinearModel:
+    """A point that moves past a sensor at the origin, which measures its bearing."""
+    return NonlinearModel(
+        lambda s: np.array([s[0] + PERIOD * s[2], s[1] + PERIOD * s[3], s[2], s[3]]),
+        lambda s: np.array([np.arctan2(s[1], s[0])]),
+        [1e-6] * 4, 1e-4, states=4, outputs=1, sampling_period=PERIOD,
+        output_periods=None if turned else [2 * np.pi],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
+def test_bearing_filter_across_the_cut_is_the_turned_filter(kind: type) -> None:
+    path = np.array([np.full(300, -10.0), 5 - PERIOD * STEP * np.arange(300)]).T
+    noise = 0.01 * np.random.default_rng(0).standard_normal(300)
+    across = wrapped(np.arctan2(path[:, 1], path[:, 0]) + noise, 2 * np.pi)
+    away = wrapped(across + np.pi, 2 * np.pi)
+    assert np.abs(np.diff(across)).max() > 6
+    assert np.abs(np.diff(away)).max() < 0.1
+    found = {}
+    for turned, y in ((False, across), (True, away)):
+        observer = kind(bearings(turned))
+        sign = -1.0 if turned else 1.0
+        start = sign * np.array([-10, 5, 0, -STEP])
+        run = observer.run(y, state=observer.init(start, [1, 1, 0.01, 0.01]))
+        smooth = rts_smoother(observer, run)
+        found[turned] = [sign * run["state"], sign * smooth["state"], run["covariance"]]
+        np.testing.assert_allclose(run["innovation"], found[False][0][:, :1] * 0, atol=0.05)
+    for one, other in zip(found[False], found[True], strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)
+    assert np.abs(found[False][0][:, :2] - path).max() < 1.0
+
+
+def compass(**periods: object) -> LinearModel:
+    """A heading and its rate, in degrees."""
+    return LinearModel(
+        [[1, PERIOD], [0, 1]], C=[[1, 0]], Q=[1e-2, 1e-1], R=4.0, sampling_period=PERIOD,
+        state_names=["heading", "rate"], output_names=["compass"], **periods,
+    )  # fmt: skip
+
+
+HEADING = 25.0 * PERIOD * np.arange(400) + 30.0
+STRAIGHT = HEADING + 2.0 * np.random.default_rng(1).standard_normal(400)
+COMPASS = STRAIGHT % 360.0
+
+
+def test_heading_that_goes_round_is_the_one_that_goes_on() -> None:
+    straight = KalmanFilter(compass())
+    expected = straight.run(STRAIGHT, state=straight.init([30, 0], 100.0))
+    smooth = rts_smoother(straight, expected)
+    goes_on = KalmanFilter(compass(output_periods=[360.0]))
+    run = goes_on.run(COMPASS, state=goes_on.init([30, 0], 100.0))
+    np.testing.assert_allclose(run["state"], expected["state"], atol=1e-9)
+    wraps = KalmanFilter(compass(output_periods={"compass": 360}, state_periods={"heading": 360}))
+    run = wraps.run(COMPASS, state=wraps.init([30, 0], 100.0))
+    np.testing.assert_allclose(run["state"], wrapped(expected["state"], [360, 0]), atol=1e-9)
+    assert np.abs(run["state_heading"]).max() <= 180.0
+    np.testing.assert_allclose(
+        rts_smoother(wraps, run)["state"], wrapped(smooth["state"], [360, 0]), atol=1e-9
+    )
+    truth = np.column_stack([HEADING % 360.0, np.full(400, 25.0)])
+    np.testing.assert_allclose(
+        nees(run, truth), nees(expected, np.column_stack([HEADING, truth[:, 1]])), atol=1e-7
+    )
+    state = wraps.init([30, 0], 100.0)
+    for row, y in zip(run["state"], COMPASS, strict=True):
+        state, estimate = wraps.step(state, y)
+        assert np.array_equal(estimate["state"], row)
+
+
+def test_augmented_filter_and_bank_go_round() -> None:
+    bias = {"fault_matrix": [[0.0], [1.0]], "random_walk": 1e-3}
+    straight = AugmentedKalmanFilter(compass(), **bias)
+    wraps = AugmentedKalmanFilter(
+        compass(output_periods=[360], state_periods=[360, None]), **bias
+    )
+    expected = straight.run(STRAIGHT, state=straight.init([30, 0], 100.0))
+    run = wraps.run(COMPASS, state=wraps.init([30, 0], 100.0))
+    np.testing.assert_allclose(run["unknown_input"], expected["unknown_input"], atol=1e-9)
+    np.testing.assert_allclose(run["state"], wrapped(expected["state"], [360, 0]), atol=1e-9)
+
+    def bank(**periods: object) -> IMM:
+        slow, quick = compass(**periods), compass(**periods)
+        quick = LinearModel(
+            quick.A, C=quick.C, Q=[1e-2, 50.0], R=4.0, sampling_period=PERIOD,
+            state_periods=quick.state_periods, output_periods=quick.output_periods,
+        )  # fmt: skip
+        return IMM([KalmanFilter(slow), KalmanFilter(quick)], [[0.95, 0.05], [0.1, 0.9]])
+
+    straight_bank = bank()
+    expected = straight_bank.run(STRAIGHT, state=straight_bank.init([30, 0], 100.0))
+    for mixed in (bank(output_periods=[360], state_periods=[360, None]),):
+        run = mixed.run(COMPASS, state=mixed.init([30, 0], 100.0))
+        np.testing.assert_allclose(run["probability"], expected["probability"], atol=1e-9)
+        np.testing.assert_allclose(run["covariance"], expected["covariance"], atol=1e-8)
+        np.testing.assert_allclose(run["state"], wrapped(expected["state"], [360, 0]), atol=1e-9)
+
+
+def test_nonlinear_state_goes_round_through_sigma_points_and_one_by_one_in_a_bank() -> None:
+    def model(round_: bool) -> NonlinearModel:
+        return NonlinearModel(
+            ["heading + 0.1*rate", "rate"], ["heading"], [1e-2, 1e-1], 4.0,
+            state_names=["heading", "rate"], sampling_period=PERIOD,
+            state_periods={"heading": 360} if round_ else None,
+            output_periods=[360] if round_ else None,
+        )  # fmt: skip
+
+    for kind in (UnscentedKalmanFilter, ExtendedKalmanFilter):
+        found = []
+        for round_, y in ((False, STRAIGHT), (True, COMPASS)):
+            observer = kind(model(round_))
+            run = observer.run(y, state=observer.init([30, 0], 100.0))
+            both = IMM([observer, observer], [[0.9, 0.1], [0.1, 0.9]])
+            banked = both.run(y[:60], state=both.init([30, 0], 100.0))
+            smooth = rts_smoother(observer, run)
+            found.append([run["state"], smooth["state"], banked["state"], run["covariance"]])
+        for straight, wraps in zip(*(one[:3] for one in found), strict=True):
+            np.testing.assert_allclose(wrapped(straight, [360, 0]), wraps, atol=1e-8)
+        np.testing.assert_allclose(found[0][3], found[1][3], atol=1e-8)
+
+
+def test_line_of_an_angle_is_interrupted_where_it_goes_round() -> None:
+    observer = KalmanFilter(compass(output_periods=[360], state_periods=[360, None]))
+    run = observer.run(COMPASS, state=observer.init([30, 0], 100.0))
+    heading, rate = run.plot(["state"], known={"state": run["state"]}).axes[0].lines[::2]
+    turns = np.isnan(heading.get_ydata()).sum()
+    assert turns == (np.abs(np.diff(run["state_heading"])) > 180).sum() > 2
+    assert not np.isnan(rate.get_ydata()).any()
+
+
+@pytest.mark.parametrize(
+    ("periods", "message"),
+    [
+        ({"output_periods": [360, 360]}, "must be a list of 1 periods"),
+        ({"output_periods": [-1]}, r"output_periods\[0\]"),
+        ({"output_periods": {"compas": 360}}, "compass"),
+        ({"state_periods": 360}, "must be a list of 2 periods"),
+    ],
+)
+def test_periods_that_are_none_are_refused(periods: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        compass(**periods)
+
+
+def test_correlated_noise_with_angles_and_banks_of_different_periods_are_refused() -> None:
+    observer = KalmanFilter(compass(output_periods=[360]))
+    with pytest.raises(InputError, match="S: must be left out where outputs have periods"):
+        observer.run(COMPASS, state=observer.init([30, 0], 1.0), S=[[0.0], [0.1]])
+    with pytest.raises(InputError, match=r"filters\[1\]: has other periods"):
+        IMM([observer, KalmanFilter(compass())], [[0.9, 0.1], [0.1, 0.9]])
