@@ -91,8 +91,9 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     def call() -> int:
         covariances = np.tile(np.eye(4), (3, 1, 1))
         posteriors = Posteriors(
-            np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0))
-        )
+            np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0)),
+            np.ones(1), np.zeros(1),
+        )  # fmt: skip
         work = new_bank_work(posteriors, compiled.mixing)
         return run_bank(compiled, gain, posteriors, z, held, False, work, rows)
 

@@ -6,16 +6,12 @@
 
 Measurements ``y`` and known inputs ``u`` of one sample stand in the same row, ``sampling_period``
 seconds after the row before; u is the input from that sample on. The estimate of a row is made
-from the rows up to it. An observer is a frozen dataclass of its model of the plant and then its
-gains, with ``sampling_period`` by its name; its state is a value; `run` is one compiled loop over
-the arithmetic of `step`, so that both give bitwise identical results.
+from the rows up to it. An observer is a frozen dataclass of its model and then its gains. `run` is
+one compiled loop over the arithmetic of `step`, so that both give bitwise identical results.
 
 What a method needs between samples it has by a rule of its own, which each observer states; who
 knows more of it gives it as ``middle`` and ``before``. Filters take more by name, such as matrices
-of their model for each row: `Observer.takes`.
-
-A record is an array (k, m); many records of equal length are (records, k, m), and their estimates
-have that axis, too.
+of their model for each row: `Observer.takes`. Many records of equal length are (records, k, m).
 """
 
 from __future__ import annotations
@@ -61,9 +57,8 @@ StateKind = TypeVar("StateKind", bound=ObserverState)
 class Observer(Value, ABC, Generic[StateKind]):
     """The base class of observers: `step`, `run`, and the checks of their arguments.
 
-    A class that derives from it is a frozen dataclass and says what it reads, what it estimates
-    and how its loop is called: `_integrate` where it takes steps between the rows, `_fill` where
-    it goes from row to row.
+    A class that derives from it says what it reads, what it estimates and how its loop is called:
+    `_integrate` where it takes steps between the rows, `_fill` where it goes from row to row.
 
     Parameters
     ----------
@@ -245,7 +240,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             whether a shorter step would have helped.
         """
         loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
-        if np.ndim(y) == 3 if isinstance(y, np.ndarray) else depth_of(y) == 3:
+        if (np.ndim(y) if isinstance(y, np.ndarray) else depth_of(y)) == 3:
             for name, pair in (("before", before), ("middle", middle)):
                 if pair is not None:
                     raise InputError(name, "must be left out with many records")

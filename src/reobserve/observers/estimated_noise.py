@@ -7,6 +7,7 @@ makes has the factor (R / S)^2, so that the estimate takes (S / R)^2 times its m
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,12 @@ from reobserve.core.errors import InputError
 from reobserve.systems.linear import LinearModel
 
 LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundred memories
+
+
+def refuse_noise(observer: Any, given: Mapping[str, Any]) -> None:
+    """Refuse an R that is given by row to a filter that estimates it."""
+    if "R" in given and observer.noise_memory is not None:
+        raise InputError("R", "must be left out: noise_memory says that it is estimated")
 
 
 def check_noise_memory(observer: Any) -> None:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import inlined_kernel
+from reobserve.observers.filter_rules import learn_noise
 from reobserve.observers.linear_steps import (
     correct_covariance,
     correct_mean,
     kalman_gain,
-    learn_noise,
     log_likelihood_of,
 )
 from reobserve.observers.nonlinear_filter_work import FilterWork, innovate

@@ -4,9 +4,8 @@ The first row of a record corrects the estimate that `init` was given; before ea
 filter predicts with the input of the row before, and corrects with that of the row itself.
 `predict` and `correct` are the two halves, which a bank of filters calls one by one.
 
-A nan in a row of measurements stands for a number that was not measured: its innovation is nan, and
-the run counts such rows. The other numbers of the row correct as if they alone were measured; over
-a row of nothing but nan the filter predicts.
+A nan in a row of measurements was not measured: its innovation is nan, and the run counts such
+rows. The other numbers of the row correct as if they alone were measured.
 """
 
 from __future__ import annotations
@@ -21,11 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_word
 from reobserve.core.covariances import as_covariance
-from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.errors import InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
-from reobserve.core.matrices import as_positive, as_row, as_samples, as_vector
-from reobserve.core.value import for_loop
+from reobserve.core.matrices import as_positive, as_vector
+from reobserve.observers import filter_halves
 from reobserve.observers.contract import Observer
+from reobserve.observers.estimated_noise import check_noise_memory, refuse_noise
+from reobserve.observers.filter_records import can_run_together, posteriors_of, run_together
+from reobserve.observers.filter_rules import Rules
 from reobserve.observers.gaussian_state import (
     Correction,
     FilterSteps,
@@ -33,32 +35,26 @@ from reobserve.observers.gaussian_state import (
     InRecord,
     KalmanState,
     Matrices,
-    ModeFilter,
     check_held,
     check_noise,
     check_posterior,
     check_sample,
     check_time,
     inputs_of_rows,
+    periods_of,
     reached,
     sample_before,
 )
-from reobserve.observers.estimated_noise import check_noise_memory
 from reobserve.observers.linear_loop import FilterPosteriors, FilterRows, PredictedRows
-from reobserve.observers.linear_steps import Rules
 from reobserve.observers.many import in_threads, part
 from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
-from reobserve.observers.vague_start import warn_of_start, warn_of_starts
-
-__all__ = ["KEPT", "Correction", "Gaussian", "GaussianFilter", "KalmanState", "ModeFilter"]
+from reobserve.observers.vague_start import warn_of_start
 
 Array = NDArray[np.float64]
 
 ROWS_FOR_THREADS = 10_000  # of all records: fewer are done before threads have started
-
-
 KEPT = PredictedRows._fields
 
 
@@ -150,12 +146,10 @@ class GaussianFilter(Observer[KalmanState]):
     @cached_property
     def _rules(self) -> Rules:
         """The filter's settings beside its model, as compiled loops read them."""
-        whole, memory = self.whole, self.noise_memory
-        x, y = whole.state_periods, whole.output_periods
+        memory = self.noise_memory
         return Rules(
-            np.zeros(whole.states) if x is None else for_loop(x),
-            np.zeros(whole.outputs) if y is None else for_loop(y),
-            np.inf if self.gate is None else self.gate, self.outliers == "inflate",
+            *periods_of(self), np.inf if self.gate is None else self.gate,
+            self.outliers == "inflate",
             0.0 if memory is None else min(1.0, self.sampling_period / memory),
         )  # fmt: skip
 
@@ -242,20 +236,7 @@ class GaussianFilter(Observer[KalmanState]):
         DivergenceError
             If the result is not finite; its time counts from there.
         """
-        n, m = self.whole.states, self.whole.outputs
-        posterior = check_posterior("posterior", posterior, n, m)
-        control = as_vector("u", u, self.whole.inputs)
-        model, inputs, _ = self._in_record({}, np.empty((1, m)), np.array([[control, control]]))
-        mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self._work()
-        with RaisedAfterLoop():
-            good = self.steps.predict(
-                model, self.method, inputs[0], for_loop(posterior.mean)[None],
-                for_loop(posterior.covariance)[None], mean, *covariances, work,
-            )  # fmt: skip
-        if not good:
-            cause = int(work.cause[0]) if hasattr(work, "cause") else 0
-            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(cause, ""))
-        return Gaussian(mean[0], covariances[0, 0], posterior.error)
+        return filter_halves.predict(self, posterior, u)
 
     def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
         """Measurement update of a predicted posterior (Gadsden et al. 2011, (13) to (19)).
@@ -269,30 +250,7 @@ class GaussianFilter(Observer[KalmanState]):
             If the covariance of the innovation is not positive definite, or the posterior leaves
             the range of floating-point numbers; its time counts from there.
         """
-        n, m = self.whole.states, self.whole.outputs
-        taken = as_samples("y", as_row("y", y), m, missing=True)[0]
-        control = as_vector("u", u, self.whole.inputs)
-        posterior = check_posterior("posterior", posterior, n, m)
-        if np.isnan(taken).all():
-            return Correction(posterior, np.full(m, np.nan), np.full((m, m), np.nan), 0.0)
-        model, inputs, _ = self._in_record({}, taken[None], np.array([[control, control]]))
-        after = self._posteriors([KalmanState(posterior, noise=self._start_noise)])
-        rows, _, ends = self._filtered(model, inputs, taken[None, None], True, after)
-        if not ends[0, 0]:
-            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(ends[0, 1], ""))
-        return Correction(
-            Gaussian(*(part[0] for part in after[:3])), rows.innovation[0, 0],
-            rows.innovation_covariance[0, 0], float(rows.log_likelihood[0, 0]),
-        )  # fmt: skip
-
-    def innovation_deviation(self, state: KalmanState) -> Array:
-        """The standard deviations of the next row's innovation, shape (m,), if the model is right.
-
-        It raises what `predict` and `correct` do.
-        """
-        ahead = self.predict(self._checked(state).posterior, np.zeros(self.inputs))
-        one = self.correct(ahead, np.zeros(self.measurements), np.zeros(self.inputs))
-        return np.sqrt(np.diag(one.innovation_covariance))
+        return filter_halves.correct(self, posterior, y, u)
 
     def _given(self, given: Mapping[str, Any], rows: int) -> Mapping[str, Any]:
         """The values given by name for k rows, for the model of all that is estimated."""
@@ -397,13 +355,12 @@ class GaussianFilter(Observer[KalmanState]):
     def _fill(self, state: KalmanState, record: Record) -> Rows:
         given = self._given(record.given, len(record.y)) if record.given else record.given
         keep = self._kept(given) if given else ()
-        if "R" in given and self.noise_memory is not None:
-            raise InputError("R", "must be left out: noise_memory says that it is estimated")
+        refuse_noise(self, given)
         y, posterior, fresh = record.y, state.posterior, state.sample is None
         model, inputs, held = self._in_record(
             given, y, inputs_of_rows(state.sample, record)[None], state.held, record.periods
         )  # fmt: skip
-        after = self._posteriors([state])
+        after = posteriors_of(self, [state])
         rows, kept, ends = self._filtered(model, inputs, y[None], fresh, after, keep)
         found = self._named(
             FilterRows(*[one[0] for one in rows]),
@@ -417,18 +374,6 @@ class GaussianFilter(Observer[KalmanState]):
             warn_of_start(posterior.covariance.diagonal(), P.diagonal(0, 1, 2), 5, S)
         return Rows(found, good, last, finding=self.steps.causes[cause] if cause else "")
 
-    def _posteriors(self, states: Sequence[KalmanState]) -> FilterPosteriors:
-        """Copies of what the states hold, which the loops move."""
-        posteriors = [state.posterior for state in states]
-        learned = self.noise_memory is not None
-        return FilterPosteriors(
-            np.array([one.mean for one in posteriors]),
-            np.array([one.covariance for one in posteriors]),
-            np.array([one.error for one in posteriors]),
-            np.array([one.noise for one in states]) if learned else np.empty((len(states), 1)),
-            np.array([float(one.count + (one.sample is not None)) for one in states]),
-        )
-
     @cached_property
     def _sizes(self) -> tuple[int, int, int]:
         return self.whole.states, self.whole.inputs, self.whole.outputs
@@ -437,7 +382,7 @@ class GaussianFilter(Observer[KalmanState]):
         checked = type(state) is KalmanState and vars(state).get("checked") == self._sizes
         if checked and (state.noise is None) is (self.noise_memory is None):
             check_held(state.held, self)  # which may be of a model with other parameters
-            return state
+            return state  # type: ignore[no-any-return]
         given = check_state(state, KalmanState, "")
         n, p, m = self._sizes
         posterior = check_posterior("state.posterior", given.posterior, n, m)
@@ -450,31 +395,6 @@ class GaussianFilter(Observer[KalmanState]):
         return KalmanState(posterior, sample, given.count, held, time, noise)
 
     def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Many:
-        first, one = states[0], records[0]
-        alike = all(
-            (state.sample is None) == (first.sample is None) and state.held is first.held is None
-            for state in states
-        )
-        if not alike or one.periods is not None or "S" in one.given:
-            return super()._run_records(records, states)  # what leads to each row differs
-        given, fresh = self._given(one.given, len(one.y)), first.sample is None
-        if "R" in given and self.noise_memory is not None:
-            raise InputError("R", "must be left out: noise_memory says that it is estimated")
-        pairs = zip(states, records, strict=True)
-        inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
-        y = np.array([record.y for record in records])
-        model, inputs, held = self._in_record(given, y[0], inputs)
-        keep = self._kept(given) if given else ()
-        after = self._posteriors(states)
-        starts = after.covariances.diagonal(0, 1, 2).copy()
-        rows, kept, ends = self._filtered(model, inputs, y, fresh, after, keep)
-        n, _, m = self._sizes
-        if first.count <= n and n * m > 1:
-            P, S = (one[:, : n + 1] for one in rows[1:4:2])
-            warn_of_starts(starts, P.diagonal(0, 2, 3), ends[:, 0], S)
-        causes = self.steps.causes
-        return Many(
-            self._named(rows, kept, keep), {}, ends[:, 0].tolist(),
-            [reached(after, r, states[r], records[r], held, self._sizes) for r in range(len(y))],
-            [causes[cause] if cause else "" for cause in ends[:, 1].tolist()],
-        )  # fmt: skip
+        if can_run_together(records, states):
+            return run_together(self, records, states)
+        return super()._run_records(records, states)  # what leads to each row differs

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples, as_scalar
-from reobserve.core.value import Value, read_only
+from reobserve.core.value import Value, for_loop, read_only
 from reobserve.observers.correlated_noise import TakenOut
 from reobserve.observers.record import Record, check_state
 
@@ -248,3 +248,13 @@ def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
         problem = f"{shown(value)} must be {outputs} measurements and {inputs} finite inputs"
         raise InputError("state.sample", problem)
     return sample
+
+
+def periods_of(one: ModeFilter) -> tuple[Array, Array]:
+    """The periods of angles among states and outputs, zero where there are none."""
+    model = getattr(one, "whole", one.model)
+    sizes = {"state_periods": model.states, "output_periods": model.outputs}
+    found = [getattr(model, name, None) for name in sizes]
+    pairs = zip(found, sizes.values(), strict=True)
+    x, y = (np.zeros(size) if value is None else for_loop(value) for value, size in pairs)
+    return x, y

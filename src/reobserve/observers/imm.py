@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
 from reobserve.core.covariances import as_covariances
-from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.errors import InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import (
     as_floats,
@@ -34,12 +34,11 @@ from reobserve.core.matrices import (
     as_probabilities,
     as_row_stochastic,
 )
-from reobserve.core.value import Value, for_loop
+from reobserve.core.value import for_loop
 from reobserve.observers.contract import Observer
+from reobserve.observers.filter_rules import Rules
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
-    Correction,
-    Gaussian,
     Matrices,
     ModeFilter,
     check_held,
@@ -47,21 +46,19 @@ from reobserve.observers.gaussian_state import (
     check_sample,
     check_time,
     inputs_of_rows,
+    periods_of,
     sample_before,
 )
 from reobserve.observers.imm_loop import (
     Bank,
-    BankRows,
     Posteriors,
-    combine,
-    interact,
     new_bank_rows,
     new_bank_work,
     run_bank,
-    update_probabilities,
 )
+from reobserve.observers.imm_one_by_one import run_one_by_one
+from reobserve.observers.imm_state import ImmState, check_filters, size_of
 from reobserve.observers.kalman import LINEAR
-from reobserve.observers.linear_steps import Rules
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_times
@@ -69,34 +66,6 @@ from reobserve.observers.vague_start import warn_of_start
 from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ImmState(Value):
-    """All the bank remembers: what each filter believes, and the logarithms of mu, shape (r,).
-
-    Means (r, n), covariances (r, n, n) and a posteriori output errors (r, m) of all filters stand
-    one behind the other, as the compiled loop takes them. ``sample`` and ``count`` are as in
-    `reobserve.observers.record.ObserverState`; y may be nan. ``held`` is what was given by row
-    and leads from that sample to the next, of each filter; ``time`` is that of the sample [s], or
-    None where it is counted; ``noise`` are the variances of R, (m,), where they are estimated.
-    """
-
-    means: Array
-    covariances: Array
-    errors: Array
-    log_probabilities: Array
-    sample: Array | None = None
-    count: int = 0
-    held: tuple[Matrices, ...] | None = None
-    time: float | None = None
-    noise: Array | None = None
-
-    @property
-    def posteriors(self) -> tuple[Gaussian, ...]:
-        """The posterior of each filter."""
-        parts = zip(self.means, self.covariances, self.errors, strict=True)
-        return tuple(Gaussian(*part) for part in parts)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -174,32 +143,11 @@ class IMM(Observer[ImmState]):
 
     def __post_init__(self) -> None:
         given: Any = self.filters
-        if not isinstance(given, list | tuple) or not given:
-            raise InputError("filters", f"{shown(given)} must be a list of one filter or more")
-        for j, one in enumerate(given):
-            wanted = ("predict", "correct", "model")
-            if isinstance(one, type) or not all(hasattr(one, part) for part in wanted):
-                problem = f"{shown(one)} must have a model, predict and correct"
-                raise InputError(f"filters[{j}]", problem)
-            size, first = _size(one), _size(given[0])
-            if size != first:
-                problem = f"has {size} states, inputs and outputs, the first filter {first}"
-                raise InputError(f"filters[{j}]", problem)
-            period, first_period = one.model.sampling_period, given[0].model.sampling_period
-            if period != first_period:
-                problem = f"has a sampling period of {period:g} s, the first {first_period:g} s"
-                raise InputError(f"filters[{j}]", problem)
-            for name in ("gate", "noise_memory"):
-                if getattr(one, name, None) is not None:
-                    problem = f"has {name} of its own: the bank takes it, for all filters"
-                    raise InputError(f"filters[{j}]", problem)
-            if not all(map(np.array_equal, _periods(one), _periods(given[0]))):
-                problem = "has other periods of angles than the first filter"
-                raise InputError(f"filters[{j}]", problem)
+        check_filters(given)
         self._set("filters", tuple(given))
         self._set("transition", as_row_stochastic("transition", self.transition, len(given)))
         self._set("mixing", as_flag("mixing", self.mixing))
-        self._set("sampling_period", period)
+        self._set("sampling_period", given[0].model.sampling_period)
         for name in ("gate", "noise_memory"):
             value = getattr(self, name)
             self._set(name, None if value is None else as_positive(name, value))
@@ -225,28 +173,27 @@ class IMM(Observer[ImmState]):
 
     @property
     def _periods(self) -> Mapping[str, Array]:
-        found, _ = _periods(self.filters[0])
+        found, _ = periods_of(self.filters[0])
         return {"state": found} if found.any() else {}
 
     @cached_property
     def _rules(self) -> Rules:
         """The settings of the filters beside their models; the gate is the bank's."""
-        x, y = _periods(self.filters[0])
         memory = self.noise_memory
         return Rules(
-            for_loop(x), for_loop(y), np.inf, False,
+            *periods_of(self.filters[0]), np.inf, False,
             0.0 if memory is None else min(1.0, self.sampling_period / memory),
         )  # fmt: skip
 
     @property
     def measurements(self) -> int:
         """The number of measurements in a row of y."""
-        return _size(self.filters[0])[2]
+        return size_of(self.filters[0])[2]
 
     @property
     def inputs(self) -> int:
         """The number of known inputs in a row of u."""
-        return _size(self.filters[0])[1]
+        return size_of(self.filters[0])[1]
 
     @property
     def component_names(self) -> Mapping[str, AxisNames]:
@@ -285,7 +232,7 @@ class IMM(Observer[ImmState]):
         InputError
             If one of them is not that, or the probabilities do not sum to one.
         """
-        r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
+        r, (n, inputs, m) = len(self.filters), size_of(self.filters[0])
         means = as_floats("mean", mean)
         if means.shape not in ((n,), (r, n)):
             raise InputError("mean", f"has shape {means.shape}, must be ({n},) or ({r}, {n})")
@@ -301,7 +248,7 @@ class IMM(Observer[ImmState]):
         return ImmState(means, covariances, np.zeros((r, m)), logarithms, held, noise=noise)
 
     def _checked(self, state: Any) -> ImmState:
-        r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
+        r, (n, inputs, m) = len(self.filters), size_of(self.filters[0])
         shapes = [np.shape(getattr(state, part, ())) for part in ("means", "covariances", "errors")]
         given = check_state(
             state, ImmState,
@@ -341,11 +288,11 @@ class IMM(Observer[ImmState]):
         return super()._timed(time, state, record) if found is None else found
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
-        r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
+        r, (n, _, m), k = len(self.filters), size_of(self.filters[0]), len(record.y)
         parts = state.means, state.covariances, state.errors, state.log_probabilities
         noise = np.ones(m) if state.noise is None else state.noise.copy()
         count = np.array([float(state.count + (state.sample is not None))])
-        posteriors = Posteriors(*(part.copy() for part in parts), noise, count)
+        posteriors = Posteriors(*(part.copy() for part in (*parts, noise, count)))
         inputs, fresh = inputs_of_rows(state.sample, record)[:, None], state.sample is None
         gated, learned = self.gate is not None, self.noise_memory is not None
         rows, held = new_bank_rows(k, r, n, m, gated, learned), None
@@ -355,7 +302,7 @@ class IMM(Observer[ImmState]):
             if record.given:
                 problem = "is taken by banks of filters of one kind on linear models alone"
                 raise InputError(next(iter(record.given)), problem)
-            good = self._run_one_by_one(posteriors, record.y, inputs[:, 0], fresh, rows)
+            good = run_one_by_one(self, posteriors, record.y, inputs[:, 0], fresh, rows)
         else:
             model = self._model
             if record.given or state.held is not None or record.periods is not None:
@@ -381,7 +328,7 @@ class IMM(Observer[ImmState]):
         reached = ImmState(
             *posteriors[:4], np.concatenate([record.y[-1], record.u[-1]]),
             state.count + k - fresh, held,
-            None if record.time is None else float(record.time[-1]), noise if learned else None,
+            None if record.time is None else float(record.time[-1]), posteriors.noise if learned else None,
         )  # fmt: skip
         return Rows(estimates, good, reached)
 
@@ -419,63 +366,6 @@ class IMM(Observer[ImmState]):
             raise InputError(name, problem)
         return matrices[:, mode] if len(matrices) > 1 else matrices[0, mode]
 
-    def _run_one_by_one(
-        self,
-        posteriors: Posteriors,
-        measurements: Array,
-        inputs: Array,
-        fresh: bool,
-        rows: BankRows,
-    ) -> int:
-        """The loop of `run_bank` with filters that are called: they may be anyone's."""
-        transition = for_loop(self.transition)
-        work, gated = new_bank_work(posteriors, self.mixing, self._rules), self.gate is not None
-        for k, y in enumerate(measurements):
-            moves = k > 0 or not fresh
-            if moves:
-                interact(transition, self.mixing, posteriors, work)
-                posteriors.log_probabilities[:] = work.mixed.log_probabilities
-            parts = (work.mixed if moves else posteriors)[:3]
-            begun = [Gaussian(*(part[j].copy() for part in parts)) for j in range(len(self.filters))]
-            try:
-                if moves:
-                    pairs = zip(self.filters, begun, strict=True)
-                    begun = [one.predict(posterior, inputs[k]) for one, posterior in pairs]
-                found = self._corrected(begun, y, inputs[k + 1], rows.outlier[k * gated])
-            except DivergenceError:
-                return k
-            for j, after in enumerate(found):
-                posteriors.means[j] = after.posterior.mean
-                posteriors.errors[j] = after.posterior.error
-                posteriors.covariances[j] = after.posterior.covariance
-                rows.innovation[k, j] = after.innovation
-                work.log_likelihoods[j] = after.log_likelihood
-            whole = update_probabilities(posteriors.log_probabilities, work.log_likelihoods)
-            rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
-            combine(posteriors, k, rows, work)
-            if not all(np.isfinite(part[k]).all() for part in rows[:3]):
-                return k
-        return len(measurements)
-
-    def _corrected(
-        self, begun: Sequence[Gaussian], y: Array, u: Array, outliers: Array
-    ) -> list[Correction]:
-        """The corrections of all filters, without what is beyond the gates of all of them."""
-        pairs = list(zip(self.filters, begun, strict=True))
-        found = [one.correct(posterior, y, u) for one, posterior in pairs]
-        if self.gate is None:
-            return found
-        deviations = np.array(
-            [one.innovation / np.sqrt(np.diag(one.innovation_covariance)) for one in found]
-        )
-        least = deviations[np.argmin(np.abs(deviations), axis=0), np.arange(len(y))]
-        beyond = np.abs(least) > self.gate
-        outliers[:] = np.where(beyond, least, 0.0)
-        if not beyond.any():
-            return found
-        taken = np.where(beyond, np.nan, y)
-        return [one.correct(posterior, taken, u) for one, posterior in pairs]
-
     @cached_property
     def _linear(self) -> list[GaussianFilter]:
         """The filters, if one loop can run them all: one gain function, as many parameters."""
@@ -497,18 +387,3 @@ class IMM(Observer[ImmState]):
     def _parameters(self) -> Array:
         """Parameters of the gain of each filter, (r, .)."""
         return np.array([one.method.parameters for one in self._linear])
-
-
-def _periods(one: ModeFilter) -> tuple[Array, Array]:
-    """The periods of angles among states and outputs, zero where there are none."""
-    model = getattr(one, "whole", one.model)
-    sizes = {"state_periods": model.states, "output_periods": model.outputs}
-    found = [getattr(model, name, None) for name in sizes]
-    pairs = zip(found, sizes.values(), strict=True)
-    x, y = (np.zeros(size) if value is None else value for value, size in pairs)
-    return x, y
-
-
-def _size(one: ModeFilter) -> tuple[int, int, int]:
-    model = getattr(one, "whole", one.model)
-    return model.states, model.inputs, model.outputs

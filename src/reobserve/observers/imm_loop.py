@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers import linear_steps as linear
+from reobserve.observers.filter_rules import Rules, shortest
 from reobserve.observers.linear_loop import BEGUN
 from reobserve.systems.linear import ModelRows
 
@@ -27,7 +28,7 @@ FAR = -1000.0  # a logarithm below this loses digits of the logarithm of a sum t
 
 
 class Bank(NamedTuple):
-    """Matrices of all filters by row, (., r, ...), their parameters, p_ij of the chain, the gate."""
+    """Matrices of all filters by row, (., r, ...), their parameters, p_ij, and the bank's gate."""
 
     model: ModelRows
     parameters: Array
@@ -39,7 +40,7 @@ class Bank(NamedTuple):
 class Posteriors(NamedTuple):
     """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu.
 
-    ``noise``, (m,), are the variances of R, and ``count``, (1,), the number of rows before, if they
+    ``noise``, (m,), are the variances of R, and ``begun``, (1,), the number of rows before, if they
     are estimated.
     """
 
@@ -48,7 +49,7 @@ class Posteriors(NamedTuple):
     errors: Array
     log_probabilities: Array
     noise: Array
-    count: Array
+    begun: Array
 
 
 class BankRows(NamedTuple):
@@ -81,9 +82,7 @@ class BankWork(NamedTuple):
     of_filter: linear.LinearWork
 
 
-def new_bank_work(
-    posteriors: Posteriors, mixing: bool, rules: linear.Rules | None = None
-) -> BankWork:
+def new_bank_work(posteriors: Posteriors, mixing: bool, rules: Rules | None = None) -> BankWork:
     """Arrays for the steps of a bank, whose mixed posteriors without mixing are the filters'."""
     r, n = posteriors.means.shape
     m = posteriors.errors.shape[1]
@@ -102,7 +101,7 @@ def new_bank_rows(
 ) -> BankRows:
     """Arrays for the estimates of k rows, by r filters of n states and m outputs."""
     shapes = (k, n), (k, n, n), (k, r), (k, r, m), (k,), (k if gated else 1, m)
-    return BankRows(*map(np.empty, shapes), np.empty((k if learned else 1, m)))
+    return BankRows(*map(np.empty, (*shapes, (k if learned else 1, m))))
 
 
 @inlined_kernel
@@ -171,15 +170,15 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
 
 @inlined_kernel
 def average(weights: Array, means: Array, a: int, period: float) -> float:
-    """The mean of entry a by weights that sum to one; of angles, around that of the first filter."""
+    """The mean of entry a by weights that sum to one; of angles, around the first filter's."""
     total = 0.0
     if period == 0.0:
         for i in range(len(weights)):
             total += weights[i] * means[i, a]
         return total
     for i in range(len(weights)):
-        total += weights[i] * linear.shortest(means[i, a] - means[0, a], period)
-    return linear.shortest(means[0, a] + total, period)
+        total += weights[i] * shortest(means[i, a] - means[0, a], period)
+    return shortest(means[0, a] + total, period)
 
 
 # mu(i|j) = p_ij mu_i / c_j,   c_j = sum_i p_ij mu_i
@@ -200,8 +199,8 @@ def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: Bank
             for b in range(a + 1):
                 total = 0.0
                 for i in range(r):
-                    apart = linear.shortest(means[i, a] - mixed.means[j, a], periods[a])
-                    apart *= linear.shortest(means[i, b] - mixed.means[j, b], periods[b])
+                    apart = shortest(means[i, a] - mixed.means[j, a], periods[a])
+                    apart *= shortest(means[i, b] - mixed.means[j, b], periods[b])
                     total += weights[j, i] * (posteriors.covariances[i, a, b] + apart)
                 mixed.covariances[j, a, b] = mixed.covariances[j, b, a] = total
 
@@ -277,7 +276,7 @@ def correct(
     C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
     R, log_likelihoods = bank.model.R[min(k, len(bank.model.R) - 1)], work.log_likelihoods
     rules = work.of_filter.rules
-    weight = max(rules.forgetting, 1.0 / (posteriors.count[0] + k + BEGUN))
+    weight = max(rules.forgetting, 1.0 / (posteriors.begun[0] + k + BEGUN))
     if bank.gate < math.inf:
         leave_out_outliers(bank, k, measurement, controls, posteriors, outliers, work)
         measurement = work.taken
@@ -326,8 +325,8 @@ def combine(posteriors: Posteriors, k: int, rows: BankRows, work: BankWork) -> b
         for b in range(a + 1):
             total = 0.0
             for j in range(r):
-                apart = linear.shortest(posteriors.means[j, a] - mean[k, a], periods[a])
-                apart *= linear.shortest(posteriors.means[j, b] - mean[k, b], periods[b])
+                apart = shortest(posteriors.means[j, a] - mean[k, a], periods[a])
+                apart *= shortest(posteriors.means[j, b] - mean[k, b], periods[b])
                 total += probability[k, j] * (posteriors.covariances[j, a, b] + apart)
             covariance[k, a, b] = covariance[k, b, a] = total
         whole += mean[k, a] + covariance[k, a, a]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.observers.correlated_noise import TakenOut, uncorrelated
+from reobserve.observers.gain import Gain
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
 from reobserve.observers.linear_loop import (
@@ -22,7 +23,7 @@ from reobserve.observers.linear_loop import (
     predict_linear,
     run_linear,
 )
-from reobserve.observers.linear_steps import Gain, new_linear_work
+from reobserve.observers.linear_steps import new_linear_work
 from reobserve.systems.linear import LinearModel, ModelRows
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.observers.gain import Gain
 from reobserve.observers.linear_steps import (
-    Gain,
     LinearWork,
     assign_matrix,
     correct,
@@ -104,7 +104,7 @@ def keep_row(
 @inlined_kernel
 def weight_of_row(posteriors: FilterPosteriors, r: int, k: int, forgetting: float) -> float:
     """The weight of row k in the variances of R: at first that of a mean with `BEGUN` rows more."""
-    return max(forgetting, 1.0 / (posteriors.counts[r] + k + BEGUN))
+    return max(forgetting, 1.0 / (float(posteriors.counts[r]) + k + BEGUN))
 
 
 @inlined_kernel

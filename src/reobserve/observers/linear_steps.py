@@ -9,16 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import FunctionPointer, inlined_kernel
-from reobserve.core.loop_function import GuardedPointer
+from reobserve.core.kernel import inlined_kernel
+from reobserve.observers.filter_rules import (
+    Rules,
+    gate,
+    learn_noise,
+    noise_of_row,
+    shortest,
+    wrap_states,
+)
 
 Array = NDArray[np.float64]
 
@@ -33,52 +38,6 @@ ROUNDED = 32 * float(np.finfo(float).eps)
 UNROLLED = 5
 
 HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
-
-_TALL, _FLAT = (types.Array(types.float64, size, "C") for size in (2, 1))
-_SIGNATURE = types.void(_TALL, _TALL, _FLAT, _FLAT, _FLAT, _TALL)
-
-own_gain_function = partial(FunctionPointer, _SIGNATURE)
-"""As `gain_function`, for functions of the library, which raise nothing and change nothing."""
-
-
-def _shaped(cross: Array, factor: Array, innovation: Array, *others: Array) -> tuple[Array, ...]:
-    m = len(innovation)
-    *vectors, gain = others
-    return cross.reshape(-1, m), factor.reshape(m, m), innovation, *vectors, gain.reshape(-1, m)
-
-
-def gain_function(function: Callable[..., None]) -> FunctionPointer:
-    """Make a gain function of ``function(cross, factor, innovation, error, parameters, gain)``.
-
-    It writes the gain K, shape (n, m), to its last argument. ``cross`` is P C', shape (n, m), of
-    the predicted covariance, ``factor`` the lower Cholesky factor of the innovation's covariance,
-    shape (m, m), ``innovation`` e(k+1|k) and ``error`` the filter's own a posteriori output error
-    e(k|k), both of shape (m,), and ``parameters`` what the filter put there. What it raises is
-    raised after the loop.
-    """
-    return GuardedPointer(_SIGNATURE, function, _shaped)
-
-
-class Gain(NamedTuple):
-    """A gain function and its parameters, or None for Kalman's, which the loops have built in."""
-
-    function: Any
-    parameters: Array
-
-
-class Rules(NamedTuple):
-    """Settings of a filter beside its model.
-
-    ``state_periods`` (n,) and ``output_periods`` (m,) are those of angles, 0 for none. Innovations
-    beyond ``gate`` deviations are left out, or ``inflates`` their variance; inf is no gate. R is
-    estimated with the weight ``forgetting`` of a row, 0 if it is known.
-    """
-
-    state_periods: Array
-    output_periods: Array
-    gate: float
-    inflates: bool
-    forgetting: float
 
 
 class LinearWork(NamedTuple):
@@ -116,7 +75,7 @@ def new_linear_work(states: int, outputs: int, rules: Rules | None = None) -> Li
     small = max(n, m) <= UNROLLED
     sizes = ((0,) * n, (0,) * m) if small else (np.empty(n), np.empty(m))
     plain = rules or Rules(np.zeros(n), np.zeros(m), math.inf, False, 0.0)
-    return LinearWork(*blocks(shapes), *sizes, plain)
+    return LinearWork(*blocks(shapes), *sizes, plain)  # type: ignore[call-arg, arg-type]
 
 
 def blocks(shapes: Sequence[tuple[int, ...]]) -> Iterator[Array]:
@@ -147,21 +106,6 @@ def assign_matrix(target: Array, source: Array) -> None:
     """A copy of a matrix, as `fill`."""
     for i in range(len(target)):
         assign(target[i], source[i])
-
-
-@inlined_kernel
-def shortest(difference: float, period: float) -> float:
-    """A difference of angles the shortest way round, as it is where the period is 0."""
-    if period > 0.0:
-        return difference - period * math.floor(difference / period + 0.5)
-    return difference
-
-
-@inlined_kernel
-def wrap_states(mean: Array, work: LinearWork) -> None:
-    """Move angles among the states to within half a period around zero."""
-    for a in range(len(work.states)):
-        mean[a] = shortest(mean[a], work.rules.state_periods[a])
 
 
 @inlined_kernel
@@ -272,74 +216,7 @@ def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> flo
 
 
 @inlined_kernel
-def noise_of_row(R: Array, variances: Array, work: LinearWork) -> None:
-    """Write R as it is used at a row to ``work.noise``: with the estimated variances, if any.
-
-    Correlations are those of R.
-    """
-    noise, estimated = work.noise, work.rules.forgetting > 0.0
-    for o in range(len(work.outputs)):
-        work.outlier[o] = 0.0
-        for q in range(len(work.outputs)):
-            noise[o, q] = R[o, q]
-            if estimated and o == q:
-                noise[o, q] = variances[o]
-            elif estimated:
-                noise[o, q] *= math.sqrt(variances[o] / R[o, o] * (variances[q] / R[q, q]))
-
-
-@inlined_kernel
-def gate(innovation: Array, work: LinearWork) -> None:
-    """Leave out innovations beyond the gate, or inflate their variance so that they are on it.
-
-    ``work.factor`` is the lower half of S, whose diagonal and that of R are inflated.
-    """
-    factor, gate = work.factor, work.rules.gate
-    if gate == math.inf:
-        return
-    for o in range(len(work.outputs)):
-        # |e_o| > gate sqrt(S_oo)
-        deviations = innovation[o] / math.sqrt(factor[o, o])
-        if abs(deviations) > gate:
-            work.outlier[o] = deviations
-            if work.rules.inflates:
-                # R_oo = R_oo + e_o^2 / gate^2 - S_oo
-                wider = (innovation[o] / gate) ** 2
-                work.noise[o, o] += wider - factor[o, o]
-                factor[o, o] = wider
-            else:
-                innovation[o] = math.nan
-
-
-@inlined_kernel
-def learn_noise(innovation: Array, weight: float, work: LinearWork) -> None:
-    """Write to ``work.change`` what a row changes of the variances of R, with its weight g.
-
-    The expectation of v v' after the measurement, whose mean is R S^-1 e and whose covariance is
-    R - R S^-1 R: a step of expectation maximisation (Shumway & Stoffer 1982) that forgets.
-    """
-    # R = R + g diag(R S^-1 (e e' - S) S^-1 R)
-    m, column, factor = len(work.outputs), work.column, work.factor
-    for o in range(m):
-        work.change[o] = 0.0
-        if math.isnan(innovation[o]) or work.outlier[o] != 0.0:
-            continue
-        mean, spread = 0.0, 0.0
-        for q in range(m):
-            # L w = R_o
-            total = 0.0 if math.isnan(innovation[q]) else work.noise[q, o]
-            for i in range(q):
-                total -= factor[q, i] * column[i]
-            column[q] = total / factor[q, q]
-            mean += column[q] * work.scaled[q]
-            spread += column[q] * column[q]
-        work.change[o] = weight * (mean * mean - spread)
-
-
-@inlined_kernel
-def log_likelihood_of(
-    C: Array, covariance: Array, innovation: Array, work: LinearWork
-) -> float:
+def log_likelihood_of(C: Array, covariance: Array, innovation: Array, work: LinearWork) -> float:
     """Write P C' and the Cholesky factor of S, and return the log-likelihood.
 
     Gadsden et al. 2011, (13) and (19).

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_steps import LinearWork, Rules, blocks, new_linear_work, shortest
+from reobserve.observers.filter_rules import Rules, shortest
+from reobserve.observers.linear_steps import LinearWork, blocks, new_linear_work
 from reobserve.systems.nonlinear_flow import FlowWork, new_flow_work
 
 Array = NDArray[np.float64]

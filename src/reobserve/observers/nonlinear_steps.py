@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
+from reobserve.observers.filter_rules import noise_of_row, shortest
 from reobserve.observers.linear_loop import (
     NO_INNOVATION,
     FilterPosteriors,
@@ -24,14 +25,7 @@ from reobserve.observers.linear_loop import (
     keep_row,
     weight_of_row,
 )
-from reobserve.observers.linear_steps import (
-    assign,
-    assign_matrix,
-    fill,
-    is_missing,
-    noise_of_row,
-    shortest,
-)
+from reobserve.observers.linear_steps import assign, assign_matrix, fill, is_missing
 from reobserve.observers.nonlinear_filter_work import (
     NO_POSTERIOR,
     NO_STATE,

@@ -70,7 +70,8 @@ def _without_turns(
     time: Array, values: Array, period: float, off: Array | float = 0.0
 ) -> tuple[Array, Array]:
     """A line, interrupted where an angle goes round: times and values, with nan between rows."""
-    turns = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * period) + 1 if period else []
+    jumps = np.abs(np.diff(values)) > (0.5 * period if period else np.inf)
+    turns = np.flatnonzero(jumps) + 1
     return np.insert(time, turns, time[turns]), np.insert(values + off, turns, np.nan)
 
 

@@ -16,16 +16,18 @@ from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
 from reobserve.observers.correlated_noise import TakenOut
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.filter_rules import shortest
 from reobserve.observers.frames import read_frames
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_steps import blocks, shortest
+from reobserve.observers.linear_steps import blocks
 from reobserve.observers.run import Run
 from reobserve.observers.uneven_times import EVEN
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 from reobserve.observers.unscented_kalman_loop import take_root
 from reobserve.observers.vague_start import warn_of_smoothed
+from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
 
@@ -131,6 +133,7 @@ def rts_smoother(
         raise DivergenceError(
             "rts_smoother", float(run.time[row]), "going backwards it fails there"
         )
+    smooth_means = wrapped(smooth_means, filter._rules.state_periods)
     warn_of_smoothed(*(one.diagonal(axis1=1, axis2=2) for one in (covariances, smooth_covariances)))
     estimates = _by_name(filter, smooth_means, smooth_covariances)
     return Run(
@@ -220,9 +223,7 @@ def _smooth(
         total = 0.0
         for a in range(n):
             for i in range(n):
-                means[k, a] += gain[a, i] * shortest(
-                    means[k + 1, i] - next_means[k, i], periods[i]
-                )
+                means[k, a] += gain[a, i] * shortest(means[k + 1, i] - next_means[k, i], periods[i])
             total += means[k, a]
         # P_s(k) = P(k|k) + G (P_s(k+1) - P(k+1|k)) G'
         for a in range(n):
@@ -239,9 +240,6 @@ def _smooth(
             total += covariances[k, a, a]
         if not math.isfinite(total):
             return k
-    for k in range(len(means)):
-        for a in range(n):
-            means[k, a] = shortest(means[k, a], periods[a])
     return -1
 
 

@@ -10,15 +10,8 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import inlined_kernel
-from reobserve.observers.linear_steps import (
-    assign,
-    correct_mean,
-    factor_innovation,
-    gate,
-    kalman_gain,
-    learn_noise,
-    shortest,
-)
+from reobserve.observers.filter_rules import gate, learn_noise, shortest
+from reobserve.observers.linear_steps import assign, correct_mean, factor_innovation, kalman_gain
 from reobserve.observers.nonlinear_filter_work import NO_ROOT, FilterWork, innovate
 from reobserve.systems.nonlinear_flow import Functions, move
 

@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
 from reobserve.core.covariances import as_covariance
-from reobserve.core.errors import InputError, nearest, shown
-from reobserve.core.matrices import as_floats, as_numbers, as_positive, as_scalar
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats, as_positive
 from reobserve.core.value import for_loop, read_only
+from reobserve.systems.nonlinear_arguments import as_parameters, as_scale, as_texts, values_by_row
 from reobserve.systems.nonlinear_flow import Functions
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
 from reobserve.systems.periods import Periods, as_periods
@@ -144,7 +145,7 @@ class NonlinearModel:
     def __post_init__(self) -> None:
         put = object.__setattr__
         for name in ("f", "h"):
-            put(self, name, _as_texts(name, getattr(self, name)))
+            put(self, name, as_texts(name, getattr(self, name)))
         lengths = {
             "state": len(self.f) if isinstance(self.f, tuple) else None,
             "input": None,
@@ -168,11 +169,11 @@ class NonlinearModel:
                 periods = as_periods(key, getattr(self, key), size, names)
                 put(self, key, None if periods is None else read_only(periods))
         as_names("input_names", list(self._variables))  # of which none may be a state's
-        put(self, "parameters", _as_parameters(self.parameters, self._variables))
+        put(self, "parameters", as_parameters(self.parameters, self._variables))
         put(self, "Q", read_only(as_covariance("Q", self.Q, self.states)))
         put(self, "R", read_only(as_covariance("R", self.R, self.outputs, definite=True)))
         if self.scale is not None:
-            put(self, "scale", read_only(_as_scale(self.scale, self.states)))
+            put(self, "scale", read_only(as_scale(self.scale, self.states)))
         put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         put(self, "substeps", as_whole("substeps", self.substeps, 0, 10_000))
         if self.density is not None:
@@ -279,25 +280,7 @@ class NonlinearModel:
         InputError
             If a name is unknown, or a value has another shape or is not finite.
         """
-        if given is not None and not isinstance(given, Mapping):
-            raise InputError("parameters", f"{shown(given)} must be numbers by name")
-        columns: dict[str, Any] = dict(self.parameters or {})
-        for name, value in (given or {}).items():
-            place = f"parameters.{name}"
-            if name not in columns:
-                raise InputError(place, f"is no parameter of the model{nearest(name, columns)}")
-            columns[name] = column = as_numbers(place, value)
-            if column.shape not in ((), (rows,)):
-                problem = f"has shape {column.shape}, must be one number or ({rows},)"
-                raise InputError(place, problem)
-            for row in np.flatnonzero(~np.isfinite(column)):
-                where = f"{place}[{row}]" if column.ndim else place
-                raise InputError(where, f"{column.flat[row]:g} must be a finite number")
-        varying = any(np.ndim(column) for column in columns.values())
-        found = np.empty((rows if varying else 1, len(columns)))
-        for i, column in enumerate(columns.values()):
-            found[:, i] = column
-        return found
+        return values_by_row(self.parameters or {}, given, rows)
 
     @property
     def uncompiled(self) -> dict[str, str]:
@@ -378,30 +361,3 @@ class NonlinearModel:
         F, H = (jacobians.get(name) for name in "FH")
         scale = np.zeros(self.states) if self.scale is None else self.scale
         return Functions(f, F, h, H, self.substeps, for_loop(scale))
-
-
-def _as_texts(name: str, given: Any) -> Any:
-    """A function as it is, texts as a tuple."""
-    if isinstance(given, str):
-        return (given,)
-    if isinstance(given, list | tuple) and given and all(isinstance(one, str) for one in given):
-        return tuple(given)
-    if callable(given) and not isinstance(given, type):
-        return given
-    raise InputError(name, f"{shown(given)} must be a function of x and u, or a list of texts")
-
-
-def _as_parameters(given: Any, taken: Sequence[str]) -> dict[str, float] | None:
-    if given is None:
-        return None
-    if not isinstance(given, Mapping):
-        raise InputError("parameters", f"{shown(given)} must be numbers by name")
-    as_names("parameters", [*taken, *given])
-    return {name: as_scalar(f"parameters.{name}", value) for name, value in given.items()}
-
-
-def _as_scale(given: ArrayLike, states: int) -> Array:
-    scale = as_floats("scale", given)
-    if scale.shape not in ((), (states,)) or scale.min() <= 0:
-        raise InputError("scale", f"{shown(given)} must be one positive number, or {states}")
-    return np.full(states, float(scale)) if scale.ndim == 0 else scale

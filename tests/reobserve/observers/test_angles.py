@@ -95,9 +95,7 @@ def test_heading_that_goes_round_is_the_one_that_goes_on() -> None:
 def test_augmented_filter_and_bank_go_round() -> None:
     bias = {"fault_matrix": [[0.0], [1.0]], "random_walk": 1e-3}
     straight = AugmentedKalmanFilter(compass(), **bias)
-    wraps = AugmentedKalmanFilter(
-        compass(output_periods=[360], state_periods=[360, None]), **bias
-    )
+    wraps = AugmentedKalmanFilter(compass(output_periods=[360], state_periods=[360, None]), **bias)
     expected = straight.run(STRAIGHT, state=straight.init([30, 0], 100.0))
     run = wraps.run(COMPASS, state=wraps.init([30, 0], 100.0))
     np.testing.assert_allclose(run["unknown_input"], expected["unknown_input"], atol=1e-9)

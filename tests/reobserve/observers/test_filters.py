@@ -16,7 +16,8 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import Correction, FilterSteps, Gaussian, KalmanState
 from reobserve.observers.kalman import LINEAR, KalmanFilter
-from reobserve.observers.linear_steps import Gain, gain_function
+from reobserve.observers.filter_halves import innovation_deviation
+from reobserve.observers.gain import Gain, gain_function
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
@@ -125,7 +126,7 @@ def test_covariance_converges_to_the_riccati_solution(build: Any, mode: str) -> 
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / scale).max() < 1e-9
     predicted = np.sqrt(np.diag(H @ expected @ H.T + R))
-    assert np.allclose(kalman.innovation_deviation(run.state), predicted, rtol=1e-9)
+    assert np.allclose(innovation_deviation(kalman, run.state), predicted, rtol=1e-9)
 
 
 def test_exact_noise_free_model_is_tracked_from_any_initial_state() -> None:

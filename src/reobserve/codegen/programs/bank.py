@@ -10,8 +10,9 @@ from reobserve.codegen.programs import linear
 from reobserve.codegen.programs.linear import Matrices
 from reobserve.core.errors import InputError
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.imm import IMM, ImmState
+from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import LEAST
+from reobserve.observers.imm_state import ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 

@@ -22,7 +22,8 @@ from reobserve.estimation.families.linear_system import (
 )
 from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.imm import IMM, ImmState
+from reobserve.observers.imm import IMM
+from reobserve.observers.imm_state import ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
