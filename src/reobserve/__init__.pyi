@@ -11,10 +11,12 @@ from reobserve.observers.extended_high_gain import (
 )
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver as ExtendedStateObserver
+from reobserve.observers.fault_bank import FaultBank as FaultBank
 from reobserve.observers.fixed_gain import FixedGainObserver as FixedGainObserver
 from reobserve.observers.fixed_gain import filter_gain as filter_gain
 from reobserve.observers.fixed_gain import luenberger as luenberger
 from reobserve.observers.fixed_gain import steady_kalman as steady_kalman
+from reobserve.observers.grid_filter import GridFilter as GridFilter
 from reobserve.observers.high_gain import HighGainObserver as HighGainObserver
 from reobserve.observers.ilo import ILO as ILO
 from reobserve.observers.ilo_sampled import SampledILO as SampledILO

@@ -29,6 +29,25 @@ Array = NDArray[np.float64]
 CROSS = "state_unknown_input_covariance"
 
 
+def as_fault_matrices(model: LinearModel, E: ArrayLike, F: ArrayLike | None) -> tuple[Array, Array]:
+    """E, shape (n, q), and F, (m, q), zero if it is None.
+
+    Raises
+    ------
+    InputError
+        If a shape does not fit the model, or there is no fault.
+    """
+    E = as_floats("fault_matrix", E)
+    if E.ndim != 2 or len(E) != model.states or not E.size:
+        problem = f"has shape {E.shape}, must be ({model.states}, q), as A has so many rows"
+        raise InputError("fault_matrix", problem)
+    wanted = (model.outputs, E.shape[1])
+    F = np.zeros(wanted) if F is None else as_floats("output_fault_matrix", F)
+    if F.shape != wanted:
+        raise InputError("output_fault_matrix", f"has shape {F.shape}, must be {wanted}")
+    return E, F
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class AugmentedKalmanFilter(GaussianFilter):
     """Kalman filter on the state and q unknown inputs: disturbances, faults and biases d.
@@ -109,15 +128,7 @@ class AugmentedKalmanFilter(GaussianFilter):
 
     def __post_init__(self) -> None:
         model, put = as_kind("model", self.model, LinearModel), self._set
-        E = as_floats("fault_matrix", self.fault_matrix)
-        if E.ndim != 2 or len(E) != model.states or not E.size:
-            problem = f"has shape {E.shape}, must be ({model.states}, q), as A has so many rows"
-            raise InputError("fault_matrix", problem)
-        wanted = (model.outputs, E.shape[1])
-        given: Any = self.output_fault_matrix
-        F = np.zeros(wanted) if given is None else as_floats("output_fault_matrix", given)
-        if F.shape != wanted:
-            raise InputError("output_fault_matrix", f"has shape {F.shape}, must be {wanted}")
+        E, F = as_fault_matrices(model, self.fault_matrix, self.output_fault_matrix)
         put("fault_matrix", E)
         put("output_fault_matrix", F)
         put("random_walk", as_covariance("random_walk", self.random_walk, E.shape[1]))

@@ -232,7 +232,7 @@ class IMM(Observer[ImmState]):
         InputError
             If one of them is not that, or the probabilities do not sum to one.
         """
-        r, (n, inputs, m) = len(self.filters), size_of(self.filters[0])
+        r, (n, _, m), inputs = len(self.filters), size_of(self.filters[0]), self.inputs
         means = as_floats("mean", mean)
         if means.shape not in ((n,), (r, n)):
             raise InputError("mean", f"has shape {means.shape}, must be ({n},) or ({r}, {n})")
@@ -248,7 +248,7 @@ class IMM(Observer[ImmState]):
         return ImmState(means, covariances, np.zeros((r, m)), logarithms, held, noise=noise)
 
     def _checked(self, state: Any) -> ImmState:
-        r, (n, inputs, m) = len(self.filters), size_of(self.filters[0])
+        r, (n, _, m), inputs = len(self.filters), size_of(self.filters[0]), self.inputs
         shapes = [np.shape(getattr(state, part, ())) for part in ("means", "covariances", "errors")]
         given = check_state(
             state, ImmState,
@@ -293,7 +293,7 @@ class IMM(Observer[ImmState]):
         noise = np.ones(m) if state.noise is None else state.noise.copy()
         count = np.array([float(state.count + (state.sample is not None))])
         posteriors = Posteriors(*(part.copy() for part in (*parts, noise, count)))
-        inputs, fresh = inputs_of_rows(state.sample, record)[:, None], state.sample is None
+        (inputs, past), fresh = self._inputs(state, record), state.sample is None
         gated, learned = self.gate is not None, self.noise_memory is not None
         rows, held = new_bank_rows(k, r, n, m, gated, learned), None
         if learned and "R" in record.given:
@@ -328,9 +328,14 @@ class IMM(Observer[ImmState]):
         reached = ImmState(
             *posteriors[:4], np.concatenate([record.y[-1], record.u[-1]]),
             state.count + k - fresh, held,
-            None if record.time is None else float(record.time[-1]), posteriors.noise if learned else None,
+            None if record.time is None else float(record.time[-1]),
+            posteriors.noise if learned else None, past,
         )  # fmt: skip
         return Rows(estimates, good, reached)
+
+    def _inputs(self, state: ImmState, record: Record) -> tuple[Array, Array | None]:
+        """The input of the row before a record, then of each row, (k + 1, 1 or r, p), and past."""
+        return inputs_of_rows(state.sample, record)[:, None], None
 
     def _in_record(
         self, state: ImmState, record: Record, inputs: Array

@@ -23,7 +23,8 @@ class ImmState(Value):
     one behind the other, as the compiled loop takes them. ``sample`` and ``count`` are as in
     `reobserve.observers.record.ObserverState`; y may be nan. ``held`` is what was given by row
     and leads from that sample to the next, of each filter; ``time`` is that of the sample [s], or
-    None where it is counted; ``noise`` are the variances of R, (m,), where they are estimated.
+    None where it is counted; ``noise`` are the variances of R, (m,), where they are estimated, and
+    ``past`` are the inputs of rows before, where these have a delay.
     """
 
     means: Array
@@ -35,6 +36,7 @@ class ImmState(Value):
     held: tuple[Matrices, ...] | None = None
     time: float | None = None
     noise: Array | None = None
+    past: Array | None = None
 
     @property
     def posteriors(self) -> tuple[Gaussian, ...]:

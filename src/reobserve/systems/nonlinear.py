@@ -22,6 +22,7 @@ from reobserve.core.value import for_loop, read_only
 from reobserve.systems.nonlinear_arguments import as_parameters, as_scale, as_texts, values_by_row
 from reobserve.systems.nonlinear_flow import Functions
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
+from reobserve.systems.parameter_states import with_parameter_states
 from reobserve.systems.periods import Periods, as_periods
 from reobserve.systems.signal_names import as_names
 from reobserve.systems.text_functions import compiled_rows
@@ -281,6 +282,44 @@ class NonlinearModel:
             If a name is unknown, or a value has another shape or is not finite.
         """
         return values_by_row(self.parameters or {}, given, rows)
+
+    def with_parameter_states(self, random_walk: Mapping[str, float]) -> NonlinearModel:
+        """The model of the state and parameters of this one, which a filter then estimates.
+
+            x(k+1) = f(x(k), u(k), theta(k)) + w(k),    theta(k+1) = theta(k) + n(k)
+
+        The state is [x, theta]; other parameters stay parameters. Where the model is one of a
+        differential equation, theta' = 0 between the samples (Jazwinski 1970, Section 8.4).
+        Jacobians that were given are found again, from text or by differences.
+
+        Parameters
+        ----------
+        random_walk
+            The variance of n by the name of a parameter: what it gains in a sampling period. With
+            zero it is constant, and its estimate comes to rest.
+
+        Raises
+        ------
+        InputError
+            If a name is no parameter, a variance is negative, or one of f and h is text and the
+            other is not.
+
+        Examples
+        --------
+        >>> from reobserve import NonlinearModel
+        >>> pendulum = NonlinearModel.from_ode(
+        ...     ["rate", "-9.81/length*sin(angle)"], ["angle"], Q=1e-8, R=1e-6,
+        ...     state_names=["angle", "rate"], parameters={"length": 1.0}, sampling_period=0.05,
+        ... )
+        >>> print(pendulum.with_parameter_states({"length": 0.0}).state_names)
+        ('angle', 'rate', 'length')
+        """
+        return with_parameter_states(self, random_walk)
+
+    def arguments(self, name: str) -> int:
+        """The number of arguments that a Python function is called with: of x, u and p."""
+        known = self._definitions[name]
+        return known.arguments if isinstance(known, UserFunction) else 0
 
     @property
     def uncompiled(self) -> dict[str, str]:

@@ -66,7 +66,7 @@ class UserFunction:
         return given.py_func if is_jitted(given) else given
 
     @cached_property
-    def _arguments(self) -> int:
+    def arguments(self) -> int:
         """The number of arguments, of x, u and p, that it is called with."""
         for count in (2, 1, 3):
             try:
@@ -86,7 +86,7 @@ class UserFunction:
         with suppress(_NoValueError):  # it may be defined elsewhere
             self(x, v)
         if not (np.array_equal(x, before[0]) and np.array_equal(v, before[1])):
-            names = "x, u and p" if self._arguments == 3 else "x and u"
+            names = "x, u and p" if self.arguments == 3 else "x and u"
             raise InputError(self.name, f"changes the arrays it is given, must leave {names} alone")
 
     def __call__(self, x: Array, v: Array) -> Array:
@@ -100,7 +100,7 @@ class UserFunction:
         return self._value(self._python, x, v)
 
     def _value(self, function: Callable[..., Any], x: Array, v: Array) -> Array:
-        arguments = (x, v[: self.inputs], v[self.inputs :])[: self._arguments]
+        arguments = (x, v[: self.inputs], v[self.inputs :])[: self.arguments]
         try:
             with np.errstate(all="ignore"):
                 value = function(*arguments)
@@ -151,7 +151,7 @@ class _Asked:
 def _by_numba(frozen: FrozenFunction, asked: _Asked) -> tuple[Any, str]:
     """A pointer, and why numba refused, or "", from one compilation a process."""
     given, user = frozen.function, asked.user
-    arguments = user._arguments
+    arguments = user.arguments
     inputs = user.inputs if user.parameters else None
     signature = (VECTOR_FIELD.args[0],) * arguments
     with compiling, warnings.catch_warnings():

@@ -150,7 +150,7 @@ def test_bank_takes_the_mean_over_its_modes() -> None:
 
 
 def test_noise_that_cannot_be_seen_is_refused() -> None:
-    with pytest.raises(InputError, match="would take .* memories"):
+    with pytest.raises(InputError, match=r"would take .* memories"):
         KalmanFilter(LinearModel([[1.0]], C=[[1.0]], Q=1.0, R=0.01), noise_memory=100.0)
     drift = LinearModel([[1.0, 0], [0, 1.0]], C=[[1.0, 0]], Q=[1e-4, 1e-4], R=1.0)
     with pytest.raises(InputError, match="comes to no rest"):
@@ -166,8 +166,8 @@ def test_noise_that_cannot_be_seen_is_refused() -> None:
         observer.run([0.0, 1.0], state=observer.init([0], 1), R=1.0)
     with pytest.raises(InputError, match=r"state\.noise: is missing"):
         observer.run([0.0], state=KalmanFilter(one).init([0], 1))
+    other = LinearModel([[0.9]], C=[[1.0]], Q=1e-3, R=2.0)
     with pytest.raises(InputError, match=r"filters\[1\] has another R"):
-        other = LinearModel([[0.9]], C=[[1.0]], Q=1e-3, R=2.0)
         IMM([KalmanFilter(one), KalmanFilter(other)], np.eye(2), noise_memory=10.0)
 
 
