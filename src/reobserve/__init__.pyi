@@ -38,6 +38,7 @@ from reobserve.systems.nonlinear import NonlinearModel as NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem as PolynomialSystem
 from reobserve.systems.rigid_body import RigidBody as RigidBody
 from reobserve.systems.triangular import TriangularModel as TriangularModel
+from reobserve.tuning.fit import fit as fit
 from reobserve.tuning.search import tune as tune
 
 __all__: list[str]

@@ -41,7 +41,7 @@ def _differential_evolution(batch: Batch, dimension: int, budget: int, seed: int
     try:
         differential_evolution(
             lambda _: math.nan,  # scipy hands the points to ``workers``
-            [(0.0, 1.0)] * dimension, init=_sobol(dimension, seed), maxiter=budget,
+            [(0.0, 1.0)] * dimension, init=sobol(dimension, seed), maxiter=budget,
             seed=np.random.Generator(np.random.PCG64(seed)), updating="deferred",
             workers=generation, polish=False, tol=0.0,
         )  # fmt: skip
@@ -52,7 +52,7 @@ def _differential_evolution(batch: Batch, dimension: int, budget: int, seed: int
 def _nelder_mead(batch: Batch, dimension: int, budget: int, seed: int) -> None:
     from scipy.optimize import minimize
 
-    points = _sobol(dimension, seed)
+    points = sobol(dimension, seed)
     values = batch(points[:budget])
     left = budget - len(values)
 
@@ -79,7 +79,8 @@ SEARCHES: dict[str, Callable[[Batch, int, int, int], None]] = {
 }
 
 
-def _sobol(dimension: int, seed: int) -> Array:
+def sobol(dimension: int, seed: int) -> Array:
+    """The first points of Sobol's sequence, scrambled by the seed, shape (16, dimension)."""
     from scipy.stats.qmc import Sobol
 
     sequence: Any = Sobol(dimension, rng=np.random.Generator(np.random.PCG64(seed)))

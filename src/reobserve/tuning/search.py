@@ -179,7 +179,7 @@ def tune(
     >>> print(found.edges)
     {}
     """
-    bounds = _as_ranges(ranges)
+    bounds = as_ranges(ranges)
     budget = as_whole("budget", budget, 1, _MOST)
     seed = as_whole("seed", seed, 0, 2**63 - 1)
     workers = as_whole("workers", workers, 1, 1024)
@@ -235,7 +235,8 @@ def tune(
     return Tuned(best.settings, best.objective, tuple(history), edges)
 
 
-def _as_ranges(ranges: Any) -> dict[str, Range]:
+def as_ranges(ranges: Any) -> dict[str, Range]:
+    """Ranges by name, or `InputError` for what is none."""
     if not isinstance(ranges, Mapping) or not ranges:
         raise InputError("ranges", f"{shown(ranges)} must name one setting or more")
     found = {}

@@ -1,0 +1,333 @@
+"""Maximum likelihood of a filter's parameters on records, with standard errors.
+
+A Kalman filter computes the likelihood of its measurements by their innovations e and the
+covariances S of these, up to a constant: -1/2 sum (log det S + e' S^-1 e) (Schweppe 1965). Its
+maximum is the estimate of maximum likelihood; where that is inside the ranges, the inverse of the
+observed information, minus the second derivatives at the maximum, is its covariance for long
+records (Ljung & Caines 1979).
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.arguments import as_whole
+from reobserve.core.errors import InputError, one_line, shown
+from reobserve.observers.vague_start import VagueStartWarning
+from reobserve.tuning.optimisers import sobol
+from reobserve.tuning.search import EDGE, FAILURES, Range, Settings, as_ranges
+
+Array = NDArray[np.float64]
+
+_STARTS = 3  # of the local search, the best of the points tried first
+_STEP = 1e-6  # of the range, of the differences for gradients
+_CHANGE = 0.1  # of the log-likelihood, of the differences for second derivatives
+_WORST = 1e300  # what a filter counts that cannot run
+_MOST = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Parameters of maximum likelihood.
+
+    Attributes
+    ----------
+    values
+        By name.
+    standard_errors
+        By name, in the units of the values; nan at an end of a range, where there is none.
+    covariance
+        Of the estimates in the order of the values, nan likewise.
+    log_likelihood
+        Of all records, at the maximum.
+    edges
+        Names of values within 2 % of an end of their range, with ``low`` or ``high``: a wider
+        range may have better ones.
+    measured
+        The number of measurements that it is the likelihood of.
+    evaluations
+        How often the filter ran.
+    """
+
+    values: Settings
+    standard_errors: Settings
+    covariance: Array
+    log_likelihood: float
+    edges: dict[str, str]
+    measured: int
+    evaluations: int
+
+    @property
+    def bic(self) -> float:
+        """The Bayesian information criterion: of two models the one with the lower is preferred."""
+        return len(self.values) * math.log(self.measured) - 2.0 * self.log_likelihood
+
+    def __repr__(self) -> str:
+        parts = [
+            f"{name} {value:.5g} ({self.standard_errors[name]:.2g})"
+            for name, value in self.values.items()
+        ]
+        return one_line(f"Fit({', '.join(parts)}; log-likelihood {self.log_likelihood:.8g})")
+
+
+def fit(
+    make: Callable[[Settings], Any],
+    ranges: Mapping[str, Any],
+    records: Sequence[Any],
+    *,
+    budget: int = 5000,
+    seed: int = 1,
+) -> Fit:
+    """Find the parameters of a filter under which records are most likely.
+
+    The ranges are searched from the best of 16 points of Sobol's sequence on, by L-BFGS-B with
+    gradients by differences. Parameters are values at run time, so that nothing is compiled for
+    another one. On a terminal, a line on standard error shows progress.
+
+    Parameters
+    ----------
+    make
+        Called with a value for each name in ``ranges``; returns a filter with a likelihood and the
+        state that each record starts from: ``(kalman, kalman.init(mean, covariance))``.
+    ranges
+        For each parameter (low, high), or (low, high, "linear") where no logarithmic scale is
+        meant.
+    records
+        A list; each y, (y, u), or arguments of `Observer.run` by name, such as y, u and time.
+    budget
+        The largest number of runs over all records.
+    seed
+        Of the first points.
+
+    Raises
+    ------
+    InputError
+        If a range, the budget or a record cannot be used, the observer has no likelihood, no choice
+        works on all records, or the budget is spent before the maximum is found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import KalmanFilter, LinearModel, fit
+    >>> rng = np.random.default_rng(1)
+    >>> level = np.cumsum(0.3 * rng.standard_normal(2000))
+    >>> y = level + rng.standard_normal(2000)
+    >>> def make(p):
+    ...     kalman = KalmanFilter(LinearModel([[1]], C=[[1]], Q=p["q"], R=p["r"]))
+    ...     return kalman, kalman.init([0], 1)
+    >>> found = fit(make, {"q": (1e-4, 10), "r": (1e-2, 100)}, [y])
+    >>> print({name: round(value, 3) for name, value in found.values.items()})
+    {'q': 0.082, 'r': 1.002}
+    >>> print({name: round(error, 3) for name, error in found.standard_errors.items()})
+    {'q': 0.012, 'r': 0.04}
+    """
+    bounds = as_ranges(ranges)
+    if not callable(make):
+        raise InputError("make", f"{shown(make)} must be a function")
+    if isinstance(records, str | Mapping) or not isinstance(records, Sequence) or not len(records):
+        raise InputError("records", f"{shown(records)} must be a list of one record or more")
+    runs = [_arguments(record, f"records[{k}]") for k, record in enumerate(records)]
+    budget = as_whole("budget", budget, 1, _MOST)
+    with _progress(budget) as tell, warnings.catch_warnings():
+        warnings.simplefilter("ignore", VagueStartWarning)  # of each start that is tried
+        likelihood = _Likelihood(make, bounds, runs, budget, tell)
+        points = sobol(len(bounds), as_whole("seed", seed, 0, 2**63 - 1))
+        firsts = [likelihood(point) for point in points]
+        if min(firsts) >= _WORST:
+            problem = f"hold none of {len(points)} choices that work on all records"
+            raise InputError("ranges", f"{problem}; the last one: {likelihood.reason}")
+        best = min(
+            (_descend(likelihood, points[k]) for k in np.argsort(firsts)[:_STARTS]),
+            key=lambda found: found[0],
+        )
+        place, value = best[1], -best[0]
+        edges = {
+            name: "low" if at < EDGE else "high"
+            for name, at in zip(bounds, place, strict=True)
+            if not EDGE <= at <= 1 - EDGE
+        }
+        covariance = _covariance(likelihood, place, [name not in edges for name in bounds])
+    values = {name: _at(one, at) for (name, one), at in zip(bounds.items(), place, strict=True)}
+    slopes = np.array([_slope(one, values[name]) for name, one in bounds.items()])
+    covariance = covariance * np.outer(slopes, slopes)
+    errors = np.sqrt(np.diag(covariance)).tolist()
+    return Fit(
+        values, dict(zip(bounds, errors, strict=True)), covariance, value, edges,
+        likelihood.measured, likelihood.evaluations,
+    )  # fmt: skip
+
+
+def _arguments(record: Any, place: str) -> dict[str, Any]:
+    """The arguments of a run by name."""
+    if isinstance(record, Mapping):
+        if "y" not in record or "state" in record:
+            problem = "must have y, and no state, which make returns"
+            raise InputError(place, problem)
+        return dict(record)
+    if isinstance(record, tuple) and len(record) == 2:
+        return {"y": record[0], "u": record[1]}
+    return {"y": record}
+
+
+class _WrongError(InputError):
+    """An error that is the same at all values."""
+
+
+class _Likelihood:
+    """Minus the log-likelihood at places in the unit cube, `_WORST` where a filter cannot run."""
+
+    def __init__(
+        self, make: Callable[[Settings], Any], bounds: Mapping[str, Range],
+        runs: Sequence[dict[str, Any]], budget: int, tell: Callable[[int, float], None],
+    ) -> None:  # fmt: skip
+        self.make, self.bounds, self.runs = make, bounds, runs
+        self.budget, self.tell = budget, tell
+        self.evaluations, self.measured, self.best, self.reason = 0, 0, _WORST, ""
+
+    def __call__(self, place: Array) -> float:
+        if self.evaluations == self.budget:
+            problem = f"{self.budget} is spent before the maximum is found; raise it"
+            raise InputError("budget", problem)
+        self.evaluations += 1
+        named = zip(self.bounds.items(), place, strict=True)
+        values = {name: _at(one, float(at)) for (name, one), at in named}
+        try:
+            total = self._total(self.make(values))
+        except _WrongError:
+            raise
+        except FAILURES as error:
+            self.reason = one_line(error)
+            total = _WORST
+        self.best = min(self.best, total)
+        self.tell(self.evaluations, -self.best)
+        return total
+
+    def _total(self, made: Any) -> float:
+        if not isinstance(made, tuple) or len(made) != 2 or not hasattr(made[0], "run"):
+            problem = f"returned {shown(made)}, must return a filter and the state it starts from"
+            raise _WrongError("make", problem)
+        observer, state = made
+        total, measured = 0.0, 0
+        for given in self.runs:
+            run = observer.run(state=state, **given)
+            if "log_likelihood" not in run:
+                problem = f"returned a {type(observer).__name__}, which has no log_likelihood"
+                raise _WrongError("make", problem)
+            total += float(run["log_likelihood"].sum())
+            measured += int(np.isfinite(run["innovation"]).sum())
+        self.measured = measured
+        return -total if math.isfinite(total) else _WORST
+
+
+def _at(one: Range, place: float) -> float:
+    """The value at a place of a range, from 0 to 1, to all digits."""
+    if one.scale == "log":
+        return float(math.exp((1 - place) * math.log(one.low) + place * math.log(one.high)))
+    return (1 - place) * one.low + place * one.high
+
+
+def _slope(one: Range, value: float) -> float:
+    """The derivative of the value by its place."""
+    return value * math.log(one.high / one.low) if one.scale == "log" else one.high - one.low
+
+
+def _descend(likelihood: _Likelihood, start: Array) -> tuple[float, Array]:
+    """The local maximum from a place on: minus its log-likelihood, and its place."""
+    from scipy.optimize import minimize
+
+    def with_gradient(place: Array) -> tuple[float, Array]:
+        gradient = np.empty(len(place))
+        for i in range(len(place)):
+            ends = []
+            for sign in (-1.0, 1.0):
+                moved = place.copy()
+                moved[i] = min(max(moved[i] + sign * _STEP, 0.0), 1.0)
+                ends.append((moved[i], likelihood(moved)))
+            (low, before), (high, after) = ends
+            gradient[i] = (after - before) / (high - low)
+        return likelihood(place), gradient
+
+    found = minimize(
+        with_gradient, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start),
+        options={"ftol": 1e-13, "gtol": 1e-4, "maxiter": 500},
+    )  # fmt: skip
+    return float(found.fun), np.asarray(found.x, dtype=np.float64)
+
+
+def _covariance(likelihood: _Likelihood, place: Array, inside: Sequence[bool]) -> Array:
+    """The inverse of the observed information, by place, nan for what is at an end."""
+    found = np.full((len(place), len(place)), np.nan)
+    free = [i for i, one in enumerate(inside) if one]
+    if not len(free):
+        return found
+    base = likelihood(place)
+    steps = [_step(likelihood, place, i, base) for i in free]
+
+    def moved(*moves: tuple[int, float]) -> float:
+        other = place.copy()
+        for i, by in moves:
+            other[free[i]] += by * steps[i]
+        return likelihood(other)
+
+    size = len(free)
+    information = np.empty((size, size))
+    for i in range(size):
+        ends = moved((i, 1.0)) + moved((i, -1.0))
+        information[i, i] = (ends - 2.0 * base) / steps[i] ** 2
+        for j in range(i):
+            four = (
+                moved((i, 1.0), (j, 1.0)) - moved((i, 1.0), (j, -1.0))
+                - moved((i, -1.0), (j, 1.0)) + moved((i, -1.0), (j, -1.0))
+            )  # fmt: skip
+            information[i, j] = information[j, i] = four / (4.0 * steps[i] * steps[j])
+    try:
+        np.linalg.cholesky(information)
+    except np.linalg.LinAlgError:
+        return found  # the maximum is no point: parameters that cannot be told apart
+    found[np.ix_(free, free)] = np.linalg.inv(information)
+    return found
+
+
+def _step(likelihood: _Likelihood, place: Array, i: int, base: float) -> float:
+    """A step along parameter i that changes the log-likelihood by about `_CHANGE`."""
+    room = float(min(place[i], 1.0 - place[i]))
+    step = min(1e-3, room)
+    for _ in range(20):
+        ends = []
+        for sign in (-1.0, 1.0):
+            other = place.copy()
+            other[i] += sign * step
+            ends.append(likelihood(other))
+        change = 0.5 * sum(ends) - base
+        if 0.1 * _CHANGE <= change <= 10.0 * _CHANGE:
+            return step
+        factor = math.sqrt(_CHANGE / change) if change > 0 else 10.0
+        wider = min(step * min(max(factor, 0.1), 10.0), room)
+        if wider == step:
+            return step
+        step = wider
+    return step
+
+
+@contextmanager
+def _progress(budget: int) -> Iterator[Callable[[int, float], None]]:
+    """A line on standard error that is written again, if that is a terminal."""
+    seen = sys.stderr is not None and sys.stderr.isatty()
+
+    def tell(count: int, best: float) -> None:
+        if seen and count % 10 == 0:
+            line = f"\r{count} of at most {budget} runs, log-likelihood {best:.8g} "
+            print(line, end="", file=sys.stderr, flush=True)
+
+    yield tell
+    if seen:
+        print(file=sys.stderr)
