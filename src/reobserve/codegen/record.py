@@ -69,6 +69,8 @@ def _simulated(observer: GaussianFilter | IMM, state: Any, u: Array) -> Array:
     if isinstance(observer, IMM):
         first = observer.filters[0]
         state = first.init(state.means[0], state.covariances[0])
+        if observer.inputs:  # which a filter of a delay reads twice
+            u = np.tile(u, first.inputs // observer.inputs)
     p = observer.measurements
     noise = np.random.default_rng(ROWS).standard_normal((ROWS, p)) * np.sqrt(np.diag(first.model.R))
     y = np.empty((ROWS, p))

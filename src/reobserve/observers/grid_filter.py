@@ -197,9 +197,9 @@ class GridFilter(IMM):
     def _fill(self, state: ImmState, record: Record) -> Rows:
         rows = super()._fill(state, record)
         probability = rows.estimates["probability"]
-        mean = probability @ self.grid
-        # sum_i p_i (theta_i - theta)^2
-        spread = np.einsum("kr,kr->k", probability, (self.grid - mean[:, None]) ** 2)
+        # sum_i p_i theta_i, and sum_i p_i (theta_i - theta)^2
+        mean = (probability * self.grid).sum(axis=1)
+        spread = (probability * (self.grid - mean[:, None]) ** 2).sum(axis=1)
         found = {"parameter": mean, "parameter_variance": spread}
         return rows._replace(estimates={**rows.estimates, **found})
 

@@ -267,7 +267,7 @@ def _covariance(likelihood: _Likelihood, place: Array, inside: Sequence[bool]) -
     """The inverse of the observed information, by place, nan for what is at an end."""
     found = np.full((len(place), len(place)), np.nan)
     free = [i for i, one in enumerate(inside) if one]
-    if not len(free):
+    if not free:
         return found
     base = likelihood(place)
     steps = [_step(likelihood, place, i, base) for i in free]

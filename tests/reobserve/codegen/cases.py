@@ -14,7 +14,9 @@ from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import luenberger
+from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
@@ -45,6 +47,46 @@ def model(factor: float = 1.0) -> LinearModel:
     )  # fmt: skip
 
 
+def angles(factor: float = 1.0) -> LinearModel:
+    """The same with a state and outputs that are angles, of short periods."""
+    whole = model(factor)
+    return LinearModel(
+        whole.A, whole.B, whole.C, whole.D, whole.Q, model().R, state_periods=[3.0, None, None],
+        output_periods=[3.0, 5.0],
+    )  # fmt: skip
+
+
+def faults() -> Made:
+    """Two faults, in the middle of a record."""
+    made = FaultBank(
+        model(), [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]], 0.1, [2.0, 1.0], 0.1, 2.0,
+        [[0.0, 0.0], [0.0, 1.0]], gate=3.0, noise_memory=50.0,
+    )  # fmt: skip
+    y, u = 0.2 * np.sin(np.arange(16.0)).reshape(8, 2), np.ones((8, 1))
+    return made, made.run(y, u, state=made.init([0, 0, 0], 1.0)).state
+
+
+def delays(walk: float) -> Made:
+    """Delays between samples, at the beginning or in the middle of a record."""
+    plant = LinearModel.from_ode(
+        [[0, 1], [-1, -0.5]], [[0, 1], [1, 0]], [[1, 0]], Q=[1e-4, 1e-3], R=1e-2,
+        sampling_period=0.1,
+    )  # fmt: skip
+    made = GridFilter.of_delay(plant, [0.0, 0.13, 0.2, 0.47], walk, 0.1, noise_memory=3.0)
+    state = made.init([0.1, 0.2], 0.1)
+    if not walk:
+        return made, state
+    u = np.sin(np.arange(16.0)).reshape(8, 2)
+    return made, made.run(u[:, 0], u, state=state).state
+
+
+def parameter() -> Made:
+    made = GridFilter.of_parameter(
+        lambda a: LinearModel([[a]], [[1.0]], [[1.0]], Q=1e-2, R=0.1), [0.2, 0.5, 0.9], 0.1, 0.01
+    )
+    return made, made.init([0.5], 1.0)
+
+
 def free() -> LinearModel:
     """The same model without an input."""
     whole = model()
@@ -55,9 +97,9 @@ def filtering(made: Any) -> Made:
     return made, made.init([1.0, 2.0, 3.0], [1.0, 2.0, 1.0])
 
 
-def bank(*filters: Any, mixing: bool = True) -> Made:
+def bank(*filters: Any, mixing: bool = True, **chosen: Any) -> Made:
     chain = [[0.95, 0.05, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]]
-    made = IMM(filters, chain, mixing)
+    made = IMM(filters, chain, mixing, **chosen)
     return made, made.init([1.0, 2.0, 3.0], [1.0, 2.0, 1.0], [1.0, 0.0, 0.0])
 
 
@@ -68,6 +110,7 @@ def swing(kind: Any, **chosen: Any) -> Made:
         ["a*w + exp(-a) + u**2", "erf(w)*pi - (1 + w**2)**-2.5*tan(a/3)"],
         Q=[[1e-4, 1e-5], [1e-5, 1e-3]], R=[[1e-3, 2e-4], [2e-4, 1e-2]], state_names=["a", "w"],
         input_names=["u"], parameters={"friction": 0.01}, sampling_period=0.05,
+        **({"state_periods": [1, None], "output_periods": [2, 3]} if "gate" in chosen else {}),
     )  # fmt: skip
     made = kind(model, **chosen)
     return made, made.init([0.5, 1.0], [0.01, 0.1])
@@ -161,6 +204,25 @@ CASES: dict[str, Callable[[], Made]] = {
     "ekf_turning": lambda: turning(ExtendedKalmanFilter),
     "ukf": lambda: swing(UnscentedKalmanFilter, alpha=0.5, beta=1.0, kappa=1.0),
     "ukf_turning": lambda: turning(UnscentedKalmanFilter),
+    "kalman_angles": lambda: filtering(KalmanFilter(angles(), gate=1.2, noise_memory=5.0)),
+    "kalman_inflated": lambda: filtering(KalmanFilter(angles(), gate=1.2, outliers="inflate",
+                                                      noise_memory=5.0)),
+    "augmented_learning": lambda: (
+        (made := AugmentedKalmanFilter(model(), [[0.0], [1.0], [0.0]], 0.01, gate=1.5,
+                                       noise_memory=30.0)),
+        made.init([1.0, 2.0, 3.0], 1.0),
+    ),
+    "gain_angles": lambda: filtering(luenberger(angles(), [0.3, 0.4, 0.5])),
+    "ekf_angles": lambda: swing(ExtendedKalmanFilter, gate=1.0, noise_memory=0.5),
+    "ukf_angles": lambda: swing(UnscentedKalmanFilter, alpha=0.5, gate=1.0, outliers="inflate",
+                                noise_memory=0.5),
+    "imm_angles": lambda: bank(*(KalmanFilter(angles(f)) for f in FACTORS), gate=1.2,
+                               noise_memory=5.0),
+    "imm_svsf_gate": lambda: bank(*(switching("pseudo", f) for f in FACTORS), gate=1.0),
+    "fault_bank": faults,
+    "delay_grid": lambda: delays(0.0),
+    "delay_grid_on": lambda: delays(0.3),
+    "parameter_grid": parameter,
     "svsf": lambda: filtering(switching("pseudo")),
     "svsf_weighted": lambda: filtering(switching("weighted")),
     "imm": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS)),

@@ -7,9 +7,13 @@ import numpy as np
 from reobserve.codegen.expressions import Name, Number, call, outer
 from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs import linear
+from reobserve.codegen.programs.bank_parts import DelayedInputs, gate_of_bank
 from reobserve.codegen.programs.linear import Matrices
+from reobserve.codegen.programs.rules import FilterRules
 from reobserve.core.errors import InputError
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import LEAST
 from reobserve.observers.imm_state import ImmState
@@ -21,10 +25,64 @@ _LEAST = -1e300  # what stands for the logarithm of zero
 
 def bank(observer: IMM, state: ImmState) -> Program:
     """One step of all filters, and of the probabilities of their modes."""
+    program = Program("Interacting multiple model", observer.measurements, observer.inputs)
+    x, P, mu = _step(program, observer, state)
+    program.estimate("state", x)
+    program.estimate("variance", linear.diagonal(program, P))
+    _report(program, P, mu)
+    return program
+
+
+def fault_bank(observer: FaultBank, state: ImmState) -> Program:
+    """The same of a bank for faults, which it tells from the state."""
+    title = "Bank of Kalman filters for faults that jump or drift"
+    program = Program(title, observer.measurements, observer.inputs)
+    x, P, mu = _step(program, observer, state)
+    (n, q), variances = observer.fault_matrix.shape, linear.diagonal(program, P)
+    for name, since, until in (("", 0, n), ("fault", n, n + q), ("fault_rate", n + q, n + 2 * q)):
+        program.estimate_part(name or "state", x, since, until)
+        program.estimate_part(f"{name}_variance" if name else "variance", variances, since, until)
+    covariance = program.local("state_covariance", (n, n))
+    with program.for_each("row", n) as row, program.for_each("column", n) as column:
+        program.let(covariance[row, column], P[row, column])
+    _report(program, covariance, mu)
+    return program
+
+
+def grid(observer: GridFilter, state: ImmState) -> Program:
+    """The same of a grid, with the mean and the variance of its parameter."""
+    program = Program("Kalman filters on a grid", observer.measurements, observer.inputs)
+    x, P, mu = _step(program, observer, state)
+    program.estimate("state", x)
+    program.estimate("variance", linear.diagonal(program, P))
+    _report(program, P, mu)
+    nodes = program.constant("nodes", observer.grid)
+    mean, spread = program.local("parameter"), program.local("parameter_variance")
+    program.let(mean, ZERO)
+    program.let(spread, ZERO)
+    with program.for_each("mode", len(observer.grid)) as j:
+        program.let(mean, mean + mu[j] * nodes[j])
+    with program.for_each("mode", len(observer.grid)) as j:
+        program.let(spread, spread + mu[j] * ((nodes[j] - mean) * (nodes[j] - mean)))
+    program.estimate("parameter", mean)
+    program.estimate("parameter_variance", spread)
+    return program
+
+
+def _report(program: Program, P: Name, mu: Name) -> None:
+    """Estimates that all banks have."""
+    program.estimate("covariance", P)
+    program.estimate("probability", mu)
+    program.estimate("innovation", Name("innovations", (*mu.shape, program.measurements)))
+    program.estimate("log_likelihood", Name("whole"))
+
+
+def _step(program: Program, observer: IMM, state: ImmState) -> tuple[Name, Name, Name]:
+    """The step of a bank: the mixture's mean and covariance, and the probabilities."""
     filters = _filters(observer)
     first, r = filters[0].model, len(filters)
     n, p = first.states, first.outputs
-    program = Program("Interacting multiple model", first.outputs, first.inputs)
+    rules = FilterRules(program, observer, state, p)
     models = _models(program, filters)
     svsf = [one for one in filters if isinstance(one, SmoothVariableStructureFilter)]
     switching = linear.switching_constants(program, svsf, bank=True) if svsf else None
@@ -34,43 +92,63 @@ def bank(observer: IMM, state: ImmState) -> Program:
     errors = program.remember("errors", state.errors) if svsf else None
     logarithms = np.maximum(state.log_probabilities, _LEAST)
     log_mu = program.remember("log_mu", logarithms)
-    inputs = linear.Inputs(program, first, state)
+    inputs = (
+        DelayedInputs(program, observer, state)
+        if isinstance(observer, GridFilter) and observer.periods_late is not None
+        else linear.Inputs(program, first, state)
+    )
     predicted = program.let(program.local("log_predicted", (r,)), log_mu)
     with inputs.moves():
         weights = _mixing(program, chain, log_mu, predicted)
         if observer.mixing:
-            _interact(program, weights, means, covariances)
+            _interact(program, weights, means, covariances, rules)
         with program.for_each("mode", r) as j:
             m = _mode(models, j)
-            program.let(means[j], linear.predicted_mean(m, means[j], inputs.held))
+            program.let(means[j], linear.predicted_mean(m, means[j], inputs.of_mode(j)))
+            rules.wrap(means[j], rules.states)
             program.let(
                 covariances[j], linear.predicted_covariance(m, covariances[j]), symmetric=True
             )
     likelihoods = program.local("likelihoods", (r,))
     innovations = program.local("innovations", (r, p))
+    changes = program.local("noise_changes", (r, p))
+    if observer.gate is not None:
+        gate_of_bank(program, observer.gate, models, means, covariances, rules)
     with program.for_each("mode", r) as j:
         e, log_likelihood = linear.correct(
             program, _mode(models, j), means[j], covariances[j],
             None if switching is None else switching.of(j), None if errors is None else errors[j],
+            rules,
         )  # fmt: skip
+        if rules.forgetting:
+            program.let(changes[j], rules.change)
         program.let(likelihoods[j], log_likelihood)
         program.let(innovations[j], e)
         with program.for_each("row", p) as row, program.when("valid[row] < 0.5"):
             program.let(innovations[j, row], Name("NAN"))
-    whole = _update(program, predicted, likelihoods, log_mu)
+    _update(program, predicted, likelihoods, log_mu)
     mu = program.local("mu", (r,))
     with program.for_each("mode", r) as j:
         program.let(mu[j], call("exp", log_mu[j]))
+    _learn(program, rules, mu, changes)
+    rules.keep()
     x, P = program.local("x", (n,)), program.local("P", (n, n))
-    _combine(program, mu, means, covariances, x, P)
-    program.estimate("state", x)
-    program.estimate("variance", linear.diagonal(program, P))
-    program.estimate("covariance", P)
-    program.estimate("probability", mu)
-    program.estimate("innovation", innovations)
-    program.estimate("log_likelihood", whole)
+    _combine(program, mu, means, covariances, x, P, rules)
+    if observer.gate is not None:
+        program.estimate("outlier", rules.outlier)
+    rules.estimate()
     inputs.keep()
-    return program
+    return x, P, mu
+
+
+def _learn(program: Program, rules: FilterRules, mu: Name, changes: Name) -> None:
+    """The change of R, the mean of those of the modes."""
+    if rules.forgetting:
+        program.let(rules.change, rules.change * 0.0)
+        with program.for_each("mode", mu.shape[0]) as j:
+            program.let(rules.change, rules.change + mu[j] * changes[j])
+        with program.for_each("row", program.measurements) as row, program.when("valid[row] < 0.5"):
+            program.let(rules.change[row], ZERO)
 
 
 def _filters(observer: IMM) -> list[GaussianFilter]:
@@ -145,12 +223,14 @@ def _unlikely(
     program.let(predicted[j], call("fmax", largest + call("log", total), _LEAST))
 
 
-def _interact(program: Program, weights: Name, means: Name, covariances: Name) -> None:
+def _interact(
+    program: Program, weights: Name, means: Name, covariances: Name, rules: FilterRules
+) -> None:
     """Mixed means and covariances, in the place of the filters' own."""
     r, n = means.shape
     mixed, mixed_covariances = program.local("mixed", (r, n)), program.local("mixed_P", (r, n, n))
     with program.for_each("mode", r) as j:
-        _combine(program, weights, means, covariances, mixed[j], mixed_covariances[j], j)
+        _combine(program, weights, means, covariances, mixed[j], mixed_covariances[j], rules, j)
     program.let(means, mixed)
     program.let(covariances, mixed_covariances)
 
@@ -179,16 +259,27 @@ def _update(program: Program, predicted: Name, likelihoods: Name, log_mu: Name) 
 
 
 def _combine(
-    program: Program, weights: Name, means: Name, covariances: Name, x: Name, P: Name, *to: str
-) -> None:
+    program: Program, weights: Name, means: Name, covariances: Name, x: Name, P: Name,
+    rules: FilterRules, *to: str,
+) -> None:  # fmt: skip
     """The mean and the covariance of a mixture: of the modes, or of what is mixed ``to`` one."""
     apart = program.local("apart", x.shape)
     # x = sum of w_i x_i
     program.let(x, Number(0.0, x.shape))
     with program.for_each("other", means.shape[0]) as i:
         program.let(x, x + weights[(i, *to)] * means[i])
+    for a in np.flatnonzero(rules.states).tolist():  # around the first filter's
+        period, turned = float(rules.states[a]), program.local("turned")
+        program.let(x[a], ZERO)
+        with program.for_each("other", means.shape[0]) as i:
+            program.let(turned, means[i, a] - means[0, a])
+            program.let(turned, turned - period * call("floor", turned / period + 0.5))
+            program.let(x[a], x[a] + weights[(i, *to)] * turned)
+        program.let(x[a], means[0, a] + x[a])
+        program.let(x[a], x[a] - period * call("floor", x[a] / period + 0.5))
     # P = sum of w_i (P_i + (x_i - x) (x_i - x)')
     program.let(P, Number(0.0, P.shape))
     with program.for_each("other", means.shape[0]) as i:
         program.let(apart, means[i] - x)
+        rules.wrap(apart, rules.states)
         program.let(P, P + weights[(i, *to)] * (covariances[i] + outer(apart, apart)))

@@ -11,9 +11,12 @@ import numpy as np
 
 from reobserve.codegen.expressions import Expression, Name, call
 from reobserve.codegen.program import ONE, ZERO, Program
+from reobserve.codegen.programs.rules import FilterRules
+from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_row
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_steps import HALF_LOG_TWO_PI, ROUNDED
@@ -72,6 +75,10 @@ class Inputs:
                 program.let(self.held, program.u)
         program.line(f"{self.started} = 1;")
 
+    def of_mode(self, mode: str) -> Name | None:
+        """The input that is held for one of several models: the same for all."""
+        return self.held
+
     def keep(self) -> None:
         """The input of this row, for the next."""
         if self.held is not None:
@@ -83,13 +90,19 @@ def fixed_gain(observer: FixedGainObserver, state: KalmanState) -> Program:
     model = observer.model
     program = Program("Linear observer of constant gain", model.outputs, model.inputs)
     m = matrices(program, model, noise=False)
+    if observer.gate is not None:
+        problem = "of constant gain with a gate cannot be exported: the code has no covariance"
+        raise InputError("observer", problem)
+    rules = FilterRules(program, observer, state, model.outputs)
     L = program.constant("L", observer.gain)
     x = program.remember("x", state.posterior.mean)
     inputs = Inputs(program, model, state)
     with inputs.moves():
         program.let(x, predicted_mean(m, x, inputs.held))
-    e, _ = innovation(program, m, x)
+        rules.wrap(x, rules.states)
+    e, _ = innovation(program, m, x, rules)
     program.let(x, x + L @ e)
+    rules.wrap(x, rules.states)
     estimate_innovation(program, e)
     program.estimate("state", x)
     inputs.keep()
@@ -98,20 +111,20 @@ def fixed_gain(observer: FixedGainObserver, state: KalmanState) -> Program:
 
 def kalman(observer: KalmanFilter, state: KalmanState) -> Program:
     """The filter with its covariance."""
-    return filter_program("Kalman filter", observer.model, state)
+    return filter_program("Kalman filter", observer, state)
 
 
 def augmented(observer: AugmentedKalmanFilter, state: KalmanState) -> Program:
     """The Kalman filter of the state and the unknown inputs, which it distinguishes."""
     title = "Kalman filter with unknown inputs"
-    return filter_program(title, observer.whole, state, split=observer.model.states)
+    return filter_program(title, observer, state, split=observer.model.states)
 
 
 def smooth(observer: SmoothVariableStructureFilter, state: KalmanState) -> Program:
     """The SVSF with its covariance."""
     title = "Smooth variable structure filter"
     return filter_program(
-        title, observer.model, state, lambda program: switching_constants(program, [observer])
+        title, observer, state, lambda program: switching_constants(program, [observer])
     )
 
 
@@ -126,14 +139,16 @@ class GainFunction(Protocol):
 
 def filter_program(
     title: str,
-    model: LinearModel,
+    observer: GaussianFilter,
     state: KalmanState,
     gain: Callable[[Program], GainFunction] | None = None,
     split: int = 0,
 ) -> Program:
     """A filter with its covariance, and Kalman's gain unless ``gain`` states another."""
+    model: LinearModel = observer.whole
     program, n = Program(title, model.outputs, model.inputs), model.states
     m = matrices(program, model)
+    rules = FilterRules(program, observer, state, model.outputs)
     switching = None if gain is None else gain(program)
     x = program.remember("x", state.posterior.mean)
     P = program.remember("P", state.posterior.covariance)
@@ -141,8 +156,10 @@ def filter_program(
     inputs = Inputs(program, model, state)
     with inputs.moves():
         program.let(x, predicted_mean(m, x, inputs.held))
+        rules.wrap(x, rules.states)
         program.let(P, predicted_covariance(m, P), symmetric=True)
-    e, log_likelihood = correct(program, m, x, P, switching, error)
+    e, log_likelihood = correct(program, m, x, P, switching, error, rules)
+    rules.keep()
     estimate_innovation(program, e)
     variance = diagonal(program, P)
     program.estimate_part("state", x, 0, split or n)
@@ -151,6 +168,7 @@ def filter_program(
         program.estimate_part("unknown_input", x, split, n)
         program.estimate_part("unknown_input_variance", variance, split, n)
     program.estimate("log_likelihood", log_likelihood)
+    rules.estimate()
     inputs.keep()
     return program
 
@@ -176,10 +194,11 @@ def predicted_covariance(m: Matrices, P: Name) -> Expression:
     return m.A @ P @ m.A.T + m.Q
 
 
-def innovation(program: Program, m: Matrices, x: Name) -> tuple[Name, Name]:
+def innovation(program: Program, m: Matrices, x: Name, rules: FilterRules) -> tuple[Name, Name]:
     """The innovation, zero where a measurement is missing, and ones where it is not."""
     p = program.measurements
     e = program.let(program.local("e", (p,)), _error(program, m, x))
+    rules.wrap(e, rules.outputs)
     valid = program.local("valid", (p,))
     with program.for_each("row", p) as row:
         program.flag(valid[row], f"!isnan({program.y[row]})")
@@ -246,14 +265,17 @@ def correct(
     P: Name,
     switching: GainFunction | None,
     error: Name | None,
+    rules: FilterRules,
 ) -> tuple[Name, Name]:
     """Correct mean and covariance in place, and return the innovation and its log-likelihood."""
     assert m.R is not None
     n, p = x.shape[0], program.measurements
-    e, valid = innovation(program, m, x)
+    e, valid = innovation(program, m, x, rules)
+    R = rules.noise_of(m.R)
     # S = C P C' + R
     PC = program.let(program.local("PC", (n, p)), P @ m.C.T)
-    S = program.let(program.local("S", (p, p)), m.C @ PC + m.R)
+    S = program.let(program.local("S", (p, p)), m.C @ PC + R)
+    rules.apply_gate(e, valid, S)
     L = factor(program, S, valid)
     K = program.local("K", (n, p))
     if switching is None:
@@ -262,12 +284,15 @@ def correct(
         assert error is not None
         switching.write(program, m, PC, L, e, error, K)
     move(program, x, K, e, valid)
+    rules.wrap(x, rules.states)
     # Joseph's form for any gain: T = (I - K C) P, then T (I - K C)' + K R K'.
     T = program.let(program.local("T", (n, n)), P - K @ PC.T)
-    program.let(P, T - (T @ m.C.T - K @ m.R) @ K.T, symmetric=True)
+    program.let(P, T - (T @ m.C.T - K @ R) @ K.T, symmetric=True)
     log_likelihood = log_likelihood_of(program, L, e, valid)
+    rules.learn(L, valid, R)
     if error is not None:
         after = program.let(program.local("after", (p,)), _error(program, m, x))
+        rules.wrap(after, rules.outputs)
         with program.for_each("row", p) as row, program.when("valid[row] > 0.5"):
             program.let(error[row], after[row])
     return e, log_likelihood

@@ -6,17 +6,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.codegen.expressions import Expression, Name, Number, outer, times
 from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs import linear
 from reobserve.codegen.programs.right_hand_sides import expression
+from reobserve.codegen.programs.rules import FilterRules
 from reobserve.core.errors import InputError
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 from reobserve.observers.unscented_kalman_loop import ROUNDING
 from reobserve.systems.nonlinear import NonlinearModel
+
+Array = NDArray[np.float64]
 
 # L L' = P for the lower triangular L, NAN where P has a negative eigenvalue; where P is singular a
 # column of L is zero.
@@ -47,8 +52,10 @@ for (int32_t j = 0; j < {n}; ++j) {{
 class _Filter:
     """Parts that both have in common: the model's functions, the memory, the estimates."""
 
-    def __init__(self, title: str, model: NonlinearModel, state: KalmanState) -> None:
+    def __init__(self, title: str, observer: GaussianFilter, state: KalmanState) -> None:
+        model: NonlinearModel = observer.model
         self.program = program = Program(title, model.outputs, model.inputs)
+        self.rules = FilterRules(program, observer, state, model.outputs)
         self.model, n = model, model.states
         self.Q, self.R = program.constant("Q", model.Q), program.constant("R", model.R)
         self.x = program.remember("x", state.posterior.mean)
@@ -101,6 +108,8 @@ class _Filter:
         program.estimate("state", self.x)
         program.estimate("variance", linear.diagonal(program, self.P))
         program.estimate("log_likelihood", log_likelihood)
+        self.rules.keep()
+        self.rules.estimate()
         self.inputs.keep()
         return program
 
@@ -117,19 +126,20 @@ def _code(model: NonlinearModel, name: str) -> tuple[str, ...]:
 def extended(observer: ExtendedKalmanFilter, state: KalmanState) -> Program:
     """The filter with Jacobians."""
     model = observer.model
-    made = _Filter("Extended Kalman filter", model, state)
+    made = _Filter("Extended Kalman filter", observer, state)
     program, x, P, n, p = made.program, made.x, made.P, model.states, model.outputs
     made.function("dynamics_jacobian", _code(model, "F"), (n, n))
     made.function("output_jacobian", _code(model, "H"), (p, n))
     with made.inputs.moves():
         A = _derived_step(made)
+        made.rules.wrap(x, made.rules.states)
         cross = program.let(program.local("cross", (n, n)), P @ A.T)
         program.let(P, A @ cross + made.Q, symmetric=True)
     u = program.u if model.inputs else None
     C = made.call(program.local("C", (p, n)), "output_jacobian", x, u)
     expected = made.call(program.local("expected", (p,)), "output", x, u)
     matrices = linear.Matrices(None, None, C, None, made.Q, made.R, expected)
-    e, log_likelihood = linear.correct(program, matrices, x, P, None, None)
+    e, log_likelihood = linear.correct(program, matrices, x, P, None, None, made.rules)
     return made.report(e, log_likelihood)
 
 
@@ -190,21 +200,24 @@ class _SigmaPoints:
             program.let(points[f"1 + {column}", row], x[row] + apart)
             program.let(points[f"{1 + n} + {column}", row], x[row] - apart)
 
-    def average(self, images: Name, mean: Name) -> None:
+    def average(self, images: Name, mean: Name, periods: Array) -> None:
         """The mean of images, which then are what they differ by from it."""
         program = self.program
         off, total = (program.local(f"{one}_{images.name}", mean.shape) for one in ("off", "sum"))
         program.let(total, Number(0.0, mean.shape))
         with program.for_each("point", self.count - 1) as point:
             program.let(off, images[f"1 + {point}"] - images[0])
+            self.made.rules.wrap(off, periods)
             program.let(total, total + off)
         program.let(mean, images[0] + self.each * total)
-        self.subtract(images, mean)
+        self.subtract(images, mean, periods)
 
-    def subtract(self, rows: Name, mean: Name) -> None:
-        """Subtract a mean from each row."""
+    def subtract(self, rows: Name, mean: Name, periods: Array | None = None) -> None:
+        """Subtract a mean from each row, angles the shortest way round."""
         with self.program.for_each("point", self.count) as point:
             self.program.let(rows[point], rows[point] - mean)
+            if periods is not None:
+                self.made.rules.wrap(rows[point], periods)
 
     def scatter(self, rows: Name, into: Name, *noise: Name) -> None:
         """Sum w d d' of the rows d, and the noise."""
@@ -234,7 +247,7 @@ class _SigmaPoints:
 def unscented(observer: UnscentedKalmanFilter, state: KalmanState) -> Program:
     """The filter with sigma points."""
     model = observer.model
-    made = _Filter("Unscented Kalman filter", model, state)
+    made = _Filter("Unscented Kalman filter", observer, state)
     points, program, n, p = _SigmaPoints(made, observer), made.program, model.states, model.outputs
     with made.inputs.moves():
         _move_points(made, points)
@@ -245,6 +258,7 @@ def unscented(observer: UnscentedKalmanFilter, state: KalmanState) -> Program:
     with program.for_each("row", p) as row:
         program.let(e[row], ZERO)
         program.flag(valid[row], f"!isnan({program.y[row]})")
+        made.rules.reset(row)
         program.let(measured, measured + valid[row])
     with program.when(f"{measured} > 0.5"):
         points.place()
@@ -252,19 +266,24 @@ def unscented(observer: UnscentedKalmanFilter, state: KalmanState) -> Program:
         u = program.u if model.inputs else None
         with program.for_each("point", points.count) as point:
             made.call(images[point], "output", points.points[point], u)
-        points.average(images, expected)
+        points.average(images, expected, made.rules.outputs)
         with program.for_each("row", p) as row, program.when(f"{valid[row]} > 0.5"):
             program.let(e[row], program.y[row] - expected[row])
+        made.rules.wrap(e, made.rules.outputs)
+        R = made.rules.noise_of(made.R)
         S, K = program.local("S", (p, p)), program.local("K", (n, p))
-        points.scatter(images, S, made.R)
+        points.scatter(images, S, R)
+        made.rules.apply_gate(e, valid, S)
         L = linear.factor(program, S, valid)
         linear.log_likelihood_of(program, L, e, valid)
+        made.rules.learn(L, valid, R)
         cross = program.local("output_cross", (n, p))
         points.cross(images, cross)
         program.solve_right(K, cross, L)  # K = sum w (X - x) (h(X) - y)' S^-1
         points.subtract(points.points, made.x)
         linear.move(program, made.x, K, e, valid)
-        _joseph(made, points, images, K)
+        made.rules.wrap(made.x, made.rules.states)
+        _joseph(made, points, images, K, R)
     return made.report(e, log_likelihood)
 
 
@@ -290,11 +309,12 @@ def _move_points(made: _Filter, points: _SigmaPoints) -> None:
                     made.call(slope, "dynamics", inside, u)
                     program.let(total, total + made.weight[stage] * slope)
                 program.let(image, image + made.sixth * total)
-    points.average(images, made.x)
+    points.average(images, made.x, made.rules.states)
+    made.rules.wrap(made.x, made.rules.states)
     points.scatter(images, made.P, made.Q)
 
 
-def _joseph(made: _Filter, points: _SigmaPoints, images: Name, K: Name) -> None:
+def _joseph(made: _Filter, points: _SigmaPoints, images: Name, K: Name, R: Name) -> None:
     """P = sum w r r' + K R K' of r = (X - x) - K (h(X) - y)."""
     program, P, rows = made.program, made.P, points.points
     n, p = K.shape
@@ -303,5 +323,5 @@ def _joseph(made: _Filter, points: _SigmaPoints, images: Name, K: Name) -> None:
     points.scatter(rows, P)
     with program.for_each("row", n) as a, program.for_each("column", f"{a} + 1") as b:
         with program.for_each("i", p) as i, program.for_each("j", p) as j:
-            program.let(P[a, b], P[a, b] + times(times(K[a, i], made.R[i, j]), K[b, j]))
+            program.let(P[a, b], P[a, b] + times(times(K[a, i], R[i, j]), K[b, j]))
         program.let(P[b, a], P[a, b])

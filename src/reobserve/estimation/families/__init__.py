@@ -26,6 +26,8 @@ FAMILIES = {
     "unscented-kalman": "unscented_kalman:UnscentedKalmanDesign",
     "svsf": "svsf:SvsfDesign",
     "imm": "imm:ImmDesign",
+    "fault-bank": "fault_bank:FaultBankDesign",
+    "delay-grid": "delay_grid:DelayGridDesign",
     "eso": "eso:EsoDesign",
     "normal-form": "normal_form:NormalFormDesign",
     "high-gain": "high_gain:HighGainDesign",

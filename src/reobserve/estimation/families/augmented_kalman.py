@@ -18,6 +18,7 @@ from reobserve.estimation.families.linear_system import (
     check_shape,
     decay_sentences,
 )
+from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered, variances
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
@@ -116,7 +117,7 @@ class AugmentedKalmanDesign(FilterDesign):
         if E.ndim == 2 and len(E) == len(system.A):
             E = system.sampled(E)[1]
         return AugmentedKalmanFilter(
-            system.model, E, system.random_walk, system.output_fault_matrix
+            system.model, E, system.random_walk, system.output_fault_matrix, **rules(system)
         )
 
     @property

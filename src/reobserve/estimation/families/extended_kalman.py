@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from reobserve.estimation.families.design import Example
+from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign, TextSystem
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 
@@ -35,7 +36,7 @@ class ExtendedKalmanDesign(TextFilterDesign):
     @cached_property
     def observer(self) -> ExtendedKalmanFilter:
         """The filter, with its Jacobians."""
-        made = ExtendedKalmanFilter(self.system.model)
+        made = ExtendedKalmanFilter(self.system.model, **rules(self.system))
         with self.system.naming():
             _ = made.functions
         return made

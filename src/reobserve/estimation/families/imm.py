@@ -20,6 +20,7 @@ from reobserve.estimation.families.linear_system import (
     NoisySystem,
     unobserved,
 )
+from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM
@@ -86,6 +87,8 @@ class ManyModes(NoisySystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.outliers is not None:
+            raise InputError("outliers", "must be left out: a bank skips them")
         check_signals("modes", dict.fromkeys(self.modes, "1"))
         if not 1 <= len(self.modes) <= _MOST_MODES:
             raise InputError("modes", f"has {len(self.modes)} modes, must have 1 to {_MOST_MODES}")
@@ -158,7 +161,7 @@ class ImmDesign(FilterDesign):
                 filters.append(
                     SmoothVariableStructureFilter(system.model, layer, rate, gains.inverse)
                 )
-        return IMM(filters, gains.transition, gains.mixing)
+        return IMM(filters, gains.transition, gains.mixing, **rules(self.system))
 
     @property
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
@@ -184,7 +187,7 @@ class ImmDesign(FilterDesign):
 
     def residual(self, y: Array, estimates: Estimates) -> Array:
         """The innovations of the modes, weighed by their probabilities."""
-        return _weighed(estimates["probability"], estimates["innovation"])
+        return weighed(estimates["probability"], estimates["innovation"])
 
     @property
     def unseen(self) -> tuple[str, ...]:
@@ -212,7 +215,8 @@ class ImmDesign(FilterDesign):
 
 
 @allocating_kernel
-def _weighed(probability: Array, innovation: Array) -> Array:
+def weighed(probability: Array, innovation: Array) -> Array:
+    """Innovations of modes, (k, r, p), by their probabilities, (k, r)."""
     rows, modes, size = innovation.shape
     found = np.zeros((rows, size))
     for k in range(rows):

@@ -12,6 +12,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Example, pairs
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, decay_sentences
+from reobserve.estimation.families.rules import rules
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.kalman import KalmanFilter
@@ -109,9 +110,10 @@ class KalmanDesign(FilterDesign):
     @cached_property
     def observer(self) -> GaussianFilter:
         """The filter."""
+        stated = rules(self.system)
         if self.gains is None:
-            return KalmanFilter(self.system.model)
-        return FixedGainObserver(self.system.model, self.gains.gain)
+            return KalmanFilter(self.system.model, **stated)
+        return FixedGainObserver(self.system.model, self.gains.gain, **stated)
 
     def certify(self) -> Certificate:
         """Poles of the error at rest, the gain against the Riccati equation's.

@@ -13,8 +13,11 @@ from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import Certificate, Design, Estimates, System, pole_text
+from reobserve.estimation.families.rules import periods, rule_estimates
 from reobserve.estimation.families.signals import NamedSignal, listed, numbered, variances
+from reobserve.observers.filter_halves import innovation_deviation
 from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel
 
@@ -27,7 +30,8 @@ class LinearSystem(System):
 
     A model of continuous time is sampled for inputs that are held. ``Q`` and ``R`` are covariances
     of the noise of a sample, in either time. ``check: false`` accepts a discrete A that looks like
-    one of continuous time.
+    one of continuous time. ``periods`` are those of states and measurements that are angles, by
+    name, in their units.
     """
 
     time: Literal["continuous", "discrete"]
@@ -38,6 +42,7 @@ class LinearSystem(System):
     Q: Array = field(default_factory=lambda: np.array(0.0))
     R: Array = field(default_factory=lambda: np.array(1.0))
     check: bool = True
+    periods: dict[str, float] = field(default_factory=dict)
     initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:
@@ -70,18 +75,25 @@ class LinearSystem(System):
     def model(self) -> LinearModel:
         """The sampled model, or `InputError` if it is none that filters can have."""
         matrices = (self.A, self.B, self.C, self.D, self.Q, self.R)
+        options: Any = {"sampling_period": self.sampling_period, **periods(self)}
         if self.time == "continuous":
-            return LinearModel.from_ode(*matrices, sampling_period=self.sampling_period)
-        return LinearModel(*matrices, check=self.check, sampling_period=self.sampling_period)
+            return LinearModel.from_ode(*matrices, **options)
+        return LinearModel(*matrices, check=self.check, **options)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NoisySystem(LinearSystem):
-    """A linear system of which the noise is known, and the covariance of the initial state."""
+    """A linear system of which the noise is known, and the covariance of the initial state.
+
+    ``gate``, ``outliers`` and ``noise_memory`` [s] are those of `GaussianFilter`.
+    """
 
     Q: Array
     R: Array
     initial_covariance: Array
+    gate: float | None = None
+    outliers: Literal["skip", "inflate"] | None = None
+    noise_memory: float | None = None
 
 
 def _rows(matrix: Array) -> int:
@@ -114,6 +126,7 @@ class FilterDesign(Design):
                 NamedSignal(f"{s.name}_innovation", s.unit) for s in self.measurements
             ),
             "log_likelihood": (NamedSignal("log_likelihood", "1"),),
+            **rule_estimates(self.measurements),
         }  # fmt: skip
 
     def start(self) -> Any:
@@ -131,8 +144,9 @@ class FilterDesign(Design):
 
     def spread(self, state: Any) -> Array | None:
         """The deviations that the filter predicts for the next innovation."""
-        predicted = getattr(self.observer, "innovation_deviation", None)
-        return predicted(state) if predicted and self.sigmas else None
+        observer: Any = self.observer
+        known = isinstance(observer, GaussianFilter) and self.sigmas
+        return innovation_deviation(observer, state) if known else None
 
     @property
     def unseen(self) -> tuple[str, ...]:

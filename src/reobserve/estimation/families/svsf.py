@@ -10,6 +10,7 @@ from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem
+from reobserve.estimation.families.rules import rules
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
 Array = FloatArray
@@ -67,8 +68,9 @@ class SvsfDesign(FilterDesign):
         """The filter."""
         gains = self.gains
         return SmoothVariableStructureFilter(
-            self.system.model, gains.boundary_layer, gains.convergence_rate, gains.inverse
-        )
+            self.system.model, gains.boundary_layer, gains.convergence_rate, gains.inverse,
+            **rules(self.system),
+        )  # fmt: skip
 
     def certify(self) -> Certificate:
         """Contraction of output errors outside the layers, if C is square, and other checks."""

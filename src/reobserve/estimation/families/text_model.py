@@ -12,10 +12,14 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import DivergenceError, InputError, nearest
 from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.validation import NotNegative, Positive
 from reobserve.estimation.families.design import Certificate, System
 from reobserve.estimation.families.linear_system import FilterDesign
+from reobserve.estimation.families.rules import periods
+from reobserve.estimation.families.signals import NamedSignal, listed
 from reobserve.systems.nonlinear import NonlinearModel
 
 Array = FloatArray
@@ -70,12 +74,24 @@ def check_texts(system: Any) -> None:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterState:
+    """A parameter that is estimated: its variance at the start, and what it gains in a sample."""
+
+    initial_variance: Positive
+    random_walk: NotNegative = 0.0
+    unit: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TextSystem(System):
     """x' = f(x, u) or x(k+1) = f(x(k), u(k)), by the word ``time``, with y = h(x, u), as text.
 
     A model of continuous time is integrated by ``substeps`` Runge-Kutta steps in a sampling period,
     1 if left out, with inputs held. ``Q`` and ``R`` are covariances of the noise of a sample, in
-    either time. ``parameters`` are further names in the texts, with their values.
+    either time. ``parameters`` are further names in the texts, with their values; those named in
+    ``parameter_states`` become states behind the others, from that value on. ``periods`` are those
+    of states and measurements that are angles, and ``gate``, ``outliers`` and ``noise_memory`` [s]
+    those of `GaussianFilter`.
     """
 
     time: Literal["continuous", "discrete"]
@@ -87,6 +103,11 @@ class TextSystem(System):
     R: Array
     initial_state: list[float] | None = None
     initial_covariance: Array
+    parameter_states: dict[str, ParameterState] = field(default_factory=dict)
+    periods: dict[str, float] = field(default_factory=dict)
+    gate: float | None = None
+    outliers: Literal["skip", "inflate"] | None = None
+    noise_memory: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("states", "measurements"):
@@ -110,12 +131,25 @@ class TextSystem(System):
             raise InputError("substeps", problem)
         if self.initial_state is not None:
             as_vector("initial_state", self.initial_state, len(self.states))
+        for name in self.parameter_states:
+            if name not in self.parameters:
+                problem = f"is no parameter{nearest(name, self.parameters)}"
+                raise InputError(f"parameter_states.{name}", problem)
 
     @property
     def mean(self) -> Array:
-        """The initial state, zero where it is not stated, shape (n,)."""
-        n = len(self.states)
-        return np.zeros(n) if self.initial_state is None else np.array(self.initial_state)
+        """The initial state, zero where it is not stated, and parameters that are states."""
+        stated = self.initial_state
+        first = [0.0] * len(self.states) if stated is None else stated
+        return np.array([*first, *(self.parameters[name] for name in self.parameter_states)])
+
+    @property
+    def covariance(self) -> Array:
+        """The initial covariance of the state and of parameters that are states."""
+        n, more = len(self.states), list(self.parameter_states.values())
+        found = np.diag([*np.zeros(n), *(one.initial_variance for one in more)])
+        found[:n, :n] = as_covariance("initial_covariance", self.initial_covariance, n)
+        return found
 
     @cached_property
     def model(self) -> NonlinearModel:
@@ -126,12 +160,16 @@ class TextSystem(System):
             "Q": self.Q, "R": self.R, "parameters": self.parameters,
             "state_names": list(self.states), "input_names": list(self.inputs),
             "output_names": list(self.measurements), "sampling_period": self.sampling_period,
+            **periods(self),
         }  # fmt: skip
         with self.naming():
             if self.time == "discrete":
-                return NonlinearModel(**given)
-            steps = 1 if self.substeps is None else self.substeps
-            return NonlinearModel.from_ode(**given, substeps=steps)
+                found = NonlinearModel(**given)
+            else:
+                steps = 1 if self.substeps is None else self.substeps
+                found = NonlinearModel.from_ode(**given, substeps=steps)
+            walks = {name: one.random_walk for name, one in self.parameter_states.items()}
+            return found.with_parameter_states(walks) if walks else found
 
     @contextmanager
     def naming(self) -> Iterator[None]:
@@ -152,6 +190,16 @@ class TextFilterDesign(FilterDesign):
     system: TextSystem
 
     about: ClassVar[str]  # what the filter is called
+
+    @property
+    def states(self) -> tuple[NamedSignal, ...]:
+        """The states of the system, and parameters that are states."""
+        more = self.system.parameter_states.items()
+        return (*listed(self.system.states), *(NamedSignal(name, one.unit) for name, one in more))
+
+    def start(self) -> Any:
+        """Initial mean and covariance, at the first sample."""
+        return self.observer.init(self.system.mean, self.system.covariance)  # type: ignore[attr-defined]
 
     @property
     def unseen(self) -> tuple[str, ...]:

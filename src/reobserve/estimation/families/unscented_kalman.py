@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from reobserve.estimation.families.design import Example
+from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign, TextSystem
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 
@@ -54,4 +55,6 @@ class UnscentedKalmanDesign(TextFilterDesign):
     def observer(self) -> UnscentedKalmanFilter:
         """The filter."""
         gains = self.gains
-        return UnscentedKalmanFilter(self.system.model, gains.alpha, gains.beta, gains.kappa)
+        return UnscentedKalmanFilter(
+            self.system.model, gains.alpha, gains.beta, gains.kappa, **rules(self.system)
+        )

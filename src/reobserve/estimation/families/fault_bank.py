@@ -1,0 +1,197 @@
+"""A bank of Kalman filters for faults that jump or drift."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import FloatArray
+from reobserve.core.validation import Positive
+from reobserve.estimation.families.design import Certificate, Estimates, Example
+from reobserve.estimation.families.imm import weighed
+from reobserve.estimation.families.kalman import MOTOR, NOISE
+from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, check_shape
+from reobserve.estimation.families.rules import rules
+from reobserve.estimation.families.signals import (
+    NamedSignal,
+    Signals,
+    covariances,
+    listed,
+    numbered,
+    product,
+    variances,
+)
+from reobserve.observers.fault_bank import FaultBank
+
+Array = FloatArray
+
+EXAMPLE = """\
+# A pendulum pushed by an unknown torque that jumps or drifts.
+time: continuous            # or discrete, with A, B and fault_matrix of discrete time
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # held from sample to sample
+measurements: {angle: rad, rate: rad/s}
+faults: {push: N m}
+A: [[0, 1], [-0.983, -0.1]]
+B: [[0], [1]]
+C: [[1, 0], [0, 1]]
+fault_matrix: [[0], [1]]    # how faults enter the states, as B
+drift: 0.05                 # what the rate of a fault gains in a second [N m/s per sqrt(s)]
+jump: 10.0                  # what a fault gains in a second while it jumps [N m per sqrt(s)]
+jump_rate: 0.1              # jumps of all faults a second
+jump_time: 0.03             # mean time [s] that a jump takes
+Q: [1.0e-8, 1.0e-6]         # variances of the process noise per sample
+R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
+initial_state: [0.3, 0]
+initial_covariance: [0.01, 0.01]
+"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FaultySystem(NoisySystem):
+    """A linear system with x' = ... + E f and y = ... + F f of faults f that jump or drift.
+
+    ``fault_matrix`` is E, sampled as A and B are; ``output_fault_matrix`` F, zero if left out; the
+    other keys are those of `FaultBank`. Faults and their rates start from zero, with
+    ``initial_fault_covariance`` and ``initial_rate_covariance``.
+    """
+
+    faults: Signals = field(default_factory=dict)
+    fault_matrix: Array
+    output_fault_matrix: Array | None = None
+    drift: Array
+    jump: Array
+    jump_rate: Positive
+    jump_time: Positive
+    initial_fault_covariance: Array = field(default_factory=lambda: np.array(1e-6))
+    initial_rate_covariance: Array = field(default_factory=lambda: np.array(1e-6))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.outliers is not None:
+            raise InputError("outliers", "must be left out: a bank skips them")
+        if self.faults:
+            check_shape("fault_matrix", self.fault_matrix, (len(self.A), len(self.faults)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FaultBankDesign(FilterDesign):
+    """A bank of Kalman filters of state and faults."""
+
+    system: FaultySystem
+    gains: None = None
+
+    keys: ClassVar = {
+        "fault_covariance": "initial_fault_covariance",
+        "rate_covariance": "initial_rate_covariance",
+    }
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {FaultBank: "bank:fault_bank"}
+    left_out: ClassVar = (
+        *FilterDesign.left_out, "covariance", "fault_variance", "fault_rate_variance",
+    )  # fmt: skip
+    records: ClassVar = {
+        "fault-bank": Example(
+            "weak_motor",
+            "# Bank of Kalman filters for a fault that jumps or drifts: the lost voltage."
+            "\nobserver:\n  kind: fault-bank\n" + MOTOR + NOISE
+            + "  faults: {voltage_lost: V}\n"
+            "  fault_matrix: [[0.0], [20.0]]   # how it enters the states, as B\n"
+            "  drift: 0.1                 # what its rate gains in a second [V/s per sqrt(s)]\n"
+            "  jump: 20.0                 # what it gains in a second in a jump [V per sqrt(s)]\n"
+            "  jump_rate: 0.1             # jumps a second\n"
+            "  jump_time: 0.05            # mean time [s] that one takes\n",
+            "  - {name: weak, of: voltage_lost, above: 1.0}\n",
+        ),
+    }  # fmt: skip
+
+    @classmethod
+    def find_gains(cls, system: FaultySystem) -> None:
+        """None: the gains follow the covariances."""
+
+    @cached_property
+    def observer(self) -> FaultBank:
+        """The bank."""
+        system = self.system
+        E = system.fault_matrix
+        if E.ndim == 2 and len(E) == len(system.A):
+            E = system.sampled(E)[1]
+        return FaultBank(
+            system.model, E, system.drift, system.jump, system.jump_rate, system.jump_time,
+            system.output_fault_matrix, **rules(system),
+        )  # fmt: skip
+
+    @property
+    def faults(self) -> tuple[NamedSignal, ...]:
+        """The components of f."""
+        return listed(self.system.faults) or numbered("fault", self.observer.faults)
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
+        """State, faults and their rates, and the probabilities of the modes."""
+        modes = ("drifting", *(f"{one.name}_jumps" for one in self.faults))
+        rates = tuple(
+            NamedSignal(f"{one.name}_rate", product(one.unit, "1/s")) for one in self.faults
+        )
+        return {
+            **super().estimates,
+            "covariance": covariances(self.states),
+            "fault": self.faults, "fault_variance": variances(self.faults),
+            "fault_rate": rates, "fault_rate_variance": variances(rates),
+            "probability": tuple(NamedSignal(f"probability_{mode}", "1") for mode in modes),
+            "innovation": tuple(
+                NamedSignal(f"{mode}_{signal.name}_innovation", signal.unit)
+                for mode in modes
+                for signal in self.measurements
+            ),
+        }  # fmt: skip
+
+    def start(self) -> Any:
+        """Initial mean and covariance, at the first sample."""
+        system = self.system
+        return self.observer.init(
+            system.mean, system.initial_covariance, None, system.initial_fault_covariance,
+            system.initial_rate_covariance,
+        )  # fmt: skip
+
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """The innovations of the modes, weighed by their probabilities."""
+        return weighed(estimates["probability"], estimates["innovation"])
+
+    @property
+    def sigmas(self) -> Mapping[str, str]:
+        """The variances of the state, the faults and their rates."""
+        return {
+            "state": "variance", "fault": "fault_variance", "fault_rate": "fault_rate_variance",
+        }  # fmt: skip
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """None: the bank refuses what it cannot see."""
+        return ()
+
+    def certify(self) -> Certificate:
+        """The rows that a jump takes in the mean, and those between two."""
+        bank = self.observer
+        stay = np.diag(bank.transition)
+        return {
+            "rows_between_jumps": float(1.0 / (1.0 - stay[0])),
+            "rows_of_a_jump": float(1.0 / (1.0 - stay[1])),
+        }
+
+    def summary(self) -> list[str]:
+        """How often faults jump, and for how long."""
+        period = self.system.sampling_period
+        between, long = (
+            self.certificate[name] * period for name in ("rows_between_jumps", "rows_of_a_jump")
+        )
+        return [
+            f"bank of {1 + self.observer.faults} Kalman filters for faults that jump or drift",
+            f"a jump every {between:.4g} s in the mean, which takes {long:.4g} s",
+        ]

@@ -1,0 +1,56 @@
+"""Keys of filters beside their model: angles, outliers, and a measurement noise to estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from reobserve.core.errors import InputError, nearest
+from reobserve.core.matrices import as_positive
+from reobserve.estimation.families.signals import NamedSignal, variances
+
+
+def periods(system: Any) -> dict[str, Any]:
+    """The periods of states and outputs, as a model takes them, from the key ``periods``.
+
+    Raises
+    ------
+    InputError
+        If a name is that of no state and no measurement, or a period is not above zero.
+    """
+    states, outputs = list(system.states), list(system.measurements)
+    known = dict.fromkeys([*states, *outputs])
+    for name, value in system.periods.items():
+        if name not in known:
+            raise InputError(
+                f"periods.{name}", f"is no state and no measurement{nearest(name, known)}"
+            )
+        as_positive(f"periods.{name}", value)
+    if not system.periods:
+        return {}
+    return {
+        "state_periods": [system.periods.get(name) for name in states],
+        "output_periods": [system.periods.get(name) for name in outputs],
+    }
+
+
+def rules(system: Any) -> dict[str, Any]:
+    """The gate and the memory of a filter, as far as they are stated."""
+    found = {name: getattr(system, name) for name in ("gate", "noise_memory")}
+    stated = {name: value for name, value in found.items() if value is not None}
+    if system.outliers is not None:
+        if system.gate is None:
+            raise InputError("outliers", "must be left out without a gate")
+        stated["outliers"] = system.outliers
+    return stated
+
+
+def rule_estimates(signals: tuple[NamedSignal, ...]) -> Mapping[str, tuple[NamedSignal, ...]]:
+    """The estimates that a gate and a memory add, of these measurements."""
+    return {
+        "outlier": tuple(NamedSignal(f"{one.name}_outlier", "1") for one in signals),
+        "noise_variance": tuple(
+            NamedSignal(f"{one.name.removesuffix('_variance')}_noise_variance", one.unit)
+            for one in variances(signals)
+        ),
+    }
