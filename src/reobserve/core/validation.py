@@ -272,9 +272,14 @@ def form(name: str) -> Tag:
     return Tag(name)
 
 
-def having(key: str, form: str, other: str) -> Discriminator:
-    """A discriminator of two forms: the tag of mappings that have a key, and that of others."""
-    return Discriminator(lambda tree: form if isinstance(tree, dict) and key in tree else other)
+def having(forms: Mapping[str, str], other: str) -> Discriminator:
+    """A discriminator of forms: the tag of mappings that have a key, and that of all others."""
+
+    def tag(tree: Any) -> str:
+        known = (name for key, name in forms.items() if isinstance(tree, dict) and key in tree)
+        return next(known, other)
+
+    return Discriminator(tag)
 
 
 # Conditions on values

@@ -63,7 +63,12 @@ def normalised(run: Run[Any]) -> tuple[Array, Array]:
     [ 1.  1. 16.] [ 1.  1. -4.]
     """
     run = as_kind("run", run, Run)
-    distances, whitened = _normalised(run["innovation"], run["innovation_covariance"])
+    return normalised_innovations(run["innovation"], run["innovation_covariance"])
+
+
+def normalised_innovations(innovation: Array, covariance: Array) -> tuple[Array, Array]:
+    """As `normalised`, of innovations (..., m) and their covariances (..., m, m)."""
+    distances, whitened = _normalised(innovation, covariance)
     m = whitened.shape[-1]
     measured = (~np.isnan(whitened)).sum(axis=-1)
     for count in range(1, m):

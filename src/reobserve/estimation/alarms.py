@@ -8,14 +8,16 @@ the rows after that.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, ReobserveError, nearest
 from reobserve.estimation.data_report import AlarmReport, DataReport, Interval
+from reobserve.estimation.detector_alarms import DetectorAlarm, DetectorRule, detector_alarm
 from reobserve.estimation.outputs import Output
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
 
@@ -51,7 +53,9 @@ class Alarm:
             return None
         return self.rule.sigma * float(np.sqrt(found.squares / (found.learned - 1)))
 
-    def raised(self, time: Array, numbers: Array, report: DataReport) -> Array:
+    def raised(
+        self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
+    ) -> Array:
         """1 where the alarm is raised, 0 where not, nan where it cannot be known yet.
 
         ``numbers`` are those of all columns, shape (k, columns).
@@ -70,7 +74,7 @@ class Alarm:
         raised[time - (found.started or 0.0) < found.start_up - slack] = np.nan
         if found.current is not None or (raised == 1.0).any():
             deviations = None if self.deviation is None else numbers[:, self.deviation]
-            self._follow(time, values, deviations, raised, found)
+            follow(time, values, deviations, raised, found, self.period)
         return raised
 
     def _learned(
@@ -96,45 +100,45 @@ class Alarm:
                 raised[after] = np.where(np.isnan(off_mean), 0.0, off_mean > found.threshold)
         return raised
 
-    def _follow(
-        self,
-        time: Array,
-        values: Array,
-        deviations: Array | None,
-        raised: Array,
-        found: AlarmReport,
-    ) -> None:
-        """Add rows to intervals: interruptions that are shorter than ten periods belong to them."""
-        for k in range(len(time)):
-            now, on, one = float(time[k]), raised[k] == 1.0, found.current
-            if one is not None and now - one.end > QUIET * self.period:
-                found.close()
-                one = None
-            if on and one is None:
-                one = found.current = Interval(now, now)
-                found.first = now if found.first is None else found.first
-            if one is not None and not np.isnan(values[k]):
-                sigma = None if deviations is None else float(deviations[k])
-                found.waiting.append([float(values[k]), sigma])
-            if on and one is not None:
-                found.rows += 1
-                one.end = now
-                for value, sigma in found.waiting:
-                    assert value is not None
-                    one.add(value, sigma, found.mean)
-                found.waiting.clear()
+
+def follow(
+    time: Array, values: Array, deviations: Array | None, raised: Array, found: AlarmReport,
+    period: float,
+) -> None:  # fmt: skip
+    """Add rows to intervals: interruptions that are shorter than ten periods belong to them."""
+    for k in range(len(time)):
+        now, on, one = float(time[k]), raised[k] == 1.0, found.current
+        if one is not None and now - one.end > QUIET * period:
+            found.close()
+            one = None
+        if on and one is None:
+            one = found.current = Interval(now, now)
+            found.first = now if found.first is None else found.first
+        if one is not None and not np.isnan(values[k]):
+            sigma = None if deviations is None else float(deviations[k])
+            found.waiting.append([float(values[k]), sigma])
+        if on and one is not None:
+            found.rows += 1
+            one.end = now
+            for value, sigma in found.waiting:
+                assert value is not None
+                one.add(value, sigma, found.mean)
+            found.waiting.clear()
 
 
 def alarms(
-    rules: Sequence[StatedThreshold | LearnedThreshold],
+    rules: Sequence[StatedThreshold | LearnedThreshold | DetectorRule],
     columns: Sequence[Output],
     report: DataReport,
     period: float,
     start_up: Callable[[int], float],
-) -> list[Alarm]:
+    measurements: Sequence[str],
+    sample: Any,
+) -> list[Alarm | DetectorAlarm]:
     """The alarms of a specification, each with its place in the report.
 
-    ``start_up`` gives that of a column [s], for alarms that state none.
+    ``start_up`` gives that of a column [s], for alarms that state none; ``sample`` are estimates of
+    a row, and ``measurements`` the names of these.
 
     Raises
     ------
@@ -142,8 +146,12 @@ def alarms(
         If a column is not among those that are written.
     """
     names = [column.name for column in columns]
-    made = []
+    made: list[Alarm | DetectorAlarm] = []
     for k, rule in enumerate(rules):
+        if isinstance(rule, DetectorRule):
+            made.append(detector_alarm(rule, k, period, measurements, sample))
+            report.alarms[rule.name] = AlarmReport("1", 0.0)
+            continue
         if rule.of not in names:
             raise InputError(
                 f"alarms.{k}.of", f"there is no column {rule.of!r}{nearest(rule.of, names)}"

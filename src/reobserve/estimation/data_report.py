@@ -73,6 +73,7 @@ class AlarmReport:
     mean: float = 0.0
     squares: float = 0.0
     ready: bool = False
+    memory: list[list[float]] = field(default_factory=list)  # of a detector
 
     def close(self) -> None:
         """End the current interval."""
@@ -119,6 +120,8 @@ class DataReport:
     missing: dict[str, int] = field(default_factory=dict)
     filled: dict[str, int] = field(default_factory=dict)
     saturated: dict[str, int] = field(default_factory=dict)
+    outliers: dict[str, int] = field(default_factory=dict)  # beyond the gate of a filter
+    angles: dict[str, list[float]] = field(default_factory=dict)  # the last one, and its turns
     gaps: list[list[float | None]] = field(default_factory=list)
     gap_count: int = 0
     dropped: int = 0  # rows inside gaps; of those that the record lacks, the first
@@ -169,7 +172,9 @@ class DataReport:
 
 def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
     """The whole report, with what else is known ``about`` the run."""
-    content = {name: value for name, value in vars(report).items() if name != "single"}
+    content = {
+        name: value for name, value in vars(report).items() if name not in ("single", "angles")
+    }
     content["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
     content["origin"] = None if report.origin is None else spelled(report.origin)
     return {**about, "mean_interval": report.mean_interval, **content}
@@ -199,6 +204,7 @@ def as_table(report: DataReport, period: float) -> str:
         ("values missing", report.missing),
         ("values filled", report.filled),
         ("values saturated", report.saturated),
+        ("outliers beyond the gate", report.outliers),
     ):
         if table:
             listed = ", ".join(f"{column} {count}" for column, count in table.items())

@@ -29,6 +29,9 @@ from reobserve.observers.run import Run
 Array = NDArray[np.float64]
 
 
+_FEW_OUTLIERS, _SHARE_OF_OUTLIERS = 20, 0.1
+
+
 class Estimated(NamedTuple):
     """Rows of results: times [s], the columns' numbers, the alarms, and a status each."""
 
@@ -91,8 +94,9 @@ class Estimation:
         )
         self.start_up: list[float] | None = None
         self.alarms = alarms(
-            specification.alarms, self.outputs.columns, self.report, period, self._start_up
-        )
+            specification.alarms, self.outputs.columns, self.report, period, self._start_up,
+            names[:width], self.sample,
+        )  # fmt: skip
         self.report.warnings += self.design.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
@@ -183,6 +187,7 @@ class Estimation:
             self.state = self.design.begin(stretch.y[0])
             for found in self.report.alarms.values():
                 found.started = float(stretch.time[0])
+                found.memory.clear()
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings():
@@ -190,7 +195,21 @@ class Estimation:
             with self.dated(float(stretch.time[0]), rows):
                 run = self.run(stretch.y, stretch.u, self.state)
         self.state = run.state
+        if "outlier" in run:
+            self.count_outliers(run["outlier"])
         return self.reported(stretch.time, stretch.y, run.estimates, stretch.status)
+
+    def count_outliers(self, outliers: Array) -> None:
+        """Count what is beyond the gate, and warn where that is more than a rare outlier."""
+        names = self.layout.names[self.layout.timed :]
+        for name, count in zip(names, np.count_nonzero(outliers, axis=0).tolist(), strict=False):
+            self.report.count(self.report.outliers, name, count)
+            found = self.report.outliers.get(name, 0)
+            if found > max(_FEW_OUTLIERS, _SHARE_OF_OUTLIERS * self.report.estimates):
+                self.report.warn(
+                    f"{name}: the gate leaves out more than one measurement in ten; a fault, a "
+                    "wrong model or a start that is far off looks like that"
+                )
 
     @contextmanager
     def dated(self, time: float, rows: int) -> Iterator[None]:
@@ -208,7 +227,7 @@ class Estimation:
         numbers = self.outputs.numbers(y, estimates)
         raised = np.empty((len(time), len(self.alarms)))
         for k, alarm in enumerate(self.alarms):
-            raised[:, k] = alarm.raised(time, numbers, self.report)
+            raised[:, k] = alarm.raised(time, numbers, self.report, estimates)
         self.report.estimates += len(time)
         return Estimated(time, numbers, raised, status)
 

@@ -45,6 +45,7 @@ class Layout:
     decimal: str
     dated: bool = False
     format: str = ""
+    periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
 
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
@@ -78,6 +79,8 @@ class Layout:
             if self.lost_at_range[c]:
                 cells[outside] = np.nan
         converted: Array = self.conversions[c].of(cells)
+        if self.periods and self.periods[c]:
+            return _unwrapped(converted, self.periods[c], report.angles, self.names[c])
         return converted
 
     def number(self, cell: str, row: int, column: int) -> float:
@@ -101,6 +104,18 @@ class Layout:
             problem = no_number(row, cell, text, self.decimal)
             raise InputError(self.titles[column], problem) from None
         return value
+
+
+def _unwrapped(angles: Array, period: float, before: dict[str, list[float]], name: str) -> Array:
+    """Angles that go on beyond a turn, the shortest way from each to the next that is known."""
+    known = np.flatnonzero(np.isfinite(angles))
+    if len(known):
+        last, turns = before.get(name, [float(angles[known[0]]), 0.0])
+        steps = np.diff(np.concatenate([[last], angles[known]]))
+        total = turns - np.cumsum(np.floor(steps / period + 0.5))
+        before[name] = [float(angles[known[-1]]), float(total[-1])]
+        angles[known] += period * total
+    return angles
 
 
 def no_number(row: int, cell: str, text: str, decimal: str = ".") -> str:
@@ -164,6 +179,10 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
         tuple(column.range for column in every),
         tuple(column.saturated == "missing" for column in every), timed,
         len(columns.measurements), columns.decimal, dated, columns.time.format,
+        tuple(
+            0.0 if column.wrap is None else abs(part[1].factor) * column.wrap
+            for column, part in zip(every, parts, strict=True)
+        ),
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ class RowByRow:
         self.delimiter = estimation.specification.columns.delimiter
         self.short = (
             sampling.uneven == "refuse" and layout.timed and layout.decimal == "."
-            and not any(layout.ranges)
+            and not any(layout.ranges) and not any(layout.periods)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
         self.y = np.empty((1, layout.measurements))
@@ -100,9 +100,11 @@ class RowByRow:
         except ArithmeticError:
             with made.dated(time, begun):
                 raise
+        if "outlier" in estimates:
+            made.count_outliers(estimates["outlier"])
         found = made.outputs.row(y, estimates)
         at, row = np.array([time]), np.array([found])
-        raised = [float(alarm.raised(at, row, report)[0]) for alarm in made.alarms]
+        raised = [float(alarm.raised(at, row, report, estimates)[0]) for alarm in made.alarms]
         return line(time, found, raised, MEASURED)
 
     def settle(self) -> None:

@@ -22,6 +22,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, parse
 from reobserve.estimation.dates import ISO, check_format
+from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.stated import DesignFile, stated
 from reobserve.estimation.quantities import check_unit, conversion
 
@@ -80,6 +81,8 @@ class Column:
     ``unit``, or beyond, the sensor is saturated: such values are counted, and kept or taken for
     missing. ``offset`` is the column's value at the operating point of a model that is linearised
     there, in ``unit``: the observer reads (column - offset), and estimates deviations from it.
+    ``wrap`` is the period of an angle in ``unit``, such as 360: from sample to sample it turns the
+    shortest way, and the observer reads angles that go on beyond a turn.
     """
 
     column: Name
@@ -88,6 +91,7 @@ class Column:
     range: tuple[float, float] | None = None
     saturated: Literal["keep", "missing"] = "keep"
     offset: float | None = None
+    wrap: Positive | None = None
 
     def __post_init__(self) -> None:
         for place in ("unit", "model_unit"):
@@ -189,11 +193,12 @@ class LearnedThreshold:
             raise InputError("until", f"{self.until:g} s must be after since, {self.since:g} s")
 
 
-# Distinguished by the key that states a threshold.
+# Distinguished by the key that states a threshold, or a detector that has one.
 Alarm = Annotated[
     Annotated[StatedThreshold, form("stated threshold")]
+    | Annotated[DetectorRule, form("detector")]
     | Annotated[LearnedThreshold, form("learned threshold")],
-    having("above", "stated threshold", "learned threshold"),
+    having({"above": "stated threshold", "detector": "detector"}, "learned threshold"),
 ]
 
 

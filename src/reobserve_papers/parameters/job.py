@@ -112,7 +112,7 @@ class StudyFigure(Figure):
 # For papers whose layouts do not tell these apart.
 AnyFigure = Annotated[
     Annotated[StudyFigure, Tag("figure of a study")] | Annotated[Figure, Tag("figure")],
-    having("study", "figure of a study", "figure"),
+    having({"study": "figure of a study"}, "figure"),
 ]
 
 

@@ -104,6 +104,15 @@ def extended_high_gain(columns: Columns) -> Run[Any]:
     return observer.run(y, u, state=observer.init([0.0], 0.3))
 
 
+def delay_grid(columns: Columns) -> Run[Any]:
+    model = ro.LinearModel.from_ode(
+        [[-1.0]], [[1.0]], [[1.0]], Q=1e-8, R=1e-6, sampling_period=PERIOD
+    )
+    grid = ro.GridFilter.of_delay(model, np.arange(11) / 10, 0.05)
+    y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
+    return grid.run(y, u, state=grid.init([0.0], 1.0))
+
+
 def levant(columns: Columns) -> Run[Any]:
     return ro.LevantDifferentiator(1.5, sampling_period=PERIOD).run(
         read(columns, "mV", "V", "voltage")
@@ -156,6 +165,10 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
         lambda: ro.IMM([ro.KalmanFilter(motor_model(f)) for f in (10.0, 20.0)], STAYS)
     ),
     "imm-svsf": motor(lambda: ro.IMM([svsf(f) for f in (10.0, 20.0)], STAYS)),
+    "fault-bank": motor(
+        lambda: ro.FaultBank(motor_model(), motor_model().B, 0.1, 20.0, 0.1, 0.05)
+    ),
+    "delay-grid": delay_grid,
     "eso": motor(eso, lambda observer: observer.init()),
     "luenberger-gain": motor(
         lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])

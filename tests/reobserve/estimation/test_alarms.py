@@ -34,7 +34,7 @@ def followed(values: Array, sigmas: Array | None = None, **rule: Any) -> AlarmRe
         table = np.column_stack([values, values if sigmas is None else sigmas])
         for k in range(0, len(values), size):
             time = PERIOD * np.arange(k, min(k + size, len(values)))
-            alarm.raised(time, table[k : k + size], report)
+            alarm.raised(time, table[k : k + size], report, {})
         reports.append(report.alarms["large"])
     assert reports[0] == reports[1]
     return reports[0]

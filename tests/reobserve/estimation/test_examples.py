@@ -31,6 +31,12 @@ ERRORS = {
     "speed_offset": (0.03, 0.1), "probability_worn": (1e-6, 1e-6),
     "probability_healthy": (1e-6, 1e-6),
 }  # fmt: skip
+# Of one observer: the grid's input is held, which is half a period late; resampled rows look like
+# faults that jump to a bank for those.
+ERRORS_OF = {
+    "delay-grid": {"delay": (0.015, 0.03), "level": (1e-3, 2e-3)},
+    "fault-bank": {"voltage_lost": (0.05, 0.5)},
+}
 
 
 def test_names_of_all_examples_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -99,8 +105,10 @@ def test_estimates_are_bitwise_identical_to_the_library_without_policies(
             continue
         values = run[made.design.sigmas[column.estimate] if column.deviation else column.estimate]
         if column.deviation:
-            variance = values[:, column.place]
-            values = np.sqrt(variance[:, column.place] if values.ndim == 3 else variance)
+            variance = values.reshape(len(values), -1)[:, column.place]
+            if values.ndim == 3:
+                variance = values[:, column.place, column.place]
+            values = np.sqrt(variance)
         elif values.ndim > 1:
             values = values[:, column.place]
         assert np.array_equal(found[column.name], values), column.name
@@ -123,7 +131,7 @@ def test_estimates_converge_on_evenly_sampled_records(name: str, tmp_path: Path)
     record = write_record(tmp_path / "r.csv", simulated(name).record())
     made = estimate_file(specification(name), record, tmp_path / "e.csv")
     for column, error in errors(name, tmp_path / "e.csv").items():
-        assert error < ERRORS[column][0], column
+        assert error < (ERRORS | ERRORS_OF.get(name, {}))[column][0], column
     assert made.report.warnings == []
 
 
@@ -144,7 +152,7 @@ def test_estimates_converge_despite_jitter_gap_and_dead_sensor(name: str, tmp_pa
     chosen = specification(name, sampling={"uneven": "linear"})
     made = estimate_file(chosen, write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv")
     for column, error in errors(name, tmp_path / "e.csv").items():
-        assert error < ERRORS[column][1], column
+        assert error < (ERRORS | ERRORS_OF.get(name, {}))[column][1], column
     report, (_, status) = made.report, read_results(tmp_path / "e.csv")
     assert report.gap_count == 1
     start, end = report.gaps[0]
@@ -154,7 +162,7 @@ def test_estimates_converge_despite_jitter_gap_and_dead_sensor(name: str, tmp_pa
     assert abs(end - start - 0.5) < 5 * plant.period
     assert report.missing[sensor] == silent.sum()
     assert 0.1 < report.jitter < 1.0
-    if made.can_skip:
+    if chosen.sampling.missing == "skip":
         partial = len(list(simulated(name).logged)) - len(plant.held) > 1
         assert ("partial" if partial else "predicted") in status
         assert status.count("restarted") == 0

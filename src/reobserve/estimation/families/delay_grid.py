@@ -25,9 +25,9 @@ EXAMPLE = """\
 # A lag whose valve acts late, by an unknown delay.
 time: continuous            # or discrete, with delays of whole sampling periods
 sampling_period: 0.01       # [s]
-states: {level: "%"}
+states: {level: "1"}
 inputs: {valve: "1"}        # held from sample to sample
-measurements: {level: "%"}
+measurements: {level: "1"}
 A: [[-1]]
 B: [[1]]
 C: [[1]]
@@ -74,16 +74,18 @@ class DelayGridDesign(FilterDesign):
             "lag",
             "# Kalman filters for a grid of delays of the valve.\nobserver:\n  kind: delay-grid\n"
             "  time: continuous\n"
-            '  states: {level: "%"}\n'
-            "  A: [[-1.0]]                # level\' = -level + 100 valve(t - delay)\n"
-            "  B: [[100.0]]\n"
+            '  states: {level: "1"}\n'
+            '  inputs: {valve: "1"}\n'
+            '  measurements: {level: "1"}\n'
+            "  A: [[-1.0]]                # level' = -level + 100 valve(t - delay)\n"
+            "  B: [[1.0]]\n"
             "  C: [[1.0]]\n"
             "  delays: [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]   # [s]\n"
             "  random_walk: 0.05          # what the delay gains in a second [s per sqrt(s)]\n"
-            "  Q: 1.0e-4                  # variance of the process noise per sample\n"
-            "  R: 1.0e-2                  # of the measurement\n"
+            "  Q: 1.0e-8                  # variance of the process noise per sample\n"
+            "  R: 1.0e-6                  # of the measurement\n"
             "  initial_state: [0.0]\n"
-            "  initial_covariance: 100.0\n",
+            "  initial_covariance: 1.0\n",
         ),
     }  # fmt: skip
 

@@ -94,7 +94,8 @@ class FaultBankDesign(FilterDesign):
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {FaultBank: "bank:fault_bank"}
     left_out: ClassVar = (
-        *FilterDesign.left_out, "covariance", "fault_variance", "fault_rate_variance",
+        *FilterDesign.left_out, "covariance", "fault_variance", "fault_rate",
+        "fault_rate_variance",
     )  # fmt: skip
     records: ClassVar = {
         "fault-bank": Example(

@@ -126,7 +126,7 @@ class FilterDesign(Design):
                 NamedSignal(f"{s.name}_innovation", s.unit) for s in self.measurements
             ),
             "log_likelihood": (NamedSignal("log_likelihood", "1"),),
-            **rule_estimates(self.measurements),
+            **rule_estimates(self.system, self.measurements),
         }  # fmt: skip
 
     def start(self) -> Any:

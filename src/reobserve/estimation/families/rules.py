@@ -45,12 +45,16 @@ def rules(system: Any) -> dict[str, Any]:
     return stated
 
 
-def rule_estimates(signals: tuple[NamedSignal, ...]) -> Mapping[str, tuple[NamedSignal, ...]]:
+def rule_estimates(
+    system: Any, signals: tuple[NamedSignal, ...]
+) -> Mapping[str, tuple[NamedSignal, ...]]:
     """The estimates that a gate and a memory add, of these measurements."""
-    return {
-        "outlier": tuple(NamedSignal(f"{one.name}_outlier", "1") for one in signals),
-        "noise_variance": tuple(
+    found = {}
+    if getattr(system, "gate", None) is not None:
+        found["outlier"] = tuple(NamedSignal(f"{one.name}_outlier", "1") for one in signals)
+    if getattr(system, "noise_memory", None) is not None:
+        found["noise_variance"] = tuple(
             NamedSignal(f"{one.name.removesuffix('_variance')}_noise_variance", one.unit)
             for one in variances(signals)
-        ),
-    }
+        )
+    return found

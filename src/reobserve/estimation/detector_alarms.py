@@ -1,0 +1,138 @@
+"""Alarms by detectors of `reobserve.detection`, on a filter's normalised innovations.
+
+However rows come in blocks, a detector sees the same: what it needs of rows before is kept in the
+report, from a start of the observer on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, nearest
+from reobserve.core.validation import Count, Positive, checked
+from reobserve.detection.detectors import chi_square_window, cusum_of_mean, glr_of_mean
+from reobserve.detection.innovation_tests import cusum
+from reobserve.detection.normalised_squares import normalised_innovations
+
+if TYPE_CHECKING:
+    from reobserve.estimation.data_report import AlarmReport, DataReport
+
+Array = NDArray[np.float64]
+
+_KEYS = {"chi_square_window": "length", "cusum_of_mean": "shift", "glr_of_mean": "lengths"}
+
+
+def _rate(place: str, value: float) -> None:
+    chi_square_window([], 1, 1, value)  # which refuses what is out of its range
+
+
+@dataclass(frozen=True)
+class DetectorRule:
+    """An alarm by a detector, with a rate of false alarms as long as the filter's model holds.
+
+    ``chi_square_window`` has a ``length`` [rows], ``glr_of_mean`` the ``lengths`` of its windows,
+    and ``cusum_of_mean`` the ``shift`` [standard deviations] that it finds quickest, ``of`` one
+    measurement. The rate is per row, see `reobserve.detection.detectors`.
+    """
+
+    name: str
+    detector: Literal["chi_square_window", "cusum_of_mean", "glr_of_mean"]
+    false_alarm_rate: Annotated[float, checked(_rate)]
+    length: Count | None = None
+    lengths: list[Count] = field(default_factory=list)
+    shift: Positive | None = None
+    of: str = ""
+
+    def __post_init__(self) -> None:
+        wanted = {_KEYS[self.detector], *(["of"] if self.detector == "cusum_of_mean" else [])}
+        for name in ("length", "lengths", "shift", "of"):
+            given = getattr(self, name) not in (None, "", [])
+            if given != (name in wanted):
+                problem = "is missing" if not given else "must be left out"
+                raise InputError(name, f"{problem} with the detector {self.detector}")
+
+
+@dataclass
+class DetectorAlarm:
+    """An alarm where a detector's statistic exceeds its threshold."""
+
+    rule: DetectorRule
+    period: float
+    place: int  # of the measurement of a cumulative sum
+    column: int = -1  # of the results: none
+
+    @property
+    def name(self) -> str:
+        """The alarm's name as the user calls it."""
+        return self.rule.name
+
+    def raised(
+        self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
+    ) -> Array:
+        """1 where the alarm is raised, 0 where not."""
+        from reobserve.estimation.alarms import follow
+
+        found = report.alarms[self.name]
+        statistic = self._statistic(estimates, found)
+        assert found.threshold is not None
+        raised = (statistic > found.threshold).astype(np.float64)
+        if found.current is not None or raised.any():
+            follow(time, statistic, None, raised, found, self.period)
+        return raised
+
+    def _statistic(self, estimates: Mapping[str, Array], found: AlarmReport) -> Array:
+        rule = self.rule
+        distances, whitened = normalised_innovations(
+            estimates["innovation"], estimates["innovation_covariance"]
+        )
+        m, rate = whitened.shape[1], rule.false_alarm_rate
+        if rule.shift is not None:
+            values, both = whitened[:, self.place], []
+            last = found.memory[0] if found.memory else [0.0, 0.0]
+            for sign, start in zip((1.0, -1.0), last, strict=True):
+                both.append(cusum(sign * values - rule.shift / 2.0, start))
+            found.threshold = found.threshold or cusum_of_mean([], rule.shift, rate).threshold
+            found.memory = [[float(one[-1]) for one in both]]
+            return np.maximum(*both)
+        if rule.length is not None:
+            values, longest = distances[:, None], rule.length
+        else:
+            values, longest = whitened, max(rule.lengths)
+        before = np.array(found.memory, dtype=np.float64).reshape(-1, values.shape[1])
+        rows = np.concatenate([before, values])
+        if rule.length is not None:
+            result = chi_square_window(rows[:, 0], m, rule.length, rate)
+        else:
+            result = glr_of_mean(rows, rule.lengths, rate)
+        found.threshold = result.threshold
+        known = rows[~np.isnan(rows).any(axis=1)]
+        found.memory = known[max(len(known) - longest, 0) :].tolist()
+        return result.statistic[len(before) :]
+
+
+def detector_alarm(
+    rule: DetectorRule, k: int, period: float, measurements: Sequence[str], sample: Any
+) -> DetectorAlarm:
+    """The alarm of a rule, the k-th of a specification.
+
+    Raises
+    ------
+    InputError
+        If the observer has no innovations with covariances, or no such measurement.
+    """
+    if "innovation_covariance" not in sample:
+        problem = (
+            "is for filters that predict the covariance of their innovations: kalman, "
+            "augmented-kalman, extended-kalman and unscented-kalman"
+        )
+        raise InputError(f"alarms.{k}.detector", problem)
+    if rule.of and rule.of not in measurements:
+        problem = f"there is no measurement {rule.of!r}{nearest(rule.of, measurements)}"
+        raise InputError(f"alarms.{k}.of", problem)
+    place = list(measurements).index(rule.of) if rule.of else 0
+    return DetectorAlarm(rule, period, place)
