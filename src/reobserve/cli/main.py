@@ -32,6 +32,10 @@ COMMANDS = CommandTable(
             "tune observers on recorded data, and compare them",
             "reobserve.cli.tuning:tune", "reobserve.tuning.commands:tune_records_command", "data",
         ),
+        "fit": Command(
+            "fit numbers of a filter to a record by maximum likelihood",
+            "reobserve.cli.tuning:fit", "reobserve.tuning.fit_command:run", "data",
+        ),
         "design": Command(
             "compute gains for a model, or check given ones, and certify them",
             "reobserve.cli.designs:design", "reobserve.estimation.families.design_command:run",

@@ -14,6 +14,7 @@ from reobserve.core.files import read_text
 from reobserve.core.validation import parse
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import naming
 from reobserve.estimation.layout import Layout
 from reobserve.estimation.reading import File
@@ -69,6 +70,13 @@ class TunedSpecification:
         tree = {**parse_yaml(self.text(settings), str(self.path)), "alarms": []}
         with naming(self.path):
             return Estimation(parse(Specification, tree), self.header(record), str(record))
+
+    def design(self, settings: Settings) -> Design:
+        """The observer with other numbers."""
+        tree = parse_yaml(self.text(settings), str(self.path))
+        with naming(self.path):
+            found: Design = parse(Specification, tree).observer.design(self.period)
+            return found
 
     def rows(self, record: Path, *more: str) -> tuple[Layout, Array, Array, Array]:
         """The layout of a record: its times, what the observer reads, and columns besides."""

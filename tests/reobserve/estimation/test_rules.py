@@ -75,7 +75,8 @@ def test_angle_that_wraps_is_the_one_that_goes_on(tmp_path: Path) -> None:
     changes = wrap | {
         "observer.states": {"heading": "rad", "rate": "rad/s"},
         "observer.measurements": {"compass": "rad"},
-        "columns.measurements.0.unit": "deg", "observer.initial_state": [345 / 57.29577951308232, 0],
+        "columns.measurements.0.unit": "deg",
+        "observer.initial_state": [345 / 57.29577951308232, 0],
         "observer.Q": [1e-4 / 57.29577951308232**2, 1e-3 / 57.29577951308232**2],
         "observer.R": 0.04 / 57.29577951308232**2,
         "observer.initial_covariance": [1 / 57.29577951308232**2, 400 / 57.29577951308232**2],
@@ -117,7 +118,7 @@ DETECTORS = [
 
 def test_detectors_as_alarms_are_those_of_the_library(tmp_path: Path) -> None:
     faulty = STRAIGHT.copy()
-    faulty[200:] += 0.6
+    faulty[200:] += 1.5
     faulty[[50, 51]] = np.nan
     made, found, _ = estimated(tmp_path, {"alarms": DETECTORS}, faulty)
     design = made.design
