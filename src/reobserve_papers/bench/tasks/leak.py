@@ -23,6 +23,7 @@ import numpy as np
 
 from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.core.validation import Count, NotNegative, Positive, Share
+from reobserve.detection.detectors import chi_square_window
 from reobserve.detection.false_alarms import false_alarm_threshold
 from reobserve.detection.innovation_tests import cusum, inflation_glr
 from reobserve.detection.restarted_cusum import restarted_cusum
@@ -231,8 +232,8 @@ def power(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
     distances, size = _distances(plant, s, period, noise), max(1, round(s["window"] / period))
 
     def run(record: TaskRecord) -> Array:
-        total = np.cumsum(distances(record))
-        return np.asarray(total - np.r_[np.zeros(size), total][: len(total)])
+        window = chi_square_window(distances(record), 1, size, 1e-3)
+        return np.nan_to_num(window.statistic)
 
     return run
 
