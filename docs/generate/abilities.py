@@ -111,10 +111,16 @@ REASONS: Mapping[str, Mapping[str, str]] = {
         MOST: "Its steps need a value in each row; `reobserve estimate` fills gaps, as `missing` "
         "says.",
     },
-    "noise": {MOST: "Its gains do not follow from covariances of noise."},
+    "noise": {
+        MOST: "Its gains do not follow from covariances of noise.",
+        "FaultBank": "Its filters are made once, of the models of their modes.",
+        "GridFilter": "Its filters are made once, of the models of their modes.",
+    },
     "model": {
         MOST: "Its gains, and what is proved of them, are those of one model.",
         "LevantDifferentiator": "It has no model.",
+        "FaultBank": "Its filters are made once, of the models of their modes.",
+        "GridFilter": "Its filters are made once, of the models of their modes.",
     },
     "smoother": {
         MOST: "It has no covariance.",

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from docs.generate.abilities import ABILITIES, REASONS, families, observers, reason
-from reobserve import IMM, rts_smoother
+from reobserve import IMM, FaultBank, rts_smoother
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import FAMILIES, family
@@ -52,13 +52,14 @@ def run(case: Case, **given: Any) -> Any:
 
 def changed(observer: Any, **parts: Any) -> Any:
     """The same filter on another model; a bank, all its filters."""
-    if isinstance(observer, IMM):
+    if isinstance(observer, IMM) and not isinstance(observer, FaultBank):
         return replace(observer, filters=[changed(one, **parts) for one in observer.filters])
     return replace(observer, model=replace(observer.model, **parts))
 
 
 def model_of(observer: Any) -> Any:
-    return (observer.filters[0] if isinstance(observer, IMM) else observer).model
+    banked = isinstance(observer, IMM) and not isinstance(observer, FaultBank)
+    return (observer.filters[0] if banked else observer).model
 
 
 def equals_other_model(case: Case, **parts: Any) -> None:

@@ -91,9 +91,9 @@ class FaultBank(IMM):
     [0. 1. 1.] [0. 1.]
     """
 
-    filters: tuple[ModeFilter, ...] = field(init=False)
-    transition: Array = field(init=False)
-    mixing: bool = field(init=False)
+    filters: tuple[ModeFilter, ...] = field(init=False, repr=False)
+    transition: Array = field(init=False, repr=False)
+    mixing: bool = field(init=False, repr=False)
     model: LinearModel
     fault_matrix: Array
     drift: Array

@@ -81,6 +81,8 @@ class GridFilter(IMM):
             problem = f"has {len(grid)} values, must have {len(self.filters)}, one for each filter"
             raise InputError("grid", problem)
         self._set("grid", grid)
+        if self.periods_late is not None:
+            self._set("periods_late", np.array(self.periods_late, dtype=np.int64))
 
     @classmethod
     def of_parameter(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.arguments import as_whole
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
@@ -21,7 +22,7 @@ from reobserve.observers.frames import read_frames
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_steps import blocks
+from reobserve.observers.linear_steps import assign, assign_matrix, blocks
 from reobserve.observers.run import Run
 from reobserve.observers.uneven_times import EVEN
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
@@ -41,9 +42,10 @@ def rts_smoother(
     u: ArrayLike | None = None,
     *,
     y: ArrayLike | None = None,
+    lag: int | None = None,
     **given: Any,
 ) -> Run[Any]:
-    """Estimates at all samples of a run, each from the whole record.
+    """Estimates at all samples of a run, each from the whole record, or from ``lag`` rows more.
 
         G(k) = cov(x(k), x(k+1)) P(k+1|k)^-1
         x_s(k) = x(k|k) + G (x_s(k+1) - x(k+1|k))
@@ -65,6 +67,9 @@ def rts_smoother(
         The inputs of the run, shape (k, p), or (k,); left out where there are none.
     y
         Its measurements, shape (k, m), if S was given to the run; else of no use.
+    lag
+        The fixed-lag smoother: a row is estimated from the rows up to ``lag`` after it, 1 or more.
+        Left out, from all. The cost grows with it.
     given
         What was given to the run by row: A, B, C, D, Q, R and S, parameters and dt. Times of the
         run that are uneven are known.
@@ -125,10 +130,16 @@ def rts_smoother(
         problem = "the prediction from there is not finite"
         raise DivergenceError("rts_smoother", float(run.time[rows]), problem)
     smooth_means, smooth_covariances = means.copy(), covariances.copy()
-    row = _smooth(
-        *ahead, smooth_means, smooth_covariances, filter._rules.state_periods,
-        *blocks(((n, n),) * 3),
-    )  # fmt: skip
+    work = blocks(((n, n),) * 3)
+    periods = filter._rules.state_periods
+    if lag is None:
+        row = _smooth(*ahead, smooth_means, smooth_covariances, periods, *work)
+    else:
+        row = _smooth_late(
+            as_whole("lag", lag, 1), *ahead, means, covariances, smooth_means,
+            smooth_covariances,
+            np.empty((min(lag, k) + 1, n)), np.empty((min(lag, k) + 1, n, n)), periods, *work,
+        )  # fmt: skip
     if row >= 0:
         raise DivergenceError(
             "rts_smoother", float(run.time[row]), "going backwards it fails there"
@@ -240,6 +251,31 @@ def _smooth(
             total += covariances[k, a, a]
         if not math.isfinite(total):
             return k
+    return -1
+
+
+@kernel
+def _smooth_late(
+    lag: int, next_means: Array, next_covariances: Array, crosses: Array, means: Array,
+    covariances: Array, late_means: Array, late_covariances: Array, some: Array, spreads: Array,
+    periods: Array, root: Array, gain: Array, apart: Array,
+) -> int:  # fmt: skip
+    """Write the smoothed row of each stretch of ``lag`` + 1, and return one that fails, or -1."""
+    count = len(means)
+    for k in range(count):
+        last = min(k + lag, count - 1)
+        size = last - k + 1
+        for row in range(size):
+            assign(some[row], means[k + row])
+            assign_matrix(spreads[row], covariances[k + row])
+        failed = _smooth(
+            next_means[k:last], next_covariances[k:last], crosses[k:last], some[:size],
+            spreads[:size], periods, root, gain, apart,
+        )  # fmt: skip
+        if failed >= 0:
+            return k + failed
+        assign(late_means[k], some[0])
+        assign_matrix(late_covariances[k], spreads[0])
     return -1
 
 

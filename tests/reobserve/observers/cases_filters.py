@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import luenberger, steady_kalman
+from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -108,12 +110,35 @@ def extended_state() -> Case:
     return Case(observer, y, u, observer.init(), {"state": x, **faults}, bounds, 200, 10.0, 1.7e308)
 
 
+def jumping() -> Case:
+    """A bank for a force that jumps, with no noise but its own: it is seen a row later."""
+    u, k = force(), np.arange(ROWS)
+    fault = np.where((k > 150) & (k < 250), 0.5, 0.0)[:, None]
+    x, observer = states(u, fault), FaultBank(MODEL, HELD[1], 1e-3, 10.0, 0.1, 0.1)
+    start = observer.init([0.0, 0.0], 1.0)
+    truth = {"state": x, "fault": fault}
+    return Case(observer, x, u, start, truth, {"state": 0.005, "fault": 0.02}, 300, 3.0)
+
+
+def late() -> Case:
+    """A grid of delays of the force, of which one is right."""
+    u = force()
+    x = states(np.concatenate([u[:1], u[:1], u[:1], u[:-3]]))
+    model = LinearModel.from_ode(A, B, np.eye(2), Q=1e-6, R=1e-6, sampling_period=PERIOD)
+    observer = GridFilter.of_delay(model, [0.0, 0.05, 0.1, 0.15, 0.18, 0.25])
+    start = observer.init([0.0, 0.0], 1.0)
+    truth = {"state": x, "parameter": np.full(ROWS, 0.15)}
+    return Case(observer, x, u, start, truth, {"state": 1e-9, "parameter": 1e-9}, 100, 1e3)
+
+
 CASES: dict[str, Callable[[], Case]] = {
     "Kalman filter": kalman,
     "SVSF": variable_structure,
     "steady Kalman filter": steady,
     "Luenberger observer": placed,
     "IMM": bank,
+    "fault bank": jumping,
+    "grid filter": late,
     "augmented Kalman filter": unknown_input,
     "extended state observer": extended_state,
 }
