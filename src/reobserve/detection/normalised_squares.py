@@ -67,7 +67,7 @@ def normalised(run: Run[Any]) -> tuple[Array, Array]:
 
 
 def normalised_innovations(innovation: Array, covariance: Array) -> tuple[Array, Array]:
-    """As `normalised`, of innovations (..., m) and their covariances (..., m, m)."""
+    """Distances and whitened innovations of `normalised`, from e, (..., m), and S, (..., m, m)."""
     distances, whitened = _normalised(innovation, covariance)
     m = whitened.shape[-1]
     measured = (~np.isnan(whitened)).sum(axis=-1)
@@ -207,7 +207,7 @@ def consistency(distances: ArrayLike, dimension: int, probability: float = 0.95)
 
 
 def _normalised(errors: Array, covariances: Array) -> tuple[Array, Array]:
-    """The distances and whitened errors of what is there; nan where nothing is."""
+    """The distances and whitened errors of what is there, nan where nothing is."""
     missing = np.isnan(errors)
     either = missing[..., :, None] | missing[..., None, :]
     spread = np.where(either, np.eye(errors.shape[-1]), covariances)

@@ -39,8 +39,10 @@ class GridFilter(IMM):
     It has no linearisation in the parameter, and no local minima.
 
     `of_parameter` and `of_delay` make it. `init` takes mean, covariance and probabilities; `run`
-    and `step` take y, shape (k, m), nan where missing, and u, (k, p). Estimates, beside those of
-    `IMM`: ``parameter``, its mean, shape (k,), and ``parameter_variance``, (k,).
+    and `step` take y, shape (k, m), nan where missing, and u, (k, p). Estimates: ``parameter``, its
+    mean, shape (k,), and ``parameter_variance``, (k,); and those of `IMM`, ``state``, (k, n),
+    ``covariance``, (k, n, n), ``variance``, (k, n), ``probability`` of the nodes, (k, r),
+    ``innovation``, (k, r, m), and ``log_likelihood``, (k,).
 
     Parameters
     ----------

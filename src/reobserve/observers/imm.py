@@ -178,7 +178,7 @@ class IMM(Observer[ImmState]):
 
     @cached_property
     def _rules(self) -> Rules:
-        """The settings of the filters beside their models; the gate is the bank's."""
+        """The settings of the filters beside their models, without the bank's gate."""
         memory = self.noise_memory
         return Rules(
             *periods_of(self.filters[0]), np.inf, False,

@@ -170,7 +170,7 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
 
 @inlined_kernel
 def average(weights: Array, means: Array, a: int, period: float) -> float:
-    """The mean of entry a by weights that sum to one; of angles, around the first filter's."""
+    """The mean of entry a by weights that sum to one, of angles around the first filter's."""
     total = 0.0
     if period == 0.0:
         for i in range(len(weights)):

@@ -288,8 +288,7 @@ class NonlinearModel:
 
             x(k+1) = f(x(k), u(k), theta(k)) + w(k),    theta(k+1) = theta(k) + n(k)
 
-        The state is [x, theta]; other parameters stay parameters. Where the model is one of a
-        differential equation, theta' = 0 between the samples (Jazwinski 1970, Section 8.4).
+        The state is [x, theta]; other parameters stay parameters (Jazwinski 1970, Section 8.4).
         Jacobians that were given are found again, from text or by differences.
 
         Parameters
@@ -317,9 +316,8 @@ class NonlinearModel:
         return with_parameter_states(self, random_walk)
 
     def arguments(self, name: str) -> int:
-        """The number of arguments that a Python function is called with: of x, u and p."""
-        known = self._definitions[name]
-        return known.arguments if isinstance(known, UserFunction) else 0
+        """The number of arguments that a Python function is called with, of x, u and p."""
+        return getattr(self._definitions[name], "arguments", 0)
 
     @property
     def uncompiled(self) -> dict[str, str]:

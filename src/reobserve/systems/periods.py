@@ -16,7 +16,7 @@ Periods = Mapping[str, float] | Sequence[float | None]
 
 
 def as_periods(key: str, value: Any, size: int, names: Sequence[str] | None) -> Array | None:
-    """The periods of signals, shape (size,), zero where there is none; None if all have none.
+    """The periods of signals, shape (size,), zero where there is none, or None for none at all.
 
     Parameters
     ----------

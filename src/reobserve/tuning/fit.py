@@ -128,7 +128,7 @@ def fit(
     >>> print({name: round(value, 3) for name, value in found.values.items()})
     {'q': 0.082, 'r': 1.002}
     >>> print({name: round(error, 3) for name, error in found.standard_errors.items()})
-    {'q': 0.012, 'r': 0.04}
+    {'q': 0.01, 'r': 0.037}
     """
     bounds = as_ranges(ranges)
     if not callable(make):
@@ -292,15 +292,15 @@ def _covariance(likelihood: _Likelihood, place: Array, inside: Sequence[bool]) -
     try:
         np.linalg.cholesky(information)
     except np.linalg.LinAlgError:
-        return found  # the maximum is no point: parameters that cannot be told apart
+        return found  # the maximum is no point: the data do not separate the parameters
     found[np.ix_(free, free)] = np.linalg.inv(information)
     return found
 
 
 def _step(likelihood: _Likelihood, place: Array, i: int, base: float) -> float:
     """A step along parameter i that changes the log-likelihood by about `_CHANGE`."""
-    room = float(min(place[i], 1.0 - place[i]))
-    step = min(1e-3, room)
+    most = float(min(place[i], 1.0 - place[i]))
+    step = min(1e-3, most)
     for _ in range(20):
         ends = []
         for sign in (-1.0, 1.0):
@@ -311,7 +311,7 @@ def _step(likelihood: _Likelihood, place: Array, i: int, base: float) -> float:
         if 0.1 * _CHANGE <= change <= 10.0 * _CHANGE:
             return step
         factor = math.sqrt(_CHANGE / change) if change > 0 else 10.0
-        wider = min(step * min(max(factor, 0.1), 10.0), room)
+        wider = min(step * min(max(factor, 0.1), 10.0), most)
         if wider == step:
             return step
         step = wider

@@ -113,5 +113,5 @@ def table(found: Fit, before: Settings, likelihood: float) -> str:
         f"{found.measured} measurements",
     ]
     if not found.edges and not np.isfinite(found.covariance).all():
-        lines.append("no standard errors: the record cannot tell these numbers apart")
+        lines.append("no standard errors: the record does not separate these numbers")
     return "\n".join(lines)

@@ -38,7 +38,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     restarted_cusum(kalman, other, y, u, kalman.init([0.0, 0.0], 1.0))
     weighted = SmoothVariableStructureFilter(MODEL, 10.0, 0.1, "weighted")
     weighted.run(y, u, state=weighted.init([0.0, 0.0], 1.0))
-    imm._weighed(np.ones((5, 2)), np.ones((5, 2, 1)))
+    imm.weighed(np.ones((5, 2)), np.ones((5, 2, 1)))
     least_jitter([np.arange(5.0)], 1.0)
     return kernels.kernels("reobserve")
 

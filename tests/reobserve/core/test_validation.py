@@ -233,7 +233,7 @@ class Short:
 
 Form = Annotated[
     Annotated[Long, Tag("long form")] | Annotated[Short, Tag("short form")],
-    having("second", "long form", "short form"),
+    having({"second": "long form"}, "short form"),
 ]
 
 

@@ -96,7 +96,7 @@ def test_jump_is_followed_at_once_and_a_drift_without_noise() -> None:
     assert np.sqrt((error[50:, 1] ** 2).mean()) < 0.03
 
 
-def test_faults_that_cannot_be_told_apart_and_wrong_numbers_are_refused() -> None:
+def test_faults_that_do_the_same_and_wrong_numbers_are_refused() -> None:
     with pytest.raises(InputError, match="leaves a mode of state, faults and their rates"):
         FaultBank(PLANT, [[0, 0], [T, 2 * T]], 0.1, 1.0, 0.1, 0.1)
     for change, message in (

@@ -47,7 +47,7 @@ class DelayedInputs(linear.Inputs):
 
     @contextmanager
     def moves(self) -> Iterator[None]:
-        """The step to a row that is not the first; before that, its own input was held."""
+        """The step to a row that is not the first, before which its own input was held."""
         program = self.program
         with program.when(f"{self.started} == 1"):
             yield

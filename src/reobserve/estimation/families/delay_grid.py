@@ -42,7 +42,7 @@ initial_covariance: 0.01
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DelayedSystem(NoisySystem):
+class DelayGridSystem(NoisySystem):
     """A linear system whose inputs act after one of ``delays`` [s].
 
     ``random_walk`` and ``jump_rate`` say how the delay moves, see `GridFilter`; both zero if left
@@ -63,7 +63,7 @@ class DelayedSystem(NoisySystem):
 class DelayGridDesign(FilterDesign):
     """A Kalman filter of the state for each delay of a grid."""
 
-    system: DelayedSystem
+    system: DelayGridSystem
     gains: None = None
 
     example: ClassVar[str] = EXAMPLE
@@ -90,7 +90,7 @@ class DelayGridDesign(FilterDesign):
     }  # fmt: skip
 
     @classmethod
-    def find_gains(cls, system: DelayedSystem) -> None:
+    def find_gains(cls, system: DelayGridSystem) -> None:
         """None: the gains follow the covariances."""
 
     @cached_property

@@ -54,7 +54,7 @@ initial_covariance: [0.01, 0.01]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FaultySystem(NoisySystem):
+class FaultBankSystem(NoisySystem):
     """A linear system with x' = ... + E f and y = ... + F f of faults f that jump or drift.
 
     ``fault_matrix`` is E, sampled as A and B are; ``output_fault_matrix`` F, zero if left out; the
@@ -84,7 +84,7 @@ class FaultySystem(NoisySystem):
 class FaultBankDesign(FilterDesign):
     """A bank of Kalman filters of state and faults."""
 
-    system: FaultySystem
+    system: FaultBankSystem
     gains: None = None
 
     keys: ClassVar = {
@@ -113,7 +113,7 @@ class FaultBankDesign(FilterDesign):
     }  # fmt: skip
 
     @classmethod
-    def find_gains(cls, system: FaultySystem) -> None:
+    def find_gains(cls, system: FaultBankSystem) -> None:
         """None: the gains follow the covariances."""
 
     @cached_property
@@ -187,7 +187,7 @@ class FaultBankDesign(FilterDesign):
         }
 
     def summary(self) -> list[str]:
-        """How often faults jump, and for how long."""
+        """Sentences on how often faults jump."""
         period = self.system.sampling_period
         between, long = (
             self.certificate[name] * period for name in ("rows_between_jumps", "rows_of_a_jump")

@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.gaussian_state import Gaussian
+from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smoother import rts_smoother
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.rigid_body import RigidBody
@@ -153,6 +156,7 @@ def _filters() -> Iterator[Call]:
     bank = IMM(observers[:2], stay)
     yield method(bank, "init", [0.0, 0.0], 1e-2, [0.5, 0.5])
     yield from _from_state(bank, bank.init([0.0, 0.0], 1e-2), y, u, MISSING)
+    yield from _banks(model, y, u)
     yield from called({
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
@@ -175,6 +179,34 @@ def _filters() -> Iterator[Call]:
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),
         "synthesis.linear.place": (model.A, model.C, [0.5, 0.6]),
     }, COMPLEX)  # fmt: skip
+
+
+def _banks(model: Any, y: Any, u: Any) -> Iterator[Call]:
+    faults = (model, [[0.0], [0.01]], 0.1, 1.0, 0.1, 0.1)
+    (made,) = called({"observers.fault_bank.FaultBank": faults})
+    yield made
+    bank: Any = FaultBank(*faults)
+    yield method(bank, "init", [0.0, 0.0], 1e-2, [0.1], 1e-2, 1e-2)
+    yield from _from_state(bank, bank.init([0.0, 0.0], 1e-2), y, u, MISSING)
+    delays = (model, [0.0, 1.0, 3.0], 0.1, 0.1)
+    yield from called({"observers.grid_filter.GridFilter.of_delay": delays})
+    grid = GridFilter.of_delay(*delays)
+    yield method(grid, "init", [0.0, 0.0], 1e-2, [0.2, 0.3, 0.5])
+    yield from _from_state(grid, grid.init([0.0, 0.0], 1e-2), y, u, MISSING)
+
+    def of_parameter(grid: Any, random_walk: Any, jump_rate: Any) -> object:
+        return GridFilter.of_parameter(
+            lambda a: LinearModel([[a]], C=[[1]], Q=1e-2, R=0.1), grid, random_walk, jump_rate
+        )
+
+    name = "observers.grid_filter.GridFilter"
+    yield Call(f"{name}.of_parameter", of_parameter, ([0.2, 0.5], 0.1, 0.1))
+
+    def constructed(transition: Any, grid: Any) -> object:
+        return GridFilter(filters, transition, grid=grid)
+
+    filters = grid.filters
+    yield Call(name, constructed, (grid.transition, [0.0, 0.1, 0.2]))
 
 
 def _nonlinear_filters() -> Iterator[Call]:
@@ -212,6 +244,11 @@ def _nonlinear_filters() -> Iterator[Call]:
     name = "systems.nonlinear.NonlinearModel.parameters_by_row"
     yield Call(name, by_row, ({"g": [9.8, 9.81, 9.82]},))
     model = swing()
+
+    def with_states(random_walk: Any) -> object:
+        return made_of(*texts, *names, 1.0, 0.01, 2).with_parameter_states({"g": random_walk})
+
+    yield Call("systems.nonlinear.NonlinearModel.with_parameter_states", with_states, (1e-6,))
     y, u = np.sin(HALF)[:20, None], np.ones((20, 1))
     made: dict[str, tuple[Any, ...]] = {
         "observers.extended_kalman.ExtendedKalmanFilter": (model,),

@@ -13,8 +13,11 @@ from reobserve.core.documents import parse_yaml
 from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.estimation.families import family
 from reobserve.estimation.families.file import load_design, save_design
+from reobserve.observers.kalman import KalmanFilter
 from reobserve.synthesis.ilo_certificate import certify, theorem1
 from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.systems.linear import LinearModel
+from reobserve.tuning.fit import fit
 from reobserve.tuning.search import tune
 from tests.reobserve.observers.small_plants import first_order_lag
 
@@ -45,6 +48,16 @@ def _basics() -> Iterator[Call]:
         "tuning.search.tune", tuned,
         (lambda found: found, {"gain": (0.1, 10.0)}, [1.0], lambda found, _: found["gain"], 5, 1),
     )  # fmt: skip
+
+    def fitted(ranges: Any, records: Any, budget: Any, seed: Any) -> object:
+        def make(values: Any) -> Any:
+            kalman = KalmanFilter(LinearModel([[0.5]], C=[[1]], Q=values["q"], R=1.0))
+            return kalman, kalman.init([0.0], 1.0)
+
+        return fit(make, ranges, records, budget=budget, seed=seed)
+
+    level = np.sin(np.arange(60.0) ** 2)
+    yield Call("tuning.fit.fit", fitted, ({"q": (1e-3, 10.0)}, [level], 500, 1))
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
         "core.random_streams.random_stream": (3, "noise"),
