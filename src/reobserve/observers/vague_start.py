@@ -81,7 +81,7 @@ def warn_of_starts(
         doubtful |= (least * FILTERED < 1.0).any(axis=1)
     for record in np.flatnonzero(doubtful):
         last = goods[record]
-        parts = starts[record], variances[record, :last], 7, innovations[record, :last]
+        parts = starts[record], variances[record, :last], 8, innovations[record, :last]
         if warn_of_start(*parts):
             return
 
