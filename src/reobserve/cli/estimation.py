@@ -27,10 +27,10 @@ def estimate(command: argparse.ArgumentParser) -> None:
     command.epilog = _MORE
     command.add_argument(
         "specification", nargs="?", type=Path, metavar="SPEC",
-        help="YAML: observer, columns with units, sampling, policies, alarms",
+        help="YAML: observer, columns with units, file, sampling, policies, alarms",
     )  # fmt: skip
     command.add_argument(
-        "data", nargs="?", type=Path, metavar="DATA", help=".csv, .csv.gz or .parquet"
+        "data", nargs="?", type=Path, metavar="DATA", help="text, also gzipped (.gz), or .parquet"
     )
     command.add_argument(
         "--out", type=Path, metavar="FILE",

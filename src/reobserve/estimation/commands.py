@@ -8,6 +8,7 @@ import io
 import json
 import sys
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,10 @@ from reobserve.estimation import state_file
 from reobserve.estimation.data_report import DataReport, as_json, as_table
 from reobserve.estimation.dates import spelled
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
+from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.plot import Plot, check_plot
-from reobserve.estimation.reading import BLOCK, File, states_delimiter, titles
+from reobserve.estimation.reading import BLOCK, File
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
@@ -110,20 +112,18 @@ def estimate_file(
         check_replaceable(path)
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
-    columns = specification.columns
-    file = File(
-        data, columns.delimiter, columns.decimal, columns.encoding, columns.time.format, block
-    )
+    file = File(data, Dialect.of(specification), specification.columns.time.format, block)
     estimation = Estimation(specification, file.header(), str(data))
     curves = None if plot is None else Plot(estimation)
 
     def about() -> dict[str, Any]:
         return as_json(estimation.report, {"record": data.name})
 
-    try:
-        write_results(out, estimation.titles, _blocks(estimation, file, curves), about)
-    except UnevenError as error:
-        raise _over_all(error, estimation, file) from None
+    with file.lines():
+        try:
+            write_results(out, estimation.titles, _blocks(estimation, file, curves), about)
+        except UnevenError as error:
+            raise _over_all(error, estimation, file) from None
     if curves is not None and plot is not None:
         curves.save(plot)
     if report is not None:
@@ -143,7 +143,7 @@ def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputEr
             f"{period:g} s disagrees with the timestamps of {file.path}, which go on by "
             f"{interval:.6g} s on average",
         )
-    return UnevenError(error.found, least, "the record")
+    return UnevenError(error.found, error.row, least, "the record")
 
 
 def _blocks(estimation: Estimation, file: File, curves: Plot | None) -> Iterator[Estimated]:
@@ -198,30 +198,28 @@ def estimate_stream(
         if data is not None:
             stream = held.enter_context(open_file(data, 0))
         held.enter_context(stop.listening())
-        text = specification.columns
-        idle = idle if data is not None else 0.0
-        lines = Lines(stream, stop, place, idle, text.encoding)
-        first = next(iter(lines), "")
-        if states_delimiter(first.encode(), text.delimiter):
-            first = next(iter(lines), "")
-        if not first:
-            raise InputError(place, "is empty, must begin with the titles of the columns")
-        columns = titles(first.encode(), text.delimiter, place)
-        estimation = Estimation(specification, columns, place)
-        rows = RowByRow(estimation, columns)
+        idle, dialect = idle if data is not None else 0.0, Dialect.of(specification)
+        lines = Lines(stream, stop, place, idle, dialect)
+        coming = iter(lines)
+        head = read_head(coming, dialect, place)
+        if head.first is not None:
+            coming = chain([head.first], coming)
+        estimation = Estimation(specification, head.titles, place)
+        rows = RowByRow(estimation, head)
         if resumed and state is not None:
             offset = state_file.load_state(state, estimation, digest)
             if data is not None and offset is not None:
-                lines = Lines(
-                    held.enter_context(open_file(data, offset)), stop, place, idle, text.encoding
-                )
-                lines.offset = offset
+                again = held.enter_context(open_file(data, offset))
+                lines = Lines(again, stop, place, idle, dialect)
+                rows.rows.line = lines.pass_over(offset)
+                coming = iter(lines)
         else:
             _put(header(estimation.titles))
         dated = False
-        for line in filter(str.strip, lines):
+        for line in coming:
             _put(rows.read(line))
             dated = dated or _tell_origin(estimation.report)
+        rows.rows.finish()
         if state is not None:
             rows.settle()
             offset = None if data is None else lines.offset

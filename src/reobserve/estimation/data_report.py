@@ -101,7 +101,8 @@ class DataReport:
     """Counts over a record, ``columns`` by the name of the column, times in [s] of the record.
 
     ``intervals`` are those between timestamps that follow one another, ``jitter`` the largest
-    offset of one from its place on the grid, in sampling periods.
+    offset of one from its place on the grid, in sampling periods. ``left_out`` are lines of the
+    file that are no rows, by the reason.
     ``origin`` [s since 1970] is what times count from if timestamps are dates: the whole second at
     or before the first one.
     """
@@ -131,6 +132,7 @@ class DataReport:
     alarms: dict[str, AlarmReport] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     origin: int | None = None
+    left_out: dict[str, int] = field(default_factory=dict)
 
     def clock(self, timestamp: int | None) -> float:
         """The time [s] of a timestamp [ns since 1970], nan for none, from the first one on."""
@@ -183,6 +185,9 @@ def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
 def as_table(report: DataReport, period: float) -> str:
     """A few lines for a terminal: only what there is to tell."""
     lines = [("rows read", f"{report.rows}")]
+    if report.left_out:
+        listed = ", ".join(f"{count} {reason}" for reason, count in report.left_out.items())
+        lines.append(("lines left out", listed))
     if report.first is not None and report.last is not None:
         since = "" if report.origin is None else f" after {spelled(report.origin)}"
         lines.append(("time", f"{_time(report.first)} to {_time(report.last)} s{since}"))

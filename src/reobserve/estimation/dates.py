@@ -7,6 +7,7 @@ near the first of them, so that no digit is lost. In text, digits beyond a micro
 from __future__ import annotations
 
 import re
+from collections.abc import Container
 from datetime import UTC, datetime, timedelta
 
 from reobserve.core.errors import InputError, shown
@@ -61,9 +62,11 @@ def check_format(place: str, form: str) -> None:
 
 
 def timestamp(
-    cell: str, nothing: tuple[str, ...], title: str, row: int, form: str = ""
+    cell: str, nothing: Container[str], place: str, where: str, form: str = ""
 ) -> int | None:
     """The timestamp [ns] in a cell, or None where it holds one of the words for ``nothing``.
+
+    Messages call the file ``place``, and the cell ``where``.
 
     Raises
     ------
@@ -79,7 +82,7 @@ def timestamp(
         wanted = f"by columns.time.format, {form}" if form else (
             "with a time, as 2026-03-29T01:59:58Z; columns.time.format states another form"
         )  # fmt: skip
-        raise InputError(title, f"row {row} is {shown(cell)}, must be a date {wanted}") from None
+        raise InputError(place, f"{where} is {shown(cell)}, must be a date {wanted}") from None
 
 
 def spelled(origin: int) -> str:

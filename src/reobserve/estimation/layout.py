@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +15,13 @@ from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.quantities import SAME, Conversion, check_unit, conversion
 from reobserve.estimation.specification import Column, Columns
+from reobserve.estimation.text_rows import RowError
 
 Array = NDArray[np.float64]
 
+_SIGNS = ("#", "%", "//", "!", "*")  # with which comments often begin
+_NUMBER = re.compile(r"[+-]?[\d.,]+([eE][+-]?\d+)?")
 _TITLE = re.compile(r"(.*?)\s*\[([^\[\]]*)\]\s*")
-_DATED = re.compile(r"\d{1,4}[./-]\d\d?[./-]\d{2,4} \d")
-_DECIMAL = re.compile(r"[+-]?\d*@\d+([eE][+-]?\d+)?")
-NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-")
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,6 @@ class Layout:
     lost_at_range: tuple[bool, ...]
     timed: bool
     measurements: int
-    decimal: str
     dated: bool = False
     format: str = ""
     periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
@@ -57,10 +55,10 @@ class Layout:
         """
         if np.isinf(raw).any():
             row, column = np.argwhere(np.isinf(raw))[0]
-            raise InputError(
+            raise RowError(
                 self.titles[column],
-                f"row {report.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
-                "if it is missing",
+                f"{{at}} is {raw[row, column]}, must be a number, or empty if it is missing",
+                report.rows + int(row) + 1,
             )
         columns = [self._column(raw[:, c].copy(), c, report) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
@@ -83,28 +81,6 @@ class Layout:
             return _unwrapped(converted, self.periods[c], report.angles, self.names[c])
         return converted
 
-    def number(self, cell: str, row: int, column: int) -> float:
-        """The number that a cell of text spells, or nan if there is none.
-
-        Raises
-        ------
-        InputError
-            If it spells something else.
-        """
-        text = cell.strip().strip('"')
-        if self.decimal == ",":
-            text = text.replace(",", ".")
-        try:
-            if "_" in text:
-                raise ValueError
-            value = float(text)
-        except ValueError:
-            if text in NOTHING:
-                return math.nan
-            problem = no_number(row, cell, text, self.decimal)
-            raise InputError(self.titles[column], problem) from None
-        return value
-
 
 def _unwrapped(angles: Array, period: float, before: dict[str, list[float]], name: str) -> Array:
     """Angles that go on beyond a turn, the shortest way from each to the next that is known."""
@@ -118,18 +94,6 @@ def _unwrapped(angles: Array, period: float, before: dict[str, list[float]], nam
     return angles
 
 
-def no_number(row: int, cell: str, text: str, decimal: str = ".") -> str:
-    """A message on a cell that spells no number, with the key that would read it."""
-    hint, other = "", "," if decimal == "." else "."
-    if looks_dated(text):
-        hint = f"; of dates the unit is {ISO}"
-    elif _DATED.match(text):
-        hint = '; of dates state columns.time.format, as "%d.%m.%Y %H:%M:%S"'
-    elif _DECIMAL.fullmatch(cell.strip().strip('"').replace(other, "@", 1)):
-        hint = f'; state columns.decimal: "{other}"'
-    return f"row {row} is {shown(cell)}, must be a number{hint}"
-
-
 def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str) -> Layout:
     """Find the columns in a header, ``name`` or ``name [unit]``, and settle their units.
 
@@ -140,16 +104,7 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
         units are unknown, are not those of the header, or cannot become those of the model.
     """
     if len(header) == 1:
-        others = [one for one in ",;\t" if one != columns.delimiter and one in header[0]]
-        if others and header[0] not in {one.column for one in columns.measurements}:
-            raise InputError(
-                "columns.delimiter",
-                f"{shown(columns.delimiter)} is not in the header of {place}, {shown(header[0])}; "
-                f"it may be {' or '.join(map(repr, others))}",
-            )
-    for title in header:
-        if list(header).count(title) > 1:
-            raise InputError(place, f"has the column {shown(title)} twice")
+        _check_delimiter(columns, header[0], place)
     wanted: list[tuple[str, Column, str]] = []
     for what, given, widths, signals in (
         ("measurements", columns.measurements, design.widths[0], design.measurements),
@@ -162,7 +117,12 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
             raise InputError(f"columns.{what}", problem)
         for k, column in enumerate(given):
             wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
-    parts = [find_column(at, column, fixed, header, place) for at, column, fixed in wanted]
+    try:
+        parts = [find_column(at, column, fixed, header, place) for at, column, fixed in wanted]
+    except InputError as error:
+        if any(_matches(name, header) for name in _names(columns)) or "did you" in error.problem:
+            raise
+        raise InputError(error.parameter, error.problem + _no_header(header)) from None
     every = [column for _, column, _ in wanted]
     timed, dated = bool(columns.time.column), False
     if timed:
@@ -173,12 +133,16 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
         way = SAME if dated else conversion("columns.time.unit", unit or "s", "s")
         parts.insert(0, (title, way, "s"))
         every.insert(0, clock)
+    for title, _, _ in parts:
+        if list(header).count(title) > 1:
+            problem = f"has the column {shown(title)} twice"
+            raise InputError(place, f"{problem}; file.skip and file.names may state other titles")
     return Layout(
         tuple(part[0] for part in parts), tuple(column.column for column in every),
         tuple(part[1] for part in parts), tuple(part[2] for part in parts),
         tuple(column.range for column in every),
         tuple(column.saturated == "missing" for column in every), timed,
-        len(columns.measurements), columns.decimal, dated, columns.time.format,
+        len(columns.measurements), dated, columns.time.format,
         tuple(
             0.0 if column.wrap is None else abs(part[1].factor) * column.wrap
             for column, part in zip(every, parts, strict=True)
@@ -186,27 +150,76 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
     )  # fmt: skip
 
 
+def _names(columns: Columns) -> set[str]:
+    every = (*columns.measurements, *columns.inputs)
+    return {columns.time.column, *(column.column for column in every)} - {""}
+
+
+def _check_delimiter(columns: Columns, title: str, place: str) -> None:
+    """Refuse a header of one title in which another delimiter finds columns, or numbers."""
+    names, others = _names(columns), []
+    for one in (",", ";", "\t", "|", "whitespace"):
+        cells = [cell.strip() for cell in title.split(None if one == "whitespace" else one)]
+        if len(cells) > 1 and (any(_matches(name, cells) for name in names) or _numbers(cells)):
+            others.append(one)
+    if "\t" in others:
+        others = [one for one in others if one != "whitespace"]
+    if others and title not in names and columns.delimiter not in others:
+        raise InputError(
+            "columns.delimiter",
+            f"{shown(columns.delimiter)} is not in the header of {place}, {shown(title)}; it may "
+            f"be {' or '.join(map(repr, others))}",
+        )
+
+
 def _title(at: str, column: Column, header: Sequence[str], place: str) -> tuple[str, str]:
     """The title of a column in the header, and its unit there or in the specification."""
     split = {title: _TITLE.fullmatch(title) for title in header}
-    found = [
-        title for title in header
-        if title.strip() == column.column
-        or ((match := split[title]) is not None and match[1].strip() == column.column)
-    ]  # fmt: skip
+    found = _matches(column.column, header)
+    if not found and _matches(column.column, [header[0].lstrip("#% ")]):
+        found = header[:1]  # which begins as a comment
     if len(found) != 1:
         names = [match[1] if (match := split[title]) else title for title in header]
         problem = "has two columns" if found else "has no column"
         ending = "" if found else nearest(column.column, names)
         raise InputError(f"{at}.column", f"{place} {problem} {shown(column.column)}{ending}")
     match = split[found[0]]
-    said = match[2].strip() if match is not None and match[1].strip() == column.column else ""
+    said = match[2].strip() if match is not None and found[0].strip() != column.column else ""
     if said and column.unit and said != column.unit:
         same = conversion(f"{at}.unit", said, column.unit)
         if same != SAME:
             problem = f"says {column.unit}, the header of {place} says {said}"
             raise InputError(f"{at}.unit", problem)
     return found[0], column.unit or said
+
+
+def _matches(name: str, header: Sequence[str]) -> Sequence[str]:
+    """The titles that are a name, or a name with a unit."""
+    return list(dict.fromkeys(
+        title for title in header
+        if title.strip() == name
+        or ((match := _TITLE.fullmatch(title)) is not None and match[1].strip() == name)
+    ))  # fmt: skip
+
+
+def _numbers(cells: Sequence[str]) -> bool:
+    """True if cells are those of a row, and not of a header."""
+    return all(looks_dated(cell) or _NUMBER.fullmatch(cell) for cell in filter(None, cells))
+
+
+def _no_header(header: Sequence[str]) -> str:
+    """The end of a sentence on a header that does not look like one."""
+    if header[0].startswith(_SIGNS):
+        return (
+            "; file.skip or file.comment leaves out lines above the header, and file.header: "
+            "commented takes the last comment for it"
+        )
+    others = [one for one in ";\t|" if any(one in title for title in header)]
+    if others:
+        return f"; columns.delimiter may be {' or '.join(map(repr, others))}"
+    if _numbers(header):
+        return "; if the record has no header, file.names states the columns"
+    return "; if the header is further down, file.skip leaves out the lines above it"
 
 
 def find_column(

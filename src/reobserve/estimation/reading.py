@@ -1,12 +1,16 @@
-"""Files of rows in blocks: CSV and Parquet, CSV also gzipped, never more than a block in memory."""
+"""Files of rows in blocks: text, also gzipped, and Parquet, never more than a block in memory.
+
+Blocks of text are read by pyarrow. What it does not take, `reobserve.estimation.text_rows` reads
+line by line, or refuses.
+"""
 
 from __future__ import annotations
 
-import csv
-import re
+import io
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,38 +22,45 @@ from reobserve.core.extras import package
 from reobserve.core.files import reason
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, SECOND, timestamp
-from reobserve.estimation.layout import NOTHING, no_number
+from reobserve.estimation.dialect import Dialect, Head, read_head
+from reobserve.estimation.file_format import NOTHING
+from reobserve.estimation.streaming import LONGEST
+from reobserve.estimation.text_rows import RowError, TextRows
 
 Array = NDArray[np.float64]
 
-BLOCK = 4 * 2**20  # bytes of text, and about as many of numbers
-_NO_NUMBER = re.compile(r"Row #(\d+): CSV conversion error to double: invalid value '(.*)'$")
-_DELIMITER = re.compile(rb"(?:\xef\xbb\xbf)?sep=([,;\t])\r?\n?")
-_LONGEST_HEADER = 2**16  # bytes
-_ENDINGS = (".csv", ".csv.gz", ".parquet")
+BLOCK = 4 * 2**20  # characters of text, and about as many bytes of numbers
+_HEAD = 2**16  # characters
+_TABLES = (".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".zip")
 
 
 @dataclass(frozen=True)
 class File:
-    """A file of columns. The keys are those of `reobserve.estimation.specification.Columns`."""
+    """A file of columns: Parquet by its ending, text with any other one.
+
+    ``format`` is that of dates.
+    """
 
     path: Path
-    delimiter: str = ","
-    decimal: str = "."
-    encoding: str = "utf-8"
+    dialect: Dialect = field(default_factory=Dialect)
     format: str = ""
     block: int = BLOCK
 
     def __post_init__(self) -> None:
-        if not str(self.path).endswith(_ENDINGS):
-            raise InputError(str(self.path), f"must end with {', '.join(_ENDINGS)}")
+        if self._ending in _TABLES:
+            problem = f"must be text, such as .csv, or .parquet; a {self._ending} can be exported"
+            raise InputError(str(self.path), problem)
         if not self.path.is_file():
             problem = "is no regular file" if self.path.exists() else "there is no such file"
             raise InputError(str(self.path), problem)
 
     @property
+    def _ending(self) -> str:
+        return self.path.suffix.lower()
+
+    @property
     def _columnar(self) -> bool:
-        return self.path.suffix == ".parquet"
+        return self._ending == ".parquet"
 
     def header(self) -> list[str]:
         """The titles of the columns.
@@ -64,25 +75,11 @@ class File:
                 import pyarrow.parquet as parquet
 
                 return [str(name) for name in parquet.ParquetFile(self.path).schema_arrow.names]
-            lines = self._first_lines()
-            line = lines[1 if states_delimiter(lines[0], self.delimiter) else 0]
-            return titles(line, self.delimiter, str(self.path), self.encoding)
+            return self._head().titles
 
-    def _first_lines(self) -> list[bytes]:
-        """The first two lines of text."""
-        first = bytearray()
-        with self._text() as stream:
-            while first.count(b"\n") < 2 and len(first) < _LONGEST_HEADER:
-                chunk = stream.read(4096)
-                if not chunk:
-                    break
-                first += chunk
-        lines = bytes(first).split(b"\n")
-        header = 1 if _DELIMITER.fullmatch(lines[0]) else 0
-        if len(lines) == header + 1 and len(first) >= _LONGEST_HEADER:
-            problem = f"its header has more than {_LONGEST_HEADER} bytes, or no line ends"
-            raise InputError(str(self.path), problem)
-        return [*lines, b""][:2]
+    def _head(self) -> Head:
+        lines = (line for _, text in self._texts(0, _HEAD) for line in _lines(text))
+        return read_head(lines, self.dialect, str(self.path))
 
     def blocks(
         self, columns: Sequence[str], dated: str = "", report: DataReport | None = None
@@ -96,57 +93,146 @@ class File:
         InputError
             If the file is damaged, a cell is no number, or one of ``dated`` is no date.
         """
-        rows, report = 0, report or DataReport()
+        report = report or DataReport()
         with self._located():
-            for batch in self._batches(list(columns), dated):
+            if not self._columnar:
+                yield from self._of_text(columns, dated, report)
+                return
+            rows = 0
+            for batch in self._batches(list(columns)):
                 read = [
-                    self._times(batch, name, rows, report)
+                    self._times(batch.column(name), name, rows, report)
                     if name == dated
-                    else self._floats(batch, name)
+                    else self._floats(batch.column(name), name)
                     for name in columns
                 ]
                 yield np.column_stack(read)
                 rows += batch.num_rows
 
-    def _batches(self, columns: list[str], dated: str) -> Iterator[Any]:
+    def _batches(self, columns: list[str]) -> Iterator[Any]:
+        import pyarrow.parquet as parquet
+
+        file = parquet.ParquetFile(self.path, page_checksum_verification=True)
+        rows = max(1, self.block // (8 * len(columns)))
+        yield from file.iter_batches(batch_size=rows, columns=columns, use_threads=False)
+
+    def _of_text(self, columns: Sequence[str], dated: str, report: DataReport) -> Iterator[Array]:
+        head = self._head()
+        for why, count in head.left_out.items():
+            report.count(report.left_out, why, count)
+        rows = self._rows(head, columns, dated, report)
+        for above, text in self._texts(head.lines, self.block):
+            rows.line, counted = above, dict(report.left_out)
+            try:
+                values = self._at_once(rows, text)
+            except ValueError:  # of pyarrow, too
+                rows.line, report.left_out = above, counted
+                read = map(rows.read, _lines(text))
+                values = np.array([numbers for numbers in read if numbers is not None])
+            if len(values):
+                yield values
+        rows.finish()
+
+    def _rows(self, head: Head, columns: Sequence[str], dated: str, report: DataReport) -> TextRows:
+        is_dated = bool(dated) and columns[0] == dated
+        return TextRows(self.dialect, head, columns, is_dated, self.format, str(self.path), report)
+
+    def _at_once(self, rows: TextRows, text: str) -> Array:
+        """The numbers of a block of text.
+
+        Raises
+        ------
+        ValueError
+            If pyarrow does not read it as it is meant.
+        """
         import pyarrow as pa
-
-        if self._columnar:
-            import pyarrow.parquet as parquet
-
-            file = parquet.ParquetFile(self.path, page_checksum_verification=True)
-            rows = max(1, self.block // (8 * len(columns)))
-            yield from file.iter_batches(batch_size=rows, columns=columns, use_threads=False)
-            return
         import pyarrow.csv as reader_of_csv
 
-        kinds = {name: pa.string() if name == dated else pa.float64() for name in columns}
-        with self._text() as stream:
-            reader = reader_of_csv.open_csv(
-                stream,
-                read_options=reader_of_csv.ReadOptions(
-                    use_threads=False, block_size=self.block, column_names=self.header(),
-                    skip_rows=1 + states_delimiter(self._first_lines()[0], self.delimiter),
-                    encoding=self.encoding.replace("utf-8", "utf8"),
-                ),
-                parse_options=reader_of_csv.ParseOptions(delimiter=self.delimiter),
-                convert_options=reader_of_csv.ConvertOptions(
-                    include_columns=columns, column_types=kinds,
-                    null_values=list(NOTHING), decimal_point=self.decimal,
-                ),
-            )  # fmt: skip
-            yield from reader
+        dialect, width = self.dialect, rows.width
+        text, first = rows.plain(text)
+        names = list(map(str, range(len(first))))
+        if len(names) < width:
+            raise ValueError
+        kinds = {name: pa.null() for name in names[width:]}  # where rows end with delimiters
+        wanted = [names[place] for place in rows.places]
+        kinds |= dict.fromkeys(wanted, pa.float64())
+        if rows.dated:
+            kinds[wanted[0]] = pa.string()
+        content = text.encode("utf-8", "surrogateescape")
+        table = reader_of_csv.read_csv(
+            pa.BufferReader(content),
+            read_options=reader_of_csv.ReadOptions(
+                use_threads=False, block_size=len(content) + 1, column_names=names
+            ),
+            parse_options=reader_of_csv.ParseOptions(
+                delimiter="\t" if dialect.delimiter == "whitespace" else dialect.delimiter
+            ),
+            convert_options=reader_of_csv.ConvertOptions(
+                include_columns=list(kinds), column_types=kinds,
+                null_values=list(dialect.nothing), decimal_point=dialect.decimal,
+            ),
+        )  # fmt: skip
+        read = [self._floats(table.column(name), name) for name in wanted[rows.dated :]]
+        if rows.dated:
+            cells = table.column(wanted[0]).to_pylist()
+            read.insert(0, np.array(list(map(rows.time, cells))))
+        if dialect.timed and np.isnan(read[0]).any():
+            raise ValueError
+        return np.column_stack(read)
 
-    def _text(self) -> Any:
+    def _texts(self, above: int, block: int) -> Iterator[tuple[int, str]]:
+        """Whole lines but the first ones ``above``, some at a time, and how many precede them."""
+        number, rest = 0, ""
+        with self._bytes() as stream:
+            codec, errors = self.dialect.codec(stream.read(2))
+        with io.TextIOWrapper(self._bytes(), codec, errors, newline="") as stream:
+            while chunk := stream.read(block):
+                text = rest + chunk
+                end = text.rfind("\n") + 1
+                text, rest = text[:end], text[end:]
+                if len(rest) > LONGEST:
+                    if rest.strip("\0"):
+                        problem = f"has a line of more than {LONGEST} characters"
+                        raise InputError(str(self.path), problem)
+                    rest = "\0"  # of a file made too long
+                begun, number = number, number + text.count("\n")
+                if number > above:
+                    drop = max(0, above - begun)
+                    yield begun + drop, text.split("\n", drop)[-1]
+            if rest and number >= above:
+                yield number, rest
+
+    def _bytes(self) -> Any:
         import pyarrow as pa
 
-        return pa.input_stream(str(self.path), compression="detect")
+        gzipped = self._ending == ".gz"
+        return pa.input_stream(str(self.path), compression="gzip" if gzipped else "detect")
 
-    def _times(self, batch: Any, name: str, rows: int, report: DataReport) -> Array:
+    def line_of(self, row: int) -> int | None:
+        """The line of a row in the file, both from 1 on, or None in a Parquet file."""
+        if self._columnar:
+            return None
+        head = self._head()
+        rows = self._rows(head, (), "", DataReport())
+        for _, text in self._texts(head.lines, self.block):
+            for line in _lines(text):
+                row -= rows.row(line) is not None
+                if row == 0:
+                    return rows.line
+        return None
+
+    @contextmanager
+    def lines(self) -> Iterator[None]:
+        """Give errors of rows the lines of the file."""
+        try:
+            yield
+        except RowError as error:
+            raise error.at_line(self.line_of(error.row)) from None
+
+    def _times(self, column: Any, name: str, rows: int, report: DataReport) -> Array:
         import pyarrow as pa
         import pyarrow.compute as compute
 
-        column = batch.column(name)
         if pa.types.is_timestamp(column.type):
             ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
             timestamps = ticks.to_numpy(zero_copy_only=False)
@@ -160,14 +246,15 @@ class File:
             problem = f"column {shown(name)} is of the type {column.type}, must be dates"
             raise InputError(str(self.path), problem)
         cells = enumerate((text or "" for text in column.to_pylist()), rows + 1)
-        return np.array(
-            [report.clock(timestamp(cell, NOTHING, name, row, self.format)) for row, cell in cells]
-        )
+        place, where = str(self.path), f"of column {shown(name)}"
+        return np.array([
+            report.clock(timestamp(cell, NOTHING, place, f"row {row} {where}", self.format))
+            for row, cell in cells
+        ])  # fmt: skip
 
-    def _floats(self, batch: Any, name: str) -> Array:
+    def _floats(self, column: Any, name: str) -> Array:
         import pyarrow as pa
 
-        column = batch.column(name)
         kind = column.type
         if pa.types.is_timestamp(kind):
             problem = f"column {shown(name)} holds dates; as timestamps their unit is {ISO}"
@@ -189,56 +276,13 @@ class File:
             yield
         except InputError:
             raise
-        except (OSError, ValueError, KeyError, MemoryError, EOFError, pa.ArrowException) as error:
+        except (
+            OSError, ValueError, KeyError, MemoryError, EOFError, zlib.error, pa.ArrowException
+        ) as error:  # fmt: skip
             said = reason(error).splitlines() or [type(error).__name__]
-            if found := _NO_NUMBER.search(said[0]):
-                above = 1 + states_delimiter(self._first_lines()[0], self.delimiter)
-                row, cell = int(found[1]) - above, found[2]
-                raise InputError(str(self.path), no_number(row, cell, cell, self.decimal)) from None
             raise InputError(str(self.path), f"cannot be read ({said[0]})") from None
 
 
-def states_delimiter(line: bytes, delimiter: str) -> bool:
-    """True if a file's first line is ``sep=;``, as spreadsheets write it.
-
-    Raises
-    ------
-    InputError
-        If it is another delimiter than the one of the specification.
-    """
-    found = _DELIMITER.fullmatch(line)
-    if found is None:
-        return False
-    said = found[1].decode()
-    if said != delimiter:
-        raise InputError(
-            "columns.delimiter",
-            f"{shown(delimiter)} must be {shown(said)}, as the record's first line says",
-        )
-    return True
-
-
-def titles(line: bytes, delimiter: str, place: str, encoding: str = "utf-8") -> list[str]:
-    """The titles in the header of a text, which is called ``place`` in messages.
-
-    Raises
-    ------
-    InputError
-        If it is not in this encoding or has none.
-    """
-    try:
-        text = line.decode("utf-8-sig" if encoding == "utf-8" else encoding).strip("\r\n")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            place,
-            f"its header cannot be read (byte {error.start + 1} is not {encoding.upper()}); "
-            "columns.encoding may state cp1252 or latin-1",
-        ) from None
-    try:
-        found = [title.strip() for row in csv.reader([text], delimiter=delimiter) for title in row]
-    except csv.Error:  # a carriage return, or a title of more than 131 072 characters
-        problem = "its header cannot be read: lines must end with line feeds, not with \\r alone"
-        raise InputError(place, problem) from None
-    if not any(found):
-        raise InputError(place, "its header is empty, must name the columns")
-    return found
+def _lines(text: str) -> Iterator[str]:
+    """Lines with their ends, which are line feeds and nothing else."""
+    return iter(io.StringIO(text, newline="\n"))

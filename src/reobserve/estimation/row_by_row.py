@@ -10,37 +10,42 @@ import math
 
 import numpy as np
 
-from reobserve.core.errors import InputError
-from reobserve.estimation.dates import nanoseconds, timestamp
+from reobserve.estimation.dates import nanoseconds
+from reobserve.estimation.dialect import Dialect, Head
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.gaps import MEASURED, STATUSES
-from reobserve.estimation.layout import NOTHING
-from reobserve.estimation.writing import line, text
+from reobserve.estimation.text_rows import RowError, TextRows
+from reobserve.estimation.writing import line as result
+from reobserve.estimation.writing import text
 from reobserve.observers.unchecked import unchecked_step
 
 _PATIENCE = 20  # rows that all go the long way, on which the sampling period is checked
 
 
 class RowByRow:
-    """Takes a line of cells and gives the lines that are settled with it."""
+    """Takes a line and gives the lines of results that are settled with it."""
 
-    def __init__(self, estimation: Estimation, header: list[str]) -> None:
+    def __init__(self, estimation: Estimation, header: Head | list[str]) -> None:
         self.estimation = estimation
         layout, sampling = estimation.layout, estimation.specification.sampling
-        self.width = len(header)
-        self.places = [header.index(title) for title in layout.titles]
-        readers = [self._time if layout.dated else float] + [float] * len(self.places)
-        self.cells = list(zip(readers, self.places, strict=False))
-        self.delimiter = estimation.specification.columns.delimiter
+        head = header if isinstance(header, Head) else Head(header)
+        dialect, report = Dialect.of(estimation.specification), estimation.report
+        self.rows = TextRows(
+            dialect, head, layout.titles, layout.dated, layout.format, estimation.place, report
+        )
+        for why, count in head.left_out.items():
+            report.count(report.left_out, why, count)
+        readers = [self._time if layout.dated else float] + [float] * len(self.rows.places)
+        self.cells = list(zip(readers, self.rows.places, strict=False))
         self.short = (
-            sampling.uneven == "refuse" and layout.timed and layout.decimal == "."
+            sampling.uneven == "refuse" and layout.timed and dialect.plain
             and not any(layout.ranges) and not any(layout.periods)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
         self.y = np.empty((1, layout.measurements))
         self.u = np.empty((1, len(layout.names) - layout.timed - layout.measurements))
 
-    def read(self, row: str) -> str:
+    def read(self, line: str) -> str:
         """The lines of results that a line of the record settles, perhaps none.
 
         Raises
@@ -50,19 +55,23 @@ class RowByRow:
         DivergenceError
             If the observer diverges.
         """
-        cells = row.rstrip("\r\n").split(self.delimiter)
-        if len(cells) != self.width:
-            at = self.estimation.report.rows + 1
-            problem = f"row {at} has {len(cells)} cells, the header has {self.width}"
-            raise InputError(self.estimation.place, problem)
-        if self.short:
-            try:
-                numbers = [number(cells[place]) for number, place in self.cells]
-            except (ValueError, OverflowError):
-                return self._long(cells)
-            if "_" not in row and self._regular(numbers):
-                return self._short(numbers)
-        return self._long(cells)
+        row = self.rows.row(line)
+        if row is None:
+            return ""
+        try:
+            cells = self.rows.cells(row)
+            if cells is None:
+                return ""
+            if self.short:
+                try:
+                    numbers = [number(cells[place]) for number, place in self.cells]
+                except (ValueError, OverflowError):
+                    return self._long(cells)
+                if "_" not in row and self._regular(numbers):
+                    return self._short(numbers)
+            return self._long(cells)
+        except RowError as error:  # of this row, as the estimation takes one at a time
+            raise error.at_line(self.rows.line) from None
 
     def _time(self, cell: str) -> float:
         return self.estimation.report.clock(nanoseconds(cell, self.estimation.layout.format))
@@ -105,7 +114,7 @@ class RowByRow:
         found = made.outputs.row(y, estimates)
         at, row = np.array([time]), np.array([found])
         raised = [float(alarm.raised(at, row, report, estimates)[0]) for alarm in made.alarms]
-        return line(time, found, raised, MEASURED)
+        return result(time, found, raised, MEASURED)
 
     def settle(self) -> None:
         """Hand what the short way has seen to the policies, before any of them is asked."""
@@ -118,16 +127,8 @@ class RowByRow:
 
     def _long(self, cells: list[str]) -> str:
         self.settle()
-        layout, row = self.estimation.layout, self.estimation.report.rows + 1
-        dated = int(layout.dated)
-        numbers = [
-            layout.number(cells[place], row, column)
-            for column, place in enumerate(self.places[dated:], dated)
-        ]
-        if dated:
-            read = timestamp(cells[self.places[0]], NOTHING, layout.titles[0], row, layout.format)
-            numbers.insert(0, self.estimation.report.clock(read))
-        return text(self.estimation.feed(np.array([numbers])))
+        numbers = self.rows.numbers(cells)
+        return "" if numbers is None else text(self.estimation.feed(np.array([numbers])))
 
     def finish(self) -> str:
         """The lines that waited for rows which do not come."""

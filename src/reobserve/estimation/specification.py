@@ -6,6 +6,7 @@ columns:                                                 of the record, with the
   measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
   inputs: [{column: u, unit: V}]
 sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
+file: {skip: 2, comment: "#"}                            `reobserve.estimation.file_format`
 estimates: {state: {angle: rad, rate: rad/s}}            names and units of what has none
 alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
 smooth: false                                            true: each estimate from the whole record
@@ -24,6 +25,7 @@ from reobserve.core.validation import NotNegative, Positive, checked, form, havi
 from reobserve.estimation.dates import ISO, check_format
 from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.stated import DesignFile, stated
+from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
 from reobserve.estimation.quantities import check_unit, conversion
 
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
@@ -104,20 +106,24 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """The contents of a row by column, and the way the file is written."""
+    """The contents of a row by column, and the way its cells are written.
+
+    The delimiter ``whitespace`` is any number of blanks and tabs. Where the delimiter is also a
+    mark in numbers, these are in quotes. Where the mark of ``thousands`` is also the decimal one,
+    the last one in a number is decimal.
+    """
 
     measurements: Annotated[tuple[Column, ...], Few]
     inputs: Annotated[tuple[Column, ...], Few] = ()
     time: TimeColumn = field(default_factory=TimeColumn)
-    delimiter: Literal[",", ";", "\t"] = ","
-    decimal: Literal[".", ","] = "."
-    encoding: Literal["utf-8", "cp1252", "latin-1"] = "utf-8"
+    delimiter: Delimiter = ","
+    decimal: Decimal = "."
+    thousands: Thousands = ""
+    encoding: Encoding = "utf-8"
 
     def __post_init__(self) -> None:
         if not self.measurements:
             raise InputError("measurements", "are none, must be one or more")
-        if self.delimiter == self.decimal:
-            raise InputError("decimal", "must be another than the delimiter")
         named = [self.time.column]
         for place in ("measurements", "inputs"):
             for one in getattr(self, place):
@@ -224,6 +230,7 @@ class Specification:
     estimates: dict[str, dict[str, str]] = field(default_factory=dict)
     alarms: Annotated[tuple[Alarm, ...], Few, checked(_distinct_alarms)] = ()
     smooth: bool = False
+    file: FileFormat = field(default_factory=FileFormat)
 
     def __post_init__(self) -> None:
         if not isinstance(self.observer, Mapping):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import signal
 import time
 from collections.abc import Iterator
@@ -10,11 +11,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, BinaryIO
 
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError
 from reobserve.core.files import reason
+from reobserve.estimation.dialect import Dialect
 
 _POLL = 0.02  # [s] between looks at a file that has not grown
-_LONGEST = 2**20  # bytes of a line
+LONGEST = 2**20  # bytes of a line
 
 
 class _Stopped(BaseException):
@@ -47,13 +49,13 @@ class Stop:
         if self.waiting:
             raise _Stopped
 
-    def line(self, stream: BinaryIO) -> bytes:
+    def line(self, stream: BinaryIO, most: int = LONGEST + 1) -> bytes:
         """The next line or what there is of it, or nothing if there is no more or to stop."""
         if self.asked:
             return b""
         try:
             self.waiting = True
-            return stream.readline(_LONGEST + 1)
+            return stream.readline(most)
         except _Stopped:
             return b""
         finally:
@@ -80,29 +82,54 @@ class Lines:
         Of bytes.
     idle
         How long [s] to wait for more at its end; 0 for a pipe, whose end is its end.
-    encoding
+    dialect
         Of the text.
     """
 
     def __init__(
-        self, stream: BinaryIO, stop: Stop, place: str, idle: float = 0.0, encoding: str = "utf-8"
+        self,
+        stream: BinaryIO,
+        stop: Stop,
+        place: str,
+        idle: float = 0.0,
+        dialect: Dialect | None = None,
     ) -> None:
         self.stream, self.stop, self.place, self.idle = stream, stop, place, idle
-        self.encoding = encoding
+        self.dialect = dialect or Dialect()
+        self.decoder: codecs.IncrementalDecoder | None = None
+        self.end = b"\n"
         self.offset = 0
+
+    def pass_over(self, offset: int) -> int:
+        """Go on at a byte of the stream, and return the number of lines before it."""
+        lines = 0
+        self.stream.seek(0)
+        self._end(self.stream.read(2))
+        self.stream.seek(0)
+        while chunk := self.stream.read(min(LONGEST, offset - self.offset)):
+            lines += self._text(chunk).count("\n")
+        return lines
 
     def __iter__(self) -> Iterator[str]:
         begun, since = b"", time.monotonic()
         while True:
             try:
-                begun += self.stop.line(self.stream)
+                read = self.stop.line(self.stream)
+                begun += read
+                if len(self._end(begun)) == 2 and len(begun) % 2:
+                    begun += self.stop.line(self.stream, 1)
             except (OSError, ValueError) as error:
                 raise InputError(self.place, f"cannot be read ({reason(error)})") from None
-            if len(begun) > _LONGEST:
-                raise InputError(self.place, f"has a line of more than {_LONGEST} bytes")
-            if begun.endswith(b"\n"):
+            if len(begun) > LONGEST and not begun.strip(b"\0"):  # of a file made too long
+                self.offset += len(begun) - 2
+                begun = b"\0\0"
+            if len(begun) > LONGEST:
+                raise InputError(self.place, f"has a line of more than {LONGEST} bytes")
+            if begun.endswith(self.end):
                 yield self._text(begun)
                 begun, since = b"", time.monotonic()
+            elif read.endswith(b"\n"):  # half of a character
+                continue
             elif self.stop.asked or time.monotonic() - since >= self.idle:
                 break
             else:
@@ -110,14 +137,18 @@ class Lines:
         if begun and not self.idle and not self.stop.asked:
             yield self._text(begun)  # the last line of a pipe may lack its end
 
+    def _end(self, begun: bytes) -> bytes:
+        """A line feed, whose bytes depend on the beginning of the stream."""
+        if self.offset == 0 and self.dialect.codec(begun)[0].startswith("utf-16"):
+            self.end = b"\0\n" if begun.startswith(codecs.BOM_UTF16_BE) else b"\n\0"
+        return self.end
+
     def _text(self, line: bytes) -> str:
+        if self.decoder is None:
+            codec, errors = self.dialect.codec(line)
+            self.decoder = codecs.getincrementaldecoder(codec)(errors)
         self.offset += len(line)
-        try:
-            begins = self.offset == len(line) and self.encoding == "utf-8"
-            return line.decode("utf-8-sig" if begins else self.encoding)
-        except UnicodeDecodeError:
-            problem = f"{shown(line)} is not {self.encoding.upper()}, see columns.encoding"
-            raise InputError(self.place, problem) from None
+        return self.decoder.decode(line)
 
 
 def open_file(path: Path, offset: int) -> Any:

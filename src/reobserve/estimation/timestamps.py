@@ -21,6 +21,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.specification import Sampling
+from reobserve.estimation.text_rows import RowError
 
 Array = NDArray[np.float64]
 
@@ -30,18 +31,18 @@ _WRONG = 0.25  # how far their median may be off, which jitter moves by less
 _DRIFT, _DRIFT_IN_GAP = 1e-3, 1e-2  # of a clock, in periods a period
 
 
-class UnevenError(InputError):
+class UnevenError(RowError):
     """Timestamps that are farther from their places than ``sampling.jitter``.
 
     Parameters
     ----------
     found
-        Which row is how far off, as the beginning of a sentence.
+        Which row is how far off, as the beginning of a sentence, with ``{at}`` for the ``row``.
     least
         The jitter that would accept the rows ``among``; None if no jitter would.
     """
 
-    def __init__(self, found: str, least: float | None, among: str) -> None:
+    def __init__(self, found: str, row: int, least: float | None, among: str) -> None:
         self.found = found
         accepting = (
             f"no jitter below 0.5 accepts {among}" if least is None else
@@ -51,6 +52,7 @@ class UnevenError(InputError):
             "sampling.jitter",
             f"{found}; {accepting}; if they are taken when their timestamps say, sampling.uneven: "
             "linear, previous or pchip resamples them",
+            row,
         )
 
 
@@ -150,7 +152,7 @@ class Timestamps:
             known = ~np.isnan(time)
             if even:
                 row = rows + int(np.argmin(known)) + 1
-                raise InputError(self.place, f"row {row} has no timestamp")
+                raise RowError(self.place, "{at} has no timestamp", row)
             report.unstamped += int((~known).sum())
             time, values = time[known], values[known]
         if not len(time):
@@ -176,8 +178,8 @@ class Timestamps:
         at = int(np.argmax(steps <= 0)) + len(time) - len(steps)
         now, said = float(time[at]), "goes back" if steps.min() < 0 else "stands still"
         hint = "" if self.report.origin is None else "; a date without an offset is one of UTC"
-        problem = f"row {rows + at + 1}: the timestamp {said}, at {now:.9g} s{hint}"
-        raise InputError(self.place, problem)
+        problem = f"{{at}}: the timestamp {said}, at {now:.9g} s{hint}"
+        raise RowError(self.place, problem, rows + at + 1)
 
     def _look(self, steps: Array) -> None:
         """Check the period once there are enough intervals."""
@@ -229,9 +231,9 @@ class Timestamps:
             off = (time[accepted] - 0.5 * float(self.grid.sum())) / period
             least = np.ceil(100.0 * used - 1e-6) / 100.0
             raise UnevenError(
-                f"{jitter:g} is exceeded in row {rows + accepted + 1} of {self.place}: its "
-                f"timestamp, {time[accepted]:.14g} s, is {off:.2g} sampling periods of {period:g} "
-                "s off its place",
+                f"{jitter:g} is exceeded in {{at}} of {self.place}: its timestamp, "
+                f"{time[accepted]:.14g} s, is {off:.2g} sampling periods of {period:g} s off its "
+                "place", rows + accepted + 1,
                 float(least) if least < 0.5 else None, "the rows up to there",
             )  # fmt: skip
         report.jitter = max(report.jitter, used)

@@ -321,7 +321,7 @@ def _check(one: TunedSpecification, record: Path, compared: Outputs) -> None:
     """Refuse a candidate that does not run over a record, or has not what is compared."""
     estimation = one.estimation({}, record)
     _columns(one, estimation, compared)
-    with suppress(DivergenceError):  # other numbers may be better
+    with suppress(DivergenceError), one.file(record).lines():  # other numbers may be better
         estimation.feed(one.cells(record))
 
 

@@ -13,6 +13,7 @@ from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import read_text
 from reobserve.core.validation import parse
 from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.dialect import Dialect
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import naming
@@ -31,7 +32,7 @@ class TunedSpecification:
         self.period = self.stated.sampling.period
         self._text = read_text(path)
         self._places: dict[str, tuple[int, int]] = {}
-        self.header = cache(lambda record: self._file(record).header())
+        self.header = cache(lambda record: self.file(record).header())
         self.cells = cache(self._cells)
 
     def number(self, key: str) -> float:
@@ -82,21 +83,22 @@ class TunedSpecification:
         """The layout of a record: its times, what the observer reads, and columns besides."""
         layout = self.estimation({}, record).layout
         cells, width = self.cells(record, *more), len(layout.titles)
-        time, values = layout.values(cells[:, :width], DataReport())
+        with self.file(record).lines():
+            time, values = layout.values(cells[:, :width], DataReport())
         if not layout.timed:
             time = self.period * np.arange(len(cells), dtype=np.float64)
         return layout, time, values, cells[:, width:]
 
-    def _file(self, record: Path) -> File:
-        text = self.stated.columns
-        return File(record, text.delimiter, text.decimal, text.encoding, text.time.format)
+    def file(self, record: Path) -> File:
+        """A record as the specification reads it."""
+        return File(record, Dialect.of(self.stated), self.stated.columns.time.format)
 
     def _cells(self, record: Path, *more: str) -> Array:
         layout = self.estimation({}, record).layout
         dated = layout.titles[0] if layout.dated else ""
         wanted = [*layout.titles, *more]
         titles = list(dict.fromkeys(wanted))
-        blocks = list(self._file(record).blocks(titles, dated))
+        blocks = list(self.file(record).blocks(titles, dated))
         if not blocks:
             raise InputError(str(record), "has no rows")
         return np.concatenate(blocks)[:, [titles.index(one) for one in wanted]]

@@ -135,7 +135,9 @@ def test_invalid_date_is_refused(cell: str, tmp_path: Path) -> None:
     timestamps = SPELLINGS["UTC"][:30]
     text = "t,v\n" + "".join(f"{timestamp},1.0\n" for timestamp in [*timestamps, cell])
     (tmp_path / "r.csv").write_text(text)
-    problem = f"row 31 is '{cell}', must be a date with a time, as 2026-03-29T01:59:58Z"
+    problem = (
+        f"line 32 of column 't' is '{cell}', must be a date with a time, as 2026-03-29T01:59:58Z"
+    )
     with pytest.raises(InputError, match=problem):
         estimate_file(chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv")
     assert not (tmp_path / "e.csv").exists()
@@ -163,10 +165,14 @@ def test_epoch_nanoseconds_are_read() -> None:
 
 def test_missing_time_unit_is_reported(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("t,v\n0.5,1.0\n" + "".join(rows(SPELLINGS["UTC"])))
-    with pytest.raises(InputError, match=r"row 2 is '2026-.*Z', must be a number; of dates the un"):
+    with pytest.raises(
+        InputError, match=r"line 3 of column 't' is '2026-.*Z', must be a number; of dates the un"
+    ):
         estimate_file(chosen("s"), tmp_path / "r.csv", tmp_path / "e.csv")
     reader = RowByRow(Estimation(chosen("s"), ["t", "v"], "r"), ["t", "v"])
-    with pytest.raises(InputError, match=r"row 1 is '2026-.*Z', must be a number; of dates the un"):
+    with pytest.raises(
+        InputError, match=r"line 2 of column 't' is '2026-.*Z', must be a number; of dates the un"
+    ):
         reader.read(rows(SPELLINGS["UTC"])[0])
     table = pa.table({"t": pa.array(moments()), "v": np.zeros(len(moments()))})
     parquet.write_table(table, tmp_path / "r.parquet")
@@ -178,5 +184,7 @@ def test_clock_running_backwards_is_reported(tmp_path: Path) -> None:
     timestamps = [moment.astimezone(CHANGE[moment.hour >= 1]) for moment in moments()]
     texts = [timestamp.replace(tzinfo=None).isoformat() for timestamp in timestamps]
     (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(texts)))
-    with pytest.raises(InputError, match=r"row 123: the timestamp goes back, .* without an offset"):
+    with pytest.raises(
+        InputError, match=r"line 124: the timestamp goes back, .* without an offset"
+    ):
         estimate_file(chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv")

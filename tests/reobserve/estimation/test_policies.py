@@ -193,15 +193,15 @@ REFUSED = [
     ({"t": EVEN["t"] * 1.5}, {}, "sampling.period: 0.01 s disagrees with the timestamps"),
     ({"t": EVEN["t"] * 2.0}, {}, "which go on by 0.02 s (the median of the first 20 intervals)"),
     ({"t": EVEN["t"][:9] * 2.0}, {"missing": "skip"}, "by 0.02 s (the median of the first 8 int"),
-    ({"t": EVEN["t"][::-1]}, {}, "r.csv: row 2: the timestamp goes back, at 9990 s"),
+    ({"t": EVEN["t"][::-1]}, {}, "r.csv: line 3: the timestamp goes back, at 9990 s"),
     ({"t": np.where(EVEN["t"] == 50, 54, EVEN["t"])}, {},
-     "sampling.jitter: 0.01 is exceeded in row 6 of "),
-    ({"t": np.where(EVEN["t"] == 50, np.nan, EVEN["t"])}, {}, "row 6 has no timestamp"),
-    ({"t": np.zeros(1001)}, {}, "row 2: the timestamp stands still"),
+     "sampling.jitter: 0.01 is exceeded in line 7 of "),
+    ({"t": np.where(EVEN["t"] == 50, np.nan, EVEN["t"])}, {}, "line 7 has no timestamp"),
+    ({"t": np.zeros(1001)}, {}, "line 3: the timestamp stands still"),
     ({"speed": np.where(EVEN["t"] == 50, np.nan, EVEN["speed"])}, {},
      "speed missing at 0.05 s; sampling.missing is refuse, set it to interpolate or skip"),
     ({"voltage": np.where(EVEN["t"] == 50, np.inf, EVEN["voltage"])}, {},
-     "voltage: row 6 is inf, must be a number"),
+     "voltage: line 7 is inf, must be a number"),
     ({"speed": np.where(EVEN["t"] > 50, np.nan, EVEN["speed"]),
       "current": np.where(EVEN["t"] > 50, np.nan, EVEN["current"])}, {"missing": "skip"},
      "speed, current missing from 0.05 s on for longer than sampling.gap, 0.1 s"),
@@ -223,7 +223,7 @@ def test_records_beyond_all_policies_are_refused_without_output(
     even = {title: values[:rows] for title, values in EVEN.items()}
     record = write_record(tmp_path / "r.csv", {**even, **columns})
     if "9990" in said:
-        said = "row 2: the timestamp goes back, at 9.99 s"
+        said = "line 3: the timestamp goes back, at 9.99 s"
     with pytest.raises(InputError) as error:
         estimate_file(chosen, record, tmp_path / "e.csv")
     assert said in str(error.value)

@@ -23,7 +23,6 @@ CHAIN = {"transition": [[0.9, 0.1], [0.1, 0.9]]}
 ALARM = {"name": "fast", "of": "speed", "above": 1.0}
 AXES = [{"column": one, "unit": "rpm", "model_unit": "rpm"} for one in ("wx", "wy", "wz")]
 REFUSED: list[tuple[str, dict[str, Any], str]] = [
-    ("kalman", {"columns": {"decimal": ","}}, "columns.decimal: must be another than the delimite"),
     ("kalman", {"columns": {"measurements": []}}, "columns.measurements: are none, must be one or"),
     ("kalman", inputs({"column": "speed"}), "columns.inputs: take the column 'speed' a second"),
     ("kalman", inputs({"column": "t"}), "columns.inputs: take the column 't' a second time"),
@@ -102,11 +101,11 @@ OPTIONS: list[tuple[list[str], str]] = [
     ([S, D, OUT, "e.csv", "--report", "e.csv"], "is named twice; each file needs a name of its"),
     ([S, "none.csv", OUT, "e.txt"], "e.txt: must end with .csv"),
     ([S, D, OUT, "e.csv", "--plot", "e.doc"], "e.doc: must end with .png"),
-    ([S, "r.txt", OUT, "e.csv"], "r.txt: must end with .csv"),
+    ([S, "r.xlsx", OUT, "e.csv"], "r.xlsx: must be text, such as .csv, or .parquet"),
     ([S, "none.csv", OUT, "e.csv"], "none.csv: there is no such file"),
     ([S, ".csv", OUT, "e.csv"], ".csv: is no regular file"),
     ([S, "none.csv", "--follow"], "none.csv: cannot be read (No such file or directory)"),
-    ([S, "empty.csv", "--follow", "--idle", "0.1"], "empty.csv: is empty, must begin with the"),
+    ([S, "empty.csv", "--follow", "--idle", "0.1"], "empty.csv: its header is empty, must name"),
     ([S, "latin.csv", OUT, "e.csv"], "latin.csv: its header cannot be read (byte 3 is not UTF-8)"),
     ([S, "mac.csv", OUT, "e.csv"], "mac.csv: its header cannot be read: lines must end with line"),
     ([S, "blank.csv", OUT, "e.csv"], "blank.csv: its header is empty, must name the columns"),
@@ -127,7 +126,7 @@ def test_conflicting_options_are_refused_without_output(
     for name, content in (
         ("empty", b""),
         ("latin", b"t,\xe9,v\n0,1,2\n"),
-        ("blank", b"\n0,1\n"),
+        ("blank", b"\n,,\n0,1\n"),
         ("mac", b"t,v\r0,1\r"),
     ):
         Path(f"{name}.csv").write_bytes(content)

@@ -150,14 +150,14 @@ def test_mutated_state_is_refused_or_equivalent(data: Any, tmp_path: Path) -> No
         assert {**again, "digest": ""} == {**tree, "digest": ""}
         rows = RowByRow(found, list(simulated(name).record()))
         with contextlib.suppress(ReobserveError):  # no other exception for any content
-            rows.read(",".join(["250", *["0"] * (rows.width - 1)]))
+            rows.read(",".join(["250", *["0"] * (rows.rows.width - 1)]))
             rows.finish()
         as_json(found.report, {})
         as_table(found.report, 0.01)
 
 
 DAMAGED: list[tuple[str, Any, str]] = [
-    ("schema", 1, "schema: 1 must be 6"),
+    ("schema", 1, "schema: 1 must be 7"),
     ("offset", True, "offset: True must be a whole number"),
     ("offset", -1, "offset: -1 must not be negative"),
     ("specification", "e", "specification: is another one than that of this stream, or a file"),

@@ -224,13 +224,13 @@ def test_growing_file_is_followed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("250,1,2", "row 26 has 3 cells, the header has 4"),
-        ("250,x,2,3", "speed: row 26 is 'x', must be a number"),
-        ("250,1_0,2,3", "speed: row 26 is '1_0', must be a number"),
-        ("250,inf,2,3", "speed: row 26 is inf, must be a number"),
+        ("250,1,2", "r: line 27 has 3 cells, the header has 4"),
+        ("250,x,2,3", "r: line 27 of column 'speed' is 'x', must be a number"),
+        ("250,1_0,2,3", "r: line 27 of column 'speed' is '1_0', must be a number"),
+        ("250,inf,2,3", "speed: line 27 is inf, must be a number"),
         (
             "254,1,2,3",
-            "sampling.jitter: 0.01 is exceeded in row 26 of r: its timestamp, 0.254 s, is 0.4 ",
+            "sampling.jitter: 0.01 is exceeded in line 27 of r: its timestamp, 0.254 s, is 0.4 ",
         ),
         ("230,1,2,3", "the timestamp goes back"),
     ],

@@ -94,7 +94,7 @@ def test_refusal_names_the_jitter_that_would_accept_the_record(tmp_path: Path) -
     time = jittered(4, 0.38, 900) - 3.0
     time[0] = 0.0
     said = refused(time, tmp_path)
-    assert said.startswith(f"sampling.jitter: 0.01 is exceeded in row 3 of {tmp_path}/r.csv: its ")
+    assert said.startswith(f"sampling.jitter: 0.01 is exceeded in line 4 of {tmp_path}/r.csv: its ")
     least = float(said.partition("stamped late, ")[2].partition(" accepts the record")[0])
     assert least in (0.38, 0.39)
     record, out = tmp_path / "r.csv", tmp_path / "e.csv"

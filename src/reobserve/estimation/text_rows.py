@@ -1,0 +1,262 @@
+"""Lines of text as rows of numbers.
+
+Files and streams are read by the same functions, so that they give the same numbers and messages.
+Lines count from 1 at the top of a file, as in an editor.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Sequence
+
+from reobserve.core.errors import InputError, shown
+from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.dates import ISO, looks_dated, timestamp
+from reobserve.estimation.dialect import COMMENTS, UNDECODED, Dialect, Head
+
+_DATED = re.compile(r"\d{1,4}[./-]\d\d?[./-]\d{2,4} \d")
+_DECIMAL = re.compile(r"[+-]?\d*([.,])(\d+)([eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,'’ \u00a0\u202f])\d{3})(?:\1\d{3})*(?:([.,])\d*)?")
+_REPEATED, _TAIL = "repeated headers", "last line"
+
+
+class RowError(InputError):
+    """A problem in a row, which counts from 1.
+
+    Parameters
+    ----------
+    parameter
+        What is wrong, as in `InputError`.
+    problem
+        The rest of the sentence, with ``{at}`` for the row.
+    """
+
+    def __init__(self, parameter: str, problem: str, row: int) -> None:
+        self.template, self.row = problem, row
+        super().__init__(parameter, problem.replace("{at}", f"row {row}", 1))
+
+    def at_line(self, line: int | None) -> RowError:
+        """The same by the line of the file, if it has lines."""
+        if line is not None:
+            problem = self.template.replace("{at}", f"line {line}", 1)
+            InputError.__init__(self, self.parameter, problem)
+        return self
+
+
+class TextRows:
+    """Reads the lines below a header, one after the other. ``line`` counts them.
+
+    Parameters
+    ----------
+    dialect, head
+        Of the text.
+    columns
+        The titles of those to read.
+    dated
+        True if the first of them has dates, in the format ``form``.
+    place
+        What the text is called in messages.
+    report
+        Has the origin of times, and counts lines that are left out.
+    """
+
+    def __init__(
+        self,
+        dialect: Dialect,
+        head: Head,
+        columns: Sequence[str],
+        dated: bool,
+        form: str,
+        place: str,
+        report: DataReport,
+    ) -> None:
+        self.dialect, self.head, self.titles = dialect, head, list(columns)
+        self.dated, self.form, self.place, self.report = dated, form, place, report
+        self.width = len(head.titles)
+        self.places = [head.titles.index(title) for title in columns]
+        self.line = head.lines
+        self.ended, self.repeats = True, False
+        self.held: InputError | None = None
+
+    def row(self, line: str) -> str | None:
+        """The line if it is a row, or None.
+
+        Raises
+        ------
+        InputError
+            If the row before was left out as the last one, which it is not.
+        """
+        file = self.dialect.file
+        self.line += 1
+        self.ended = line.endswith("\n")
+        self.repeats = bool(self.head.text) and line.strip() == self.head.text
+        if self.dialect.is_empty(line):
+            return None
+        reason = ""
+        if not self.ended and file.tail == "drop":
+            reason = _TAIL
+        elif self.dialect.is_comment(line):
+            reason = COMMENTS
+        elif self.repeats and file.repeated_header == "skip":
+            reason = _REPEATED
+        if reason:
+            self.report.count(self.report.left_out, reason, 1)
+            return None
+        if self.held is not None:
+            raise self.held
+        return line
+
+    def _hold(self, error: InputError) -> None:
+        if self.dialect.file.tail != "drop":
+            raise error
+        self.held = error
+
+    def finish(self) -> None:
+        """Count the last row if it was left out."""
+        if self.held is not None:
+            self.report.count(self.report.left_out, _TAIL, 1)
+            self.held = None
+
+    def cells(self, row: str) -> list[str] | None:
+        """The cells of a row without empty ones beyond the header's, or None if it is left out.
+
+        Raises
+        ------
+        InputError
+            If there are more or fewer.
+        """
+        try:
+            cells = self.dialect.cells(row)
+        except csv.Error:
+            cells = []
+        if len(cells) == self.width:
+            return cells
+        if len(cells) > self.width and not any(map(str.strip, cells[self.width :])):
+            return cells[: self.width]
+        whose = "file.names" if self.dialect.file.names else "the header"
+        count = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
+        problem = f"line {self.line} has {count}, {whose} has {self.width}"
+        if not self.ended:
+            hint = "; it has no line end: with file.tail: drop it is left out"
+        elif not any(map(self._is_number, cells)):
+            hint = "; if it is no row, file.comment may state how such lines begin"
+        elif self._is_first:
+            hint = (
+                f"; if the header is wrong, file.skip: {self.line - 1} leaves it out and "
+                "file.names states the columns"
+            )
+        else:
+            hint = "; if it is the last one and truncated, file.tail: drop leaves it out"
+        self._hold(InputError(self.place, problem + hint))
+        return None
+
+    def numbers(self, cells: list[str]) -> list[float] | None:
+        """The numbers in the columns to read, nan where there are none, or None as in `cells`.
+
+        Raises
+        ------
+        InputError
+            If a cell spells something else, with the key that would read it.
+        """
+        found = []
+        for column, place in enumerate(self.places):
+            try:
+                if self.dated and column == 0:
+                    found.append(self.time(cells[place]))
+                else:
+                    found.append(self.dialect.number(cells[place]))
+            except ValueError as error:
+                self._hold(self._refusal(column, cells, error))
+                return None
+        return found
+
+    def read(self, line: str) -> list[float] | None:
+        """The numbers in a line, None if it is left out (raises as `row`, `cells`, `numbers`)."""
+        row = self.row(line)
+        cells = None if row is None else self.cells(row)
+        return None if cells is None else self.numbers(cells)
+
+    def plain(self, text: str) -> tuple[str, list[str]]:
+        """A text of rows alone with cells between single delimiters, and the cells of the first.
+
+        Raises
+        ------
+        ValueError
+            If lines do not end with line feeds, or a CSV reader does not know what is in cells.
+        """
+        dialect, file = self.dialect, self.dialect.file
+        blank = dialect.delimiter == "whitespace"
+        if (
+            self.held
+            or dialect.thousands
+            or text.count("\r") > text.count("\r\n")
+            or (blank and '"' in text)
+        ):
+            raise ValueError
+        if blank or file.comment or file.repeated_header == "skip" or not text.endswith("\n"):
+            rows = filter(None, map(self.row, io.StringIO(text, newline="\n")))
+            text = "".join("\t".join(dialect.cells(row)) + "\n" if blank else row for row in rows)
+        first = next(filter(str.strip, io.StringIO(text, newline="\n")), "")
+        if not first:
+            raise ValueError
+        return text, dialect.cells(first) if not blank else first.split("\t")
+
+    def time(self, cell: str) -> float:
+        """The time of a date."""
+        nothing = self.dialect.nothing
+        read = timestamp(cell, nothing, self.place, self._where(0), self.form)
+        return self.report.clock(read)
+
+    def _where(self, column: int) -> str:
+        return f"line {self.line} of column {shown(self.titles[column])}"
+
+    def _is_number(self, cell: str) -> bool:
+        try:
+            return not math.isnan(self.dialect.number(cell))
+        except ValueError:
+            return False
+
+    def _refusal(self, column: int, cells: list[str], error: ValueError) -> InputError:
+        cell = cells[self.places[column]]
+        problem = f"{self._where(column)} is {shown(cell)}, must be a number"
+        if isinstance(error, InputError):
+            problem = error.problem
+        if not self.ended:
+            hint = "; the line has no end: with file.tail: drop it is left out"
+        elif self.repeats:
+            hint = "; the line repeats the header: with file.repeated_header: skip it is left out"
+        elif UNDECODED.search(cell):
+            hint = f"; it is not {self.dialect.encoding.upper()}, see columns.encoding"
+        else:
+            hint = "" if isinstance(error, InputError) else _hint(cell, self.dialect.decimal)
+            digit = cell.strip(' "')[:1].isdigit()
+            if not (hint or digit or any(map(self._is_number, cells))) and self._is_first:
+                hint = "; if the line states units, file.below_header: [units] reads it"
+                if self.dialect.file.names:
+                    hint = f"; if the line is a header, file.skip: {self.line} leaves it out"
+            elif not hint:
+                hint = "; if it means a missing value, state it in file.missing_values"
+        return InputError(self.place, problem + hint)
+
+    @property
+    def _is_first(self) -> bool:
+        return self.line == self.head.lines + 1
+
+
+def _hint(cell: str, decimal: str) -> str:
+    """The key that would read a cell as a number."""
+    text = cell.strip().strip('"')
+    if looks_dated(text):
+        return f"; of dates the unit is {ISO}"
+    if _DATED.match(text):
+        return '; of dates state columns.time.format, as "%d.%m.%Y %H:%M:%S"'
+    keys = []
+    if (found := _DECIMAL.fullmatch(text)) and found[1] != decimal:
+        keys.append(f'columns.decimal: "{found[1]}"')
+    if found := _THOUSANDS.fullmatch(text):
+        key, other = f'columns.thousands: "{found[1]}"', found[2] or decimal
+        keys.append(key + (f' and columns.decimal: "{other}"' if other != decimal else ""))
+    return f"; state {' or '.join(keys)}" if keys else ""
