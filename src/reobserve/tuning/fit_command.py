@@ -101,7 +101,7 @@ def _total(
 def table(found: Fit, before: Settings, likelihood: float) -> str:
     """The values with standard errors, and what the likelihood says, as lines of text."""
     width = max(map(len, found.values))
-    lines = [f"{'':<{width}}  {'stated':>12} {'fitted':>12} {'standard error':>15}"]
+    lines = [f"{'number':<{width}}  {'stated':>12} {'fitted':>12} {'standard error':>15}"]
     for name, value in found.values.items():
         error = found.standard_errors[name]
         spread = f"{error:>15.3g}" if np.isfinite(error) else f"{'-':>15}"
