@@ -1,23 +1,220 @@
-"""Units as they are written: products and quotients of known symbols, as ``N m s/rad``."""
+"""Units as they are written: those of pint, as ``N m s/rad``, and what engineers write for them.
+
+Products and quotients of common symbols are known without pint, which is imported for all others.
+"""
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
+from functools import cache
+from typing import Any
 
-# Those of the SI that systems are described in, one for a number that has none, and y, the paper's
-# velocity whose unit nobody states.
+from reobserve.core.errors import InputError, shown
+from reobserve.core.extras import package
+
+# Those of the SI that systems are described in, and one for a number that has none.
 SYMBOLS = (
     "1", "%", "s", "min", "h", "m", "mm", "cm", "km", "kg", "g", "rad", "deg", "rpm", "Hz",
     "N", "kN", "Pa", "kPa", "MPa", "bar", "l", "J", "kJ", "W", "kW", "V", "mV", "kV", "A", "mA",
-    "Ω", "H", "mH", "F", "C", "T", "mT", "uT", "Wb", "K", "°C", "mol", "cd", "dB", "y",
+    "Ω", "H", "mH", "F", "C", "T", "mT", "uT", "Wb", "K", "°C", "mol", "cd",
+)  # fmt: skip
+# Labels of stored signals: a level, and the paper's velocity whose unit nobody states.
+_LABELS = ("dB", "y")
+
+_DEFINITIONS = (
+    "@alias turn = rev", "degree_per_second = degree / second = dps",
+    "newton_meter = newton * meter = Nm", "newton_millimeter = newton * millimeter = Nmm",
+    "newton_centimeter = newton * centimeter = Ncm",
+    "newton_meter_second = newton * meter * second = Nms", "newton_second = newton * second = Ns",
+    "volt_second = volt * second = Vs", "ampere_second = ampere * second = As",
+    "watt_second = watt * second = Ws", "joule_second = joule * second = Js",
+    "volt_ampere_reactive = volt * ampere = var = VAr", "gauss = 1e-4 * tesla = G",
+    "@alias ohm = Ohm",
 )  # fmt: skip
 
-_POWER = rf"(?:{'|'.join(map(re.escape, SYMBOLS))})(?:\^[+-]?\d{{1,2}})?"
-_PRODUCT = rf"{_POWER}(?: {_POWER}){{0,7}}"
-_UNIT = rf"{_PRODUCT}(?:/(?:{_POWER}|\({_PRODUCT}\)))?"
-_UNITS = re.compile(rf"{_UNIT}(?:, {_UNIT}){{0,99}}", re.ASCII)
+# Symbols that pint knows as one thing, and engineers as two.
+_AMBIGUOUS = {
+    "g": ("gram", "g_0"), "mg": ("milligram", "millig_0"), "ug": ("microgram", "microg_0"),
+    "µg": ("microgram", "microg_0"), "G": ("gauss", "g_0"), "mG": ("milligauss", "millig_0"),
+    "Gs": ("gauss", "gigasecond"), "C": ("coulomb", "degree_Celsius"),
+    "F": ("farad", "degree_Fahrenheit"), "U": ("turn", "enzyme_unit"), "r": ("turn",),
+    "Grad": ("degree", "grade"), "PS": ("metric_horsepower", "petasiemens"),
+    "pH": ("dimensionless", "picohenry"), "mK": ("millikelvin", "(meter * kelvin)"),
+}  # fmt: skip
+
+_LONGEST = 60  # characters
+_MOST_POWERS = 1000  # multiplied: pint works out powers of numbers
+_MOST_READINGS = 16
+
+_CHARACTERS = re.compile(r"[\w\s°%‰Ωµμ²³¹⁰⁴-⁹⁻·⋅*/^()+.-]+")
+_SPELLINGS = str.maketrans({
+    "º": "°", "℃": "°C", "℉": "°F", "Ω": "Ω", "−": "-", "×": "*", "∙": "*", "•": "*"
+})  # fmt: skip
+_ROOT = re.compile(r"√\s*(\w+)")
+_DEGREES = re.compile(r"\b(?:deg|degs|degrees)\.?\s*([CF])\b")
+_PLAIN_POWER = re.compile(r"(?<![\w^*.])([A-Za-zΩµμ]+)(-?[1-4])(?![\w.])")
+_LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"
+_TOKEN = re.compile(rf"(?<![\w.°]){_LETTER}+(?!{_LETTER}|[\d_])")
+# A second factor after a stroke, which may be meant to be below it or not.
+_BELOW = re.compile(
+    r"/\s*[^\s/()*·⋅]+(?:\s+|\s*[*·⋅]\s*)(?=[^\W\d_])(?![^\W\d_]+\s*(?:\^|\*\*)?\s*[-⁻])"
+)
+
+_POWER = re.compile(r"(?<![\w^*.])([A-Za-zΩµμ]+)(-?[1-4])(?![\w.])")
+_LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"
+_TOKEN = re.compile(rf"(?<![\w.°]){_LETTER}+(?!{_LETTER}|[\d_])")
+_BELOW = re.compile(
+    r"/\s*[^\s/()*·⋅]+(?:(?:\s+|\s*[*·⋅]\s*)(?=[^\W\d_])(?!\w+\s*(?:\^|\*\*)?\s*[-⁻])"
+    r"|(?<=[²³⁴⁵⁶⁷⁸⁹])[^\W\d_]|(?<=[²³⁴⁵⁶⁷⁸⁹])[·⋅])"
+)
+_BELOW_RAISED = re.compile(r"/[^/()\s]*[²³⁴⁵⁶⁷⁸⁹][^\W\d_]")
+
+_POWER = re.compile(r"\*\*|\^")
+_RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
+_DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_NUMBER = r"[+-]?\s*(\d{1,4}|\d{0,4}\.\d{1,9})(?:\s*/\s*\d{1,4})?"
+_EXPONENT = re.compile(rf"\s*(?:{_NUMBER}|\(\s*{_NUMBER}\s*\))(?!\w)\s*+(?![(\d._])")
+
+
+def _products(symbols: tuple[str, ...]) -> str:
+    power = rf"(?:{'|'.join(map(re.escape, symbols))})(?:\^[+-]?\d{{1,2}})?"
+    product = rf"{power}(?: {power}){{0,7}}"
+    return rf"{product}(?:/(?:{power}|\({product}\)))?"
+
+
+_COMMON = re.compile(_products(SYMBOLS), re.ASCII)
+_LABEL = re.compile(_products(SYMBOLS + _LABELS), re.ASCII)
+_MOST_LISTED = 100
 
 
 def is_unit(text: str) -> bool:
     """True if text is a unit, or a list of them with commas for the components of one signal."""
-    return len(text) <= 200 and _UNITS.fullmatch(text) is not None
+    units = text.split(", ")
+    known = len(text) <= 200 and len(units) <= _MOST_LISTED
+    return known and all(_LABEL.fullmatch(one) or _problem(one) is None for one in units)
+
+
+def check_unit(place: str, text: str) -> None:
+    """Refuse invalid units.
+
+    Raises
+    ------
+    InputError
+        If a unit is unknown, logarithmic, or can be read in two ways whatever it is converted to.
+    """
+    if not _COMMON.fullmatch(text) and (problem := _problem(text)) is not None:
+        raise InputError(place, problem)
+
+
+@cache
+def _problem(text: str) -> str | None:
+    """The end of a sentence on a text that is no valid unit."""
+    if (found := _BELOW.search(text)) and readings(text):
+        above, below = text[: found.start()], text[found.start() + 1 :].strip()
+        return f"{shown(text)} must be {above}/({below}), or have what is not divided in front"
+    if not readings(text):
+        return f"{shown(text)} is no unit that is known; rad/s, deg/s, N m, °C, V and 1 are some"
+    if all(step(unit) is None for unit in readings(text)):
+        return f"{shown(text)} counts by a logarithm, which has no conversion"
+    return None
+
+
+@cache
+def readings(text: str) -> tuple[Any, ...]:
+    """Units of pint that a text may stand for, usually one, and none if it is no unit."""
+    if text in ("-", "–", "—"):  # as of a column without a unit
+        text = "1"
+    good = 0 < len(text) <= _LONGEST and text.isprintable() and text == text.strip()
+    if not good or _numeric(text):
+        return ()
+    text = _ROOT.sub(r" \1**0.5 ", text.translate(_SPELLINGS)).strip()
+    text = _DEGREES.sub(r"°\1", text)
+    if not _CHARACTERS.fullmatch(text) or not _has_low_powers(text):
+        return ()
+    text = _PLAIN_POWER.sub(lambda found: _raised(found[0], found[1], found[2]), text)
+    text = _TOKEN.sub(lambda found: _lowered(found[0]), text)
+    tokens = [found[0] for found in _TOKEN.finditer(text)]
+    choices = [_AMBIGUOUS.get(token, (token,)) for token in tokens]
+    if math.prod(map(len, choices)) > _MOST_READINGS:
+        return ()
+    found = []
+    for chosen in itertools.product(*choices):
+        names = iter(chosen)
+        unit = _parsed(_TOKEN.sub(lambda _, names=names: next(names), text))  # type: ignore[misc]
+        if unit is not None and unit not in found:
+            found.append(unit)
+    return tuple(found)
+
+
+def _raised(whole: str, symbol: str, power: str) -> str:
+    """A power without a sign for it, as in m3/h."""
+    return whole if _parsed(whole) is not None else f"{symbol}**{power}"
+
+
+def _lowered(token: str) -> str:
+    """A name in lower case if it is one, as Volt and RPM are."""
+    if token in _AMBIGUOUS or len(token) < 3 or not (token.istitle() or token.isupper()):
+        return token
+    named = registry().parse_unit_name
+    plain = any(not prefix for prefix, _, _ in named(token.lower()))
+    return token.lower() if plain and not named(token) else token
+
+
+@cache
+def registry() -> Any:
+    """The registry of pint, with units that engineers write and pint lacks."""
+    pint = package("pint", "convert units")
+    made = pint.UnitRegistry(
+        autoconvert_offset_to_baseunit=True, cache_folder=None, on_redefinition="ignore"
+    )
+    for definition in _DEFINITIONS:
+        made.define(definition)
+    made._build_cache()  # of those that are defined a second time
+    return made
+
+
+@cache
+def _parsed(text: str) -> Any:
+    """The unit of pint that a text names, or None if it is none."""
+    pint = package("pint", "convert units")
+    try:
+        unit = registry().parse_units(text)
+        registry().Quantity(1.0, unit).to_base_units()
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError, ArithmeticError):
+        return None
+    except Exception:  # of pint's tokenizer, which raises what Python's does
+        return None
+    return unit
+
+
+def _has_low_powers(text: str) -> bool:
+    """True if each exponent is a number, none is a power itself, and their product is small."""
+    plain = _RAISED.sub(lambda found: f"**{found[0].translate(_DIGITS)}", text)
+    *between, last = _POWER.split(plain)[1:] or [""]
+    found = [_EXPONENT.match(rest) for rest in (*between, *[last] * bool(last))]
+    whole = any(one is None or one.end() == len(one.string) for one in found[: len(between)])
+    if whole or (last and found[-1] is None):
+        return False
+    powers = [float(one[1] or one[2]) for one in found if one is not None]
+    return math.prod(max(1.0, power) for power in powers) <= _MOST_POWERS
+
+
+def _numeric(text: str) -> bool:
+    """True if text is a number other than 1, which pint would take for a unit of that size."""
+    return text != "1" and text.replace(".", "", 1).isdigit()
+
+
+@cache
+def step(unit: Any) -> float | None:
+    """The size in kelvin, say, of a degree on a scale with an offset, or None for a logarithm."""
+    if registry().Quantity(1.0, unit)._is_multiplicative:
+        return 1.0
+    try:
+        quantity = registry().Quantity
+        at = [quantity(value, unit).to_base_units().magnitude for value in (0.0, 1.0, 2.0)]
+    except Exception:  # pint's, of which there are many
+        return None
+    even = abs((at[2] - at[1]) - (at[1] - at[0])) <= 1e-9 * abs(at[1] - at[0])
+    return float(at[1] - at[0]) if even else None

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.units import readings
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.families.design import Design
-from reobserve.estimation.quantities import SAME, Conversion, check_unit, conversion
+from reobserve.estimation.quantities import SAME, Conversion, agree, check_unit, conversion
 from reobserve.estimation.specification import Column, Columns
 from reobserve.estimation.text_rows import RowError
 
@@ -21,7 +22,10 @@ Array = NDArray[np.float64]
 
 _SIGNS = ("#", "%", "//", "!", "*")  # with which comments often begin
 _NUMBER = re.compile(r"[+-]?[\d.,]+([eE][+-]?\d+)?")
-_TITLE = re.compile(r"(.*?)\s*\[([^\[\]]*)\]\s*")
+# Titles that end in a unit: name [unit], name (unit), name, unit and name / unit.
+_BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*")
+_COMMA = re.compile(r"(.*[^\s,])\s*,\s*([^\s,].*)")
+_STROKE = re.compile(r"([^/]*[^\s/])\s*/\s*([^\s/].*)")
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ def _unwrapped(angles: Array, period: float, before: dict[str, list[float]], nam
 
 
 def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str) -> Layout:
-    """Find the columns in a header, ``name`` or ``name [unit]``, and settle their units.
+    """Find the columns in a header, ``name`` or ``name [unit]``, say, and settle their units.
 
     Raises
     ------
@@ -126,9 +130,8 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
     every = [column for _, column, _ in wanted]
     timed, dated = bool(columns.time.column), False
     if timed:
-        unit = columns.time.dated
-        clock = Column(columns.time.column, "" if unit == ISO else unit)
-        title, unit = _title("columns.time", clock, header, place)
+        clock = Column(columns.time.column, "" if columns.time.dated == ISO else columns.time.unit)
+        title, unit = _title("columns.time", clock, header, place, columns.time.dated == ISO)
         dated = ISO in (columns.time.dated, unit)
         way = SAME if dated else conversion("columns.time.unit", unit or "s", "s")
         parts.insert(0, (title, way, "s"))
@@ -164,7 +167,8 @@ def _check_delimiter(columns: Columns, title: str, place: str) -> None:
             others.append(one)
     if "\t" in others:
         others = [one for one in others if one != "whitespace"]
-    if others and title not in names and columns.delimiter not in others:
+    known = any(_matches(name, [title]) for name in names)
+    if others and not known and columns.delimiter not in others:
         raise InputError(
             "columns.delimiter",
             f"{shown(columns.delimiter)} is not in the header of {place}, {shown(title)}; it may "
@@ -172,33 +176,54 @@ def _check_delimiter(columns: Columns, title: str, place: str) -> None:
         )
 
 
-def _title(at: str, column: Column, header: Sequence[str], place: str) -> tuple[str, str]:
+def _split(title: str) -> tuple[str, str]:
+    """The name in a title, and what ends it as a unit does."""
+    for form in (_BRACKETS, _COMMA, _STROKE):
+        if (found := form.fullmatch(title.strip())) is not None:
+            name, *units = found.groups()
+            return name.rstrip(" \t/,"), next(one.strip() for one in units if one is not None)
+    return title.strip(), ""
+
+
+def _title(
+    at: str, column: Column, header: Sequence[str], place: str, dated: bool = False
+) -> tuple[str, str]:
     """The title of a column in the header, and its unit there or in the specification."""
-    split = {title: _TITLE.fullmatch(title) for title in header}
-    found = _matches(column.column, header)
+    parts = {title: _split(title) for title in header}
+    whole = list(dict.fromkeys(one for one in header if one.strip() == column.column))
+    found = whole or _matches(column.column, header)
     if not found and _matches(column.column, [header[0].lstrip("#% ")]):
-        found = header[:1]  # which begins as a comment
+        found = list(header[:1])  # which begins as a comment
     if len(found) != 1:
-        names = [match[1] if (match := split[title]) else title for title in header]
         problem = "has two columns" if found else "has no column"
-        ending = "" if found else nearest(column.column, names)
+        ending = "" if found else nearest(column.column, [name for name, _ in parts.values()])
         raise InputError(f"{at}.column", f"{place} {problem} {shown(column.column)}{ending}")
-    match = split[found[0]]
-    said = match[2].strip() if match is not None and found[0].strip() != column.column else ""
-    if said and column.unit and said != column.unit:
-        same = conversion(f"{at}.unit", said, column.unit)
-        if same != SAME:
+    title, (name, said) = found[0], parts[found[0]]
+    unit = bool(whole and "/" in title and readings(title.strip()))  # as km/h
+    if dated:
+        return title, ISO
+    if column.unit:
+        if said and not (agree(said, column.unit) or (unit and agree(title, column.unit))):
             problem = f"says {column.unit}, the header of {place} says {said}"
             raise InputError(f"{at}.unit", problem)
-    return found[0], column.unit or said
+        return title, column.unit
+    if said and said != ISO:
+        if unit:
+            problem = f"is missing: the title {shown(title)} may be a unit, or {name} in {said}"
+            raise InputError(f"{at}.unit", problem)
+        if not readings(said):
+            raise InputError(
+                f"{at}.unit",
+                f"is missing: the title {shown(title)} of {place} ends in {shown(said)}, which is "
+                "no unit that is known; it is 1 for a number without a unit",
+            )
+    return title, said
 
 
-def _matches(name: str, header: Sequence[str]) -> Sequence[str]:
+def _matches(name: str, header: Sequence[str]) -> list[str]:
     """The titles that are a name, or a name with a unit."""
     return list(dict.fromkeys(
-        title for title in header
-        if title.strip() == name
-        or ((match := _TITLE.fullmatch(title)) is not None and match[1].strip() == name)
+        title for title in header if title.strip() == name or _split(title)[0] == name
     ))  # fmt: skip
 
 

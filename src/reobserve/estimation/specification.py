@@ -79,7 +79,7 @@ class TimeColumn:
 class Column:
     """A column of numbers in ``unit``, which the observer reads in ``model_unit``.
 
-    Without units, the header's is taken, ``name [unit]``, or else the model's. At ``range`` in
+    Without units, that of the title is taken, ``name [unit]``, or else the model's. At ``range`` in
     ``unit``, or beyond, the sensor is saturated: such values are counted, and kept or taken for
     missing. ``offset`` is the column's value at the operating point of a model that is linearised
     there, in ``unit``: the observer reads (column - offset), and estimates deviations from it.

@@ -76,10 +76,10 @@ def test_result_that_is_not_finite_is_refused(found: Any) -> None:
     [
         ("1", True), ("N m s/rad", True), ("1/(A s^2)", True), ("m/s^-12", True), ("°C", True),
         ("rad, rad/s", True), (" ".join(["m"] * 8), True), (", ".join(["m"] * 66), True),
-        ("", False), ("N  m", False), ("m^123", False), ("m/s/s", False), ("M", False),
-        ("rad,rad", False), (" ".join(["m"] * 9), False), (", ".join(["m"] * 68), False),
-        ("m^٣", False),
+        ("m/s/s", True), ("mbar, kΩ", True), ("dB", True), ("y/s", True),
+        ("", False), ("m^1234", False), ("rad,rad", False), (" ".join(["m"] * 31), False),
+        (", ".join(["m"] * 68), False), ("m^٣", False), ("metro", False), ("m s/kg m", False),
     ],
 )  # fmt: skip
-def test_units_are_products_and_quotients_of_known_symbols(text: str, known: bool) -> None:
+def test_units_are_products_and_quotients_of_symbols(text: str, known: bool) -> None:
     assert is_unit(text) is known

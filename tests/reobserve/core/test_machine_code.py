@@ -17,6 +17,7 @@ from reobserve.estimation.families import imm
 from reobserve.estimation.timestamps import least_jitter
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.observers.smoother import rts_smoother
 from tests.reobserve.core import kernels
 from tests.reobserve.library.calls import calls
 from tests.reobserve.observers.cases_filters import MODEL, SOFT, bank
@@ -35,6 +36,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     kalman, other = KalmanFilter(MODEL), KalmanFilter(SOFT)
     start, S = kalman.init([0.0, 0.0], 1.0), np.full((2, 2), 1e-9)
     kalman.run(y, u, state=start, S=S, keep="gain")
+    rts_smoother(kalman, kalman.run(y, u, state=start), u, lag=2)
     restarted_cusum(kalman, other, y, u, kalman.init([0.0, 0.0], 1.0))
     weighted = SmoothVariableStructureFilter(MODEL, 10.0, 0.1, "weighted")
     weighted.run(y, u, state=weighted.init([0.0, 0.0], 1.0))

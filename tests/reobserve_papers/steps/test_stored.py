@@ -207,8 +207,8 @@ COLUMNS = {"time": [0.0, 1.0], "x": [1.0, 2.0]}
             COLUMNS, "components: must be a number of columns",
         ),
         (
-            {**ABOUT, "channels": {"x": {"unit": "parsec", "components": None}}},
-            COLUMNS, "unit: 'parsec' is no unit",
+            {**ABOUT, "channels": {"x": {"unit": "parsecond", "components": None}}},
+            COLUMNS, "unit: 'parsecond' is no unit",
         ),
         (ABOUT, {"time": [0.0, 1.0]}, r"has the columns \['time'\], not those of its metadata"),
         (ABOUT, {"x": [0.0, 1.0]}, r"has the columns \['x'\], not those of its metadata"),

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Annotated, NamedTuple
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.units import is_unit
+from reobserve.core.units import check_unit, readings
 from reobserve.core.validation import checked
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}", re.ASCII)
 _MOST = 100
 _FACTOR = re.compile(r"([^\s/()^]+)(?:\^([+-]?\d+))?")
+_WRITTEN_FACTOR = r"(?:1|%|[°%]?[^\W\d_²³¹⁰⁴-⁹]+)(?:\^[+-]?\d{1,2})?"
+_WRITTEN_PRODUCT = rf"{_WRITTEN_FACTOR}(?: {_WRITTEN_FACTOR})*"
+_WRITTEN = re.compile(rf"{_WRITTEN_PRODUCT}(?:/(?:{_WRITTEN_FACTOR}|\({_WRITTEN_PRODUCT}\)))?")
 
 
 class NamedSignal(NamedTuple):
@@ -23,7 +27,7 @@ class NamedSignal(NamedTuple):
 
 
 def check_signals(place: str, value: Mapping[str, str]) -> None:
-    """Names of letters, digits and ``_``, each with a unit.
+    """Names of letters, digits and ``_``, each with a unit that `check_unit` accepts.
 
     Raises
     ------
@@ -36,8 +40,7 @@ def check_signals(place: str, value: Mapping[str, str]) -> None:
         if not _NAME.fullmatch(name):
             problem = f"{shown(name)} must be letters, digits and _, from a letter on"
             raise InputError(place, problem)
-        if not is_unit(unit) or "," in unit:
-            raise InputError(f"{place}.{name}", f"{shown(unit)} is no unit, as rad/s, N m or 1 are")
+        check_unit(f"{place}.{name}", unit)
 
 
 Signals = Annotated[dict[str, str], checked(check_signals)]
@@ -77,6 +80,9 @@ def product(*units: str) -> str:
     """The unit of a product, of ``rad/s`` and ``rad`` ``rad^2/s``, or empty if one is."""
     if not all(units):
         return ""
+    if not all(map(_WRITTEN.fullmatch, units)):
+        unit = math.prod((readings(unit)[0] for unit in units[1:]), start=readings(units[0])[0])
+        return f"{unit:~C}".replace("**", "^").replace("*", " ") or "1"
     powers: dict[str, int] = {}
     for unit in units:
         above, _, below = unit.partition("/")
