@@ -134,11 +134,12 @@ def alarms(
     start_up: Callable[[int], float],
     measurements: Sequence[str],
     sample: Any,
+    skips: bool,
 ) -> list[Alarm | DetectorAlarm]:
     """The alarms of a specification, each with its place in the report.
 
     ``start_up`` gives that of a column [s], for alarms that state none; ``sample`` are estimates of
-    a row, and ``measurements`` the names of these.
+    a row, ``measurements`` the names of these, and ``skips`` says that a gate leaves some out.
 
     Raises
     ------
@@ -149,7 +150,7 @@ def alarms(
     made: list[Alarm | DetectorAlarm] = []
     for k, rule in enumerate(rules):
         if isinstance(rule, DetectorRule):
-            made.append(detector_alarm(rule, k, period, measurements, sample))
+            made.append(detector_alarm(rule, k, period, measurements, sample, skips))
             report.alarms[rule.name] = AlarmReport("1", 0.0)
             continue
         if rule.of not in names:

@@ -92,7 +92,9 @@ class DetectorAlarm:
         )
         m, rate = whitened.shape[1], rule.false_alarm_rate
         if rule.shift is not None:
-            values, both = whitened[:, self.place], []
+            # e_o / sqrt(S_oo): whitened ones of later outputs contain those before
+            S = estimates["innovation_covariance"][:, self.place, self.place]
+            values, both = estimates["innovation"][:, self.place] / np.sqrt(S), []
             last = found.memory[0] if found.memory else [0.0, 0.0]
             for sign, start in zip((1.0, -1.0), last, strict=True):
                 both.append(cusum(sign * values - rule.shift / 2.0, start))
@@ -116,8 +118,9 @@ class DetectorAlarm:
 
 
 def detector_alarm(
-    rule: DetectorRule, k: int, period: float, measurements: Sequence[str], sample: Any
-) -> DetectorAlarm:
+    rule: DetectorRule, k: int, period: float, measurements: Sequence[str], sample: Any,
+    skips: bool,
+) -> DetectorAlarm:  # fmt: skip
     """The alarm of a rule, the k-th of a specification.
 
     Raises
@@ -129,6 +132,12 @@ def detector_alarm(
         problem = (
             "is for filters that predict the covariance of their innovations: kalman, "
             "augmented-kalman, extended-kalman and unscented-kalman"
+        )
+        raise InputError(f"alarms.{k}.detector", problem)
+    if skips:
+        problem = (
+            "is blind to what the gate leaves out; state outliers: inflate, or take an alarm of a "
+            "column of outliers in its place"
         )
         raise InputError(f"alarms.{k}.detector", problem)
     if rule.of and rule.of not in measurements:

@@ -96,6 +96,7 @@ class Estimation:
         self.alarms = alarms(
             specification.alarms, self.outputs.columns, self.report, period, self._start_up,
             names[:width], self.sample,
+            "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
         )  # fmt: skip
         self.report.warnings += self.design.unseen
 

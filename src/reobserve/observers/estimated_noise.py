@@ -19,9 +19,16 @@ LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundr
 
 
 def refuse_noise(observer: Any, given: Mapping[str, Any]) -> None:
-    """Refuse an R that is given by row to a filter that estimates it."""
-    if "R" in given and observer.noise_memory is not None:
-        raise InputError("R", "must be left out: noise_memory says that it is estimated")
+    """Refuse what cannot be given by row to a filter that estimates R."""
+    if observer.noise_memory is None:
+        return
+    for name, why in (
+        ("R", "noise_memory says that it is estimated"),
+        ("S", "it would be that of another R than the one that noise_memory estimates"),
+        ("dt", "noise_memory counts sampling periods"),
+    ):
+        if name in given:
+            raise InputError(name, f"must be left out: {why}")
 
 
 def check_noise_memory(observer: Any) -> None:

@@ -202,8 +202,8 @@ class FaultBank(IMM):
         mean: ArrayLike,
         covariance: ArrayLike,
         fault: ArrayLike | None = None,
-        fault_covariance: ArrayLike = 1e-6,
-        rate_covariance: ArrayLike = 1e-6,
+        fault_covariance: ArrayLike | None = None,
+        rate_covariance: ArrayLike | None = None,
         *,
         u: ArrayLike | None = None,
     ) -> ImmState:
@@ -216,7 +216,8 @@ class FaultBank(IMM):
         fault
             Its mean, shape (q,); left out, zeros, as those of the rates are.
         fault_covariance, rate_covariance
-            Of faults and of their rates: a number, q numbers or (q, q).
+            Of faults and of their rates: a number, q numbers or (q, q). Left out, what a period
+            of jumping, and of drifting, adds: T ``jump``^2 and T ``drift``^2.
         u
             As `GaussianFilter.init`.
 
@@ -228,11 +229,14 @@ class FaultBank(IMM):
         n, q = self.fault_matrix.shape
         f = np.zeros(q) if fault is None else as_vector("fault", fault, q)
         P = np.zeros((n + 2 * q, n + 2 * q))
+        T = self.sampling_period
         for name, value, first, size in (
             ("covariance", covariance, 0, n),
-            ("fault_covariance", fault_covariance, n, q),
-            ("rate_covariance", rate_covariance, n + q, q),
-        ):
+            ("fault_covariance", T * self.jump**2 if fault_covariance is None else
+             fault_covariance, n, q),
+            ("rate_covariance", T * self.drift**2 if rate_covariance is None else rate_covariance,
+             n + q, q),
+        ):  # fmt: skip
             part = slice(first, first + size)
             P[part, part] = as_covariance(name, value, size)
         x = np.concatenate([as_vector("mean", mean, n), f, np.zeros(q)])

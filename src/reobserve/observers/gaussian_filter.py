@@ -51,6 +51,7 @@ from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
 from reobserve.observers.vague_start import warn_of_start
+from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
 
@@ -91,24 +92,21 @@ class GaussianFilter(Observer[KalmanState]):
     model
         The model that it trusts, whose sampling period is the filter's.
     gate
-        How many standard deviations an innovation may have, each output for itself: what is beyond
-        is an outlier. Left out, none is. A fault that looks like outliers is rejected with them, so
-        look at ``outlier``.
+        How many standard deviations an innovation may have, each output for itself. A fault that
+        looks like outliers is rejected with them, so look at ``outlier``.
     outliers
         ``skip``: they count as missing; or ``inflate``: their variance of noise is raised so far
         that they are at the gate.
     noise_memory
-        [s]. The diagonal of R is estimated while running, with this memory and from that of the
-        model on: R <- R + g diag(R S^-1 (e e' - S) S^-1 R), with the weight g = max(T / memory,
+        [s], of rows a sampling period apart. The diagonal of R is estimated, from that of the model
+        on: R <- R + g diag(R S^-1 (e e' - S) S^-1 R), with the weight g = max(T / memory,
         1 / (k + 20)) of row k, expectation maximisation that forgets (Shumway & Stoffer 1982).
-        Correlations stay those of the model.
 
     Raises
     ------
     InputError
         If it is a model of another kind, a number is not above zero; or R cannot be estimated, as
-        it is less than a tenth of the innovation's variance: ten times less information a row is a
-        hundred times the memory.
+        it is less than a tenth of the innovation's variance: it would take a hundred memories.
     """
 
     model: Any
@@ -220,6 +218,7 @@ class GaussianFilter(Observer[KalmanState]):
         posterior = Gaussian(
             as_vector("mean", mean, n), as_covariance("covariance", covariance, n), np.zeros(m)
         )
+        posterior = posterior._with(mean=wrapped(posterior.mean, periods_of(self)[0]))
         before = sample_before(u, m, self.whole.inputs)
         return KalmanState(posterior, before, noise=self._start_noise)
 
@@ -267,7 +266,8 @@ class GaussianFilter(Observer[KalmanState]):
         self, time: ArrayLike | None, state: KalmanState, record: Record
     ) -> tuple[Array, Record]:
         """The times of the rows, even or as the model can follow them."""
-        if time is None and not record.given and state.held is None:
+        plain = time is None and not record.given and state.held is None
+        if plain or self.noise_memory is not None:  # which counts sampling periods
             return super()._timed(time, state, record)
         found = uneven_times(self.whole, time, state, record)
         return super()._timed(time, state, record) if found is None else found

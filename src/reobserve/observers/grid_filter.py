@@ -14,6 +14,7 @@ from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_scalar
 from reobserve.core.value import read_only
+from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import inputs_of_rows
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_state import ImmState
@@ -23,6 +24,7 @@ from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 
+_MOST_PERIODS = 100_000
 _WHOLE = 1e-9  # of a sampling period: how near a delay is to a whole number of them
 
 
@@ -84,7 +86,13 @@ class GridFilter(IMM):
             raise InputError("grid", problem)
         self._set("grid", grid)
         if self.periods_late is not None:
-            self._set("periods_late", np.array(self.periods_late, dtype=np.int64))
+            late = as_numbers("periods_late", self.periods_late)
+            whole = np.floor(late)
+            good = late.shape == (len(grid),) and (late == whole).all()
+            if not good or late.min() < 0 or late.max() > _MOST_PERIODS:
+                problem = f"{shown(self.periods_late)} must be {len(grid)} whole numbers from 0 to"
+                raise InputError("periods_late", f"{problem} {_MOST_PERIODS}")
+            self._set("periods_late", late.astype(np.int64))
 
     @classmethod
     def of_parameter(
@@ -112,6 +120,8 @@ class GridFilter(IMM):
             If a number is not in its range, or the models do not fit.
         """
         nodes = as_grid(grid)
+        if not callable(make):
+            raise InputError("make", f"{shown(make)} must be a function")
         filters = [
             KalmanFilter(as_kind(f"make({value:g})", make(float(value)), LinearModel))
             for value in nodes
@@ -144,8 +154,9 @@ class GridFilter(IMM):
             If a number is not in its range, the model has no input, or it has a feedthrough.
         """
         nodes, T = as_grid(delays, "delays"), as_kind("model", model, LinearModel).sampling_period
-        if nodes[0] < 0:
-            raise InputError("delays", f"{nodes[0]:g} s must be 0 or more")
+        if nodes[0] < 0 or nodes[-1] > _MOST_PERIODS * T:
+            problem = f"{shown(delays)} must be from 0 s to {_MOST_PERIODS * T:g} s"
+            raise InputError("delays", problem)
         if not model.inputs or model.D.any():
             problem = "has no input" if not model.inputs else "has a feedthrough D of the input"
             raise InputError("model", f"{problem}, so that it has no delay of its input alone")
@@ -184,9 +195,16 @@ class GridFilter(IMM):
             if past.shape != (deepest, self.inputs) or not all_finite(past):
                 problem = f"has shape {past.shape}, must be {deepest} rows of finite inputs"
                 raise InputError("state.past", problem)
-        elif self.periods_late is not None and found.count:
+        elif self.periods_late is not None and (
+            found.count or (found.sample is not None and not np.isnan(found.sample[0]))
+        ):
             raise InputError("state.past", "is missing: the state is of no filter of a delay")
         return found
+
+    def _timed(
+        self, time: ArrayLike | None, state: ImmState, record: Record
+    ) -> tuple[Array, Record]:
+        return Observer._timed(self, time, state, record)  # as its chain is that of a period
 
     def _inputs(self, state: ImmState, record: Record) -> tuple[Array, Array | None]:
         if self.periods_late is None:

@@ -36,6 +36,7 @@ from reobserve.core.matrices import (
 )
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Observer
+from reobserve.observers.estimated_noise import refuse_noise
 from reobserve.observers.filter_rules import Rules
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
@@ -64,6 +65,7 @@ from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_times
 from reobserve.observers.vague_start import warn_of_start
 from reobserve.systems.linear import ModelRows
+from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
 
@@ -90,7 +92,8 @@ class IMM(Observer[ImmState]):
         One a mode. Kalman filters and SVSFs of one kind run as one compiled loop; other filters,
         of a user's own, need `ModeFilter`'s two methods and are called one by one.
     transition
-        p_ij, shape (r, r): the probability that mode i is followed by mode j. Rows sum to one.
+        p_ij, shape (r, r): the probability that mode i is followed by mode j in the next row,
+        however far that is. Rows sum to one.
     mixing
         Whether posteriors interact, (9) and (10). Without, each filter goes its own way and only
         the probabilities of the modes follow the chain.
@@ -236,7 +239,7 @@ class IMM(Observer[ImmState]):
         means = as_floats("mean", mean)
         if means.shape not in ((n,), (r, n)):
             raise InputError("mean", f"has shape {means.shape}, must be ({n},) or ({r}, {n})")
-        means = np.broadcast_to(means, (r, n)).copy()
+        means = wrapped(np.broadcast_to(means, (r, n)), periods_of(self.filters[0])[0])
         covariances = as_covariances("covariance", covariance, n, r)
         covariances = np.broadcast_to(covariances, (r, n, n)).copy()
         chosen = np.full(r, 1.0 / r) if probabilities is None else probabilities
@@ -281,8 +284,10 @@ class IMM(Observer[ImmState]):
     def _timed(
         self, time: ArrayLike | None, state: ImmState, record: Record
     ) -> tuple[Array, Record]:
-        able = self._linear and all(
-            one.model.density is not None or "Q" in record.given for one in self._linear
+        able = (
+            self._linear
+            and self.noise_memory is None
+            and all(one.model.density is not None or "Q" in record.given for one in self._linear)
         )
         found = uneven_times(self.filters[0].model, time, state, record) if able else None
         return super()._timed(time, state, record) if found is None else found
@@ -296,8 +301,7 @@ class IMM(Observer[ImmState]):
         (inputs, past), fresh = self._inputs(state, record), state.sample is None
         gated, learned = self.gate is not None, self.noise_memory is not None
         rows, held = new_bank_rows(k, r, n, m, gated, learned), None
-        if learned and "R" in record.given:
-            raise InputError("R", "must be left out: noise_memory says that it is estimated")
+        refuse_noise(self, record.given)
         if not self._linear:
             if record.given:
                 problem = "is taken by banks of filters of one kind on linear models alone"

@@ -170,15 +170,19 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
 
 @inlined_kernel
 def average(weights: Array, means: Array, a: int, period: float) -> float:
-    """The mean of entry a by weights that sum to one, of angles around the first filter's."""
+    """The mean of entry a by weights that sum to one, of angles around that of the largest."""
     total = 0.0
     if period == 0.0:
         for i in range(len(weights)):
             total += weights[i] * means[i, a]
         return total
+    likely = 0
     for i in range(len(weights)):
-        total += weights[i] * shortest(means[i, a] - means[0, a], period)
-    return shortest(means[0, a] + total, period)
+        if weights[i] > weights[likely]:
+            likely = i
+    for i in range(len(weights)):
+        total += weights[i] * shortest(means[i, a] - means[likely, a], period)
+    return shortest(means[likely, a] + total, period)
 
 
 # mu(i|j) = p_ij mu_i / c_j,   c_j = sum_i p_ij mu_i

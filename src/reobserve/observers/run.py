@@ -250,5 +250,7 @@ def names_by_model(model: Any) -> dict[str, AxisNames]:
         "covariance": (states, states),
         "innovation": (outputs,),
         "innovation_covariance": (outputs, outputs),
+        "outlier": (outputs,),
+        "noise_variance": (outputs,),
     }
     return {name: names for name, names in axes.items() if any(names)}

@@ -16,7 +16,7 @@ from reobserve.core.discretisation import held_noise, zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_positive
 from reobserve.core.value import Value, for_loop
-from reobserve.systems.periods import Periods, as_periods
+from reobserve.systems.periods import Periods, as_periods, check_period_of_effects
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
@@ -88,7 +88,8 @@ class LinearModel(Value):
     ------
     InputError
         If C, Q or R is left out; the shapes do not fit; Q or R is not symmetric positive
-        (semi)definite; names are not different or not as many as signals; the sampling period is
+        (semi)definite; an angle among the states has another effect after its period; names are not
+        different or not as many as signals; the sampling period is
         not positive; or, with ``check``, A looks like one of continuous time: all its eigenvalues
         have a real part of zero or less, or one with a negative real part lies outside the unit
         circle. Sampling a real system gives neither, unless it turns more than a quarter of a
@@ -174,6 +175,8 @@ class LinearModel(Value):
         for kind, size in (("state", n), ("output", m)):
             key, names = f"{kind}_periods", getattr(self, f"{kind}_names")
             put(key, as_periods(key, getattr(self, key), size, names))
+        for name, of_rows in (("A", self.state_periods), ("C", self.output_periods)):
+            check_period_of_effects(name, getattr(self, name), self.state_periods, of_rows)
 
     @classmethod
     def from_ode(
@@ -280,6 +283,9 @@ class LinearModel(Value):
                 read = as_covariances(name, value, len(own), rows, definite=name == "R")
             else:
                 read = as_matrices(name, value, own.shape, rows)
+            if name in ("A", "C"):
+                of_rows = self.state_periods if name == "A" else self.output_periods
+                check_period_of_effects(name, read, self.state_periods, of_rows)
             if name in ("A", "B", "Q"):
                 read = np.concatenate([held.get(name, own)[None], read])
             found[name] = read

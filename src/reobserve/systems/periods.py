@@ -12,6 +12,7 @@ from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.matrices import as_positive
 
 Array = NDArray[np.float64]
+_WHOLE = 1e-9
 Periods = Mapping[str, float] | Sequence[float | None]
 
 
@@ -50,6 +51,41 @@ def as_periods(key: str, value: Any, size: int, names: Sequence[str] | None) -> 
         if one is not None and one != 0:  # as this function itself writes none
             found[place] = as_positive(f"{key}[{place}]", one)
     return found if found.any() else None
+
+
+def check_period_of_effects(
+    key: str, matrices: Array, periods: Array | None, of_rows: Array | None
+) -> None:
+    """Refuse a matrix by which an angle has another effect after a period.
+
+    Parameters
+    ----------
+    key
+        The name of the matrix.
+    matrices
+        Shape (m, n), or (k, m, n).
+    periods
+        Of what it is multiplied with, (n,); None if there are no angles.
+    of_rows
+        Of what it gives, (m,), or None.
+
+    Raises
+    ------
+    InputError
+        If an entry times a period is no whole number of periods of its row.
+    """
+    if periods is None:
+        return
+    effects = matrices * periods  # (..., m, n)
+    rows = np.zeros(matrices.shape[-2]) if of_rows is None else of_rows
+    turns = effects / np.where(rows > 0, rows, np.inf)[:, None]
+    left = np.where(rows[:, None] > 0, turns - np.round(turns), effects)
+    wrong = np.abs(left) > _WHOLE
+    if wrong.any():
+        *_, row, column = np.argwhere(wrong)[0].tolist()
+        what = f"row {row + 1}, column {column + 1} times the period {periods[column]:g}"
+        period = f"{rows[row]:g}, its row's" if rows[row] > 0 else "0, as its row has no period"
+        raise InputError(key, f"{what} must be a whole multiple of {period}")
 
 
 def wrapped(values: ArrayLike, periods: ArrayLike) -> Array:

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _STARTS = 3  # of the local search, the best of the points tried first
 _STEP = 1e-6  # of the range, of the differences for gradients
+_AT_END = 1e-6  # of the range: what is nearer to an end is at it, and has no derivatives
 _CHANGE = 0.1  # of the log-likelihood, of the differences for second derivatives
 _WORST = 1e300  # what a filter counts that cannot run
 _MOST = 1_000_000
@@ -44,7 +45,8 @@ class Fit:
     values
         By name.
     standard_errors
-        By name, in the units of the values; nan at an end of a range, where there is none.
+        By name, in the units of the values; nan at an end of a range, beside values at which the
+        filter cannot run, and where the records do not separate the parameters.
     covariance
         Of the estimates in the order of the values, nan likewise.
     log_likelihood
@@ -155,7 +157,8 @@ def fit(
             for name, at in zip(bounds, place, strict=True)
             if not EDGE <= at <= 1 - EDGE
         }
-        covariance = _covariance(likelihood, place, [name not in edges for name in bounds])
+        inside = [_AT_END < at < 1.0 - _AT_END for at in place]
+        covariance = _covariance(likelihood, place, inside)
     values = {name: _at(one, at) for (name, one), at in zip(bounds.items(), place, strict=True)}
     slopes = np.array([_slope(one, values[name]) for name, one in bounds.items()])
     covariance = covariance * np.outer(slopes, slopes)
@@ -192,6 +195,7 @@ class _Likelihood:
         self.make, self.bounds, self.runs = make, bounds, runs
         self.budget, self.tell = budget, tell
         self.evaluations, self.measured, self.best, self.reason = 0, 0, _WORST, ""
+        self.failures = 0
 
     def __call__(self, place: Array) -> float:
         if self.evaluations == self.budget:
@@ -205,7 +209,7 @@ class _Likelihood:
         except _WrongError:
             raise
         except FAILURES as error:
-            self.reason = one_line(error)
+            self.reason, self.failures = one_line(error), self.failures + 1
             total = _WORST
         self.best = min(self.best, total)
         self.tell(self.evaluations, -self.best)
@@ -216,6 +220,14 @@ class _Likelihood:
             problem = f"returned {shown(made)}, must return a filter and the state it starts from"
             raise _WrongError("make", problem)
         observer, state = made
+        if getattr(observer, "gate", None) is not None and (
+            getattr(observer, "outliers", "skip") == "skip"
+        ):
+            problem = (
+                "returned a filter whose gate skips measurements, which would make those likely "
+                'that it leaves out; give it outliers="inflate", or no gate'
+            )
+            raise _WrongError("make", problem)
         total, measured = 0.0, 0
         for given in self.runs:
             run = observer.run(state=state, **given)
@@ -223,7 +235,9 @@ class _Likelihood:
                 problem = f"returned a {type(observer).__name__}, which has no log_likelihood"
                 raise _WrongError("make", problem)
             total += float(run["log_likelihood"].sum())
-            measured += int(np.isfinite(run["innovation"]).sum())
+            measured += int(np.isfinite(np.asarray(given["y"], dtype=np.float64)).sum())
+        if not measured:
+            raise _WrongError("records", "have no measurement")
         self.measured = measured
         return -total if math.isfinite(total) else _WORST
 
@@ -244,6 +258,13 @@ def _descend(likelihood: _Likelihood, start: Array) -> tuple[float, Array]:
     """The local maximum from a place on: minus its log-likelihood, and its place."""
     from scipy.optimize import minimize
 
+    first = likelihood(start)
+
+    def finite(place: Array) -> float:
+        """As steep a wall as lets a line search step back, where a filter cannot run."""
+        value = likelihood(place)
+        return value if value < _WORST else first + 10.0 * (1.0 + abs(first))
+
     def with_gradient(place: Array) -> tuple[float, Array]:
         gradient = np.empty(len(place))
         for i in range(len(place)):
@@ -251,15 +272,21 @@ def _descend(likelihood: _Likelihood, start: Array) -> tuple[float, Array]:
             for sign in (-1.0, 1.0):
                 moved = place.copy()
                 moved[i] = min(max(moved[i] + sign * _STEP, 0.0), 1.0)
-                ends.append((moved[i], likelihood(moved)))
+                ends.append((moved[i], finite(moved)))
             (low, before), (high, after) = ends
             gradient[i] = (after - before) / (high - low)
-        return likelihood(place), gradient
+        return finite(place), gradient
 
+    failures = likelihood.failures
     found = minimize(
         with_gradient, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start),
         options={"ftol": 1e-13, "gtol": 1e-4, "maxiter": 500},
     )  # fmt: skip
+    if likelihood.failures > failures:  # which may end it before the maximum: go on without slopes
+        found = minimize(
+            finite, found.x, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start),
+            options={"xatol": 1e-7, "fatol": 1e-9, "maxfev": 400 * len(start)},
+        )  # fmt: skip
     return float(found.fun), np.asarray(found.x, dtype=np.float64)
 
 
@@ -269,7 +296,7 @@ def _covariance(likelihood: _Likelihood, place: Array, inside: Sequence[bool]) -
     free = [i for i, one in enumerate(inside) if one]
     if not free:
         return found
-    base = likelihood(place)
+    base, failures = likelihood(place), likelihood.failures
     steps = [_step(likelihood, place, i, base) for i in free]
 
     def moved(*moves: tuple[int, float]) -> float:
@@ -289,6 +316,8 @@ def _covariance(likelihood: _Likelihood, place: Array, inside: Sequence[bool]) -
                 - moved((i, -1.0), (j, 1.0)) + moved((i, -1.0), (j, -1.0))
             )  # fmt: skip
             information[i, j] = information[j, i] = four / (4.0 * steps[i] * steps[j])
+    if likelihood.failures > failures:
+        return found  # a filter cannot run beside the maximum
     try:
         np.linalg.cholesky(information)
     except np.linalg.LinAlgError:

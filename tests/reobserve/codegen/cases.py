@@ -50,8 +50,10 @@ def model(factor: float = 1.0) -> LinearModel:
 def angles(factor: float = 1.0) -> LinearModel:
     """The same with a state and outputs that are angles, of short periods."""
     whole = model(factor)
+    A = whole.A.copy()
+    A[:, 0] = [1.0, 0.0, 0.0]  # by which an angle is the same after a period
     return LinearModel(
-        whole.A, whole.B, whole.C, whole.D, whole.Q, model().R, state_periods=[3.0, None, None],
+        A, whole.B, whole.C, whole.D, whole.Q, model().R, state_periods=[3.0, None, None],
         output_periods=[3.0, 5.0],
     )  # fmt: skip
 

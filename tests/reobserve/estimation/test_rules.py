@@ -13,6 +13,8 @@ from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.detection import chi_square_window, cusum_of_mean, glr_of_mean, normalised
 from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.data_report import AlarmReport
+from reobserve.estimation.detector_alarms import DetectorAlarm, DetectorRule
 from reobserve.estimation.families.examples import simulated, specification_text
 from reobserve.estimation.specification import read_specification
 from tests.reobserve.estimation.records import read_results, streamed, write_record
@@ -135,6 +137,17 @@ def test_detectors_as_alarms_are_those_of_the_library(tmp_path: Path) -> None:
         assert 200 <= expected.first < 230
 
 
+def test_cumulative_sum_of_a_measurement_sees_that_one_alone() -> None:
+    e, S = np.zeros((4, 2)), np.tile([[1.0, 0.8], [0.8, 1.0]], (4, 1, 1))
+    e[:, 0] = 3.0
+    estimates = {"innovation": e, "innovation_covariance": S}
+    for place, expected in ((0, [2.5, 5.0, 7.5, 10.0]), (1, [0.0] * 4)):
+        rule = DetectorRule("sum", "cusum_of_mean", 1e-4, shift=1.0, of="y")
+        alarm = DetectorAlarm(rule, 0.1, place)
+        found = AlarmReport("1", 0.0)
+        assert alarm._statistic(estimates, found).tolist() == expected
+
+
 def test_parameter_of_a_text_model_is_estimated(tmp_path: Path) -> None:
     record = write_record(tmp_path / "r.csv", simulated("extended-kalman").record())
     text: Any = parse_yaml(specification_text("extended-kalman"), "example")
@@ -156,6 +169,7 @@ def test_parameter_of_a_text_model_is_estimated(tmp_path: Path) -> None:
         ({"alarms": [DETECTORS[0] | {"length": None}]}, "length"),
         ({"alarms": [DETECTORS[0] | {"false_alarm_rate": 2}]}, "false_alarm_rate: 2 must be from"),
         ({"alarms": [DETECTORS[0] | {"shift": 1}]}, "shift: must be left out with the detector"),
+        ({"alarms": [DETECTORS[0]], "observer.gate": 4}, "is blind to what the gate leaves out"),
         ({"alarms": [DETECTORS[1] | {"of": "cmpass"}]}, "there is no measurement 'cmpass'"),
         (
             {"alarms": [DETECTORS[0]], "observer.kind": "imm", "observer.modes": {"one": {}},

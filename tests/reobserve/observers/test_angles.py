@@ -164,6 +164,34 @@ def test_periods_that_are_none_are_refused(periods: dict[str, object], message: 
         compass(**periods)
 
 
+def test_matrices_by_which_an_angle_is_another_after_a_period_are_refused() -> None:
+    with pytest.raises(InputError, match="C: row 1, column 1 times the period 360 must be a whole"):
+        compass(state_periods=[360, None])
+    with pytest.raises(InputError, match="A: row 1, column 1"):
+        LinearModel([[0.9]], C=[[1]], Q=1, R=1, state_periods=[360], output_periods=[360])
+    LinearModel([[1]], C=[[2]], Q=1, R=1, state_periods=[180], output_periods=[360])
+    observer = KalmanFilter(compass(output_periods=[360], state_periods=[360, None]))
+    for given in ({"A": [[0.5, PERIOD], [0, 1]]}, {"C": [[0.5, 0]]}):
+        with pytest.raises(InputError, match="row 1, column 1 times the period 360"):
+            observer.run(COMPASS, state=observer.init([30, 0], 1.0), **given)
+
+
+def test_first_row_is_within_half_a_period_and_banks_do_not_depend_on_their_order() -> None:
+    observer = KalmanFilter(compass(output_periods=[360], state_periods=[360, None]))
+    run = observer.run([np.nan, -9.0], state=observer.init([350, 0], 1.0))
+    assert run["state"][0].tolist() == [-10.0, 0.0]
+    model = LinearModel([[1]], C=[[1]], Q=1, R=1, state_periods=[360], output_periods=[360])
+    found = []
+    for order in ([0, 178, -178], [178, -178, 0]):
+        bank = IMM([KalmanFilter(model)] * 3, np.eye(3), mixing=False)
+        shares = [1e-6 if one == 0 else 0.5 - 5e-7 for one in order]
+        means = [[float(one)] for one in order]
+        found.append(bank.run([np.nan], state=bank.init(means, 1.0, shares)))
+    assert found[0]["state"] == pytest.approx(found[1]["state"], abs=1e-9)
+    # Two at 180 +- 2 with the variance 1, and a millionth at a distance of 180.
+    assert found[0]["variance"][0, 0] == pytest.approx(5 + 1e-6 * 180**2, rel=1e-3)
+
+
 def test_correlated_noise_with_angles_and_banks_of_different_periods_are_refused() -> None:
     observer = KalmanFilter(compass(output_periods=[360]))
     with pytest.raises(InputError, match="S: must be left out where outputs have periods"):

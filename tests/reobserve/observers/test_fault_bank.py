@@ -96,6 +96,18 @@ def test_jump_is_followed_at_once_and_a_drift_without_noise() -> None:
     assert np.sqrt((error[50:, 1] ** 2).mean()) < 0.03
 
 
+def test_estimates_do_not_depend_on_the_unit_of_a_fault() -> None:
+    y, u, _ = record()
+    found = []
+    for scale in (1.0, 1e-3):
+        one = FaultBank(PLANT, E / scale, DRIFT * scale, JUMP * scale, 0.2, 0.3, F / scale)
+        found.append(one.run(y, u, state=one.init([0, 0], 1e-2)))
+        np.testing.assert_allclose(
+            found[-1]["fault"] / scale, found[0]["fault"], rtol=1e-6, atol=1e-9
+        )
+    np.testing.assert_allclose(found[1]["log_likelihood"], found[0]["log_likelihood"], atol=1e-7)
+
+
 def test_faults_that_do_the_same_and_wrong_numbers_are_refused() -> None:
     with pytest.raises(InputError, match="leaves a mode of state, faults and their rates"):
         FaultBank(PLANT, [[0, 0], [T, 2 * T]], 0.1, 1.0, 0.1, 0.1)

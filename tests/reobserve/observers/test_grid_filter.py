@@ -140,7 +140,12 @@ def test_grids_and_models_that_cannot_be_used_are_refused() -> None:
         (lambda: GridFilter.of_parameter(plant, [1, 2], -1.0), "random_walk: -1 must be 0 or more"),
         (lambda: GridFilter.of_parameter(lambda v: v, [1, 2]), r"make\(1\)"),  # type: ignore[arg-type, return-value]
         (lambda: GridFilter.of_delay(discrete, [0.0, 0.15]), "0.15 s is no whole number of"),
-        (lambda: GridFilter.of_delay(discrete, [-0.1, 0.1]), "-0.1 s must be 0 or more"),
+        (lambda: GridFilter.of_delay(discrete, [-0.1, 0.1]), "-0.1, 0.1. must be from 0 s"),
+        (
+            lambda: GridFilter.of_delay(discrete, [0.0, 1e9]),
+            "delays: .* must be from 0 s to 10000 s",
+        ),
+        (lambda: GridFilter.of_parameter(5, [1, 2]), "make: 5 must be a function"),  # type: ignore[arg-type]
         (
             lambda: GridFilter.of_delay(LinearModel([[0.9]], C=[[1]], Q=1, R=1), [0, 1]),
             "model: has no input",
@@ -149,6 +154,12 @@ def test_grids_and_models_that_cannot_be_used_are_refused() -> None:
         with pytest.raises(InputError, match=message):
             call()
     grid = GridFilter.of_delay(discrete, [0.0, 0.1])
+    for late in ([0], [0, -1], [0.0, 0.5], 3):
+        with pytest.raises(InputError, match=r"periods_late: .* must be 2 whole numbers from 0"):
+            GridFilter(grid.filters, grid.transition, grid=grid.grid, periods_late=late)  # type: ignore[arg-type]
+    moving = GridFilter.of_parameter(plant, [1.0, 2.0], 0.1)
+    with pytest.raises(InputError, match="must go on by the sampling period"):
+        moving.run([0.0, 0.0], [0, 0], state=moving.init([0, 0], 1.0), time=[0.0, 0.5])
     after = grid.run([0.0, 1.0], [0.0, 0.0], state=grid.init([0], 1.0)).state
     without = replace(after, past=None)
     with pytest.raises(InputError, match=r"state\.past: is missing"):

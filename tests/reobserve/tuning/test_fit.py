@@ -8,6 +8,7 @@ from scipy import stats
 from scipy.linalg import solve_discrete_lyapunov
 
 from reobserve import (
+    IMM,
     ExtendedKalmanFilter,
     FixedGainObserver,
     KalmanFilter,
@@ -144,11 +145,47 @@ def test_value_at_an_end_of_its_range_has_no_error() -> None:
     assert "level 1 (nan)" in repr(found)
 
 
+@pytest.mark.parametrize("limit", [0.15, 0.3, 1.0])
+def test_maximum_is_found_beside_values_that_cannot_run(limit: float) -> None:
+    def partly(p: dict[str, float]) -> object:
+        if p["level"] > limit:
+            raise InputError("level", "is too large")
+        return local_level(p)
+
+    found = fit(partly, RANGES, [level_record()])
+    assert found.values == pytest.approx({"noise": 1.15841029, "level": 0.12845673}, rel=1e-3)
+    assert found.log_likelihood == pytest.approx(-665.2125690800685, abs=1e-5)
+
+
+def test_maximum_near_the_end_of_a_linear_range_has_errors() -> None:
+    wide = {"noise": (1e-3, 1e2, "linear"), "level": (1e-4, 1e1, "linear")}
+    found = fit(local_level, wide, [level_record()])
+    assert found.edges == {"noise": "low", "level": "low"}
+    assert found.standard_errors == pytest.approx(
+        {"noise": 0.09813366, "level": 0.03192594}, rel=1e-2
+    )
+
+
+def test_measurements_are_counted_once_in_a_bank() -> None:
+    def bank(p: dict[str, float]) -> object:
+        one = local_level({"noise": p["noise"], "level": 0.1})[0]
+        both = IMM([one, one], [[0.9, 0.1], [0.1, 0.9]])
+        return both, both.init([0], 100.0)
+
+    y = level_record()
+    y[10] = np.nan
+    assert fit(bank, {"noise": (1e-2, 1e2)}, [y]).measured == 399
+
+
 def test_what_cannot_be_fitted_is_refused() -> None:
     y = level_record()
 
     def without(p: dict[str, float]) -> object:
         return LevantDifferentiator(1.0, 1, sampling_period=0.1), None
+
+    def gated(p: dict[str, float]) -> object:
+        kalman = KalmanFilter(local_level(p)[0].model, gate=3)
+        return kalman, kalman.init([0], 100.0)
 
     def unstable(p: dict[str, float]) -> object:
         return FixedGainObserver(LinearModel([[1]], C=[[1]], Q=1, R=1), [[p["gain"]]]), None
@@ -162,6 +199,8 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         (lambda: fit(lambda p: KalmanFilter, RANGES, [y]), "make: returned"),
         (lambda: fit(without, {"a": (1, 2)}, [y]), "no log_likelihood"),
         (lambda: fit(unstable, {"gain": (3, 9)}, [y]), "hold none of 16 choices that work"),
+        (lambda: fit(gated, RANGES, [y]), "make: returned a filter whose gate skips"),
+        (lambda: fit(local_level, RANGES, [[np.nan] * 3]), "records: have no measurement"),
         (lambda: fit(local_level, RANGES, [[1.0, np.inf]]), "hold none of .*inf"),
     ):
         with pytest.raises(InputError, match=message):

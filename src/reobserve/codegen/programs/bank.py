@@ -268,14 +268,20 @@ def _combine(
     program.let(x, Number(0.0, x.shape))
     with program.for_each("other", means.shape[0]) as i:
         program.let(x, x + weights[(i, *to)] * means[i])
-    for a in np.flatnonzero(rules.states).tolist():  # around the first filter's
+    angles = np.flatnonzero(rules.states).tolist()
+    if angles:  # around the most probable one
+        program.line("int32_t likely = 0;")
+        larger = f"{weights[('other', *to)]} > {weights[('likely', *to)]}"
+        with program.for_each("other", means.shape[0]) as i, program.when(larger):
+            program.line(f"likely = {i};")
+    for a in angles:
         period, turned = float(rules.states[a]), program.local("turned")
         program.let(x[a], ZERO)
         with program.for_each("other", means.shape[0]) as i:
-            program.let(turned, means[i, a] - means[0, a])
+            program.let(turned, means[i, a] - means["likely", a])
             program.let(turned, turned - period * call("floor", turned / period + 0.5))
             program.let(x[a], x[a] + weights[(i, *to)] * turned)
-        program.let(x[a], means[0, a] + x[a])
+        program.let(x[a], means["likely", a] + x[a])
         program.let(x[a], x[a] - period * call("floor", x[a] / period + 0.5))
     # P = sum of w_i (P_i + (x_i - x) (x_i - x)')
     program.let(P, Number(0.0, P.shape))

@@ -59,7 +59,7 @@ class FaultBankSystem(NoisySystem):
 
     ``fault_matrix`` is E, sampled as A and B are; ``output_fault_matrix`` F, zero if left out; the
     other keys are those of `FaultBank`. Faults and their rates start from zero, with
-    ``initial_fault_covariance`` and ``initial_rate_covariance``.
+    ``initial_fault_covariance`` and ``initial_rate_covariance``, which may be left out.
     """
 
     faults: Signals = field(default_factory=dict)
@@ -69,8 +69,8 @@ class FaultBankSystem(NoisySystem):
     jump: Array
     jump_rate: Positive
     jump_time: Positive
-    initial_fault_covariance: Array = field(default_factory=lambda: np.array(1e-6))
-    initial_rate_covariance: Array = field(default_factory=lambda: np.array(1e-6))
+    initial_fault_covariance: Array | None = None
+    initial_rate_covariance: Array | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
