@@ -261,7 +261,7 @@ def _descend(likelihood: _Likelihood, start: Array) -> tuple[float, Array]:
     first = likelihood(start)
 
     def finite(place: Array) -> float:
-        """As steep a wall as lets a line search step back, where a filter cannot run."""
+        """The value, or a finite wall where a filter cannot run, from which a search steps back."""
         value = likelihood(place)
         return value if value < _WORST else first + 10.0 * (1.0 + abs(first))
 
