@@ -307,6 +307,11 @@ LATE = {
     "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
     "reobserve.core.chi_squared",
     "reobserve_papers.parameters.parameter_file",  # where parameters are checked, once a build
+    "reobserve.synthesis",  # where a filter is to estimate R, and must be able to see it
+    "reobserve.synthesis.linear",
+    "reobserve.synthesis.placed_gains",
+    "reobserve.core.balancing",
+    "reobserve.core.finite",
 }
 
 

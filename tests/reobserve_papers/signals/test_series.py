@@ -198,7 +198,7 @@ def test_metrics_round_trip_through_a_file(tmp_path: Path) -> None:
     ("row", "said"),
     [
         ("a,rms,half,V", r"line 2, value: 'half' must be a number, nan or inf$"),
-        ("a,rms,1,furlongs", r"line 2, unit: 'furlongs' must be a unit$"),
+        ("a,rms,1,bananas", r"line 2, unit: 'bananas' must be a unit$"),
         ("a,rms,1,V/", r"line 2, unit: 'V/' must be a unit$"),
         (",rms,1,V", r"line 2, observer: '' must be a name$"),
         ("a,rms,1,V\na,rms,2,V", r"line 3 repeats 'a, rms'$"),
