@@ -70,8 +70,8 @@ class BankRows(NamedTuple):
 class BankWork(NamedTuple):
     """Arrays of a step: mu(i|j), (r, r), mixed posteriors, log-likelihoods (r,), one filter's.
 
-    ``taken``, (m,), is a row without outliers, and ``changes``, (r, m), what each filter says of
-    the variances of R.
+    ``taken``, (m,), is a row without outliers, ``changes``, (r, m), what each filter says of the
+    variances of R, and ``apart``, (r, n), how far the filters' means are from a mixed one.
     """
 
     weights: Array
@@ -79,6 +79,7 @@ class BankWork(NamedTuple):
     log_likelihoods: Array
     taken: Array
     changes: Array
+    apart: Array
     of_filter: linear.LinearWork
 
 
@@ -91,7 +92,7 @@ def new_bank_work(posteriors: Posteriors, mixing: bool, rules: Rules | None = No
         means, covariances = np.empty((r, n)), np.empty((r, n, n))
     mixed = Posteriors(means, covariances, errors, np.empty(r), *posteriors[4:])
     return BankWork(
-        np.empty((r, r)), mixed, np.empty(r), np.empty(m), np.zeros((r, m)),
+        np.empty((r, r)), mixed, np.empty(r), np.empty(m), np.zeros((r, m)), np.empty((r, n)),
         linear.new_linear_work(n, m, rules),
     )  # fmt: skip
 
@@ -195,17 +196,18 @@ def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: Bank
     if not mixing:
         return
     r, n = posteriors.means.shape
-    means, periods = posteriors.means, work.of_filter.rules.state_periods
+    means, periods, apart = posteriors.means, work.of_filter.rules.state_periods, work.apart
     for j in range(r):
         for a in range(n):
             mixed.means[j, a] = average(weights[j], means, a, periods[a])
+            for i in range(r):
+                apart[i, a] = shortest(means[i, a] - mixed.means[j, a], periods[a])
         for a in range(n):
             for b in range(a + 1):
                 total = 0.0
                 for i in range(r):
-                    apart = shortest(means[i, a] - mixed.means[j, a], periods[a])
-                    apart *= shortest(means[i, b] - mixed.means[j, b], periods[b])
-                    total += weights[j, i] * (posteriors.covariances[i, a, b] + apart)
+                    spread = posteriors.covariances[i, a, b] + apart[i, a] * apart[i, b]
+                    total += weights[j, i] * spread
                 mixed.covariances[j, a, b] = mixed.covariances[j, b, a] = total
 
 
@@ -325,13 +327,14 @@ def combine(posteriors: Posteriors, k: int, rows: BankRows, work: BankWork) -> b
         whole += probability[k, j]
     for a in range(n):
         mean[k, a] = average(probability[k], posteriors.means, a, periods[a])
+        for j in range(r):
+            work.apart[j, a] = shortest(posteriors.means[j, a] - mean[k, a], periods[a])
     for a in range(n):
         for b in range(a + 1):
             total = 0.0
             for j in range(r):
-                apart = shortest(posteriors.means[j, a] - mean[k, a], periods[a])
-                apart *= shortest(posteriors.means[j, b] - mean[k, b], periods[b])
-                total += probability[k, j] * (posteriors.covariances[j, a, b] + apart)
+                spread = posteriors.covariances[j, a, b] + work.apart[j, a] * work.apart[j, b]
+                total += probability[k, j] * spread
             covariance[k, a, b] = covariance[k, b, a] = total
         whole += mean[k, a] + covariance[k, a, a]
     return math.isfinite(whole)
