@@ -32,6 +32,11 @@ class Rules(NamedTuple):
     forgetting: float
 
 
+def forgetting(memory: float | None, period: float) -> float:
+    """The weight of a row in an estimate of R with a memory [s], 0 if R is known (None)."""
+    return 0.0 if memory is None else min(1.0, period / memory)
+
+
 @inlined_kernel
 def shortest(difference: float, period: float) -> float:
     """A difference of angles the shortest way round, as it is where the period is 0."""

@@ -27,7 +27,7 @@ from reobserve.observers import filter_halves
 from reobserve.observers.contract import Observer
 from reobserve.observers.estimated_noise import check_noise_memory, refuse_noise
 from reobserve.observers.filter_records import can_run_together, posteriors_of, run_together
-from reobserve.observers.filter_rules import Rules
+from reobserve.observers.filter_rules import Rules, forgetting
 from reobserve.observers.gaussian_state import (
     Correction,
     FilterSteps,
@@ -144,11 +144,9 @@ class GaussianFilter(Observer[KalmanState]):
     @cached_property
     def _rules(self) -> Rules:
         """The filter's settings beside its model, as compiled loops read them."""
-        memory = self.noise_memory
         return Rules(
             *periods_of(self), np.inf if self.gate is None else self.gate,
-            self.outliers == "inflate",
-            0.0 if memory is None else min(1.0, self.sampling_period / memory),
+            self.outliers == "inflate", forgetting(self.noise_memory, self.sampling_period),
         )  # fmt: skip
 
     @property

@@ -37,7 +37,7 @@ from reobserve.core.matrices import (
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Observer
 from reobserve.observers.estimated_noise import refuse_noise
-from reobserve.observers.filter_rules import Rules
+from reobserve.observers.filter_rules import Rules, forgetting
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
     Matrices,
@@ -182,11 +182,8 @@ class IMM(Observer[ImmState]):
     @cached_property
     def _rules(self) -> Rules:
         """The settings of the filters beside their models, without the bank's gate."""
-        memory = self.noise_memory
-        return Rules(
-            *periods_of(self.filters[0]), np.inf, False,
-            0.0 if memory is None else min(1.0, self.sampling_period / memory),
-        )  # fmt: skip
+        weight = forgetting(self.noise_memory, self.sampling_period)
+        return Rules(*periods_of(self.filters[0]), np.inf, False, weight)
 
     @property
     def measurements(self) -> int:

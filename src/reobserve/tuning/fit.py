@@ -10,10 +10,8 @@ records (Ljung & Caines 1979).
 from __future__ import annotations
 
 import math
-import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +22,7 @@ from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, one_line, shown
 from reobserve.observers.vague_start import VagueStartWarning
 from reobserve.tuning.optimisers import sobol
-from reobserve.tuning.search import EDGE, FAILURES, Range, Settings, as_ranges
+from reobserve.tuning.search import EDGE, FAILURES, Range, Settings, as_ranges, progress
 
 Array = NDArray[np.float64]
 
@@ -139,7 +137,8 @@ def fit(
         raise InputError("records", f"{shown(records)} must be a list of one record or more")
     runs = [_arguments(record, f"records[{k}]") for k, record in enumerate(records)]
     budget = as_whole("budget", budget, 1, _MOST)
-    with _progress(budget) as tell, warnings.catch_warnings():
+    shown_as = f"{{}} of at most {budget} runs, log-likelihood {{:.8g}}"
+    with progress(shown_as) as tell, warnings.catch_warnings():
         warnings.simplefilter("ignore", VagueStartWarning)  # of each start that is tried
         likelihood = _Likelihood(make, bounds, runs, budget, tell)
         points = sobol(len(bounds), as_whole("seed", seed, 0, 2**63 - 1))
@@ -181,8 +180,8 @@ def _arguments(record: Any, place: str) -> dict[str, Any]:
     return {"y": record}
 
 
-class _WrongError(InputError):
-    """An error that is the same at all values."""
+class _MisuseError(InputError):
+    """A mistake of the caller, which other values do not mend."""
 
 
 class _Likelihood:
@@ -206,19 +205,20 @@ class _Likelihood:
         values = {name: _at(one, float(at)) for (name, one), at in named}
         try:
             total = self._total(self.make(values))
-        except _WrongError:
+        except _MisuseError:
             raise
         except FAILURES as error:
             self.reason, self.failures = one_line(error), self.failures + 1
             total = _WORST
         self.best = min(self.best, total)
-        self.tell(self.evaluations, -self.best)
+        if self.evaluations % 10 == 0:
+            self.tell(self.evaluations, -self.best)
         return total
 
     def _total(self, made: Any) -> float:
         if not isinstance(made, tuple) or len(made) != 2 or not hasattr(made[0], "run"):
             problem = f"returned {shown(made)}, must return a filter and the state it starts from"
-            raise _WrongError("make", problem)
+            raise _MisuseError("make", problem)
         observer, state = made
         if getattr(observer, "gate", None) is not None and (
             getattr(observer, "outliers", "skip") == "skip"
@@ -227,17 +227,17 @@ class _Likelihood:
                 "returned a filter whose gate skips measurements, which would make those likely "
                 'that it leaves out; give it outliers="inflate", or no gate'
             )
-            raise _WrongError("make", problem)
+            raise _MisuseError("make", problem)
         total, measured = 0.0, 0
         for given in self.runs:
             run = observer.run(state=state, **given)
             if "log_likelihood" not in run:
                 problem = f"returned a {type(observer).__name__}, which has no log_likelihood"
-                raise _WrongError("make", problem)
+                raise _MisuseError("make", problem)
             total += float(run["log_likelihood"].sum())
             measured += int(np.isfinite(np.asarray(given["y"], dtype=np.float64)).sum())
         if not measured:
-            raise _WrongError("records", "have no measurement")
+            raise _MisuseError("records", "have no measurement")
         self.measured = measured
         return -total if math.isfinite(total) else _WORST
 
@@ -345,18 +345,3 @@ def _step(likelihood: _Likelihood, place: Array, i: int, base: float) -> float:
             return step
         step = wider
     return step
-
-
-@contextmanager
-def _progress(budget: int) -> Iterator[Callable[[int, float], None]]:
-    """A line on standard error that is written again, if that is a terminal."""
-    seen = sys.stderr is not None and sys.stderr.isatty()
-
-    def tell(count: int, best: float) -> None:
-        if seen and count % 10 == 0:
-            line = f"\r{count} of at most {budget} runs, log-likelihood {best:.8g} "
-            print(line, end="", file=sys.stderr, flush=True)
-
-    yield tell
-    if seen:
-        print(file=sys.stderr)

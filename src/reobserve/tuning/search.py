@@ -200,7 +200,8 @@ def tune(
     objective = Objective(make, records, score, float(failed))
     history: list[Evaluation] = []
     reason = ""
-    with _Log(log, stated) as known, _mapping(workers) as mapped, _progress(budget) as tell:
+    shown_as = f"{{}} of {budget} evaluations, best score {{:.4g}}"
+    with _Log(log, stated) as known, _mapping(workers) as mapped, progress(shown_as) as tell:
 
         def batch(points: Iterable[Array]) -> list[float]:
             nonlocal reason
@@ -217,7 +218,7 @@ def tune(
                 history.append(Evaluation(len(history) + 1, value, best, settings, failures))
                 reason = why or reason
                 objectives.append(value)
-                tell(len(history), best)
+                tell(len(history), math.exp(best))
             return objectives
 
         with suppress(SpentError):
@@ -298,14 +299,16 @@ def _mapping(workers: int) -> Iterator[Callable[..., Iterable[Found]]]:
 
 
 @contextmanager
-def _progress(budget: int) -> Iterator[Callable[[int, float], None]]:
-    """A line on standard error that is written again, if that is a terminal."""
+def progress(line: str) -> Iterator[Callable[[int, float], None]]:
+    """A line on standard error that is written again, if that is a terminal.
+
+    ``line`` is a format of what has run and of the best value so far.
+    """
     seen = sys.stderr is not None and sys.stderr.isatty()
 
     def tell(count: int, best: float) -> None:
         if seen:
-            line = f"\r{count} of {budget} evaluations, best score {math.exp(best):.4g} "
-            print(line, end="", file=sys.stderr, flush=True)
+            print(f"\r{line.format(count, best)} ", end="", file=sys.stderr, flush=True)
 
     yield tell
     if seen:

@@ -113,9 +113,7 @@ class AugmentedKalmanDesign(FilterDesign):
     def observer(self) -> AugmentedKalmanFilter:
         """The filter."""
         system = self.system
-        E = system.fault_matrix
-        if E.ndim == 2 and len(E) == len(system.A):
-            E = system.sampled(E)[1]
+        E = system.sampled(system.fault_matrix)  # one of another shape is the observer's to refuse
         return AugmentedKalmanFilter(
             system.model, E, system.random_walk, system.output_fault_matrix, **rules(system)
         )

@@ -120,9 +120,7 @@ class FaultBankDesign(FilterDesign):
     def observer(self) -> FaultBank:
         """The bank."""
         system = self.system
-        E = system.fault_matrix
-        if E.ndim == 2 and len(E) == len(system.A):
-            E = system.sampled(E)[1]
+        E = system.sampled(system.fault_matrix)  # one of another shape is the observer's to refuse
         return FaultBank(
             system.model, E, system.drift, system.jump, system.jump_rate, system.jump_time,
             system.output_fault_matrix, **rules(system),

@@ -64,12 +64,12 @@ class LinearSystem(System):
         stated = self.initial_state
         return np.zeros(len(self.A)) if stated is None else np.array(stated, dtype=np.float64)
 
-    def sampled(self, effect: Array) -> tuple[Array, Array]:
-        """A of a sample, and what in a sample a matrix adds that enters x as B does."""
-        if self.time == "discrete":
-            return self.A, effect
-        # Ad = exp(A T), Bd = int_0^T exp(A s) ds B
-        return zero_order_hold(self.A, effect, self.sampling_period)
+    def sampled(self, effect: Array) -> Array:
+        """A matrix that enters x as B does, sampled, or as it is if its shape is another."""
+        if self.time == "discrete" or effect.ndim != 2 or len(effect) != len(self.A):
+            return effect
+        # int_0^T exp(A s) ds E
+        return zero_order_hold(self.A, effect, self.sampling_period)[1]
 
     @cached_property
     def model(self) -> LinearModel:
