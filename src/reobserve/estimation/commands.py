@@ -112,7 +112,7 @@ def estimate_file(
         check_replaceable(path)
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
-    file = File(data, Dialect.of(specification), specification.columns.time.format, block)
+    file = File(data, Dialect.of(specification), block)
     estimation = Estimation(specification, file.header(), str(data))
     curves = None if plot is None else Plot(estimation)
 
@@ -121,7 +121,9 @@ def estimate_file(
 
     with file.lines():
         try:
-            write_results(out, estimation.titles, _blocks(estimation, file, curves), about)
+            write_results(
+                out, estimation.titles, _blocks(estimation, file, curves), about, estimation.report
+            )
         except UnevenError as error:
             raise _over_all(error, estimation, file) from None
     if curves is not None and plot is not None:
@@ -134,8 +136,8 @@ def estimate_file(
 def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputError:
     """The same, with what the whole record says of the jitter and the sampling period."""
     layout, period = estimation.layout, estimation.specification.sampling.period
-    titles, dated = layout.titles[:1], layout.titles[0] if layout.dated else ""
-    times = (layout.conversions[0].of(block[:, 0]) for block in file.blocks(titles, dated))
+    blocks = file.blocks(layout.titles[:1], layout.clock)
+    times = (layout.conversions[0].of(block[:, 0]) for block in blocks)
     least, interval = least_jitter(times, period)
     if interval is not None:
         return InputError(
@@ -149,8 +151,7 @@ def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputEr
 def _blocks(estimation: Estimation, file: File, curves: Plot | None) -> Iterator[Estimated]:
     first_rows = estimation.first_rows = FirstRows()
     layout = estimation.layout
-    dated = layout.titles[0] if layout.dated else ""
-    for raw in file.blocks(layout.titles, dated, estimation.report):
+    for raw in file.blocks(layout.titles, layout.clock, estimation.report):
         block = estimation.feed(raw)
         if curves is not None:
             curves.add(block)
@@ -255,7 +256,7 @@ def _expected(specification: Specification) -> list[str]:
     """A header as the specification asks for it."""
     columns = specification.columns
     every = [one.column for one in (*columns.measurements, *columns.inputs)]
-    return [*([columns.time.column] if columns.time.column else []), *every]
+    return [*columns.time.columns, *every]
 
 
 def write_example(name: str, out: Path | None, record: Path | None) -> None:

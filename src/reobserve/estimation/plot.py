@@ -125,8 +125,10 @@ class Plot:
             self._grey(ax)
         if len(self.time):
             axes[-1].set_xlim(self.time[0], self.time[-1] if len(self.time) > 1 else None)
-        origin = self.estimation.report.origin
-        axes[-1].set_xlabel("time [s]" if origin is None else f"time after {spelled(origin)} [s]")
+        report = self.estimation.report
+        origin = report.origin
+        after = f"{report.shift} s" if report.shift else "" if origin is None else spelled(origin)
+        axes[-1].set_xlabel(f"time after {after} [s]" if after else "time [s]")
         figure.align_ylabels()
         return figure
 

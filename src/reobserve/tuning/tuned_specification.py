@@ -91,14 +91,17 @@ class TunedSpecification:
 
     def file(self, record: Path) -> File:
         """A record as the specification reads it."""
-        return File(record, Dialect.of(self.stated), self.stated.columns.time.format)
+        return File(record, Dialect.of(self.stated))
 
     def _cells(self, record: Path, *more: str) -> Array:
         layout = self.estimation({}, record).layout
-        dated = layout.titles[0] if layout.dated else ""
         wanted = [*layout.titles, *more]
         titles = list(dict.fromkeys(wanted))
-        blocks = list(self.file(record).blocks(titles, dated))
+        report = DataReport()
+        blocks = list(self.file(record).blocks(titles, layout.clock, report))
         if not blocks:
             raise InputError(str(record), "has no rows")
-        return np.concatenate(blocks)[:, [titles.index(one) for one in wanted]]
+        cells = np.concatenate(blocks)
+        if layout.clock is not None:  # as segments have it
+            cells[:, 0] += layout.clock.epoch(report)
+        return cells[:, [titles.index(one) for one in wanted]]
