@@ -20,12 +20,12 @@ from reobserve.estimation.dates import spelled
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
+from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter
 from reobserve.estimation.plot import Plot, check_plot
 from reobserve.estimation.reading import BLOCK, File
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
-from reobserve.estimation.timestamps import UnevenError, least_jitter
 from reobserve.estimation.writing import check_name, header, write_results
 
 
@@ -142,8 +142,8 @@ def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputEr
     if interval is not None:
         return InputError(
             "sampling.period",
-            f"{period:g} s disagrees with the timestamps of {file.path}, which go on by "
-            f"{interval:.6g} s on average",
+            f"{period:g} s disagrees with the timestamps of {file.path} ({RESAMPLING}), which go "
+            f"on by {interval:.6g} s on average",
         )
     return UnevenError(error.found, error.row, least, "the record")
 

@@ -233,7 +233,7 @@ def as_table(report: DataReport, period: float) -> str:
     if report.mean_interval is not None:
         text = f"{period:g} s, timestamps say {report.mean_interval:.6g} s on average"
         lines.append(("sampling period", text))
-        if report.jitter > 1e-9:
+        if 1e-9 < report.jitter < 0.5:  # of rows that have places
             lines.append(("largest jitter", f"{100 * report.jitter:.3g} % of a period"))
     for name, value in (
         ("samples lost", report.lost),

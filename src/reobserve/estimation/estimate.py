@@ -288,4 +288,5 @@ def _interpolation(
     if sampling.at_gap == "coast":
         hold = np.inf
     held = tuple(c >= measurements and holds for c in range(columns))
-    return Interpolation("linear" if even else sampling.uneven, reach, hold, held)
+    method, period = ("linear", 0.0) if even else (sampling.uneven, sampling.period)
+    return Interpolation(method, reach, hold, held, period)

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 _DRIFT, _DRIFT_IN_GAP = 1e-3, 1e-2  # of a clock, in periods a period
 
 
+RESAMPLING = "sampling.uneven: linear, previous or pchip resamples them"
+
+
 class UnevenError(RowError):
     """Timestamps that are farther from their places than ``sampling.jitter``.
 
@@ -43,8 +46,7 @@ class UnevenError(RowError):
         )  # fmt: skip
         super().__init__(
             "sampling.jitter",
-            f"{found}; {accepting}; if they are taken when their timestamps say, sampling.uneven: "
-            "linear, previous or pchip resamples them",
+            f"{found}; {accepting}; if they are taken when their timestamps say, {RESAMPLING}",
             row,
         )
 

@@ -11,7 +11,7 @@ from reobserve.core.errors import InputError
 from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import SECOND, of_nanoseconds, skipping_zone
-from reobserve.estimation.grid import UnevenError, least_jitter, placed
+from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter, placed
 from reobserve.estimation.specification import Sampling
 from reobserve.estimation.text_rows import RowError
 
@@ -24,6 +24,7 @@ MOST_SLOTS = 1_000_000  # in one gap
 _LOOKED_AT = 20  # intervals, before the period is checked
 _WRONG = 0.25  # how far their median may be off, which jitter moves by less
 _HOUR = 3600.0  # [s]
+_ROUNDING = 1e-6  # in periods
 
 
 @dataclass
@@ -80,6 +81,13 @@ class Timestamps:
         time = self.held_time[:held] + self.sampling.period * np.arange(held)
         report.repeated += max(held - 1, 0)
         found = self._taken(time, self.held_values[:held], report.rows - held)
+        median = float(np.median(self.begun)) if self.begun else np.inf
+        if self.sampling.uneven != "refuse" and median < self.sampling.period / 1.5:
+            report.warn(
+                f"time: rows every {median:.4g} s are resampled to one every "
+                f"{self.sampling.period:g} s without a low-pass filter, so faster oscillations "
+                "appear as slower ones"
+            )
         if report.repeated:
             what = "spread evenly" if spread else "left out"
             report.warn(
@@ -210,9 +218,10 @@ class Timestamps:
         ratio = median / period
         even = self.sampling.uneven == "refuse"
         if abs(ratio - 1.0) > _WRONG if even else not 0.1 <= ratio <= 10.0:
+            hint = f" ({RESAMPLING})" if even else ""
             raise InputError(
                 "sampling.period",
-                f"{period:g} s disagrees with the timestamps of {self.place}, which go on by "
+                f"{period:g} s disagrees with the timestamps of {self.place}{hint}, which go on by "
                 f"{median:.6g} s (the median of the first {len(self.begun)} intervals)",
             )
 
@@ -289,8 +298,8 @@ class Timestamps:
                 self._check_coast(count, end)
                 reach = min(float(known[at + 1]), end + self._most(count) * period)
                 parts.append(_times(origin, period, end, reach, False))
-                before = float(np.nextafter(known[at + 1], -np.inf))
-        return np.concatenate(parts)
+                before = float(known[at + 1]) - 2.0 * _ROUNDING * period
+        return _snapped(np.concatenate(parts), known, _ROUNDING * period)
 
 
 def _times(
@@ -300,8 +309,16 @@ def _times(
     first = 0 if after is None else int(np.floor((after - origin) / period)) - 1
     steps = np.arange(max(first, 0), int((last - origin) / period) + 2, dtype=np.float64)
     times = origin + period * steps
-    inside = times <= last if closed else times < last
+    inside = times <= last + _ROUNDING * period if closed else times < last - _ROUNDING * period
     if after is not None:
-        inside &= times > after
+        inside &= times > after + _ROUNDING * period
     found: Array = times[inside]
     return found
+
+
+def _snapped(times: Array, samples: Array, rounding: float) -> Array:
+    """Times, or the samples that they are equal to but for rounding."""
+    at = np.clip(np.searchsorted(samples, times), 1, max(len(samples) - 1, 1))
+    for near in (samples[at - 1], samples[np.minimum(at, len(samples) - 1)]):
+        times = np.where(np.abs(times - near) <= rounding, near, times)
+    return times

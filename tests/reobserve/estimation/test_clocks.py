@@ -319,3 +319,52 @@ def test_pause_is_not_filled_by_spreading(tmp_path: Path) -> None:
     report = estimated(stated, stamps, tmp_path)
     assert report.gaps == [[pytest.approx(1.9), 60.0]]
     assert report.last == pytest.approx(61.4)
+
+
+@pytest.mark.parametrize("method", ["linear", "pchip", "previous"])
+@pytest.mark.parametrize(
+    ("rate", "period"),
+    [(100, 0.03), (100, 1 / 33), (100, 0.01), (1000, 0.01), (30, 0.1), (48000, 1 / 44100)],
+)
+def test_resampled_rows_are_measured_at_any_ratio_of_rates(
+    method: str, rate: int, period: float, tmp_path: Path
+) -> None:
+    stamps = [repr(k / rate) for k in range(600)]
+    stated = chosen({"column": "t"}, period=period, uneven=method)
+    report = estimated(stated, stamps, tmp_path)
+    if period >= 1 / rate:
+        assert report.statuses == {"measured": int(599 / rate / period + 1e-6) + 1}
+    lower = period > 1.5 / rate
+    said = "are resampled to one every"
+    assert any(said in warning for warning in report.warnings) == lower
+
+
+@pytest.mark.parametrize("method", ["linear", "pchip"])
+def test_resampled_rows_in_a_gap_are_filled(method: str, tmp_path: Path) -> None:
+    """Of 100 rows at 100 Hz, those from 0.405 s to 0.605 s are lost."""
+    jitter = np.random.default_rng(2).uniform(-0.002, 0.002, 100)
+    stamps = [f"{0.01 * k + jitter[k]:.6f}" for k in range(100) if not 41 <= k <= 60]
+    stated = chosen({"column": "t"}, period=0.01, uneven=method, missing="interpolate", gap=0.5)
+    report = estimated(stated, stamps, tmp_path)
+    assert report.statuses["filled"] == 20
+    assert report.filled == {"y": 20}
+
+
+def test_rows_of_a_slower_sensor_are_filled_between_its_samples(tmp_path: Path) -> None:
+    stated = chosen({"column": "t"}, period=0.1, uneven="linear", missing="interpolate")
+    report = estimated(stated, [repr(0.5 * k) for k in range(20)], tmp_path)
+    assert report.statuses == {"measured": 20, "filled": 76}
+
+
+@pytest.mark.parametrize(("period", "rows"), [(0.1, 15), (0.1, 300)])
+def test_disagreeing_period_names_resampling(period: float, rows: int, tmp_path: Path) -> None:
+    """The timestamps of two sensors in one file."""
+    times = sorted(
+        [0.0057 + 0.1 * k for k in range(rows)] + [0.0223 + 0.3 * k for k in range(rows // 3)]
+    )
+    stamps = [f"{time:.4f}" for time in times]
+    said = r"sampling\.uneven: linear, previous or pchip resamples them"
+    with pytest.raises(InputError, match=said):
+        estimated(chosen({"column": "t"}, period=period), stamps, tmp_path)
+    stated = chosen({"column": "t"}, period=period, uneven="linear")
+    assert estimated(stated, stamps, tmp_path).statuses == {"measured": rows}
