@@ -101,7 +101,10 @@ def skipping_zone(before: datetime, after: datetime) -> str:
     if hour > after.replace(tzinfo=None) - timedelta(hours=1):
         return ""
     for name in _FORWARD:
-        zone = time_zone(name)
+        try:
+            zone = time_zone(name)
+        except ValueError:  # without a database of zones
+            continue
         first, second = (since_1970(hour.replace(tzinfo=zone, fold=fold)) for fold in (0, 1))
         if first > second:
             return name

@@ -79,7 +79,7 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
     InputError
         If the file cannot be written.
     """
-    gaps, values, stamps = estimation.gaps, estimation.interpolation, estimation.timestamps
+    gaps, values, clock = estimation.gaps, estimation.interpolation, estimation.timestamps
     tree = {
         "format": "reobserve estimate state",
         "schema": SCHEMA,
@@ -88,10 +88,10 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
         "observer": _plain(estimation.state),
         "timestamps": _plain(
             _Timestamps(
-                stamps.begun,
-                stamps.grid.tolist(),
-                stamps.held_time.tolist(),
-                stamps.held_values.tolist(),
+                clock.begun,
+                clock.grid.tolist(),
+                clock.held_time.tolist(),
+                clock.held_values.tolist(),
             )
         ),
         "gaps": _plain(_Gaps(gaps.last, gaps.started, gaps.in_gap)),

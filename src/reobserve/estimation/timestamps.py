@@ -1,4 +1,4 @@
-"""Timestamps: the times at which there is to be a sample; rows that are lost or repeated."""
+"""Times at which there is to be a sample, and rows that are lost or repeated, by timestamps."""
 
 from __future__ import annotations
 

@@ -36,11 +36,11 @@ def chosen(time: dict[str, Any], **sampling: Any) -> Specification:
 
 
 def estimated(
-    stated: Specification, stamps: list[str], tmp_path: Path, titles: str = "t"
+    stated: Specification, times: list[str], tmp_path: Path, titles: str = "t"
 ) -> DataReport:
     """The report on a file, whose results a stream must have too, however often it is resumed."""
     record = tmp_path / "r.csv"
-    lines = [f"{stamp},{np.sin(0.1 * k):.6f}\n" for k, stamp in enumerate(stamps)]
+    lines = [f"{stamp},{np.sin(0.1 * k):.6f}\n" for k, stamp in enumerate(times)]
     record.write_text(f"{titles},y\n" + "".join(lines))
     made = estimate_file(stated, record, tmp_path / "e.csv", block=500)
     expected = (tmp_path / "e.csv").read_text()
@@ -79,9 +79,9 @@ CHANGES = {
 def test_clock_changes_lose_no_row(change: str, step: float, tmp_path: Path) -> None:
     zone, start = CHANGES[change]
     rows = int(4 * 3600 / step)
-    stamps = local(zone, start, step, rows)
+    times = local(zone, start, step, rows)
     stated = chosen({"column": "t", "unit": "iso8601", "zone": zone}, period=step)
-    report = estimated(stated, stamps, tmp_path)
+    report = estimated(stated, times, tmp_path)
     assert (report.statuses, report.lost) == ({"measured": rows}, 0)
     assert not any("occur twice" in warning for warning in report.warnings)
     assert report.origin == start.replace(tzinfo=UTC).timestamp()
@@ -89,16 +89,16 @@ def test_clock_changes_lose_no_row(change: str, step: float, tmp_path: Path) -> 
 
 
 def test_hourly_times_stand_still_in_autumn(tmp_path: Path) -> None:
-    stamps = local("Europe/Berlin", datetime(2024, 10, 26, 20), 3600.0, 12)
-    assert stamps[4] == stamps[5] == "2024-10-27 02:00:00"
+    times = local("Europe/Berlin", datetime(2024, 10, 26, 20), 3600.0, 12)
+    assert times[4] == times[5] == "2024-10-27 02:00:00"
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "Europe/Berlin"}, period=3600)
-    assert estimated(stated, stamps, tmp_path).statuses == {"measured": 12}
+    assert estimated(stated, times, tmp_path).statuses == {"measured": 12}
 
 
 def test_record_that_begins_in_the_hour_that_occurs_twice_is_warned_of(tmp_path: Path) -> None:
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "Europe/Berlin"}, period=600)
-    stamps = local("Europe/Berlin", datetime(2024, 10, 27, 0, 10), 600.0, 20)
-    report = estimated(stated, stamps, tmp_path)
+    times = local("Europe/Berlin", datetime(2024, 10, 27, 0, 10), 600.0, 20)
+    report = estimated(stated, times, tmp_path)
     assert report.statuses == {"measured": 20}
     assert report.warnings[:1] == [
         "in Europe/Berlin, times about 2024-10-27 02:00 occur twice, and the record does not say "
@@ -108,10 +108,10 @@ def test_record_that_begins_in_the_hour_that_occurs_twice_is_warned_of(tmp_path:
 
 def test_time_that_clocks_skip_is_refused(tmp_path: Path) -> None:
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "Europe/Berlin"}, period=600)
-    stamps = [f"2024-03-31 01:{10 * k}:00" for k in range(1, 6)] + ["2024-03-31 02:00:00"]
+    times = [f"2024-03-31 01:{10 * k}:00" for k in range(1, 6)] + ["2024-03-31 02:00:00"]
     said = r"t: row 6 is '2024-03-31 02:00:00', which clocks in Europe/Berlin skip"
     with pytest.raises(InputError, match=said):
-        estimated(stated, stamps, tmp_path)
+        estimated(stated, times, tmp_path)
 
 
 @pytest.mark.parametrize("zone", ["Europe/Berlin", "Europe/London", "America/New_York"])
@@ -122,40 +122,40 @@ def test_missing_hour_asks_for_the_zone(zone: str, step: float, tmp_path: Path) 
     ) else CHANGES["spring"][1]  # fmt: skip
     rows = max(int(3 * 3600 / step), 6)
     start = start.replace(minute=0) - timedelta(hours=1 if step == 3600.0 else 0)
-    stamps = local(zone, start, step, rows)
+    times = local(zone, start, step, rows)
     policies = {"period": step, "missing": "skip", "at_gap": "coast", "gap": 2 * 3600}
     said = rf"columns.time.zone: is missing: row \d+ .* an hour late, .* forward in {zone}; state"
     with pytest.raises(InputError, match=said):
-        estimated(chosen({"column": "t", "unit": "iso8601"}, **policies), stamps, tmp_path)
+        estimated(chosen({"column": "t", "unit": "iso8601"}, **policies), times, tmp_path)
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "UTC"}, **policies)
-    assert estimated(stated, stamps, tmp_path).statuses["predicted"] == round(3600 / step)
+    assert estimated(stated, times, tmp_path).statuses["predicted"] == round(3600 / step)
     stated = chosen({"column": "t", "unit": "iso8601", "zone": zone}, **policies)
-    assert estimated(stated, stamps, tmp_path).statuses == {"measured": rows}
+    assert estimated(stated, times, tmp_path).statuses == {"measured": rows}
 
 
 def test_other_missing_hours_are_gaps(tmp_path: Path) -> None:
-    stamps = local("UTC", datetime(2024, 3, 31, 0), 300.0, 24)
-    stamps += local("UTC", datetime(2024, 3, 31, 6), 300.0, 24)[:-1]
+    times = local("UTC", datetime(2024, 3, 31, 0), 300.0, 24)
+    times += local("UTC", datetime(2024, 3, 31, 6), 300.0, 24)[:-1]
     again = [
-        *stamps[:24],
+        *times[:24],
         *local("UTC", datetime(2024, 3, 31, 2, 55) + timedelta(hours=1), 300.0, 9),
     ]
     policies = {"period": 300, "missing": "skip", "gap": 86400}
-    report = estimated(chosen({"column": "t", "unit": "iso8601"}, **policies), stamps, tmp_path)
+    report = estimated(chosen({"column": "t", "unit": "iso8601"}, **policies), times, tmp_path)
     assert report.statuses["predicted"] == 48
     report = estimated(chosen({"column": "t", "unit": "iso8601"}, **policies), again, tmp_path)
     assert report.statuses["predicted"] == 23
 
 
 def test_zone_may_be_an_offset_and_gives_way_to_one_in_the_cell(tmp_path: Path) -> None:
-    stamps = [f"2024-03-31 02:0{k}:00" for k in range(8)]
+    times = [f"2024-03-31 02:0{k}:00" for k in range(8)]
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "+01:00"}, period=60)
     assert (
-        estimated(stated, stamps, tmp_path).origin
+        estimated(stated, times, tmp_path).origin
         == datetime(2024, 3, 31, 1, tzinfo=UTC).timestamp()
     )
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "Europe/Berlin"}, period=60)
-    report = estimated(stated, [f"{stamp}-05:00" for stamp in stamps], tmp_path)
+    report = estimated(stated, [f"{stamp}-05:00" for stamp in times], tmp_path)
     assert report.origin == datetime(2024, 3, 31, 7, tzinfo=UTC).timestamp()
 
 
@@ -175,8 +175,8 @@ def test_zone_is_for_dates(tmp_path: Path) -> None:
 
 def test_format_may_have_an_offset(tmp_path: Path) -> None:
     time = {"column": "t", "format": "%d.%m.%Y %H:%M:%S %z", "zone": "America/New_York"}
-    stamps = [f"14.03.2024 10:00:{k:02d} {'+0100' if k % 2 else '+01:00'}" for k in range(30)]
-    report = estimated(chosen(time, period=1), stamps, tmp_path)
+    times = [f"14.03.2024 10:00:{k:02d} {'+0100' if k % 2 else '+01:00'}" for k in range(30)]
+    report = estimated(chosen(time, period=1), times, tmp_path)
     assert report.origin == datetime(2024, 3, 14, 9, tzinfo=UTC).timestamp()
     check_format("format", "%Y-%m-%dT%H:%M:%S.%f%z")
     assert time_zone("+05:30").utcoffset(None) == timedelta(hours=5.5)
@@ -185,9 +185,9 @@ def test_format_may_have_an_offset(tmp_path: Path) -> None:
 @pytest.mark.parametrize("form", ["", "%d.%m.%Y", "%Y%m%d"])
 def test_dates_of_days_are_read(form: str, tmp_path: Path) -> None:
     days = [date(2024, 2, 1) + timedelta(days=k) for k in range(60)]
-    stamps = [day.strftime(form or "%Y-%m-%d") for day in days]
+    times = [day.strftime(form or "%Y-%m-%d") for day in days]
     time = {"column": "t", "format": form} if form else {"column": "t", "unit": "iso8601"}
-    report = estimated(chosen(time, period=86400), stamps, tmp_path)
+    report = estimated(chosen(time, period=86400), times, tmp_path)
     assert report.statuses == {"measured": 60}
     parquet.write_table(pa.table({"t": days, "y": np.zeros(60)}), tmp_path / "r.parquet")
     made = estimate_file(
@@ -200,9 +200,9 @@ def test_dates_of_days_are_read(form: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("change", ["spring", "autumn"])
 def test_parquet_dates_without_an_offset_have_the_zone(change: str, tmp_path: Path) -> None:
     zone, start = CHANGES[change]
-    stamps = [datetime.fromisoformat(stamp) for stamp in local(zone, start, 600.0, 24)]
+    times = [datetime.fromisoformat(stamp) for stamp in local(zone, start, 600.0, 24)]
     parquet.write_table(
-        pa.table({"t": pa.array(stamps, pa.timestamp("ns")), "y": np.zeros(24)}),
+        pa.table({"t": pa.array(times, pa.timestamp("ns")), "y": np.zeros(24)}),
         tmp_path / "r.parquet",
     )
     stated = chosen({"column": "t", "unit": "iso8601", "zone": zone}, period=600)
@@ -214,14 +214,14 @@ def test_parquet_dates_without_an_offset_have_the_zone(change: str, tmp_path: Pa
 def test_date_and_time_may_be_in_two_columns(form: str, tmp_path: Path) -> None:
     start = datetime(2023, 12, 10, 23, 55)
     moments = [start + timedelta(minutes=k) for k in range(20) if k not in (7, 8)]
-    stamps = [m.strftime("%d.%m.%Y,%H:%M:%S" if form else "%Y-%m-%d,%H:%M:%S") for m in moments]
+    times = [m.strftime("%d.%m.%Y,%H:%M:%S" if form else "%Y-%m-%d,%H:%M:%S") for m in moments]
     time = {"column": ["Date", "Time"], "format": form, "unit": "" if form else "iso8601"}
     stated = chosen(time, period=60, missing="skip")
-    report = estimated(stated, stamps, tmp_path, "Date,Time")
+    report = estimated(stated, times, tmp_path, "Date,Time")
     assert report.statuses == {"measured": 18, "predicted": 2}
     stated = chosen(time, period=60, missing="skip", uneven="previous")
     report = estimated(
-        stated, [*stamps[:-1], f"{stamps[-1].partition(',')[0]},"], tmp_path, "Date,Time"
+        stated, [*times[:-1], f"{times[-1].partition(',')[0]},"], tmp_path, "Date,Time"
     )
     assert report.unstamped == 1
 
@@ -246,7 +246,7 @@ def test_two_columns_are_for_dates(tmp_path: Path) -> None:
 def test_epochs_of_any_rate_are_those_from_zero(
     unit: str, ticks: float, rate: int, tmp_path: Path
 ) -> None:
-    def stamps(second: int) -> list[str]:
+    def times(second: int) -> list[str]:
         if unit == "s":
             return [f"{second}.{100 * k:06d}" for k in range(50)]
         if unit == "day":
@@ -254,9 +254,9 @@ def test_epochs_of_any_rate_are_those_from_zero(
         return [str(second * int(ticks) + round(k * ticks / rate)) for k in range(50)]
 
     stated = chosen({"column": "t", "unit": unit}, period=1.0 / rate)
-    estimated(stated, stamps(0), tmp_path)
+    estimated(stated, times(0), tmp_path)
     expected = [line.split(",") for line in (tmp_path / "e.csv").read_text().splitlines()[1:]]
-    report = estimated(stated, stamps(1774745996 if unit != "day" else 86400 * 45000), tmp_path)
+    report = estimated(stated, times(1774745996 if unit != "day" else 86400 * 45000), tmp_path)
     found = [line.split(",") for line in (tmp_path / "e.csv").read_text().splitlines()[1:]]
     assert report.statuses == {"measured": 50}
     if unit == "day":  # which has digits for a hundredth of a period
@@ -270,8 +270,8 @@ def test_epochs_of_any_rate_are_those_from_zero(
 
 
 def test_epochs_in_parquet_keep_their_digits(tmp_path: Path) -> None:
-    stamps = 1774745996 * 10**9 + 100 * np.arange(50)
-    parquet.write_table(pa.table({"t": stamps, "y": np.zeros(50)}), tmp_path / "r.parquet")
+    times = 1774745996 * 10**9 + 100 * np.arange(50)
+    parquet.write_table(pa.table({"t": times, "y": np.zeros(50)}), tmp_path / "r.parquet")
     stated = chosen({"column": "t", "unit": "ns"}, period=1e-7)
     made = estimate_file(
         stated, tmp_path / "r.parquet", tmp_path / "e.csv", report=tmp_path / "j.json"
@@ -312,11 +312,11 @@ def test_repeated_timestamps_are_refused_or_left_out_by_policy(tmp_path: Path) -
 
 def test_pause_is_not_filled_by_spreading(tmp_path: Path) -> None:
     """Nor are rows put closer together than they were taken."""
-    stamps = [*["0"] * 10, *["1"] * 10, *["60"] * 10, *["61"] * 5]
+    times = [*["0"] * 10, *["1"] * 10, *["60"] * 10, *["61"] * 5]
     stated = chosen(
         {"column": "t"}, period=0.1, repeated="spread", missing="skip", at_gap="restart"
     )
-    report = estimated(stated, stamps, tmp_path)
+    report = estimated(stated, times, tmp_path)
     assert report.gaps == [[pytest.approx(1.9), 60.0]]
     assert report.last == pytest.approx(61.4)
 
@@ -329,9 +329,9 @@ def test_pause_is_not_filled_by_spreading(tmp_path: Path) -> None:
 def test_resampled_rows_are_measured_at_any_ratio_of_rates(
     method: str, rate: int, period: float, tmp_path: Path
 ) -> None:
-    stamps = [repr(k / rate) for k in range(600)]
+    times = [repr(k / rate) for k in range(600)]
     stated = chosen({"column": "t"}, period=period, uneven=method)
-    report = estimated(stated, stamps, tmp_path)
+    report = estimated(stated, times, tmp_path)
     if period >= 1 / rate:
         assert report.statuses == {"measured": int(599 / rate / period + 1e-6) + 1}
     lower = period > 1.5 / rate
@@ -343,9 +343,9 @@ def test_resampled_rows_are_measured_at_any_ratio_of_rates(
 def test_resampled_rows_in_a_gap_are_filled(method: str, tmp_path: Path) -> None:
     """Of 100 rows at 100 Hz, those from 0.405 s to 0.605 s are lost."""
     jitter = np.random.default_rng(2).uniform(-0.002, 0.002, 100)
-    stamps = [f"{0.01 * k + jitter[k]:.6f}" for k in range(100) if not 41 <= k <= 60]
+    times = [f"{0.01 * k + jitter[k]:.6f}" for k in range(100) if not 41 <= k <= 60]
     stated = chosen({"column": "t"}, period=0.01, uneven=method, missing="interpolate", gap=0.5)
-    report = estimated(stated, stamps, tmp_path)
+    report = estimated(stated, times, tmp_path)
     assert report.statuses["filled"] == 20
     assert report.filled == {"y": 20}
 
@@ -362,9 +362,9 @@ def test_disagreeing_period_names_resampling(period: float, rows: int, tmp_path:
     times = sorted(
         [0.0057 + 0.1 * k for k in range(rows)] + [0.0223 + 0.3 * k for k in range(rows // 3)]
     )
-    stamps = [f"{time:.4f}" for time in times]
+    times = [f"{time:.4f}" for time in times]
     said = r"sampling\.uneven: linear, previous or pchip resamples them"
     with pytest.raises(InputError, match=said):
-        estimated(chosen({"column": "t"}, period=period), stamps, tmp_path)
+        estimated(chosen({"column": "t"}, period=period), times, tmp_path)
     stated = chosen({"column": "t"}, period=period, uneven="linear")
-    assert estimated(stated, stamps, tmp_path).statuses == {"measured": rows}
+    assert estimated(stated, times, tmp_path).statuses == {"measured": rows}
