@@ -264,7 +264,7 @@ class TextRows:
                 hint = "; if the line states units, file.below_header: [units] reads it"
                 if self.dialect.file.names:
                     hint = f"; if the line is a header, file.skip: {self.line} leaves it out"
-            elif not hint:
+            elif not (hint or (digit and isinstance(error, InputError))):
                 hint = "; if it means a missing value, state it in file.missing_values"
         return InputError(self.place, problem + hint)
 

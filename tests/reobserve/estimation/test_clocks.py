@@ -109,7 +109,7 @@ def test_record_that_begins_in_the_hour_that_occurs_twice_is_warned_of(tmp_path:
 def test_time_that_clocks_skip_is_refused(tmp_path: Path) -> None:
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "Europe/Berlin"}, period=600)
     times = [f"2024-03-31 01:{10 * k}:00" for k in range(1, 6)] + ["2024-03-31 02:00:00"]
-    said = r"t: row 6 is '2024-03-31 02:00:00', which clocks in Europe/Berlin skip"
+    said = r"line 7 of column 't' is '2024-03-31 02:00:00', which clocks in Europe/Berlin skip$"
     with pytest.raises(InputError, match=said):
         estimated(stated, times, tmp_path)
 
@@ -124,7 +124,7 @@ def test_missing_hour_asks_for_the_zone(zone: str, step: float, tmp_path: Path) 
     start = start.replace(minute=0) - timedelta(hours=1 if step == 3600.0 else 0)
     times = local(zone, start, step, rows)
     policies = {"period": step, "missing": "skip", "at_gap": "coast", "gap": 2 * 3600}
-    said = rf"columns.time.zone: is missing: row \d+ .* an hour late, .* forward in {zone}; state"
+    said = rf"columns.time.zone: is missing: line \d+ .* an hour late, .* forward in {zone}; state"
     with pytest.raises(InputError, match=said):
         estimated(chosen({"column": "t", "unit": "iso8601"}, **policies), times, tmp_path)
     stated = chosen({"column": "t", "unit": "iso8601", "zone": "UTC"}, **policies)
