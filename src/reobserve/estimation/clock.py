@@ -19,7 +19,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import SECOND, moment, since_1970, time_zone
+from reobserve.estimation.dates import SECOND, moment, offset_of, since_1970, time_zone
 from reobserve.estimation.quantities import Conversion
 
 _LARGE = 1e6  # [s], of which seconds have 10 digits behind the point
@@ -78,7 +78,12 @@ class Dates:
     def nanoseconds(self, text: str, report: DataReport) -> int:
         """Nanoseconds since 1970 of a date (raises ValueError if it is none)."""
         date = moment(text, self.format)
-        return since_1970(date) if date.tzinfo is not None else self.local(date, report)
+        if date.tzinfo is None:
+            return self.local(date, report)
+        if report.origin is None:
+            offset = offset_of(date)
+            report.zone = self.zone or (offset if len(offset) == 6 and date.utcoffset() else "UTC")
+        return since_1970(date)
 
     def local(self, date: datetime, report: DataReport) -> int:
         """Nanoseconds since 1970 of a date without an offset, after the rows of the report.
@@ -91,6 +96,7 @@ class Dates:
         if not self.zone:
             self.floating = True
             return since_1970(date.replace(tzinfo=UTC))
+        report.zone = self.zone
         zone = time_zone(self.zone)
         first, second = (since_1970(date.replace(tzinfo=zone, fold=fold)) for fold in (0, 1))
         if first == second:

@@ -15,8 +15,7 @@ from typing import Any
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, check_replaceable, write_text
 from reobserve.estimation import state_file
-from reobserve.estimation.data_report import DataReport, as_json, as_table
-from reobserve.estimation.dates import spelled
+from reobserve.estimation.data_report import as_json, as_table
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
@@ -216,10 +215,8 @@ def estimate_stream(
                 coming = iter(lines)
         else:
             _put(header(estimation.titles))
-        dated = False
         for line in coming:
             _put(rows.read(line))
-            dated = dated or _tell_origin(estimation.report)
         rows.rows.finish()
         if state is not None:
             rows.settle()
@@ -237,14 +234,6 @@ def _check_not_smoothed(specification: Specification) -> None:
     if specification.smooth:
         problem = "true is for whole records, as each estimate takes the rows after it, too; with "
         raise InputError("smooth", f"{problem}--stream and --follow it must be false")
-
-
-def _tell_origin(report: DataReport) -> bool:
-    """Report the origin of time once it is known: who reads along must be able to date rows."""
-    if report.origin is None:
-        return False
-    print(f"reobserve: time counts from {spelled(report.origin)}", file=sys.stderr, flush=True)
-    return True
 
 
 def _put(lines: str) -> None:

@@ -132,12 +132,19 @@ def check_format(place: str, form: str) -> None:
         raise InputError(place, f"{shown(form)} {problem}")
 
 
-def moment_spelled(timestamp: int) -> str:
-    """A number of nanoseconds since 1970 as ISO 8601 has it, in UTC, without zeros at its end."""
-    text = of_nanoseconds(timestamp).strftime("%Y-%m-%dT%H:%M:%S.%f").rstrip("0").rstrip(".")
-    return f"{text}Z"
+def spelled(timestamp: int, zone: str = "UTC", digits: int | None = None) -> str:
+    """Nanoseconds since 1970 as ISO 8601 has them, by clocks of a zone, of none without an offset.
+
+    Of seconds there are 0, 6 or 9 ``digits`` behind the point, or as many as there are not zero.
+    """
+    date = of_nanoseconds(timestamp)
+    date = date.astimezone(time_zone(zone)) if zone else date.replace(tzinfo=None)
+    fraction = f".{timestamp % SECOND:09d}"
+    fraction = fraction.rstrip("0").rstrip(".") if digits is None else fraction[: digits + 1]
+    offset = "Z" if zone == "UTC" else offset_of(date)
+    return date.isoformat()[:19] + ("" if digits == 0 else fraction) + offset
 
 
-def spelled(origin: int) -> str:
-    """A number of seconds since 1970 as ISO 8601 has it."""
-    return (_EPOCH + timedelta(seconds=origin)).strftime("%Y-%m-%dT%H:%M:%SZ")
+def offset_of(date: datetime) -> str:
+    """The offset of a date, such as +02:00, or nothing."""
+    return date.isoformat()[19:].lstrip(".0123456789")

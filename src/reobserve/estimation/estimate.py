@@ -77,7 +77,7 @@ class Estimation:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
         self.whole = _whole(self.observer) if specification.smooth else None
-        self.report = DataReport()
+        self.report = DataReport(period)
         clock = self.layout.clock
         self.timestamps = Timestamps(
             sampling, self.report, place, None if clock is None else clock.dates
@@ -239,7 +239,8 @@ class Estimation:
     def titles(self) -> list[str]:
         """Titles of the results: time, estimates, residuals, alarms, status."""
         columns = [column.title for column in self.outputs.columns]
-        return ["time [s]", *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
+        time = "time" if self.layout.dated else "time [s]"
+        return [time, *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
 
 
 def _concatenated(parts: list[Estimated]) -> Estimated:

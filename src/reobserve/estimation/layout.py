@@ -49,6 +49,11 @@ class Layout:
     clock: Clock | None = None
     periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
 
+    @property
+    def dated(self) -> bool:
+        """True if timestamps are dates."""
+        return self.clock is not None and self.clock.dates is not None
+
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
 

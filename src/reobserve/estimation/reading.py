@@ -326,6 +326,7 @@ def _dates_of(column: Any, dates: Dates, report: DataReport) -> Array:
             timestamps[k] = dates.local(date, report) + timestamps[k] % 1000
             report.latest = int(timestamps[k]) // 1000
     dates.floating = dates.floating or (floating and not dates.zone)
+    report.zone = dates.zone or ("" if floating else str(column.type.tz))
     report.clock(int(timestamps[known.argmax()]))
     report.latest = int(timestamps[known][-1]) // 1000
     assert report.origin is not None

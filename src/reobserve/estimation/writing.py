@@ -113,16 +113,22 @@ def _parquet(
     import pyarrow as pa
     import pyarrow.parquet as parquet
 
-    kinds = [pa.float64()] * (len(titles) - 1) + [pa.string()]
-    schema = pa.schema(list(zip(titles, kinds, strict=True)))
-    with parquet.ParquetWriter(partial, schema) as writer:
+    with ExitStack() as open_files:
+        writer: Any = None
         for block in blocks:
-            numbers = np.column_stack(
-                [block.time + (report.shift or 0), block.numbers, block.alarms]
-            )
-            columns: list[Any] = [
-                pa.array(numbers[:, c], from_pandas=True) for c in range(numbers.shape[1])
-            ]
-            columns.append(pa.array([STATUSES[code] for code in block.status], pa.string()))
-            writer.write_table(pa.Table.from_arrays(columns, schema=schema))
+            kinds = [pa.float64()] * (len(titles) - 1) + [pa.string()]
+            if report.origin is None:
+                time = pa.array(block.time + (report.shift or 0))
+            else:
+                kinds[0] = pa.timestamp("us" if report.digits == 6 else "ns", report.zone or None)
+                unit = 1000 if report.digits == 6 else 1
+                dates = [report.nanoseconds(one) // unit for one in block.time.tolist()]
+                time = pa.array(dates, kinds[0])
+            schema = pa.schema(list(zip(titles, kinds, strict=True)))
+            if writer is None:  # as the first rows say what times are
+                writer = open_files.enter_context(parquet.ParquetWriter(partial, schema))
+            numbers = np.column_stack([block.numbers, block.alarms])
+            columns = [pa.array(column, from_pandas=True) for column in numbers.T]
+            status = pa.array([STATUSES[code] for code in block.status], pa.string())
+            writer.write_table(pa.Table.from_arrays([time, *columns, status], schema=schema))
         writer.add_key_value_metadata({KEY: json.dumps(about()).encode()})
