@@ -12,6 +12,7 @@ one is meant:
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
@@ -19,7 +20,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import SECOND, moment, offset_of, since_1970, time_zone
+from reobserve.estimation.dates import SECOND, moment, offset_of, since_1970, spelled, time_zone
 from reobserve.estimation.quantities import Conversion
 
 _LARGE = 1e6  # [s], of which seconds have 10 digits behind the point
@@ -84,6 +85,26 @@ class Dates:
             offset = offset_of(date)
             report.zone = self.zone or (offset if len(offset) == 6 and date.utcoffset() else "UTC")
         return since_1970(date)
+
+    def at(self, place: str, stated: float | str, report: DataReport) -> float:
+        """The time [s] of the record at a stated date, or a number of seconds after its beginning.
+
+        Raises
+        ------
+        InputError
+            If a text spells no date by ISO 8601 or the format, at ``place``.
+        """
+        if not isinstance(stated, str):
+            return stated
+        for form in dict.fromkeys([self.format, ""]):
+            with suppress(ValueError):
+                date = moment(stated, form)
+                zone = time_zone(self.zone or "UTC")
+                return report.since_origin(since_1970(
+                    date if date.tzinfo is not None else date.replace(tzinfo=zone)
+                ))  # fmt: skip
+        problem = f"{shown(stated)} must be a date, as {spelled(0, report.zone)}, or seconds"
+        raise InputError(place, problem)
 
     def local(self, date: datetime, report: DataReport) -> int:
         """Nanoseconds since 1970 of a date without an offset, after the rows of the report.
