@@ -77,7 +77,7 @@ class Estimation:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
         self.whole = _whole(self.observer) if specification.smooth else None
-        self.report = DataReport(period)
+        self.report = DataReport(period=period)
         clock = self.layout.clock
         self.timestamps = Timestamps(
             sampling, self.report, place, None if clock is None else clock.dates

@@ -29,6 +29,14 @@ _COMMA = re.compile(r"(.*[^\s,])\s*,\s*([^\s,].*)")
 _STROKE = re.compile(r"([^/]*[^\s/])\s*/\s*([^\s/].*)")
 
 
+class ColumnsError(InputError):
+    """All ``problems`` of the columns of a record, of which the first one is the message."""
+
+    def __init__(self, problems: Sequence[InputError]) -> None:
+        self.problems = problems
+        super().__init__(problems[0].parameter, problems[0].problem)
+
+
 @dataclass(frozen=True)
 class Layout:
     """The columns to read, time first if there is one, then y, then u.
@@ -128,14 +136,23 @@ def lay_out(
             raise InputError(f"columns.{what}", problem)
         for k, column in enumerate(given):
             wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
+    parts, problems, clock = [], [], None
+    for at, column, fixed in wanted:
+        try:
+            parts.append(find_column(at, column, fixed, header, place))
+        except InputError as error:
+            problems.append(error)
     try:
-        parts = [find_column(at, column, fixed, header, place) for at, column, fixed in wanted]
+        clock = _clock(columns.time, header, place, period)
     except InputError as error:
-        if any(_matches(name, header) for name in _names(columns)) or "did you" in error.problem:
-            raise
-        raise InputError(error.parameter, error.problem + _no_header(header)) from None
+        problems.append(error)
+    if problems:
+        first = problems[0]
+        known = any(_matches(name, header) for name in _names(columns))
+        if not known and "did you" not in first.problem:
+            problems = [InputError(first.parameter, first.problem + _no_header(header))]
+        raise ColumnsError(problems)
     every = [column for _, column, _ in wanted]
-    clock = _clock(columns.time, header, place, period)
     if clock is not None:
         parts.insert(0, (clock.titles[0], clock.way, "s"))
         every.insert(0, Column(clock.titles[0]))

@@ -57,7 +57,7 @@ class File:
         return self.path.suffix.lower()
 
     @property
-    def _columnar(self) -> bool:
+    def columnar(self) -> bool:
         return self._ending == ".parquet"
 
     def header(self) -> list[str]:
@@ -69,7 +69,7 @@ class File:
             If the file cannot be read or has none.
         """
         with self._located():
-            if self._columnar:
+            if self.columnar:
                 import pyarrow.parquet as parquet
 
                 return [str(name) for name in parquet.ParquetFile(self.path).schema_arrow.names]
@@ -94,7 +94,7 @@ class File:
         """
         report = report or DataReport()
         with self._located():
-            if not self._columnar:
+            if not self.columnar:
                 yield from self._of_text(columns, clock, report)
                 return
             rows = 0
@@ -191,9 +191,9 @@ class File:
     def _texts(self, above: int, block: int) -> Iterator[tuple[int, str]]:
         """Whole lines but the first ones ``above``, some at a time, and how many precede them."""
         number, rest = 0, ""
-        with self._bytes() as stream:
+        with self.opened() as stream:
             codec, errors = self.dialect.codec(stream.read(2))
-        with io.TextIOWrapper(self._bytes(), codec, errors, newline="") as stream:
+        with io.TextIOWrapper(self.opened(), codec, errors, newline="") as stream:
             while chunk := stream.read(block):
                 text = rest + chunk
                 end = text.rfind("\n") + 1
@@ -210,7 +210,7 @@ class File:
             if rest and number >= above:
                 yield number, rest
 
-    def _bytes(self) -> Any:
+    def opened(self) -> Any:
         import pyarrow as pa
 
         gzipped = self._ending == ".gz"
@@ -218,7 +218,7 @@ class File:
 
     def line_of(self, row: int) -> int | None:
         """The line of a row in the file, both from 1 on, or None in a Parquet file."""
-        if self._columnar:
+        if self.columnar:
             return None
         head = self._head()
         rows = self._rows(head, (), None, DataReport())
