@@ -27,7 +27,7 @@ from reobserve.estimation.estimate import Estimation
 
 Array = NDArray[np.float64]
 
-SCHEMA = 7
+SCHEMA = 8
 _VALUES = 5_000_000
 _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON has none of them
 
@@ -58,7 +58,7 @@ class _State:
     """A state file. ``offset`` is the byte up to which a file was read."""
 
     format: Literal["reobserve estimate state"]
-    schema: Literal[7]
+    schema: Literal[8]
     specification: str
     offset: Annotated[int, within(0, 2**53)] | None
     observer: Any
