@@ -80,30 +80,24 @@ class Alarm:
         """
         found, values = report.alarms[self.name], numbers[:, self.column]
         sigmas = self._sigmas(numbers, estimates)
-        stated = isinstance(self.rule, StatedThreshold)
         predicted = None if self.residual is None or found.sigmas is not None else sigmas
-        grown = np.ones(len(values)) if predicted is None else _grown(values, predicted, found)
-        if not stated:
-            self._learn(time, np.where(grown > 1.0, np.nan, values), found)
-            if found.threshold is not None and found.learned < FEW:
-                report.warn(
-                    f"alarm {self.name}: its threshold is learned from {found.learned} values, "
-                    f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
-                )
-        excess = _excess(values, grown, found)
+        grown = None if predicted is None else _grown(values, predicted, found)
+        ready = self._learned(time, values, grown, report)
+        excess = _excess(values, 1.0 if grown is None else grown, found)
         margin = 0.0 if found.sigmas is None or sigmas is None else found.sigmas * sigmas
         raised = (excess > margin).astype(np.float64)
-        if predicted is not None and (grown > 1.0).any():
-            alike = _excess(values, np.ones(len(values)), found) > 0.0
+        if grown is not None:
+            alike = _excess(values, 1.0, found) > 0.0
             found.after_gap += int(np.count_nonzero(alike & (raised == 0.0)))
-        if not stated:
-            unknown = found.threshold is None
-            raised[unknown | ~self._ready(time, found)] = np.nan
+        if ready is not None:
+            raised[~ready] = np.nan
         shown = sigmas if self.residual is None else None
-        self._start_up(time, raised, excess, shown, report)
+        any_raised = bool((raised == 1.0).any())
+        if any_raised or time[0] - (found.started or 0.0) < found.start_up:
+            self._start_up(time, raised, excess, shown, report)
         if self.residual is not None and not self.predicts:
             self._unknown_after_gap(time, values, raised, report)
-        if found.current is not None or (raised == 1.0).any():
+        if found.current is not None or any_raised:
             follow(time, values, shown, raised, found, self.period)
         return raised
 
@@ -121,7 +115,7 @@ class Alarm:
         past = time - (found.started or 0.0)
         within = past < found.start_up - _ROUNDING * found.start_up
         over = within & (raised == 1.0)
-        if found.sigmas is not None or sigmas is None:
+        if self.rule.start_up is not None or sigmas is None:
             credible = np.zeros(len(time), dtype=bool)
         else:
             credible = over & (excess > _CREDIBLE * sigmas)
@@ -148,8 +142,7 @@ class Alarm:
         self, time: Array, values: Array, raised: Array, report: DataReport
     ) -> None:
         """Warn of alarms soon after a gap, where it is not known how large a residual may be."""
-        found, known = report.alarms[self.name], ~np.isnan(values)
-        times = time[known]
+        found, times = report.alarms[self.name], time[~np.isnan(values)]
         if not len(times):
             return
         before = np.concatenate([[times[0] if found.seen is None else found.seen], times[:-1]])
@@ -169,60 +162,76 @@ class Alarm:
                 f"({PREDICTING}) takes sigmas"
             )
 
-    def _learn(self, time: Array, values: Array, found: AlarmReport) -> None:
-        """Take the values of the stretch that sets the threshold."""
-        rule = self.rule
-        assert isinstance(rule, LearnedThreshold)
+    def _learned(
+        self, time: Array, values: Array, grown: Array | None, report: DataReport
+    ) -> NDArray[np.bool_] | None:
+        """Learn a threshold that is to be learned: True where it is known, None if all are."""
+        rule, found = self.rule, report.alarms[self.name]
+        if isinstance(rule, StatedThreshold):
+            return None
         if found.origin is None:
             found.origin = float(time[0])
-        after = self._ready(time, found)
         slack = _ROUNDING * rule.until
-        for value in values[~after & (time - found.origin >= rule.since - slack)].tolist():
-            if value == value:  # noqa: PLR0124  # not nan
-                found.learned += 1
-                off = value - found.mean
-                found.mean += off / found.learned
-                found.squares += off * (value - found.mean)
-        if after.any():
-            found.ready = True
-            found.threshold = self.threshold(found)
+        if not found.ready or time[0] - found.origin <= rule.until + slack:
+            past = time - found.origin
+            after: NDArray[np.bool_] = past > rule.until + slack
+            taken = ~after & (past >= rule.since - slack)
+            if grown is not None:
+                taken &= grown == 1.0
+            for value in values[taken].tolist():
+                if value == value:  # noqa: PLR0124  # not nan
+                    found.learned += 1
+                    off = value - found.mean
+                    found.mean += off / found.learned
+                    found.squares += off * (value - found.mean)
+            if after.any():
+                found.ready = True
+                found.threshold = self.threshold(found)
+        else:
+            after = np.ones(len(time), dtype=bool)
+        if found.threshold is None:
+            return np.zeros(len(time), dtype=bool)
+        if found.learned < FEW:
+            report.warn(
+                f"alarm {self.name}: its threshold is learned from {found.learned} values, "
+                f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
+            )
+        return None if after.all() else after
 
-    def _ready(self, time: Array, found: AlarmReport) -> NDArray[np.bool_]:
-        """True where the threshold is learned."""
-        assert isinstance(self.rule, LearnedThreshold)
-        assert found.origin is not None
-        after: NDArray[np.bool_] = time - found.origin > (1.0 + _ROUNDING) * self.rule.until
-        return after
 
-
-def _excess(values: Array, grown: Array, found: AlarmReport) -> Array:
-    """How far values are beyond a threshold that has ``grown``, below zero if they are not."""
-    excess = np.full(len(values), -np.inf)
-    if found.threshold is not None:
+def _excess(values: Array, grown: Array | float, found: AlarmReport) -> Array:
+    """The distance of values beyond a threshold that has grown, negative on this side of it."""
+    if found.threshold is None and found.above is None:
+        excess = np.full(len(values), -np.inf)
+    elif found.threshold is not None:
         excess = np.abs(values - found.mean) - grown * found.threshold
-    if found.above is not None:
+    else:
+        assert found.above is not None
         excess = values - found.above - abs(found.above) * (grown - 1.0)
     if found.below is not None:
         low = found.below - values - abs(found.below) * (grown - 1.0)
         excess = np.maximum(excess, low)
-    return np.where(np.isnan(values), -np.inf, excess)
+    return excess  # of what is missing, nan, which exceeds nothing
 
 
-def _grown(values: Array, sigmas: Array, found: AlarmReport) -> Array:
-    """Predicted deviations of residuals over those before a gap, 1 where that is over."""
-    grown = np.ones(len(values))
+def _grown(values: Array, sigmas: Array, found: AlarmReport) -> Array | None:
+    """Predicted deviations of residuals over those before a gap, 1 where that is over; or None."""
     missing = np.isnan(values)
     if found.before_gap is None and not missing.any():
         found.settled = float(sigmas[-1])
-        return grown
+        return None
+    grown = np.ones(len(values))
     for k, sigma in enumerate(sigmas.tolist()):
         if missing[k]:
-            found.before_gap = found.before_gap or found.settled
-            continue
-        if found.before_gap is not None and sigma > _NEAR * found.before_gap:
-            grown[k] = sigma / found.before_gap
-        else:
-            found.before_gap, found.settled = None, sigma
+            found.before_gap, found.near = found.before_gap or found.settled, 0
+        elif found.before_gap is None:
+            found.settled = sigma
+        elif sigma > _NEAR * found.before_gap:
+            grown[k], found.near = sigma / found.before_gap, 0
+        else:  # of a constant gain, it may still swing
+            found.near += 1
+            if found.near > QUIET:
+                found.before_gap, found.settled = None, sigma
     return grown
 
 

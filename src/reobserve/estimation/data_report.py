@@ -76,6 +76,7 @@ class AlarmReport:
     after_gap: int = 0
     settled: float | None = None  # deviation of a residual that was predicted last,
     before_gap: float | None = None  # and in a gap, or until it is over, before that
+    near: int = 0  # rows since then that are near it
     seen: float | None = None  # the time of the last value
     resumed: float | None = None  # and of that after the last gap
     rows: int = 0
@@ -99,7 +100,7 @@ class AlarmReport:
         self.memory.clear()
 
     def excess(self, value: float) -> float:
-        """How far a value is beyond what is stated, or off the mean."""
+        """The distance of a value beyond what is stated, or from the mean."""
         if self.above is None and self.below is None:
             return abs(value - self.mean)
         high = -math.inf if self.above is None else value - self.above

@@ -51,6 +51,7 @@ _SPREADS = 5.0
 _SHARE_UNFORESEEN = 0.5
 _LEFT = 0.01
 _ROUNDING = 1e-9  # of a size about zero
+_FOLLOWS = 1e-4  # of the spread of an estimate
 _LEVELS = ("state", "derivatives")  # estimates that may have the zero of a measurement
 _SEED = 20
 
@@ -114,14 +115,15 @@ def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
 
 
 def _sizes(estimation: Estimation, whole: Array, risen: Array) -> dict[tuple[str, str], float]:
-    """The size of each estimate in each of its units; ``risen`` is what a constant does to it."""
+    """The size of each estimate in each unit, from what a constant that is added does to it."""
     sizes: dict[tuple[str, str], float] = {}
     for c, column in enumerate(estimation.outputs.columns):
         if column.deviation:
             continue
         size = _size(whole[:, c])
         # An error of the start dies away, a change of the zero stays.
-        if column.estimate in _LEVELS and risen[-1, c] > 0.5 * risen[:, c].max():
+        follows = risen[-1, c] > max(0.5 * risen[:, c].max(), _FOLLOWS * _spread(whole[:, c]))
+        if column.estimate in _LEVELS and follows:
             least = max(risen[-1, c] / _SHARE_OF_NOISE, _ROUNDING * size)
             size = max(_spread(whole[:, c]), float(least))
         group = (column.estimate, column.unit)
@@ -201,10 +203,10 @@ def _spread(values: Array) -> float:
 
 
 def _steps(y: Array) -> Array:
-    """A constant for each measurement, as large as its noise, or else small."""
-    noise = _noise_sizes(y)
+    """A constant for each measurement: its noise, or a small part of its spread."""
     small = np.array([0.01 * (_spread(one) or _size(one) or 1.0) for one in y.T])
-    return np.where(noise > 0.0, noise, small)
+    found: Array = np.maximum(_noise_sizes(y), small)
+    return found
 
 
 def _run(estimation: Estimation, y: Array, u: Array) -> Any:
