@@ -1,24 +1,32 @@
 """Alarms: columns against thresholds that are stated or learned, and the intervals they cover.
 
-While the observer forgets how it started, its estimates are off and raise no alarm. This start-up
-is stated, or derived from the observer: the time in which its response to a unit impulse in the
-first row of a measurement, the largest over all of them, falls below a hundredth of its peak in
-the rows after that.
+While the observer forgets how it started, its estimates are off and raise no alarm, except beyond a
+threshold by five of their own standard deviations. This start-up is stated, or derived from the
+observer: the time in which its response to a unit impulse in the first row of a measurement, the
+largest over all of them, falls below a hundredth of its peak in the rows after that, or in which
+the standard deviation of the estimate comes within a fourth of its final value, if that is sooner.
+
+After a gap, a filter predicts that residuals are larger. Thresholds that are not in its standard
+deviations grow as these do, until the latter are within a fourth of what they were before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, ReobserveError, nearest
 from reobserve.estimation.data_report import AlarmReport, DataReport, Interval
-from reobserve.estimation.detector_alarms import DetectorAlarm, DetectorRule, detector_alarm
-from reobserve.estimation.outputs import Output
+from reobserve.estimation.detector_alarms import (
+    PREDICTING,
+    DetectorAlarm,
+    DetectorRule,
+    detector_alarm,
+)
+from reobserve.estimation.outputs import RESIDUAL, Outputs
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
 
 Array = NDArray[np.float64]
@@ -29,16 +37,24 @@ _ROUNDING = 1e-9
 _DECAYED = 0.01
 _SHORTEST, _LONGEST = 64, 4096  # rows over which an impulse response is followed
 _SAMPLES = 100  # of start-up where the response does not decay, or there is none
+_NEAR = 1.25  # of a standard deviation that is no longer that of a start, or of a gap
+_CREDIBLE = 5.0  # standard deviations beyond a threshold, which raise an alarm in the start-up
 
 
 @dataclass
 class Alarm:
-    """An alarm on a column. ``deviation`` is that of its standard deviation, if there is one."""
+    """An alarm on a column. ``deviation`` is that of its standard deviation, if there is one.
+
+    ``residual`` is the measurement whose residual the column is, and ``predicts`` says that the
+    observer predicts its variance.
+    """
 
     rule: StatedThreshold | LearnedThreshold
     column: int
     deviation: int | None
     period: float
+    residual: int | None = None
+    predicts: bool = False
 
     @property
     def name(self) -> str:
@@ -46,12 +62,14 @@ class Alarm:
         return self.rule.name
 
     def threshold(self, found: AlarmReport) -> float | None:
-        """The distance from the mean that a value may have, or None before it is known."""
-        if isinstance(self.rule, StatedThreshold):
-            return self.rule.above
+        """The distance from the mean that a value may have to both sides, or None as yet."""
+        rule = self.rule
+        if isinstance(rule, StatedThreshold):
+            one_sided = rule.above is not None or rule.below is not None
+            return None if one_sided else rule.beyond or 0.0
         if not found.ready or found.learned < 2:
             return None
-        return self.rule.sigma * float(np.sqrt(found.squares / (found.learned - 1)))
+        return rule.sigma * float(np.sqrt(found.squares / (found.learned - 1)))
 
     def raised(
         self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
@@ -61,44 +79,160 @@ class Alarm:
         ``numbers`` are those of all columns, shape (k, columns).
         """
         found, values = report.alarms[self.name], numbers[:, self.column]
-        if isinstance(self.rule, StatedThreshold):
-            raised = np.where(np.isnan(values), 0.0, np.abs(values) > self.rule.above)
-        else:
-            raised = self._learned(time, values, self.rule, found)
-            if found.threshold is not None and found.learned < FEW:
-                report.warn(
-                    f"alarm {self.name}: its threshold is learned from {found.learned} values, "
-                    f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
-                )
-        slack = _ROUNDING * found.start_up
-        raised[time - (found.started or 0.0) < found.start_up - slack] = np.nan
-        if found.current is not None or (raised == 1.0).any():
-            deviations = None if self.deviation is None else numbers[:, self.deviation]
-            follow(time, values, deviations, raised, found, self.period)
+        sigmas = self._sigmas(numbers, estimates)
+        predicted = None if self.residual is None or found.sigmas is not None else sigmas
+        grown = None if predicted is None else _grown(values, predicted, found)
+        ready = self._learned(time, values, grown, report)
+        excess = _excess(values, 1.0 if grown is None else grown, found)
+        margin = 0.0 if found.sigmas is None or sigmas is None else found.sigmas * sigmas
+        raised = (excess > margin).astype(np.float64)
+        if grown is not None:
+            alike = _excess(values, 1.0, found) > 0.0
+            found.after_gap += int(np.count_nonzero(alike & (raised == 0.0)))
+        if ready is not None:
+            raised[~ready] = np.nan
+        shown = sigmas if self.residual is None else None
+        any_raised = bool((raised == 1.0).any())
+        if any_raised or time[0] - (found.started or 0.0) < found.start_up:
+            self._start_up(time, raised, excess, shown, report)
+        if self.residual is not None and not self.predicts:
+            self._unknown_after_gap(time, values, raised, report)
+        if found.current is not None or any_raised:
+            follow(time, values, shown, raised, found, self.period)
         return raised
 
+    def _sigmas(self, numbers: Array, estimates: Mapping[str, Array]) -> Array | None:
+        """The standard deviations that the observer has for the column, if it has any."""
+        if self.predicts and self.residual is not None:
+            return np.sqrt(estimates["innovation_covariance"][:, self.residual, self.residual])
+        return None if self.deviation is None else numbers[:, self.deviation]
+
+    def _start_up(
+        self, time: Array, raised: Array, excess: Array, sigmas: Array | None, report: DataReport
+    ) -> None:
+        """Raise no alarm in the start-up unless it is credible, and remember what was beyond."""
+        found = report.alarms[self.name]
+        past = time - (found.started or 0.0)
+        within = past < found.start_up - _ROUNDING * found.start_up
+        over = within & (raised == 1.0)
+        if self.rule.start_up is not None or sigmas is None:
+            credible = np.zeros(len(time), dtype=bool)
+        else:
+            credible = over & (excess > _CREDIBLE * sigmas)
+        raised[within & ~credible] = np.nan
+        found.ignored += int(np.count_nonzero(within & ~credible))
+        found.hidden += int(np.count_nonzero(over & ~credible))
+        first = found.first
+        for k in np.flatnonzero(over | (raised == 1.0)):
+            now = float(time[k])
+            apart = not found.beyond or now - found.beyond[1] > QUIET * self.period
+            if raised[k] == 1.0 and first is None:
+                first = now
+                if not apart and found.beyond[0] < now:
+                    found.earlier = found.beyond[0]
+                    report.warn(
+                        f"alarm {self.name}: its threshold was exceeded already within the start-up"
+                        f" of {found.start_up:g} s, so that it may have begun before its first row"
+                    )
+            if not within[k]:
+                break
+            found.beyond = [now if apart else found.beyond[0], now]
+
+    def _unknown_after_gap(
+        self, time: Array, values: Array, raised: Array, report: DataReport
+    ) -> None:
+        """Warn of alarms soon after a gap, where it is not known how large a residual may be."""
+        found, times = report.alarms[self.name], time[~np.isnan(values)]
+        if not len(times):
+            return
+        before = np.concatenate([[times[0] if found.seen is None else found.seen], times[:-1]])
+        after = times[times - before > QUIET * self.period].tolist()
+        starts = np.array([-np.inf if found.resumed is None else found.resumed, *after])
+        on = time[raised == 1.0]
+        since = on - starts[np.searchsorted(starts, on, side="right") - 1]
+        soon = int(np.count_nonzero(since < max(found.start_up, QUIET * self.period)))
+        found.after_gap += soon
+        found.seen = float(times[-1])
+        found.resumed = after[-1] if after else found.resumed
+        if soon:
+            report.warn(
+                f"alarm {self.name}: it is raised soon after a gap, and this observer does not "
+                "predict how large residuals are there; with sampling.at_gap: restart it is not "
+                "raised until the observer has started up, and a filter that predicts them "
+                f"({PREDICTING}) takes sigmas"
+            )
+
     def _learned(
-        self, time: Array, values: Array, rule: LearnedThreshold, found: AlarmReport
-    ) -> Array:
+        self, time: Array, values: Array, grown: Array | None, report: DataReport
+    ) -> NDArray[np.bool_] | None:
+        """Learn a threshold that is to be learned: True where it is known, None if all are."""
+        rule, found = self.rule, report.alarms[self.name]
+        if isinstance(rule, StatedThreshold):
+            return None
         if found.origin is None:
             found.origin = float(time[0])
-        past = time - found.origin
-        raised = np.full(len(values), np.nan)
         slack = _ROUNDING * rule.until
-        after = past > rule.until + slack
-        for value in values[~after & (past >= rule.since - slack)].tolist():
-            if value == value:  # noqa: PLR0124  # not nan
-                found.learned += 1
-                off = value - found.mean
-                found.mean += off / found.learned
-                found.squares += off * (value - found.mean)
-        if after.any():
-            found.ready = True
-            found.threshold = self.threshold(found)
-            if found.threshold is not None:
-                off_mean = np.abs(values[after] - found.mean)
-                raised[after] = np.where(np.isnan(off_mean), 0.0, off_mean > found.threshold)
-        return raised
+        if not found.ready or time[0] - found.origin <= rule.until + slack:
+            past = time - found.origin
+            after: NDArray[np.bool_] = past > rule.until + slack
+            taken = ~after & (past >= rule.since - slack)
+            if grown is not None:
+                taken &= grown == 1.0
+            for value in values[taken].tolist():
+                if value == value:  # noqa: PLR0124  # not nan
+                    found.learned += 1
+                    off = value - found.mean
+                    found.mean += off / found.learned
+                    found.squares += off * (value - found.mean)
+            if after.any():
+                found.ready = True
+                found.threshold = self.threshold(found)
+        else:
+            after = np.ones(len(time), dtype=bool)
+        if found.threshold is None:
+            return np.zeros(len(time), dtype=bool)
+        if found.learned < FEW:
+            report.warn(
+                f"alarm {self.name}: its threshold is learned from {found.learned} values, "
+                f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
+            )
+        return None if after.all() else after
+
+
+def _excess(values: Array, grown: Array | float, found: AlarmReport) -> Array:
+    """The distance of values beyond a threshold that has grown, negative on this side of it."""
+    if found.threshold is None and found.above is None:
+        excess = np.full(len(values), -np.inf)
+    elif found.threshold is not None:
+        excess = np.abs(values - found.mean) - grown * found.threshold
+    else:
+        assert found.above is not None
+        excess = values - found.above - abs(found.above) * (grown - 1.0)
+    if found.below is not None:
+        low = found.below - values - abs(found.below) * (grown - 1.0)
+        excess = np.maximum(excess, low)
+    return excess  # of what is missing, nan, which exceeds nothing
+
+
+def _grown(values: Array, sigmas: Array, found: AlarmReport) -> Array | None:
+    """Predicted deviations of residuals over those before a gap, 1 where that is over; or None."""
+    missing = np.isnan(values)
+    if found.before_gap is None and not missing.any():
+        found.settled = float(sigmas[-1])
+        return None
+    grown = np.ones(len(values))
+    for k, sigma in enumerate(sigmas.tolist()):
+        if missing[k]:
+            found.before_gap, found.near = found.before_gap or found.settled, 0
+        elif found.before_gap is None:
+            found.settled = sigma
+        elif sigma > _NEAR * found.before_gap:
+            grown[k], found.near = sigma / found.before_gap, 0
+        else:  # of a constant gain, it may still swing
+            found.near += 1
+            if found.near > QUIET:
+                found.before_gap, found.settled = None, sigma
+    return grown
 
 
 def follow(
@@ -122,59 +256,97 @@ def follow(
             one.end = now
             for value, sigma in found.waiting:
                 assert value is not None
-                one.add(value, sigma, found.mean)
+                one.add(value, sigma, found.excess)
             found.waiting.clear()
 
 
 def alarms(
     rules: Sequence[StatedThreshold | LearnedThreshold | DetectorRule],
-    columns: Sequence[Output],
+    outputs: Outputs,
     report: DataReport,
     period: float,
     start_up: Callable[[int], float],
     measurements: Sequence[str],
-    sample: Any,
+    predicts: bool,
     skips: bool,
 ) -> list[Alarm | DetectorAlarm]:
     """The alarms of a specification, each with its place in the report.
 
-    ``start_up`` gives that of a column [s], for alarms that state none; ``sample`` are estimates of
-    a row, ``measurements`` the names of these, and ``skips`` says that a gate leaves some out.
+    ``start_up`` gives that of a column [s], for alarms that state none; ``measurements`` are their
+    names, ``predicts`` says that variances of their residuals are predicted, and ``skips`` that a
+    gate leaves some out.
 
     Raises
     ------
     InputError
-        If a column is not among those that are written.
+        If a column is not among those that are written, or has no standard deviation.
     """
+    columns = outputs.columns
     names = [column.name for column in columns]
     made: list[Alarm | DetectorAlarm] = []
     for k, rule in enumerate(rules):
         if isinstance(rule, DetectorRule):
-            made.append(detector_alarm(rule, k, period, measurements, sample, skips))
+            made.append(detector_alarm(rule, k, period, measurements, predicts, skips))
             report.alarms[rule.name] = AlarmReport("1", 0.0)
             continue
-        if rule.of not in names:
-            raise InputError(
-                f"alarms.{k}.of", f"there is no column {rule.of!r}{nearest(rule.of, names)}"
-            )
-        place = names.index(rule.of)
-        beside = place + 1
-        spread = beside < len(columns) and columns[beside].deviation
-        alarm = Alarm(rule, place, beside if spread else None, period)
-        ignored = start_up(place) if rule.start_up is None else rule.start_up
-        found = AlarmReport(columns[place].unit, ignored, learns=isinstance(rule, LearnedThreshold))
+        place = _place(rule.of, f"alarms.{k}.of", names, measurements, predicts)
+        residual, spread = columns[place].estimate == RESIDUAL, outputs.beside(place)
+        found = AlarmReport(columns[place].unit, 0.0, learns=isinstance(rule, LearnedThreshold))
+        if isinstance(rule, StatedThreshold):
+            found.above, found.below, found.sigmas = rule.above, rule.below, rule.sigmas
+        if found.sigmas is not None and not (residual and predicts) and spread is None:
+            problem = f"the observer has no standard deviation of {names[place]!r}"
+            if residual:
+                problem += f"; the kinds {PREDICTING} predict those of residuals"
+            raise InputError(f"alarms.{k}.sigmas", problem)
+        alarm = Alarm(
+            rule, place, spread, period, columns[place].place if residual else None, predicts
+        )  # fmt: skip
+        if rule.start_up is not None:
+            found.start_up = rule.start_up
+        elif found.sigmas is None:
+            found.start_up = start_up(place)
         found.threshold = alarm.threshold(found)
         report.alarms[rule.name] = found
         made.append(alarm)
     return made
 
 
-def start_up(run: Callable[[Array], Array], measurements: int, columns: int) -> NDArray[np.int_]:
+def _place(
+    of: str, key: str, names: Sequence[str], measurements: Sequence[str], predicts: bool
+) -> int:
+    """The column of an alarm; the innovation of a measurement is its residual."""
+    name = of
+    if predicts and of not in names and of.partition(" ")[0] == "innovation":
+        if of == "innovation" and len(measurements) > 1:
+            listed = " or ".join(f"innovation {one}" for one in measurements)
+            raise InputError(key, f"{of!r} is of several measurements, must be {listed}")
+        name = f"{RESIDUAL} {measurements[0] if of == 'innovation' else of.partition(' ')[2]}"
+    if name not in names:
+        raise InputError(key, f"there is no column {of!r}{nearest(of, names)}")
+    return names.index(name)
+
+
+def warn_of_start_up(report: DataReport) -> None:
+    """Warn of alarms that could not be raised in more than a third of the rows."""
+    for name, found in report.alarms.items():
+        if 3 * found.ignored > report.estimates:
+            report.warn(
+                f"alarm {name}: it cannot be raised in {found.ignored} of {report.estimates} rows, "
+                f"its start-up of {found.start_up:g} s; start_up states another, and sigmas "
+                "(standard deviations that the observer has) need none"
+            )
+
+
+def start_up(
+    run: Callable[[Array], Array], measurements: int, deviations: Sequence[int | None]
+) -> NDArray[np.int_]:
     """The number of rows that each column needs to forget an impulse in the first measurements.
 
-    ``run`` gives them, shape (k, ``columns``), for measurements, shape (k, ``measurements``).
+    ``run`` gives the columns for measurements, shape (k, ``measurements``); ``deviations`` are the
+    places of their standard deviations, which may be near their final value sooner.
     """
-    rows = _SHORTEST
+    rows, columns = _SHORTEST, len(deviations)
     while True:
         silence = np.zeros((rows, measurements))
         try:
@@ -188,10 +360,21 @@ def start_up(run: Callable[[Array], Array], measurements: int, columns: int) -> 
             return np.full(columns, _SAMPLES)
         moved = response.any(axis=0)
         response[0] = 0.0  # where a residual is the impulse itself
-        over = response > _DECAYED * response.max(axis=0)
-        last: NDArray[np.int_] = np.where(over.any(axis=0), rows - np.argmax(over[::-1], axis=0), 1)
+        last = _last(response > _DECAYED * response.max(axis=0))
         last[~moved] = _SAMPLES
         if (last <= rows // 2).all() or rows == _LONGEST:
             last[last > _LONGEST // 2] = _SAMPLES
-            return last
+            break
         rows *= 2
+    for column, place in enumerate(deviations):
+        if place is not None:
+            sigma, final = base[:, place], base[-1, place]
+            far = (sigma > _NEAR * final) | (sigma < final / _NEAR)
+            last[column] = min(last[column], _last(far[:, None])[0])
+    return last
+
+
+def _last(over: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """The number of rows, one or more, up to the last that is True in each column."""
+    rows = len(over)
+    return np.where(over.any(axis=0), rows - np.argmax(over[::-1], axis=0), 1)

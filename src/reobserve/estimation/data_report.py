@@ -30,7 +30,7 @@ class Interval:
     variances: float | None = None
     peak: float = 0.0
 
-    def add(self, value: float, sigma: float | None, normal: float) -> None:
+    def add(self, value: float, sigma: float | None, excess: Callable[[float], float]) -> None:
         """Take a value, by Welford's sums."""
         self.values += 1
         off = value - self.mean
@@ -38,7 +38,7 @@ class Interval:
         self.squares += off * (value - self.mean)
         if sigma is not None:
             self.variances = (self.variances or 0.0) + sigma**2
-        if self.values == 1 or abs(value - normal) > abs(self.peak - normal):
+        if self.values == 1 or excess(value) > excess(self.peak):
             self.peak = value
 
     def summary(self) -> dict[str, float | None]:
@@ -55,14 +55,32 @@ class Interval:
 class AlarmReport:
     """Findings of an alarm: whether, when and how large, and the source of its threshold.
 
-    ``start_up`` [s] after each start of the observer, at ``started``, it is not raised. ``current``
-    is the latest interval, ``waiting`` values with their sigmas belong to it if it goes on.
+    ``threshold`` is for both signs, ``above`` and ``below`` for one, each by ``sigmas`` standard
+    deviations that the observer has, if there are any.
+    ``start_up`` [s] after each start of the observer, at ``started``, it is not raised: ``hidden``
+    counts rows beyond the threshold among the ``ignored`` ones, and the alarm may have begun
+    ``earlier`` than its first row. ``after_gap`` are rows that only a gap takes beyond it.
+    ``current`` is the latest interval, ``waiting`` values with their sigmas belong to it if it goes
+    on.
     """
 
     unit: str
     start_up: float
     learns: bool = False
     threshold: float | None = None
+    above: float | None = None
+    below: float | None = None
+    sigmas: float | None = None
+    ignored: int = 0
+    hidden: int = 0
+    beyond: list[float] = field(default_factory=list)  # the first and the last of these now [s]
+    earlier: float | None = None
+    after_gap: int = 0
+    settled: float | None = None  # deviation of a residual that was predicted last,
+    before_gap: float | None = None  # and in a gap, or until it is over, before that
+    near: int = 0  # rows since then that are near it
+    seen: float | None = None  # the time of the last value
+    resumed: float | None = None  # and of that after the last gap
     rows: int = 0
     first: float | None = None
     intervals: list[Interval] = field(default_factory=list)
@@ -77,6 +95,28 @@ class AlarmReport:
     ready: bool = False
     memory: list[list[float]] = field(default_factory=list)  # of a detector
 
+    def start(self, time: float) -> None:
+        """Forget what was before a start of the observer at a time."""
+        self.started = time
+        self.settled = self.before_gap = self.seen = self.resumed = None
+        self.memory.clear()
+
+    def excess(self, value: float) -> float:
+        """The distance of a value beyond what is stated, or from the mean."""
+        if self.above is None and self.below is None:
+            return abs(value - self.mean)
+        high = -math.inf if self.above is None else value - self.above
+        return max(high, -math.inf if self.below is None else self.below - value)
+
+    @property
+    def bounds(self) -> list[float]:
+        """Values that the column may not pass, if they do not depend on the row."""
+        if self.sigmas is not None:
+            return []
+        both = [] if self.threshold is None else [-self.threshold, self.threshold]
+        one = [bound for bound in (self.above, self.below) if bound is not None]
+        return [self.mean + bound for bound in both] + one
+
     def close(self) -> None:
         """End the current interval."""
         if self.current is not None:
@@ -90,9 +130,12 @@ class AlarmReport:
         """The alarm's findings as the report has them."""
         listed = self.intervals + ([] if self.current is None else [self.current])
         learned = {"mean": self.mean, "learned": self.learned} if self.learns else {}
+        stated = {name: getattr(self, name) for name in ("above", "below", "sigmas")}
+        stated = {name: value for name, value in stated.items() if value is not None}
         return {
-            "unit": self.unit, "threshold": self.threshold, **learned, "start_up": self.start_up,
-            "rows": self.rows, "first": self.first,
+            "unit": self.unit, "threshold": self.threshold, **stated, **learned,
+            "start_up": self.start_up, "hidden": self.hidden, "after_gap": self.after_gap,
+            "rows": self.rows, "first": self.first, "earlier": self.earlier,
             "interval_count": self.interval_count + (self.current is not None),
             "intervals": [interval.summary() for interval in listed[:MOST_LISTED]],
         }  # fmt: skip
@@ -217,7 +260,7 @@ class DataReport:
 
 
 _INTERNAL = ("single", "angles", "latest", "shift", "origin", "period")
-_TIMES = ("first", "last", "gaps", "start", "end")
+_TIMES = ("first", "last", "earlier", "gaps", "start", "end")
 
 
 def _by_clock(content: Any, report: DataReport, is_time: bool = False) -> Any:
@@ -304,20 +347,42 @@ def _span(start: str, end: str) -> str:
 
 
 def _alarm_line(alarm: AlarmReport, at: Callable[[float], str]) -> str:
-    if alarm.threshold is None:
+    said = _threshold(alarm)
+    if not said:
         if alarm.ready:
             return f"no threshold: {alarm.learned} values in the stretch that sets it, 2 needed"
         return "no threshold yet: the record ends before the stretch that sets it does"
-    said = f"threshold {_amount(alarm.threshold, alarm.unit)}"
-    if alarm.learns:
-        said += f" from the mean {alarm.mean:.4g}, both of {alarm.learned} values"
     if alarm.start_up:
         said += f"; start-up {_time(alarm.start_up)} s"
+        if alarm.hidden:
+            said += f", in which {alarm.hidden} rows are beyond it and raise no alarm"
+    if alarm.after_gap:
+        said += f"; {alarm.after_gap} rows beyond it after gaps, as the observer predicts"
     if alarm.first is None:
         return f"none; {said}"
     found = alarm.summary()["interval_count"]
     times = "once" if found == 1 else f"{found} times"
-    return f"{times}, {alarm.rows} rows, first at {at(alarm.first)}; {said}"
+    first = f"first at {at(alarm.first)}"
+    if alarm.earlier is not None:
+        first += f" or earlier (beyond the threshold from {at(alarm.earlier)} on, in start-up)"
+    return f"{times}, {alarm.rows} rows, {first}; {said}"
+
+
+def _threshold(alarm: AlarmReport) -> str:
+    """What the alarm is raised beyond, or nothing if that is not known."""
+    parts = [
+        f"{side} {_amount(value, alarm.unit)}"
+        for side, value in (("above", alarm.above), ("below", alarm.below)) if value is not None
+    ]  # fmt: skip
+    if alarm.threshold is not None:
+        parts.append(_amount(alarm.threshold, alarm.unit))
+    if alarm.learns and parts:
+        parts[0] += f" from the mean {alarm.mean:.4g}, both of {alarm.learned} values"
+    said = " or ".join(parts)
+    if alarm.sigmas is not None:
+        by = f"{alarm.sigmas:g} standard deviations of the observer"
+        said = by if alarm.threshold == 0.0 else f"{said} by {by}"
+    return f"threshold {said}" if said else ""
 
 
 def _size(interval: Mapping[str, Any], unit: str, at: Callable[[float], str]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located
-from reobserve.estimation.alarms import alarms, start_up
+from reobserve.estimation.alarms import alarms, start_up, warn_of_start_up
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
 from reobserve.estimation.families.design import Design
@@ -97,8 +97,8 @@ class Estimation:
         )
         self.start_up: list[float] | None = None
         self.alarms = alarms(
-            specification.alarms, self.outputs.columns, self.report, period, self._start_up,
-            names[:width], self.sample,
+            specification.alarms, self.outputs, self.report, period, self._start_up,
+            names[:width], self.design.residual_variance(self.sample) is not None,
             "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
         )  # fmt: skip
         self.report.warnings += self.design.unseen
@@ -131,7 +131,8 @@ class Estimation:
 
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                rows = start_up(run, self.layout.measurements, len(self.outputs.columns))
+                beside = [self.outputs.beside(c) for c in range(len(self.outputs.columns))]
+                rows = start_up(run, self.layout.measurements, beside)
             self.start_up = (self.specification.sampling.period * rows).tolist()
         return self.start_up[column]
 
@@ -158,7 +159,9 @@ class Estimation:
         rows = self.timestamps.finish()
         self.timestamps.check_period()
         waited = [self._estimate(self.interpolation.feed(*rows), False)] if len(rows[0]) else []
-        return _concatenated([*waited, self._estimate(self.interpolation.finish(), True)])
+        found = _concatenated([*waited, self._estimate(self.interpolation.finish(), True)])
+        warn_of_start_up(self.report)
+        return found
 
     def _none(self) -> Estimated:
         width, signals = len(self.outputs.columns), len(self.alarms)
@@ -188,8 +191,7 @@ class Estimation:
         if stretch.fresh:
             self.state = self.design.begin(stretch.y[0])
             for found in self.report.alarms.values():
-                found.started = float(stretch.time[0])
-                found.memory.clear()
+                found.start(float(stretch.time[0]))
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings():

@@ -58,6 +58,7 @@ class File:
 
     @property
     def columnar(self) -> bool:
+        """True if it is no text."""
         return self._ending == ".parquet"
 
     def header(self) -> list[str]:
@@ -211,6 +212,7 @@ class File:
                 yield number, rest
 
     def opened(self) -> Any:
+        """Its bytes, unpacked."""
         import pyarrow as pa
 
         gzipped = self._ending == ".gz"

@@ -13,7 +13,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 from datetime import datetime
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -165,13 +165,12 @@ class _Grid:
 
     def suggestion(self, encoding: str, ended: bool) -> Suggestion:
         """The keys of a specification."""
-        columns: dict[str, Any] = {}
-        for key, value, default in (
-            ("delimiter", self.dialect.delimiter, ","), ("decimal", self.decimal, "."),
-            ("thousands", self.thousands, ""), ("encoding", encoding, "utf-8"),
-        ):  # fmt: skip
-            if value != default and (key != "delimiter" or self.width > 1):
-                columns[key] = value
+        columns: dict[str, Any] = {"decimal": self.decimal, "thousands": self.thousands}
+        if self.width > 1:
+            columns = {"delimiter": self.dialect.delimiter, **columns}
+        columns["encoding"] = encoding
+        usual = vars(Dialect())
+        columns = {key: value for key, value in columns.items() if value != usual[key]}
         file, titles = self._head()
         notes: list[str] = []
         self._odd_lines(file, titles, ended, notes)
@@ -239,7 +238,7 @@ class _Grid:
         if not ended:
             notes.append("the last line has no line end; file.tail: drop would leave it out")
         for k, cells in self.rows.items():
-            if k < self.start or self._is_row(cells) and len(cells) == self.width:
+            if k < self.start or (self._is_row(cells) and len(cells) == self.width):
                 continue
             line = self.lines[k]
             if sign := self._sign([line]):
@@ -278,7 +277,7 @@ class _Grid:
             if len(cells) > 1 and all(map(self._is_number, cells)):
                 numbers = [float(one.replace(self.thousands or "\0", "").replace(",", "."))
                            for one in cells]  # fmt: skip
-                if all(a < b for a, b in zip(numbers, numbers[1:], strict=False)):
+                if all(a < b for a, b in pairwise(numbers)):
                     unit = next((unit for most, unit in _EPOCHS if numbers[0] > most), "")
                     notes.append(f"time may be another column; {title!r} is the first that rises")
                     return {"column": title, **({"unit": unit} if unit else {})}

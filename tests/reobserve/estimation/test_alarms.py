@@ -28,9 +28,13 @@ def followed(values: Array, sigmas: Array | None = None, **rule: Any) -> AlarmRe
     block."""
     reports = []
     for size in (3, len(values)):
-        report = DataReport(alarms={"large": AlarmReport("V", rule.get("start_up", 0.0))})
+        report = DataReport(
+            alarms={"large": AlarmReport("V", rule.get("start_up", 0.0), threshold=1.0)}
+        )
         report.alarms["large"].started = 0.0
-        alarm = Alarm(StatedThreshold("large", "u", 1.0), 0, None if sigmas is None else 1, PERIOD)
+        alarm = Alarm(
+            StatedThreshold("large", "u", beyond=1.0), 0, None if sigmas is None else 1, PERIOD
+        )
         table = np.column_stack([values, values if sigmas is None else sigmas])
         for k in range(0, len(values), size):
             time = PERIOD * np.arange(k, min(k + size, len(values)))
@@ -84,7 +88,7 @@ def test_start_up_time_agrees_with_closed_form(pole: float) -> None:
     def run(y: Array) -> Array:
         return np.column_stack([y[0, 0] * pole ** np.arange(len(y)), np.zeros(len(y))])
 
-    rows = start_up(run, 1, 2)
+    rows = start_up(run, 1, [None, None])
     assert rows.tolist() == [int(np.ceil(np.log(0.01) / np.log(abs(pole)))) + 1, 100]
 
 
@@ -98,7 +102,7 @@ def luenberger(alarm: dict[str, Any]) -> Specification:
             "time": {"column": "t"}, "measurements": [{"column": "level", "unit": "m"}],
         },
         "sampling": {"period": PERIOD, "missing": "interpolate", "at_gap": "restart"},
-        "alarms": [{"name": "off", "of": "residual level", "above": 0.2, **alarm}],
+        "alarms": [{"name": "off", "of": "residual level", "beyond": 0.2, **alarm}],
     }  # fmt: skip
     return parse(Specification, tree)
 
