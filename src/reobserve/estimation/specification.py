@@ -15,11 +15,11 @@ smooth: false                                            true: each estimate fro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from reobserve.core.documents import read_yaml
+from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, parse
 from reobserve.estimation.dates import ISO, check_format
@@ -252,6 +252,39 @@ class Specification:
         return (Path(self.observer.file),) if isinstance(self.observer, DesignFile) else ()
 
 
+SECTIONS = tuple(each.name for each in fields(Specification))
+
+
+def as_specification(tree: Tree) -> Specification:
+    """The specification in a tree.
+
+    The observer's keys, and its kind, may also stand beside the sections, as in a model's file. Its
+    sampling period may state ``sampling.period``.
+
+    Raises
+    ------
+    InputError
+        With the dotted key of what is missing, unknown or wrong.
+    """
+    beside = "observer" not in tree and any(name in tree for name in ("kind", "sampling_period"))
+    if beside:
+        keys = {name: part for name, part in tree.items() if name not in SECTIONS}
+        tree = {name: part for name, part in tree.items() if name in SECTIONS}
+        tree["observer"] = keys
+    observer, sampling = tree.get("observer"), tree.get("sampling", {})
+    if isinstance(observer, dict) and isinstance(sampling, dict) and "sampling_period" in observer:
+        period = observer["sampling_period"]
+        sampling = {"period": period, **sampling}
+        if sampling["period"] == period:
+            rest = {name: part for name, part in observer.items() if name != "sampling_period"}
+            tree = {**tree, "observer": rest, "sampling": sampling}
+    try:
+        return parse(Specification, tree)
+    except InputError as error:
+        name = error.parameter.removeprefix("observer.") if beside else error.parameter
+        raise error.renamed(name) from None
+
+
 def read_specification(path: str | Path) -> Specification:
     """The specification in a file.
 
@@ -262,7 +295,7 @@ def read_specification(path: str | Path) -> Specification:
     """
     tree = read_yaml(path)
     try:
-        return parse(Specification, tree)
+        return as_specification(tree)
     except InputError as error:
         place = f"{path}: {error.parameter}" if error.parameter else str(path)
         raise error.renamed(place) from None
