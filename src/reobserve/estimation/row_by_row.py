@@ -7,11 +7,14 @@ observer and back without a detour by blocks. Else it is a block of one row.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
+from reobserve.core.errors import InputError, shown
 from reobserve.estimation.dates import nanoseconds
-from reobserve.estimation.dialect import Dialect, Head
+from reobserve.estimation.dialect import Dialect, Head, read_head
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.gaps import MEASURED, STATUSES
 from reobserve.estimation.text_rows import RowError, TextRows
@@ -115,6 +118,54 @@ class RowByRow:
         at, row = np.array([time]), np.array([found])
         raised = [float(alarm.raised(at, row, report, estimates)[0]) for alarm in made.alarms]
         return result(time, found, raised, MEASURED)
+
+    def cut_off(self, rest: str, how: str) -> None:
+        """End a file that was replaced, or truncated, with the ``rest`` of a line without an end.
+
+        Raises
+        ------
+        InputError
+            If there is such a rest, unless `file.tail` leaves it out.
+        """
+        if rest and self.rows.dialect.file.tail != "drop":
+            problem = (
+                f"was {how} after line {self.rows.line}, and the next one has no end; with "
+                "file.tail: drop it is left out"
+            )
+            raise InputError(self.estimation.place, problem)
+        if rest:
+            self.rows.row(rest)
+        self.rows.finish()
+
+    def go_on(self, lines: Iterator[str]) -> Iterator[str]:
+        """The rows of a file that continues another one, with or without the same header.
+
+        Raises
+        ------
+        InputError
+            If it has the columns in another way.
+        """
+        rows, taken, place = self.rows, list[str](), self.estimation.place
+        rows.line = 0
+
+        def kept() -> Iterator[str]:
+            for line in lines:
+                taken.append(line)
+                yield line
+
+        try:
+            head = read_head(kept(), rows.dialect, place)
+        except InputError:
+            if any(map(str.strip, taken)):
+                raise
+            return iter(())
+        if head.titles == rows.head.titles:
+            rows.line = head.lines
+            return lines if head.first is None else chain([head.first], lines)
+        if set(head.titles) & set(rows.titles):
+            was, now = (shown(",".join(one.titles)) for one in (rows.head, head))
+            raise InputError(place, f"goes on with the header {now}, must have that before, {was}")
+        return chain(taken, lines)
 
     def settle(self) -> None:
         """Hand what the short way has seen to the policies, before any of them is asked."""

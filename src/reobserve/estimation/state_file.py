@@ -27,7 +27,7 @@ from reobserve.estimation.estimate import Estimation
 
 Array = NDArray[np.float64]
 
-SCHEMA = 7
+SCHEMA = 8
 _VALUES = 5_000_000
 _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON has none of them
 
@@ -55,12 +55,13 @@ class _Interpolation:
 
 @dataclass
 class _State:
-    """A state file. ``offset`` is the byte up to which a file was read."""
+    """A state file. ``offset`` is the byte up to which a file was read, ``line`` the last line."""
 
     format: Literal["reobserve estimate state"]
-    schema: Literal[7]
+    schema: Literal[8]
     specification: str
     offset: Annotated[int, within(0, 2**53)] | None
+    line: str  # its digest
     observer: Any
     timestamps: _Timestamps
     gaps: _Gaps
@@ -69,8 +70,12 @@ class _State:
     digest: str
 
 
-def save_state(path: Path, estimation: Estimation, digest: str, offset: int | None) -> None:
+def save_state(
+    path: Path, estimation: Estimation, digest: str, offset: int | None, line: str = ""
+) -> None:
     """Write what is needed to go on. ``offset`` is the byte up to which a file was read.
+
+    ``line`` is the last line before it.
 
     Raises
     ------
@@ -83,6 +88,7 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
         "schema": SCHEMA,
         "specification": digest,
         "offset": offset,
+        "line": digest_of(line) if line else "",
         "observer": _plain(estimation.state),
         "timestamps": _plain(
             _Timestamps(estimation.timestamps.begun, estimation.timestamps.grid.tolist())
@@ -97,8 +103,13 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
     write_text(path, json.dumps({**tree, "digest": _content(tree)}) + "\n")
 
 
-def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
-    """Put an estimation where it was when its state was saved, and return the offset saved.
+def load_state(path: Path, estimation: Estimation, digest: str) -> tuple[int | None, str]:
+    """Put an estimation where it was when its state was saved.
+
+    Returns
+    -------
+    tuple
+        The offset that was saved, and the digest of the line before it.
 
     Raises
     ------
@@ -114,7 +125,7 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
         raise error.renamed(place) from None
 
 
-def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
+def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, str]:
     given = _decoded(tree, "")
     saved = parse(_State, given, finite=False)
     if saved.specification != digest:
@@ -149,7 +160,7 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
     vars(estimation.gaps).update(vars(saved.gaps))
     vars(estimation.interpolation).update(arrays)
     vars(estimation.report).update(vars(saved.report))
-    return saved.offset
+    return saved.offset, saved.line
 
 
 def identity(specification: Path, files: Iterable[Path]) -> str:
