@@ -272,7 +272,7 @@ def _put(lines: str) -> None:
 def _expected(specification: Specification) -> list[str]:
     """A header as the specification asks for it."""
     columns = specification.columns
-    every = [one.column for one in (*columns.measurements, *columns.inputs)]
+    every = [one.column for one in columns.read]
     return [*([columns.time.column] if columns.time.column else []), *every]
 
 

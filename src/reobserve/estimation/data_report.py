@@ -120,6 +120,8 @@ class DataReport:
     after_end: int = 0
     missing: dict[str, int] = field(default_factory=dict)
     filled: dict[str, int] = field(default_factory=dict)
+    held: dict[str, int] = field(default_factory=dict)  # cells that were empty
+    levels: dict[str, float] = field(default_factory=dict)  # of these columns, the last value
     saturated: dict[str, int] = field(default_factory=dict)
     outliers: dict[str, int] = field(default_factory=dict)  # beyond the gate of a filter
     angles: dict[str, list[float]] = field(default_factory=dict)  # the last one, and its turns
@@ -175,7 +177,9 @@ class DataReport:
 def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
     """The whole report, with what else is known ``about`` the run."""
     content = {
-        name: value for name, value in vars(report).items() if name not in ("single", "angles")
+        name: value
+        for name, value in vars(report).items()
+        if name not in ("single", "angles", "levels")
     }
     content["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
     content["origin"] = None if report.origin is None else spelled(report.origin)
@@ -208,6 +212,7 @@ def as_table(report: DataReport, period: float) -> str:
     for name, table in (
         ("values missing", report.missing),
         ("values filled", report.filled),
+        ("values held until they change", report.held),
         ("values saturated", report.saturated),
         ("outliers beyond the gate", report.outliers),
     ):

@@ -15,7 +15,7 @@ from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, check_unit, conversion
-from reobserve.estimation.specification import Column, Columns
+from reobserve.estimation.specification import Column, Columns, Constant
 from reobserve.estimation.text_rows import RowError
 
 Array = NDArray[np.float64]
@@ -48,6 +48,7 @@ class Layout:
     dated: bool = False
     format: str = ""
     periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
+    holds: tuple[bool, ...] = ()  # where an empty cell stands for the value before it
 
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
@@ -82,7 +83,9 @@ class Layout:
                 cells[outside] = np.nan
         converted: Array = self.conversions[c].of(cells)
         if self.periods and self.periods[c]:
-            return _unwrapped(converted, self.periods[c], report.angles, self.names[c])
+            converted = _unwrapped(converted, self.periods[c], report.angles, self.names[c])
+        if self.holds and self.holds[c]:
+            return _held(converted, report, self.names[c])
         return converted
 
 
@@ -96,6 +99,18 @@ def _unwrapped(angles: Array, period: float, before: dict[str, list[float]], nam
         before[name] = [float(angles[known[-1]]), float(total[-1])]
         angles[known] += period * total
     return angles
+
+
+def _held(values: Array, report: DataReport, name: str) -> Array:
+    """Values of which the last one holds where there is none."""
+    known = np.isfinite(values)
+    every = np.concatenate([[report.levels.get(name, np.nan)], values])
+    last = np.maximum.accumulate(np.where(np.isfinite(every), np.arange(len(every)), 0))[1:]
+    found: Array = every[last]
+    report.count(report.held, name, (np.isfinite(found) & ~known).sum())
+    if len(found) and np.isfinite(found[-1]):
+        report.levels[name] = float(found[-1])
+    return found
 
 
 def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str) -> Layout:
@@ -120,6 +135,8 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
             problem = f"are {len(given)} columns, the observer reads {counts}"
             raise InputError(f"columns.{what}", problem)
         for k, column in enumerate(given):
+            if isinstance(column, Constant):
+                continue
             wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
     try:
         parts = [find_column(at, column, fixed, header, place) for at, column, fixed in wanted]
@@ -150,12 +167,12 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
             0.0 if column.wrap is None else abs(part[1].factor) * column.wrap
             for column, part in zip(every, parts, strict=True)
         ),
+        tuple(column.missing == "hold" for column in every),
     )  # fmt: skip
 
 
 def _names(columns: Columns) -> set[str]:
-    every = (*columns.measurements, *columns.inputs)
-    return {columns.time.column, *(column.column for column in every)} - {""}
+    return {columns.time.column, *(column.column for column in columns.read)} - {""}
 
 
 def _check_delimiter(columns: Columns, title: str, place: str) -> None:

@@ -42,7 +42,7 @@ class RowByRow:
         self.cells = list(zip(readers, self.rows.places, strict=False))
         self.short = (
             sampling.uneven == "refuse" and layout.timed and dialect.plain
-            and not any(layout.ranges) and not any(layout.periods)
+            and not any(layout.ranges) and not any(layout.periods) and not any(layout.holds)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
         self.y = np.empty((1, layout.measurements))
@@ -106,6 +106,7 @@ class RowByRow:
         measured = self.y.shape[1]
         y, u = self.y, self.u
         y[0], u[0] = values[:measured], values[measured:]
+        u = made.inputs.of(u)
         begun = made.state.count + 1 if made.state.sample is not None else 0
         try:
             made.state, estimates = unchecked_step(made.observer, made.state, y, u)

@@ -85,6 +85,8 @@ class Column:
     there, in ``unit``: the observer reads (column - offset), and estimates deviations from it.
     ``wrap`` is the period of an angle in ``unit``, such as 360: from sample to sample it turns the
     shortest way, and the observer reads angles that go on beyond a turn.
+    ``missing: hold`` is for an input that is logged when it changes: in rows where its cell is
+    empty it has its last value. Before the first one the observer does not start.
     """
 
     column: Name
@@ -94,6 +96,7 @@ class Column:
     saturated: Literal["keep", "missing"] = "keep"
     offset: float | None = None
     wrap: Positive | None = None
+    missing: Literal["hold"] | None = None
 
     def __post_init__(self) -> None:
         for place in ("unit", "model_unit"):
@@ -102,6 +105,25 @@ class Column:
         if self.range is not None and not self.range[0] < self.range[1]:
             low, high = self.range
             raise InputError("range", f"[{low:g}, {high:g}] must be rising")
+
+
+@dataclass(frozen=True)
+class Constant:
+    """An input that needs no column: it has this ``value`` in ``unit``, or in that of the model."""
+
+    value: float
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        if self.unit:
+            check_unit("unit", self.unit)
+
+
+# Distinguished by the key that states a constant.
+Input = Annotated[
+    Annotated[Constant, form("constant input")] | Annotated[Column, form("input column")],
+    having({"value": "constant input"}, "input column"),
+]
 
 
 @dataclass(frozen=True)
@@ -114,7 +136,7 @@ class Columns:
     """
 
     measurements: Annotated[tuple[Column, ...], Few]
-    inputs: Annotated[tuple[Column, ...], Few] = ()
+    inputs: Annotated[tuple[Input, ...], Few] = ()
     time: TimeColumn = field(default_factory=TimeColumn)
     delimiter: Delimiter = ","
     decimal: Decimal = "."
@@ -125,11 +147,23 @@ class Columns:
         if not self.measurements:
             raise InputError("measurements", "are none, must be one or more")
         named = [self.time.column]
+        for k, one in enumerate(self.measurements):
+            if one.missing is not None:
+                problem = "hold is for inputs; sampling.missing is for measurements"
+                raise InputError(f"measurements.{k}.missing", problem)
         for place in ("measurements", "inputs"):
             for one in getattr(self, place):
+                if isinstance(one, Constant):
+                    continue
                 if one.column in named:
                     raise InputError(place, f"take the column {shown(one.column)} a second time")
                 named.append(one.column)
+
+    @property
+    def read(self) -> tuple[Column, ...]:
+        """The columns that the observer reads, measurements first."""
+        given = (*self.measurements, *self.inputs)
+        return tuple(one for one in given if isinstance(one, Column))
 
 
 @dataclass(frozen=True)

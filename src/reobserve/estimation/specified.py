@@ -22,6 +22,7 @@ from reobserve.estimation.layout import lay_out
 from reobserve.estimation.specification import (
     SECTIONS,
     Columns,
+    Constant,
     Specification,
     TimeColumn,
     as_specification,
@@ -85,13 +86,17 @@ def specified(
     if "columns" not in tree:
         return SpecifiedDesign(design, own, labels, (), left, from_file)
     columns = replace(chosen.columns, time=TimeColumn())
-    titles = [one.column for one in (*columns.measurements, *columns.inputs)]
+    titles = [one.column for one in columns.read]
     layout = lay_out(columns, design, titles, "the specification")
     given = [
         NamedSignal(name, unit)
         for name, unit in zip(map(_identifier, layout.names), layout.units, strict=True)
     ]
     parts = given[: layout.measurements], given[layout.measurements :]
+    for k, one in enumerate(columns.inputs):
+        if isinstance(one, Constant):
+            name, unit = design.inputs[k] if k < len(design.inputs) else (f"input_{k + 1}", "")
+            parts[1].insert(k, NamedSignal(name, unit or one.unit))
     for key, signals in zip(("measurements", "inputs"), parts, strict=True):
         design = _carried(design, key, dict(signals), len(signals))
     own = design.measurements, design.inputs
@@ -100,7 +105,7 @@ def specified(
         else read
         for mine, read in zip(own, parts, strict=True)
     ]  # fmt: skip
-    readings = tuple(_readings(columns))
+    readings = (*_readings(columns), *_constants(columns, parts[1]))
     return SpecifiedDesign(design, (named[0], named[1]), labels, readings, left, from_file)
 
 
@@ -183,7 +188,7 @@ def _left_out(tree: Tree) -> str:
 
 def _readings(columns: Columns) -> Iterator[str]:
     """Sentences on what the observer reads in place of a column's own values."""
-    for one in (*columns.measurements, *columns.inputs):
+    for one in columns.read:
         name = _identifier(one.column)
         if one.offset:
             sign = "-" if one.offset > 0 else "+"
@@ -193,3 +198,9 @@ def _readings(columns: Columns) -> Iterator[str]:
             yield f"{name} is an angle that goes on beyond a turn, without jumps"
         if one.range is not None and one.saturated == "missing":
             yield f"{name} is missing (nan) where the sensor is saturated"
+
+
+def _constants(columns: Columns, signals: Sequence[NamedSignal]) -> Iterator[str]:
+    for one, (name, _) in zip(columns.inputs, signals, strict=True):
+        if isinstance(one, Constant):
+            yield f"{name} is constant, {one.value:g} {one.unit}".rstrip()
