@@ -160,7 +160,9 @@ def _blocks(estimation: Estimation, file: File, curves: Plot | None) -> Iterator
         curves.add(block)
     yield block
     if not estimation.report.estimates:
-        raise InputError(str(file.path), "has no row from which the observer could start")
+        empty = [name for name in layout.held if name not in estimation.report.levels]
+        hint = f"; {', '.join(empty)} never has a value" if empty else ""
+        raise InputError(str(file.path), f"has no row from which the observer could start{hint}")
     for sentence in diagnostics(estimation, first_rows):
         estimation.report.warn(sentence)
 

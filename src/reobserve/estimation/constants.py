@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.matrices import as_scalar
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.quantities import conversion
 from reobserve.estimation.specification import Columns, Constant
@@ -49,7 +50,8 @@ def inputs(columns: Columns, design: Design) -> Inputs:
         unit = units[k] if k < len(units) else ""
         at = f"columns.inputs.{k}.unit"
         way = conversion(at, one.unit, unit) if one.unit and unit else None
-        found.append(one.value if way is None else float(way.of(one.value)))
+        value = one.value if way is None else float(way.of(one.value))
+        found.append(as_scalar(f"columns.inputs.{k}.value", value))
     return Inputs(tuple(found))
 
 

@@ -50,6 +50,11 @@ class Layout:
     periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
     holds: tuple[bool, ...] = ()  # where an empty cell stands for the value before it
 
+    @property
+    def held(self) -> tuple[str, ...]:
+        """The names of columns whose last value holds in empty cells."""
+        return tuple(name for name, one in zip(self.names, self.holds, strict=True) if one)
+
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
 

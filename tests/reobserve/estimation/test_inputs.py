@@ -207,11 +207,18 @@ def test_held_value_is_kept_in_the_state_of_a_stream(tmp_path: Path) -> None:
     assert out + rows.finish() == expected
 
 
+def test_column_that_never_has_a_value_is_named(tmp_path: Path) -> None:
+    text = record(tmp_path / "r.csv", np.nan)
+    with pytest.raises(InputError, match=r"has no row from .* start; voltage never has a value"):
+        estimate_file(chosen(HELD), text, tmp_path / "e.csv")
+
+
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"inputs": [{"value": "12 V"}]}, "columns.inputs.0.value: '12 V' is not a number"),
     ({"inputs": [{"value": 1, "column": "u"}]}, "columns.inputs.0.column: unknown key"),
     ({"inputs": [{"value": 1, "unit": "vv"}]}, "columns.inputs.0.unit: 'vv' is no unit"),
     ({"inputs": [{"value": 1, "unit": "kg"}]}, "columns.inputs.0.unit: 'kg' cannot become 'V'"),
+    ({"inputs": [{"value": 1e308, "unit": "kV"}]}, "columns.inputs.0.value: "),
     ({"inputs": [{"value": 1}, {"value": 2}]}, "columns.inputs: are 2 columns, the observer re"),
     ({"inputs": [{**VOLTAGE, "missing": "keep"}]}, "columns.inputs.0.missing: 'keep' must be"),
     ({"measurements": [{"column": "speed", "missing": "hold"}]},

@@ -17,18 +17,12 @@ from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.families.examples import simulated, specification_text
+from reobserve.estimation.families.examples import examples, simulated, specification_text
 from reobserve.estimation.families.file import load_design
 from reobserve.estimation.outputs import RESIDUAL
 from reobserve.estimation.specification import as_specification, read_specification
 from reobserve.estimation.specified import specified
 from tests.reobserve.bad_input.odd import as_yaml
-
-NAMES = (
-    "kalman", "kalman-steady", "luenberger", "augmented-kalman", "extended-kalman", "imm-kalman",
-    "eso", "normal-form-constant", "high-gain", "extended-high-gain", "ilo-sampled", "adaptive-pi",
-    "levant",
-)  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -70,7 +64,7 @@ def compiled(header: Path, y: Any, u: Any) -> dict[str, Any]:
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", examples())
 def test_exported_specification_gives_the_numbers_of_estimate(name: str, empty: Path) -> None:
     Path("log.yaml").write_text(specification_text(name), encoding="utf-8")
     assert main(["export", "log.yaml", "--out", "direct"]) == 0
