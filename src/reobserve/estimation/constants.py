@@ -1,4 +1,4 @@
-"""Inputs that are constant, as gravity, and have no column: a specification states their values."""
+"""AllInputs that are constant, as gravity, and have no column: a specification states their values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Inputs:
+class AllInputs:
     """All inputs of an observer, of which some are constant: nan stands for the columns."""
 
     values: tuple[float, ...] = ()
@@ -33,7 +33,7 @@ class Inputs:
         return found
 
 
-def inputs(columns: Columns, design: Design) -> Inputs:
+def inputs(columns: Columns, design: Design) -> AllInputs:
     """The inputs of a design, with constants in its units.
 
     Raises
@@ -52,7 +52,7 @@ def inputs(columns: Columns, design: Design) -> Inputs:
         way = conversion(at, one.unit, unit) if one.unit and unit else None
         value = one.value if way is None else float(way.of(one.value))
         found.append(as_scalar(f"columns.inputs.{k}.value", value))
-    return Inputs(tuple(found))
+    return AllInputs(tuple(found))
 
 
 def fixed_units(signals: Sequence[tuple[str, str]]) -> list[str]:
