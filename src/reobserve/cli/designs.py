@@ -14,6 +14,10 @@ a model to start from, its design, and its code:
   reobserve design kalman pendulum.yaml --set gain=varying --out varying.json
   reobserve export pendulum.json --out pendulum
 
+the same from a specification of `reobserve estimate`, whose columns name the signals:
+  reobserve design log.yaml --out log.json
+  reobserve export log.yaml --out log
+
 Gains that the model does not state are computed, if the kind can do that; the example of a kind
 shows its keys.
 """
@@ -22,8 +26,14 @@ shows its keys.
 def design(command: argparse.ArgumentParser) -> None:
     """Add the options of `design`."""
     command.epilog = _MORE
-    command.add_argument("kind", metavar="KIND", help=f"one of {', '.join(FAMILIES)}")
-    command.add_argument("model", nargs="?", type=Path, metavar="MODEL.yaml", help="the model")
+    command.add_argument(
+        "kind",
+        metavar="KIND",
+        help=f"one of {', '.join(FAMILIES)}; left out for a specification, which has one",
+    )
+    command.add_argument(
+        "model", nargs="?", type=Path, metavar="MODEL.yaml", help="the model, or a specification"
+    )
     command.add_argument("--out", type=Path, metavar="FILE", help="the design, JSON")
     command.add_argument(
         "--example",
@@ -39,7 +49,9 @@ def design(command: argparse.ArgumentParser) -> None:
 
 def export(command: argparse.ArgumentParser) -> None:
     """Add the options of `export`."""
-    command.add_argument("design", type=Path, help="a file made by `reobserve design`")
+    command.add_argument(
+        "design", type=Path, help="a file made by `reobserve design`, or a specification (.yaml)"
+    )
     command.add_argument(
         "--to", choices=("c",), default="c",
         help="c: a step function without memory allocation, and its test (default: c)",

@@ -16,6 +16,7 @@ from reobserve.core.files import read_text
 from reobserve.core.seals import opened
 
 Tree = dict[str, Any]
+YAML = (".yaml", ".yml")  # endings of files
 
 DEPTH = 40  # of nested lists and mappings; the deepest configuration has 8
 VALUES = 100_000  # with the copies that aliases stand for; a configuration has some 3000

@@ -160,7 +160,9 @@ def _blocks(estimation: Estimation, file: File, curves: Plot | None) -> Iterator
         curves.add(block)
     yield block
     if not estimation.report.estimates:
-        raise InputError(str(file.path), "has no row from which the observer could start")
+        empty = [name for name in layout.held if name not in estimation.report.levels]
+        hint = f"; {', '.join(empty)} never has a value" if empty else ""
+        raise InputError(str(file.path), f"has no row from which the observer could start{hint}")
     for sentence in diagnostics(estimation, first_rows):
         estimation.report.warn(sentence)
 
@@ -192,14 +194,10 @@ def estimate_stream(
     if warm:
         Estimation(specification, _expected(specification), place)
         print("reobserve: ready", file=sys.stderr, flush=True)
-    stop = Stop()
-    with contextlib.ExitStack() as held:
-        stream: Any = sys.stdin.buffer
-        if data is not None:
-            stream = held.enter_context(open_file(data, 0))
-        held.enter_context(stop.listening())
-        idle, dialect = idle if data is not None else 0.0, Dialect.of(specification)
-        lines = Lines(stream, stop, place, idle, dialect)
+    stop, dialect = Stop(), Dialect.of(specification)
+    stream: Any = sys.stdin.buffer if data is None else open_file(data, 0)
+    lines = Lines(stream, stop, place, 0.0 if data is None else idle, dialect, data)
+    with stop.listening(), contextlib.closing(lines) if data else contextlib.nullcontext():
         coming = iter(lines)
         head = read_head(coming, dialect, place)
         if head.first is not None:
@@ -207,27 +205,49 @@ def estimate_stream(
         estimation = Estimation(specification, head.titles, place)
         rows = RowByRow(estimation, head)
         if resumed and state is not None:
-            offset = state_file.load_state(state, estimation, digest)
+            offset, line = state_file.load_state(state, estimation, digest)
             if data is not None and offset is not None:
-                again = held.enter_context(open_file(data, offset))
-                lines = Lines(again, stop, place, idle, dialect)
-                rows.rows.line = lines.pass_over(offset)
-                coming = iter(lines)
+                coming = _resumed(lines, rows, offset, line, data)
         else:
             _put(header(estimation.titles))
-        for line in coming:
-            _put(rows.read(line))
-        rows.rows.finish()
+        _read(coming, lines, rows)
         if state is not None:
             rows.settle()
             offset = None if data is None else lines.offset
-            state_file.save_state(state, estimation, digest, offset)
+            state_file.save_state(state, estimation, digest, offset, lines.last)
         else:
             _put(rows.finish())
     if report is not None:
         content = as_json(estimation.report, {"record": place})
         write_text(report, json.dumps(content, indent=1) + "\n")
     print(as_table(estimation.report, specification.sampling.period), file=sys.stderr)
+
+
+def _resumed(lines: Lines, rows: RowByRow, offset: int, line: str, data: Path) -> Iterator[str]:
+    """The lines after a byte of a file, if the one before it is that of a digest."""
+    lines.reopen(open_file(data, offset))
+    rows.rows.line = lines.pass_over(offset)
+    if line and state_file.digest_of(lines.last) != line:
+        problem = (
+            f"was replaced, as another line is before byte {offset} than was read; remove the "
+            "state file to restart, or give the header and the rest of the old file to --stream "
+            "first"
+        )
+        raise InputError(str(data), problem)
+    return iter(lines)
+
+
+def _read(coming: Iterator[str], lines: Lines, rows: RowByRow) -> None:
+    """Put out the results of lines, and of those of the files that replace theirs."""
+    while True:
+        for line in coming:
+            _put(rows.read(line))
+        if lines.path is None or not lines.replaced:
+            return rows.rows.finish()
+        rows.cut_off(lines.rest, lines.replaced)
+        print(f"reobserve: {lines.place} was {lines.replaced}", file=sys.stderr, flush=True)
+        lines.reopen(open_file(lines.path, 0))
+        coming = rows.go_on(iter(lines))
 
 
 def _check_not_smoothed(specification: Specification) -> None:
@@ -244,8 +264,7 @@ def _put(lines: str) -> None:
 def _expected(specification: Specification) -> list[str]:
     """A header as the specification asks for it."""
     columns = specification.columns
-    every = [one.column for one in (*columns.measurements, *columns.inputs)]
-    return [*columns.time.columns, *every]
+    return [*columns.time.columns, *(one.column for one in columns.read)]
 
 
 def write_example(name: str, out: Path | None, record: Path | None) -> None:

@@ -168,6 +168,8 @@ class DataReport:
     after_end: int = 0
     missing: dict[str, int] = field(default_factory=dict)
     filled: dict[str, int] = field(default_factory=dict)
+    held: dict[str, int] = field(default_factory=dict)  # cells that were empty
+    levels: dict[str, float] = field(default_factory=dict)  # of these columns, the last value
     saturated: dict[str, int] = field(default_factory=dict)
     outliers: dict[str, int] = field(default_factory=dict)  # beyond the gate of a filter
     angles: dict[str, list[float]] = field(default_factory=dict)  # the last one, and its turns
@@ -259,7 +261,7 @@ class DataReport:
         return (self.last - self.first) / slots
 
 
-_INTERNAL = ("single", "angles", "latest", "shift", "origin", "period")
+_INTERNAL = ("single", "angles", "levels", "latest", "shift", "origin", "period")
 _TIMES = ("first", "last", "earlier", "gaps", "start", "end")
 
 
@@ -312,6 +314,7 @@ def as_table(report: DataReport, period: float) -> str:
     for name, table in (
         ("values missing", report.missing),
         ("values filled", report.filled),
+        ("values held until they change", report.held),
         ("values saturated", report.saturated),
         ("outliers beyond the gate", report.outliers),
     ):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located
 from reobserve.estimation.alarms import alarms, start_up, warn_of_start_up
+from reobserve.estimation.constants import inputs
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
 from reobserve.estimation.families.design import Design
@@ -68,6 +69,7 @@ class Estimation:
             self.design: Design = specification.observer.design(period)
         self.observer = self.design.observer
         self.layout: Layout = lay_out(specification.columns, self.design, header, place, period)
+        self.inputs = inputs(specification.columns, self.design)
         self.can_skip = self.observer.reads_missing
         for key, word, others in (
             ("missing", "skip", "refuse or interpolate"),
@@ -84,10 +86,11 @@ class Estimation:
         )
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]
-        self.interpolation = _interpolation(
-            specification, width, len(names), self.design.holds_inputs
-        )
-        self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip)
+        holds = self.layout.holds[timed:]
+        every = self.design.holds_inputs  # input, and not only those whose cells are empty
+        held = tuple(c >= width and (every or one) for c, one in enumerate(holds))
+        self.interpolation = _interpolation(specification, held)
+        self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip, holds)
         self.state: Any = None
         self.waiting: list[Stretch] = []  # for a smoother, up to the next start
         self.first_rows: FirstRows | None = None
@@ -110,7 +113,7 @@ class Estimation:
         """
         state = self.design.begin(np.zeros(measurements))
         y = np.full((1, measurements), np.nan if self.can_skip else 0.0)
-        run = self.run(y, np.zeros((1, inputs)), state)
+        run = self.run(y, self.inputs.of(np.zeros((1, inputs))), state)
         self.template = run.state
         return run.estimates
 
@@ -126,7 +129,7 @@ class Estimation:
             inputs = len(self.layout.names) - self.layout.timed - self.layout.measurements
 
             def run(y: Array) -> Array:
-                state, u = self.design.begin(y[0]), np.zeros((len(y), inputs))
+                state, u = self.design.begin(y[0]), self.inputs.of(np.zeros((len(y), inputs)))
                 return self.outputs.numbers(y, self.observer.run(y, u, state=state).estimates)
 
             with warnings.catch_warnings():
@@ -170,7 +173,7 @@ class Estimation:
         )
 
     def _estimate(self, rows: Settled, final: bool) -> Estimated:
-        stretches = self.gaps.feed(rows, final)
+        stretches = [one._replace(u=self.inputs.of(one.u)) for one in self.gaps.feed(rows, final)]
         if self.whole is not None:
             stretches = self._from_start_to_start(stretches, final)
         parts = [self._run(stretch) for stretch in stretches]
@@ -276,9 +279,7 @@ def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
     return run
 
 
-def _interpolation(
-    specification: Specification, measurements: int, columns: int, holds: bool
-) -> Interpolation:
+def _interpolation(specification: Specification, held: tuple[bool, ...]) -> Interpolation:
     sampling = specification.sampling
     even = sampling.uneven == "refuse"
     if sampling.missing == "interpolate":
@@ -290,6 +291,5 @@ def _interpolation(
         hold = sampling.longest
     if sampling.at_gap == "coast":
         hold = np.inf
-    held = tuple(c >= measurements and holds for c in range(columns))
     method, period = ("linear", 0.0) if even else (sampling.uneven, sampling.period)
     return Interpolation(method, reach, hold, held, period)

@@ -43,7 +43,8 @@ class Gaps:
     """Takes rows at the sampling period, with nan for what is missing.
 
     ``reads_missing`` says that the observer can do without measurements: it is then corrected by
-    those sensors that there are, and by none where rows are skipped or coasted over.
+    those sensors that there are, and by none where rows are skipped or coasted over. Columns that
+    it ``holds`` lack a value before their first one only, where the observer does not start.
     """
 
     sampling: Sampling
@@ -52,6 +53,7 @@ class Gaps:
     columns: tuple[str, ...]
     measurements: int
     reads_missing: bool
+    holds: tuple[bool, ...] = ()
     last: float | None = None  # the time of the last row that was measured
     started: bool = False
     in_gap: bool = False
@@ -121,6 +123,10 @@ class Gaps:
     def _bridges(self, k: int, rows: Settled, known: bool, final: bool) -> bool:
         """True if the observer predicts over a row without measurements, which may open a gap."""
         sampling = self.sampling
+        first = not self.started and not self.in_gap
+        if first and any(self.holds) and np.isnan(rows.values[k, list(self.holds)]).any():
+            self.report.before_start += 1
+            return False
         if sampling.missing == "refuse":
             self._refuse(k, rows)
         if not self.started or self.last is None:

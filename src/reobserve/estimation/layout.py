@@ -16,7 +16,7 @@ from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, check_unit, conversion
-from reobserve.estimation.specification import Column, Columns, TimeColumn
+from reobserve.estimation.specification import Column, Columns, Constant, TimeColumn
 from reobserve.estimation.text_rows import RowError
 
 Array = NDArray[np.float64]
@@ -56,6 +56,12 @@ class Layout:
     measurements: int
     clock: Clock | None = None
     periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
+    holds: tuple[bool, ...] = ()  # where an empty cell stands for the value before it
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """The names of columns whose last value holds in empty cells."""
+        return tuple(name for name, one in zip(self.names, self.holds, strict=True) if one)
 
     @property
     def dated(self) -> bool:
@@ -95,7 +101,9 @@ class Layout:
                 cells[outside] = np.nan
         converted: Array = self.conversions[c].of(cells)
         if self.periods and self.periods[c]:
-            return _unwrapped(converted, self.periods[c], report.angles, self.names[c])
+            converted = _unwrapped(converted, self.periods[c], report.angles, self.names[c])
+        if self.holds and self.holds[c]:
+            return _held(converted, report, self.names[c])
         return converted
 
 
@@ -111,6 +119,18 @@ def _unwrapped(angles: Array, period: float, before: dict[str, list[float]], nam
     return angles
 
 
+def _held(values: Array, report: DataReport, name: str) -> Array:
+    """Values of which the last one holds where there is none."""
+    known = np.isfinite(values)
+    every = np.concatenate([[report.levels.get(name, np.nan)], values])
+    last = np.maximum.accumulate(np.where(np.isfinite(every), np.arange(len(every)), 0))[1:]
+    found: Array = every[last]
+    report.count(report.held, name, (np.isfinite(found) & ~known).sum())
+    if len(found) and np.isfinite(found[-1]):
+        report.levels[name] = float(found[-1])
+    return found
+
+
 def lay_out(
     columns: Columns, design: Design, header: Sequence[str], place: str, period: float = 0.0
 ) -> Layout:
@@ -124,34 +144,8 @@ def lay_out(
     """
     if len(header) == 1:
         _check_delimiter(columns, header[0], place)
-    wanted: list[tuple[str, Column, str]] = []
-    for what, given, widths, signals in (
-        ("measurements", columns.measurements, design.widths[0], design.measurements),
-        ("inputs", columns.inputs, design.widths[1], design.inputs),
-    ):
-        fixed = [unit for _, unit in signals] if all(unit for _, unit in signals) else []
-        if len(given) not in widths:
-            counts = " or ".join(map(str, widths))
-            problem = f"are {len(given)} columns, the observer reads {counts}"
-            raise InputError(f"columns.{what}", problem)
-        for k, column in enumerate(given):
-            wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
-    parts, problems, clock = [], [], None
-    for at, column, fixed in wanted:
-        try:
-            parts.append(find_column(at, column, fixed, header, place))
-        except InputError as error:
-            problems.append(error)
-    try:
-        clock = _clock(columns.time, header, place, period)
-    except InputError as error:
-        problems.append(error)
-    if problems:
-        first = problems[0]
-        known = any(_matches(name, header) for name in _names(columns))
-        if not known and "did you" not in first.problem:
-            problems = [InputError(first.parameter, first.problem + _no_header(header))]
-        raise ColumnsError(problems)
+    wanted = _wanted(columns, design)
+    parts, clock = _find(columns, wanted, header, place, period)
     every = [column for _, column, _ in wanted]
     if clock is not None:
         parts.insert(0, (clock.titles[0], clock.way, "s"))
@@ -170,7 +164,54 @@ def lay_out(
             0.0 if column.wrap is None else abs(part[1].factor) * column.wrap
             for column, part in zip(every, parts, strict=True)
         ),
+        tuple(column.missing == "hold" for column in every),
     )  # fmt: skip
+
+
+def _wanted(columns: Columns, design: Design) -> list[tuple[str, Column, str]]:
+    """The columns to read: their keys, they themselves, and the unit that the observer states."""
+    wanted: list[tuple[str, Column, str]] = []
+    for what, given, widths, signals in (
+        ("measurements", columns.measurements, design.widths[0], design.measurements),
+        ("inputs", columns.inputs, design.widths[1], design.inputs),
+    ):
+        fixed = [unit for _, unit in signals] if all(unit for _, unit in signals) else []
+        if len(given) not in widths:
+            counts = " or ".join(map(str, widths))
+            problem = f"are {len(given)} columns, the observer reads {counts}"
+            raise InputError(f"columns.{what}", problem)
+        for k, column in enumerate(given):
+            if isinstance(column, Constant):
+                continue
+            wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
+    return wanted
+
+
+def _find(
+    columns: Columns,
+    wanted: Sequence[tuple[str, Column, str]],
+    header: Sequence[str],
+    place: str,
+    period: float,
+) -> tuple[list[tuple[str, Conversion, str]], Clock | None]:
+    """Titles, conversions and units of the columns, and the clock (raises all that is wrong)."""
+    parts, problems, clock = [], list[InputError](), None
+    for at, column, fixed in wanted:
+        try:
+            parts.append(find_column(at, column, fixed, header, place))
+        except InputError as error:
+            problems.append(error)
+    try:
+        clock = _clock(columns.time, header, place, period)
+    except InputError as error:
+        problems.append(error)
+    if problems:
+        first = problems[0]
+        known = any(_matches(name, header) for name in _names(columns))
+        if not known and "did you" not in first.problem:
+            problems = [InputError(first.parameter, first.problem + _no_header(header))]
+        raise ColumnsError(problems)
+    return parts, clock
 
 
 def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -> Clock | None:
@@ -195,8 +236,7 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
 
 
 def _names(columns: Columns) -> set[str]:
-    every = (*columns.measurements, *columns.inputs)
-    return {*columns.time.columns, *(column.column for column in every)} - {""}
+    return {*columns.time.columns, *(column.column for column in columns.read)} - {""}
 
 
 def _check_delimiter(columns: Columns, title: str, place: str) -> None:

@@ -7,10 +7,13 @@ observer and back without a detour by blocks. Else it is a block of one row.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
-from reobserve.estimation.dialect import Dialect, Head
+from reobserve.core.errors import InputError, shown
+from reobserve.estimation.dialect import Dialect, Head, read_head
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.gaps import MEASURED, STATUSES
 from reobserve.estimation.text_rows import RowError, TextRows
@@ -36,7 +39,7 @@ class RowByRow:
         self.short = (
             sampling.uneven == "refuse" and layout.timed and dialect.plain
             and sampling.repeated != "spread"
-            and not any(layout.ranges) and not any(layout.periods)
+            and not any(layout.ranges) and not any(layout.periods) and not any(layout.holds)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
         self.y = np.empty((1, layout.measurements))
@@ -108,6 +111,7 @@ class RowByRow:
         measured = self.y.shape[1]
         y, u = self.y, self.u
         y[0], u[0] = values[:measured], values[measured:]
+        u = made.inputs.of(u)
         begun = made.state.count + 1 if made.state.sample is not None else 0
         try:
             made.state, estimates = unchecked_step(made.observer, made.state, y, u)
@@ -120,6 +124,54 @@ class RowByRow:
         at, row = np.array([time]), np.array([found])
         raised = [float(alarm.raised(at, row, report, estimates)[0]) for alarm in made.alarms]
         return result(report.stamp(time), found, raised, MEASURED)
+
+    def cut_off(self, rest: str, how: str) -> None:
+        """End a file that was replaced, or truncated, with the ``rest`` of a line without an end.
+
+        Raises
+        ------
+        InputError
+            If there is such a rest, unless `file.tail` leaves it out.
+        """
+        if rest and self.rows.dialect.file.tail != "drop":
+            problem = (
+                f"was {how} after line {self.rows.line}, and the next one has no end; with "
+                "file.tail: drop it is left out"
+            )
+            raise InputError(self.estimation.place, problem)
+        if rest:
+            self.rows.row(rest)
+        self.rows.finish()
+
+    def go_on(self, lines: Iterator[str]) -> Iterator[str]:
+        """The rows of a file that continues another one, with or without the same header.
+
+        Raises
+        ------
+        InputError
+            If it has the columns in another way.
+        """
+        rows, taken, place = self.rows, list[str](), self.estimation.place
+        rows.line = 0
+
+        def kept() -> Iterator[str]:
+            for line in lines:
+                taken.append(line)
+                yield line
+
+        try:
+            head = read_head(kept(), rows.dialect, place)
+        except InputError:
+            if any(map(str.strip, taken)):
+                raise
+            return iter(())
+        if head.titles == rows.head.titles:
+            rows.line = head.lines
+            return lines if head.first is None else chain([head.first], lines)
+        if set(head.titles) & set(rows.titles):
+            was, now = (shown(",".join(one.titles)) for one in (rows.head, head))
+            raise InputError(place, f"goes on with the header {now}, must have that before, {was}")
+        return chain(taken, lines)
 
     def settle(self) -> None:
         """Hand what the short way has seen to the policies, before any of them is asked."""

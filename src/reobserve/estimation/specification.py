@@ -15,11 +15,11 @@ smooth: false                                            true: each estimate fro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from reobserve.core.documents import read_yaml
+from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, parse
 from reobserve.estimation.dates import ISO, check_format, check_zone
@@ -96,6 +96,8 @@ class Column:
     there, in ``unit``: the observer reads (column - offset), and estimates deviations from it.
     ``wrap`` is the period of an angle in ``unit``, such as 360: from sample to sample it turns the
     shortest way, and the observer reads angles that go on beyond a turn.
+    ``missing: hold`` is for an input that is logged when it changes: in rows where its cell is
+    empty it has its last value. Before the first one the observer does not start.
     """
 
     column: Name
@@ -105,6 +107,7 @@ class Column:
     saturated: Literal["keep", "missing"] = "keep"
     offset: float | None = None
     wrap: Positive | None = None
+    missing: Literal["hold"] | None = None
 
     def __post_init__(self) -> None:
         for place in ("unit", "model_unit"):
@@ -113,6 +116,25 @@ class Column:
         if self.range is not None and not self.range[0] < self.range[1]:
             low, high = self.range
             raise InputError("range", f"[{low:g}, {high:g}] must be rising")
+
+
+@dataclass(frozen=True)
+class Constant:
+    """An input that needs no column: it has this ``value`` in ``unit``, or in that of the model."""
+
+    value: float
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        if self.unit:
+            check_unit("unit", self.unit)
+
+
+# Distinguished by the key that states a constant.
+Input = Annotated[
+    Annotated[Constant, form("constant input")] | Annotated[Column, form("input column")],
+    having({"value": "constant input"}, "input column"),
+]
 
 
 @dataclass(frozen=True)
@@ -125,7 +147,7 @@ class Columns:
     """
 
     measurements: Annotated[tuple[Column, ...], Few]
-    inputs: Annotated[tuple[Column, ...], Few] = ()
+    inputs: Annotated[tuple[Input, ...], Few] = ()
     time: TimeColumn = field(default_factory=TimeColumn)
     delimiter: Delimiter = ","
     decimal: Decimal = "."
@@ -138,11 +160,23 @@ class Columns:
         named = list(self.time.columns)
         if len(set(named)) < len(named):
             raise InputError("time.column", f"takes the column {shown(named[0])} a second time")
+        for k, one in enumerate(self.measurements):
+            if one.missing is not None:
+                problem = "hold is for inputs; sampling.missing is for measurements"
+                raise InputError(f"measurements.{k}.missing", problem)
         for place in ("measurements", "inputs"):
             for one in getattr(self, place):
+                if isinstance(one, Constant):
+                    continue
                 if one.column in named:
                     raise InputError(place, f"take the column {shown(one.column)} a second time")
                 named.append(one.column)
+
+    @property
+    def read(self) -> tuple[Column, ...]:
+        """The columns that the observer reads, measurements first."""
+        given = (*self.measurements, *self.inputs)
+        return tuple(one for one in given if isinstance(one, Column))
 
 
 @dataclass(frozen=True)
@@ -298,6 +332,39 @@ class Specification:
         return (Path(self.observer.file),) if isinstance(self.observer, DesignFile) else ()
 
 
+SECTIONS = tuple(each.name for each in fields(Specification))
+
+
+def as_specification(tree: Tree) -> Specification:
+    """The specification in a tree.
+
+    The observer's keys, and its kind, may also stand beside the sections, as in a model's file. Its
+    sampling period may state ``sampling.period``.
+
+    Raises
+    ------
+    InputError
+        With the dotted key of what is missing, unknown or wrong.
+    """
+    beside = "observer" not in tree and any(name in tree for name in ("kind", "sampling_period"))
+    if beside:
+        keys = {name: part for name, part in tree.items() if name not in SECTIONS}
+        tree = {name: part for name, part in tree.items() if name in SECTIONS}
+        tree["observer"] = keys
+    observer, sampling = tree.get("observer"), tree.get("sampling", {})
+    if isinstance(observer, dict) and isinstance(sampling, dict) and "sampling_period" in observer:
+        period = observer["sampling_period"]
+        sampling = {"period": period, **sampling}
+        if sampling["period"] == period:
+            rest = {name: part for name, part in observer.items() if name != "sampling_period"}
+            tree = {**tree, "observer": rest, "sampling": sampling}
+    try:
+        return parse(Specification, tree)
+    except InputError as error:
+        name = error.parameter.removeprefix("observer.") if beside else error.parameter
+        raise error.renamed(name) from None
+
+
 def read_specification(path: str | Path) -> Specification:
     """The specification in a file.
 
@@ -308,7 +375,7 @@ def read_specification(path: str | Path) -> Specification:
     """
     tree = read_yaml(path)
     try:
-        return parse(Specification, tree)
+        return as_specification(tree)
     except InputError as error:
         place = f"{path}: {error.parameter}" if error.parameter else str(path)
         raise error.renamed(place) from None

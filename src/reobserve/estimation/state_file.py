@@ -57,12 +57,13 @@ class _Interpolation:
 
 @dataclass
 class _State:
-    """A state file. ``offset`` is the byte up to which a file was read."""
+    """A state file. ``offset`` is the byte up to which a file was read, ``line`` the last line."""
 
     format: Literal["reobserve estimate state"]
     schema: Literal[8]
     specification: str
     offset: Annotated[int, within(0, 2**53)] | None
+    line: str  # its digest
     observer: Any
     timestamps: _Timestamps
     gaps: _Gaps
@@ -71,8 +72,12 @@ class _State:
     digest: str
 
 
-def save_state(path: Path, estimation: Estimation, digest: str, offset: int | None) -> None:
+def save_state(
+    path: Path, estimation: Estimation, digest: str, offset: int | None, line: str = ""
+) -> None:
     """Write what is needed to go on. ``offset`` is the byte up to which a file was read.
+
+    ``line`` is the last line before it.
 
     Raises
     ------
@@ -85,6 +90,7 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
         "schema": SCHEMA,
         "specification": digest,
         "offset": offset,
+        "line": digest_of(line) if line else "",
         "observer": _plain(estimation.state),
         "timestamps": _plain(
             _Timestamps(
@@ -104,8 +110,13 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
     write_text(path, json.dumps({**tree, "digest": _content(tree)}) + "\n")
 
 
-def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
-    """Put an estimation where it was when its state was saved, and return the offset saved.
+def load_state(path: Path, estimation: Estimation, digest: str) -> tuple[int | None, str]:
+    """Put an estimation where it was when its state was saved.
+
+    Returns
+    -------
+    tuple
+        The offset that was saved, and the digest of the line before it.
 
     Raises
     ------
@@ -121,7 +132,7 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
         raise error.renamed(place) from None
 
 
-def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
+def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, str]:
     given = _decoded(tree, "")
     saved = parse(_State, given, finite=False)
     if saved.specification != digest:
@@ -158,7 +169,7 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
     vars(estimation.gaps).update(vars(saved.gaps))
     vars(estimation.interpolation).update(arrays)
     vars(estimation.report).update(vars(saved.report))
-    return saved.offset
+    return saved.offset, saved.line
 
 
 def _held(saved: _Timestamps, columns: int) -> tuple[Array, Array]:

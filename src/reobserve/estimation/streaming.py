@@ -1,8 +1,13 @@
-"""Lines as they come: from standard input, or from a file that grows."""
+"""Lines as they come: from standard input, or from a file that grows, by its name.
+
+A file that is followed may be replaced: renamed, with a new one in its place, or truncated, as logs
+are that are rotated. Its lines end then, and those of the new file are another `Lines`.
+"""
 
 from __future__ import annotations
 
 import codecs
+import os
 import signal
 import time
 from collections.abc import Iterator
@@ -16,7 +21,9 @@ from reobserve.core.files import reason
 from reobserve.estimation.dialect import Dialect
 
 _POLL = 0.02  # [s] between looks at a file that has not grown
+_LATE = 1.0  # [s] in which the last line of a file that was renamed may still get its end
 LONGEST = 2**20  # bytes of a line
+REPLACED, TRUNCATED = "replaced", "truncated"
 
 
 class _Stopped(BaseException):
@@ -24,7 +31,7 @@ class _Stopped(BaseException):
 
 
 class Stop:
-    """Lets SIGINT and SIGTERM end a stream between two lines, and not within the work on one."""
+    """Lets SIGINT, SIGTERM and SIGHUP end a stream between two lines, not within work on one."""
 
     def __init__(self) -> None:
         self.asked = self.waiting = False
@@ -33,7 +40,10 @@ class Stop:
     def listening(self) -> Iterator[None]:
         """Take these signals, and give them back to whom they were."""
         before = {}
-        for number in (signal.SIGINT, signal.SIGTERM):
+        hangup = getattr(signal, "SIGHUP", signal.SIGTERM)
+        if signal.getsignal(hangup) is signal.SIG_IGN:  # as with nohup
+            hangup = signal.SIGTERM
+        for number in {signal.SIGINT, signal.SIGTERM, hangup}:
             try:
                 before[number] = signal.signal(number, self._take)
             except ValueError:  # not the main thread, which alone may ask for signals
@@ -84,6 +94,9 @@ class Lines:
         How long [s] to wait for more at its end; 0 for a pipe, whose end is its end.
     dialect
         Of the text.
+    path
+        The file that is followed. ``replaced`` says whether, and how, another file came in its
+        place; ``rest`` is what it then has of a line without an end. ``last`` is the last line.
     """
 
     def __init__(
@@ -93,21 +106,38 @@ class Lines:
         place: str,
         idle: float = 0.0,
         dialect: Dialect | None = None,
+        path: Path | None = None,
     ) -> None:
-        self.stream, self.stop, self.place, self.idle = stream, stop, place, idle
+        self.stop, self.place, self.idle, self.path = stop, place, idle, path
         self.dialect = dialect or Dialect()
+        self._begin(stream)
+
+    def _begin(self, stream: BinaryIO) -> None:
+        self.stream, self.offset, self.end = stream, 0, b"\n"
         self.decoder: codecs.IncrementalDecoder | None = None
-        self.end = b"\n"
-        self.offset = 0
+        self.replaced = self.rest = self.last = ""
+        self._noticed = 0.0
+
+    def reopen(self, stream: BinaryIO) -> None:
+        """Go on with another file, or with the same one from the top."""
+        self.close()
+        self._begin(stream)
+
+    def close(self) -> None:
+        """Close the file."""
+        self.stream.close()
 
     def pass_over(self, offset: int) -> int:
         """Go on at a byte of the stream, and return the number of lines before it."""
-        lines = 0
+        lines, rest = 0, ""
         self.stream.seek(0)
         self._end(self.stream.read(2))
         self.stream.seek(0)
         while chunk := self.stream.read(min(LONGEST, offset - self.offset)):
-            lines += self._text(chunk).count("\n")
+            text = rest + self._text(chunk)
+            lines += text.count("\n")
+            begin = text.rfind("\n", 0, -1) + 1
+            self.last, rest = text[begin:], text[begin:].removesuffix("\n")
         return lines
 
     def __iter__(self) -> Iterator[str]:
@@ -126,16 +156,47 @@ class Lines:
             if len(begun) > LONGEST:
                 raise InputError(self.place, f"has a line of more than {LONGEST} bytes")
             if begun.endswith(self.end):
-                yield self._text(begun)
+                self.last = self._text(begun)
+                yield self.last
                 begun, since = b"", time.monotonic()
             elif read.endswith(b"\n"):  # half of a character
                 continue
-            elif self.stop.asked or time.monotonic() - since >= self.idle:
+            elif self.stop.asked or not self._waits(begun, since):
                 break
-            else:
-                self.stop.pause(_POLL)
+        if self.replaced and not self.stop.asked:
+            self.rest = self._text(begun)
+            return
+        self.replaced = ""
         if begun and not self.idle and not self.stop.asked:
             yield self._text(begun)  # the last line of a pipe may lack its end
+
+    def _waits(self, begun: bytes, since: float) -> bool:
+        """Wait for more of a line, or return False if there will be none."""
+        now = time.monotonic()
+        if not self.replaced and self._is_replaced():
+            self._noticed = now  # what was written before is read next
+            return True
+        late = now - (self._noticed if self.replaced else since)
+        if self.replaced == TRUNCATED or (self.replaced and not begun):
+            return False
+        if late >= (_LATE if self.replaced else self.idle):
+            return False
+        self.stop.pause(_POLL)
+        return True
+
+    def _is_replaced(self) -> bool:
+        """True if the file's name is that of another file, or less is there than was read."""
+        if self.path is None:
+            return False
+        try:
+            there, own = self.path.stat(), os.fstat(self.stream.fileno())
+        except OSError:  # there is no file of the name at the moment
+            return False
+        if not os.path.samestat(there, own):
+            self.replaced = REPLACED
+        elif own.st_size < self.stream.tell():
+            self.replaced = TRUNCATED
+        return bool(self.replaced)
 
     def _end(self, begun: bytes) -> bytes:
         """A line feed, whose bytes depend on the beginning of the stream."""

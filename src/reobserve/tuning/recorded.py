@@ -342,6 +342,7 @@ def _check_predictions(one: TunedSpecification, first: TunedSpecification, recor
     # The residual of a row must change by as much as the measurement of that row does.
     estimation = one.estimation({}, record)
     y, u = np.split(values[np.isfinite(values).all(axis=1)][:20], [layout.measurements], axis=1)
+    u = estimation.inputs.of(u)
     last = []
     for y_last in (y[-1], y[-1] + 1.0):
         y[-1] = y_last

@@ -11,7 +11,6 @@ import numpy as np
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.files import read_text
-from reobserve.core.validation import parse
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dialect import Dialect
 from reobserve.estimation.estimate import Estimation
@@ -19,7 +18,7 @@ from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import naming
 from reobserve.estimation.layout import Layout
 from reobserve.estimation.reading import File
-from reobserve.estimation.specification import Specification, read_specification
+from reobserve.estimation.specification import as_specification, read_specification
 from reobserve.tuning.search import Settings
 from reobserve.tuning.task import Array
 
@@ -41,7 +40,10 @@ class TunedSpecification:
         import yaml
 
         node: Any = yaml.compose(self._text, yaml.SafeLoader)
-        for step in key.split("."):
+        steps = key.split(".")
+        if steps[0] == "observer" and "observer" not in {name.value for name, _ in node.value}:
+            steps = steps[1:]  # its keys stand at the top
+        for step in steps:
             parts: dict[str, Any] = {}
             if isinstance(node, yaml.MappingNode):
                 parts = {name.value: part for name, part in node.value}
@@ -71,13 +73,13 @@ class TunedSpecification:
         """The estimation that runs the observer with other numbers over a record, no alarms."""
         tree = {**parse_yaml(self.text(settings), str(self.path)), "alarms": []}
         with naming(self.path):
-            return Estimation(parse(Specification, tree), self.header(record), str(record))
+            return Estimation(as_specification(tree), self.header(record), str(record))
 
     def design(self, settings: Settings) -> Design:
         """The observer with other numbers."""
         tree = parse_yaml(self.text(settings), str(self.path))
         with naming(self.path):
-            found: Design = parse(Specification, tree).observer.design(self.period)
+            found: Design = as_specification(tree).observer.design(self.period)
             return found
 
     def rows(self, record: Path, *more: str) -> tuple[Layout, Array, Array, Array]:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.core.documents import Tree, parse_yaml, read_yaml
+from reobserve.core.documents import YAML, Tree, parse_yaml, read_yaml
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
-from reobserve.core.files import write_text
+from reobserve.core.files import check_not_read, write_text
 from reobserve.estimation.families import family
+from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import naming, save_design
 
 
@@ -19,7 +20,9 @@ def run(
 ) -> None:
     """Design an observer, write its file and say what was found, or write an example of a model.
 
-    ``changed`` are texts KEY=VALUE that replace or add keys of the model, values in YAML.
+    The model may be a specification of `reobserve estimate`, or one without columns; as it has a
+    kind, its path may stand in the place of ``kind``. ``changed`` are texts KEY=VALUE that replace
+    or add keys of the observer, values in YAML.
 
     Raises
     ------
@@ -27,23 +30,46 @@ def run(
         If a file or a key cannot be used, or no observer is certified.
     """
     package("yaml", "read a model", extra="design")
-    chosen = family(kind)
-    if example is not None:
+    path = Path(kind)
+    if model is None and example is None and (path.suffix in YAML or path.is_file()):
+        kind, model = "", path
+        check_not_read([] if out is None else [out], [path])
+    chosen = family(kind) if kind else None
+    if example is not None and chosen is not None:
         if model is not None or out is not None or changed:
             raise InputError("--example", "writes a model and designs nothing: leave out the rest")
         if example.exists():
             raise InputError(str(example), "is there already, and is not replaced")
-        write_text(example, chosen.example)
+        title, _, rest = chosen.example.partition("\n")
+        write_text(example, f"{title}\nkind: {kind}\n{rest}")
         print(f"{example}: a model; next: reobserve design {kind} {example} --out design.json")
         return
     if model is None or out is None:
         raise InputError("MODEL.yaml and --out", "must be given, or --example")
-    tree: Tree = {**read_yaml(model), **dict(map(_change, changed))}
-    with naming(model), chosen.keyed():
-        found = chosen.designed(tree)
-        saved = save_design(out, found)
-    print(*saved.summary(), sep="\n")
+    tree, changes = read_yaml(model), dict(map(_change, changed))
+    with naming(model):
+        saved, notes = _saved(chosen, kind, tree, changes, out)
+    print(*saved.summary(), *notes, sep="\n")
     print(f"{out}: certified; loading it certifies it again")
+
+
+def _saved(
+    chosen: type[Design] | None, kind: str, tree: Tree, changes: Tree, out: Path
+) -> tuple[Design, Sequence[str]]:
+    """The design of a model or of a specification, written, and sentences on what is left out."""
+    from reobserve.estimation.specified import is_specification, specified
+
+    if chosen is not None and not is_specification(tree):
+        with chosen.keyed():
+            return save_design(out, chosen.designed({**tree, **changes})), ()
+    made = specified(tree, kind, changes)
+    if made.from_file:
+        raise InputError("observer.kind", "design is of a file that `reobserve design` wrote")
+    if len(made.signals[1]) != len(made.design.inputs):
+        problem = f"must be named and have units, as the columns are {len(made.signals[1])}"
+        raise InputError("observer.inputs", problem)
+    with type(made.design).keyed():
+        return save_design(out, made.design), made.notes
 
 
 def _change(text: str) -> tuple[str, Any]:

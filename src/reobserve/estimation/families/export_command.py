@@ -5,15 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import reobserve.codegen.record as records
 from reobserve.codegen import c_code, c_test
+from reobserve.core.documents import YAML, read_yaml
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, write_text
 from reobserve.estimation.families.design import Design
-from reobserve.estimation.families.file import load_design
+from reobserve.estimation.families.file import load_design, naming
 from reobserve.estimation.families.program import program_of
 from reobserve.estimation.families.signals import NamedSignal
+
+if TYPE_CHECKING:
+    from reobserve.estimation.specified import SpecifiedDesign
 
 # Words of C, and what the code itself includes.
 _TAKEN = frozenset(
@@ -26,24 +31,42 @@ _TAKEN = frozenset(
 def run(design: Path, to: str, out: Path) -> None:
     """Write a design as code into a folder, and print what was written. ``to`` is "c".
 
+    The design may be a specification of `reobserve estimate` that states it, .yaml or .yml.
+
     Raises
     ------
     InputError
-        If the file is no design, its observer has no fixed steps, or a file is the design itself or
-        cannot be written.
+        If the file is no design, or states none; its observer has no fixed steps; or a file is the
+        design itself or cannot be written.
     """
     if to != "c":
         raise InputError("to", f"{shown(to)} must be c")
-    loaded = load_design(design)
-    texts = exported(loaded, identifier(design))
+    if design.suffix.lower() in YAML:
+        texts, notes = _specified(design)
+    else:
+        texts, notes = exported(load_design(design), identifier(design)), ()
     check_not_read([out / name for name in texts], [design])
     for name, text in texts.items():
         write_text(out / name, text)
         print(out / name)
+    print(*notes, sep="\n", end="\n" if notes else "")
     print(f"to test it: cd {out}; {c_test.COMPILE.format(name=identifier(design))} && ./a.out")
 
 
-def exported(design: Design, name: str) -> dict[str, str]:
+def _specified(path: Path) -> tuple[dict[str, str], Sequence[str]]:
+    """The texts of the design that a specification states, which is certified first."""
+    from reobserve.estimation.specified import specified
+
+    tree = read_yaml(path)
+    with naming(path):
+        made = specified(tree)
+        with type(made.design).keyed():
+            made.design.certify()
+            made.design.try_out()
+        return exported(made.design, identifier(path), made), made.notes
+
+
+def exported(design: Design, name: str, specified: SpecifiedDesign | None = None) -> dict[str, str]:
     """The texts of files by their names.
 
     Parameters
@@ -52,6 +75,8 @@ def exported(design: Design, name: str) -> dict[str, str]:
         A design, as `load_design` gives it.
     name
         What functions and files are called: an identifier of C.
+    specified
+        What a specification says of its signals.
 
     Raises
     ------
@@ -61,12 +86,16 @@ def exported(design: Design, name: str) -> dict[str, str]:
     if not _is_identifier(name):
         raise InputError("name", f"{shown(name)} must be an identifier of C")
     state = design.start()
-    columns = len(design.measurements), len(design.inputs)
+    read: Any = (design.measurements, design.inputs) if specified is None else specified.signals
+    columns = len(read[0]), len(read[1])
     program = program_of(design.observer, state, columns, type(design))
-    signals = listed(design.measurements), listed(design.inputs)
+    signals = listed(read[0]), listed(read[1])
+    named = {**design.estimates, **(specified.estimates if specified else {})}
     about = "It estimates " + "; ".join(
-        f"{each}: {listed(design.estimates[each])}" for each in program.estimates
+        f"{each}: {listed(named[each])}" for each in program.estimates
     )
+    for note in specified.readings if specified else ():
+        about += f". {note[:1].upper()}{note[1:]}"
     period = float(design.system.sampling_period)
     y, u, found = records.test_run(design.observer, state, columns)
     expected = {each: found[each] for each in program.estimates}

@@ -66,6 +66,7 @@ def stated(tree: Mapping[str, Any], period: float) -> DesignFile | Stated:
             raise InputError("file", problem)
         return DesignFile(rest["file"])
     if "sampling_period" in rest:
-        raise InputError("sampling_period", "must be left out: sampling.period states it")
+        problem = f"must be left out, or {period:g}, which sampling.period states"
+        raise InputError("sampling_period", problem)
     kind = family(tree["kind"])
     return Stated(kind, *kind.read({**rest, "sampling_period": period}))

@@ -54,13 +54,19 @@ def test_model_is_designed_and_exported_to_code(
             ["design", "luenberger", "m.yaml", "--set", "poles=[1, 2]", "--out", "d.json"],
             "poles.0: 1 is not stable: its",
         ),
-        (["export", "here.yaml", "--to", "c"], "here.yaml: is not JSON"),
+        (["export", "here.txt", "--to", "c"], "here.txt: is not JSON"),
+        (["export", "here.yaml", "--to", "c"], "here.yaml: must be a mapping of keys to values"),
+        (["design", "here.yaml", "--out", "d.json"], "here.yaml: must be a mapping of keys"),
+        (["design", "no.yaml", "--out", "d.json"], "no.yaml: cannot be read"),
+        (["design", "m.yaml"], "MODEL.yaml and --out: must be given, or --example"),
+        (["design", "kalman", "m.yaml", "--out", "d.json"], "kind: 'luenberger' must be kalman"),
     ],
 )
 def test_failing_command_reports_why_and_writes_nothing(
     typed: list[str], said: str, empty: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (empty / "here.yaml").write_text("mine")
+    for name in ("here.yaml", "here.txt"):
+        (empty / name).write_text("mine")
     main(["design", "luenberger", "--example", "m.yaml"])
     before = sorted(path.name for path in empty.iterdir())
     capsys.readouterr()

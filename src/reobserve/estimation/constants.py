@@ -1,0 +1,60 @@
+"""Inputs that are constant, as gravity, and have no column: a specification states their values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.matrices import as_scalar
+from reobserve.estimation.families.design import Design
+from reobserve.estimation.quantities import conversion
+from reobserve.estimation.specification import Columns, Constant
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AllInputs:
+    """All inputs of an observer, of which some are constant: nan stands for the columns."""
+
+    values: tuple[float, ...] = ()
+
+    def of(self, columns: Array) -> Array:
+        """The inputs, shape (k, m), of rows of the columns alone."""
+        constant = np.isfinite(self.values)
+        if not constant.any():
+            return columns
+        found = np.empty((len(columns), len(self.values)))
+        found[:, constant] = np.array(self.values)[constant]
+        found[:, ~constant] = columns
+        return found
+
+
+def inputs(columns: Columns, design: Design) -> AllInputs:
+    """The inputs of a design, with constants in its units.
+
+    Raises
+    ------
+    InputError
+        If a unit cannot become that of the model.
+    """
+    units = fixed_units(design.inputs)
+    found = []
+    for k, one in enumerate(columns.inputs):
+        if not isinstance(one, Constant):
+            found.append(np.nan)
+            continue
+        unit = units[k] if k < len(units) else ""
+        at = f"columns.inputs.{k}.unit"
+        way = conversion(at, one.unit, unit) if one.unit and unit else None
+        value = one.value if way is None else float(way.of(one.value))
+        found.append(as_scalar(f"columns.inputs.{k}.value", value))
+    return AllInputs(tuple(found))
+
+
+def fixed_units(signals: Sequence[tuple[str, str]]) -> list[str]:
+    """The units of signals, if all have one."""
+    return [unit for _, unit in signals] if all(unit for _, unit in signals) else []
