@@ -79,21 +79,13 @@ class Estimation:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
         self.whole = _whole(self.observer) if specification.smooth else None
-        self.report = DataReport(period=period)
-        clock = self.layout.clock
-        self.timestamps = Timestamps(
-            sampling, self.report, place, None if clock is None else clock.dates
-        )
-        timed, width = self.layout.timed, self.layout.measurements
-        names = self.layout.names[timed:]
-        holds = self.layout.holds[timed:]
-        every = self.design.holds_inputs  # input, and not only those whose cells are empty
-        held = tuple(c >= width and (every or one) for c, one in enumerate(holds))
-        self.interpolation = _interpolation(specification, held)
-        self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip, holds)
+        self.prepare()
+        self.report.warnings += self.design.unseen
         self.state: Any = None
         self.waiting: list[Stretch] = []  # for a smoother, up to the next start
         self.first_rows: FirstRows | None = None
+        width = self.layout.measurements
+        names = self.layout.names[self.layout.timed :]
         self.sample = self._sample(width, len(names) - width)
         self.outputs: Outputs = outputs(
             self.design, self.layout, self.sample, specification.estimates
@@ -104,7 +96,22 @@ class Estimation:
             names[:width], self.design.residual_variance(self.sample) is not None,
             "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
         )  # fmt: skip
-        self.report.warnings += self.design.unseen
+
+    def prepare(self) -> None:
+        """Set up what takes rows, with an empty report."""
+        sampling, place = self.specification.sampling, self.place
+        self.report = DataReport(period=sampling.period)
+        clock = self.layout.clock
+        self.timestamps = Timestamps(
+            sampling, self.report, place, None if clock is None else clock.dates
+        )
+        timed, width = self.layout.timed, self.layout.measurements
+        names = self.layout.names[timed:]
+        holds = self.layout.holds[timed:]
+        every = self.design.holds_inputs  # input, and not only those whose cells are empty
+        held = tuple(c >= width and (every or one) for c, one in enumerate(holds))
+        self.interpolation = _interpolation(self.specification, held)
+        self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip, holds)
 
     def _sample(self, measurements: int, inputs: int) -> Any:
         """The estimates of a row of zeros, for their shapes, which compiles what is to run.
@@ -149,22 +156,31 @@ class Estimation:
         DivergenceError
             If the observer diverges, with the time of the record.
         """
+        return self._estimate(self.slots(raw), False)
+
+    def slots(self, raw: Array) -> Settled:
+        """The measurements and inputs at the times of samples, as `feed` takes and refuses rows."""
         time, values = self.layout.values(raw, self.report)
         if not self.layout.timed:
             first = self.report.rows
             rows = np.arange(first, first + len(values), dtype=np.float64)
             time = self.specification.sampling.period * rows
-        timestamps, values, slots = self.timestamps.read(time, values)
-        return self._estimate(self.interpolation.feed(timestamps, values, slots), False)
+        return self.interpolation.feed(*self.timestamps.read(time, values))
 
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
-        rows = self.timestamps.finish()
-        self.timestamps.check_period()
-        waited = [self._estimate(self.interpolation.feed(*rows), False)] if len(rows[0]) else []
-        found = _concatenated([*waited, self._estimate(self.interpolation.finish(), True)])
+        *waiting, last = self.last_slots()
+        parts = [self._estimate(rows, False) for rows in waiting]
+        found = _concatenated([*parts, self._estimate(last, True)])
         warn_of_start_up(self.report)
         return found
+
+    def last_slots(self) -> list[Settled]:
+        """The same as `slots`, of rows that waited for others."""
+        rows = self.timestamps.finish()
+        self.timestamps.check_period()
+        waiting = [self.interpolation.feed(*rows)] if len(rows[0]) else []
+        return [*waiting, self.interpolation.finish()]
 
     def _none(self) -> Estimated:
         width, signals = len(self.outputs.columns), len(self.alarms)

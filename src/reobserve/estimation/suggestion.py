@@ -27,7 +27,7 @@ from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.reading import File
 
 _LOOKED_AT = 2**18  # bytes
-_SIGNS = ("#", "%", "//", "!", "*", '"#')
+SIGNS = ("#", "%", "//", "!", "*", '"#')
 _DELIMITERS = (";", "\t", "|", ",", "whitespace")
 _NUMBERS = {
     ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
@@ -182,7 +182,7 @@ class _Grid:
 
     def _sign(self, lines: list[str]) -> str:
         """The sign with which all lines begin, or nothing."""
-        return next((s for s in _SIGNS if lines and all(one.startswith(s) for one in lines)), "")
+        return next((s for s in SIGNS if lines and all(one.startswith(s) for one in lines)), "")
 
     def _fits(self, titles: list[str]) -> bool:
         """True if there are as many titles as cells that are not empty throughout."""
@@ -200,7 +200,7 @@ class _Grid:
             del above[next(iter(above))]
         file: dict[str, Any] = {}
         for k in reversed(above):
-            if self._fits(self.rows[k]) and not above[k].startswith(_SIGNS):
+            if self._fits(self.rows[k]) and not above[k].startswith(SIGNS):
                 before = [line for j, line in above.items() if j < k]
                 below = [j for j in above if j > k]
                 if below:
@@ -221,7 +221,7 @@ class _Grid:
             file["comment"] = sign
         elif above:
             file["skip"] = self.start
-        names = [f"column {k + 1}" for k in range(self.width)]
+        names = [str(k + 1) for k in range(self.width)]
         return {**file, "names": names}, names
 
     def _kind(self, cells: list[str]) -> str:

@@ -13,9 +13,9 @@ from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.estimation.alarms import start_up
 from reobserve.estimation.commands import estimate_file
-from reobserve.estimation.data_report import as_table
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.plot import Plot
+from reobserve.estimation.report_table import as_table
 from reobserve.estimation.specification import Specification
 from tests.reobserve.estimation.records import read_results, streamed, write_record
 

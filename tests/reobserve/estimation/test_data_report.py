@@ -7,8 +7,8 @@ from reobserve.estimation.data_report import (
     AlarmReport,
     DataReport,
     Interval,
-    as_table,
 )
+from reobserve.estimation.report_table import as_table
 
 
 def test_report_of_a_complete_record_has_four_lines() -> None:
