@@ -303,7 +303,7 @@ def _alarm_line(alarm: AlarmReport) -> str:
 
 
 def _threshold(alarm: AlarmReport) -> str:
-    """What the alarm is raised beyond, or nothing if that is not known."""
+    """The threshold in words, nothing if it is not known."""
     parts = [
         f"{side} {_amount(value, alarm.unit)}"
         for side, value in (("above", alarm.above), ("below", alarm.below)) if value is not None
