@@ -1,10 +1,9 @@
 """Alarms: columns against thresholds that are stated or learned, and the intervals they cover.
 
-While the observer forgets how it started, its estimates are off and raise no alarm, except beyond a
-threshold by five of their own standard deviations. This start-up is stated, or derived from the
-observer: the time in which its response to a unit impulse in the first row of a measurement, the
-largest over all of them, falls below a hundredth of its peak in the rows after that, or in which
-the standard deviation of the estimate comes within a fourth of its final value, if that is sooner.
+While the observer forgets how it started, `reobserve.estimation.start_up`, its estimates are off.
+They raise no alarm then, except beyond a threshold by five of their own standard deviations, and
+only as long as all innovations are within five of those that were predicted: else the start was
+less certain than stated.
 
 After a gap, a filter predicts that residuals are larger. Thresholds that are not in its standard
 deviations grow as these do, until the latter are within a fourth of what they were before.
@@ -18,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, ReobserveError, nearest
+from reobserve.core.errors import InputError, nearest
 from reobserve.estimation.data_report import AlarmReport, DataReport, Interval
 from reobserve.estimation.detector_alarms import (
     PREDICTING,
@@ -28,16 +27,13 @@ from reobserve.estimation.detector_alarms import (
 )
 from reobserve.estimation.outputs import RESIDUAL, Outputs
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
+from reobserve.estimation.start_up import NEAR
 
 Array = NDArray[np.float64]
 
 FEW = 20  # values, whose standard deviation is itself off by a sixth
 QUIET = 10.5  # periods without an alarm, after which an interval has ended
 _ROUNDING = 1e-9
-_DECAYED = 0.01
-_SHORTEST, _LONGEST = 64, 4096  # rows over which an impulse response is followed
-_SAMPLES = 100  # of start-up where the response does not decay, or there is none
-_NEAR = 1.25  # of a standard deviation that is no longer that of a start, or of a gap
 _CREDIBLE = 5.0  # standard deviations beyond a threshold, which raise an alarm in the start-up
 
 
@@ -94,7 +90,7 @@ class Alarm:
         shown = sigmas if self.residual is None else None
         any_raised = bool((raised == 1.0).any())
         if any_raised or time[0] - (found.started or 0.0) < found.start_up:
-            self._start_up(time, raised, excess, shown, report)
+            self._start_up(time, raised, excess, shown, report, estimates)
         if self.residual is not None and not self.predicts:
             self._unknown_after_gap(time, values, raised, report)
         if found.current is not None or any_raised:
@@ -108,8 +104,9 @@ class Alarm:
         return None if self.deviation is None else numbers[:, self.deviation]
 
     def _start_up(
-        self, time: Array, raised: Array, excess: Array, sigmas: Array | None, report: DataReport
-    ) -> None:
+        self, time: Array, raised: Array, excess: Array, sigmas: Array | None, report: DataReport,
+        estimates: Mapping[str, Array],
+    ) -> None:  # fmt: skip
         """Raise no alarm in the start-up unless it is credible, and remember what was beyond."""
         found = report.alarms[self.name]
         past = time - (found.started or 0.0)
@@ -119,6 +116,8 @@ class Alarm:
             credible = np.zeros(len(time), dtype=bool)
         else:
             credible = over & (excess > _CREDIBLE * sigmas)
+            if self.predicts:
+                credible &= ~_surprised(within, estimates, found)
         raised[within & ~credible] = np.nan
         found.ignored += int(np.count_nonzero(within & ~credible))
         found.hidden += int(np.count_nonzero(over & ~credible))
@@ -214,8 +213,19 @@ def _excess(values: Array, grown: Array | float, found: AlarmReport) -> Array:
     return excess  # of what is missing, nan, which exceeds nothing
 
 
+def _surprised(
+    within: NDArray[np.bool_], estimates: Mapping[str, Array], found: AlarmReport
+) -> NDArray[np.bool_]:
+    """True from the first row of a start-up on that contradicts what the filter predicted."""
+    variances = estimates["innovation_covariance"].diagonal(axis1=-2, axis2=-1)
+    off = np.abs(estimates["innovation"]) > _CREDIBLE * np.sqrt(variances)
+    surprised = np.logical_or.accumulate(off.any(axis=1) & within) | found.surprised
+    found.surprised = bool(surprised[-1])
+    return surprised
+
+
 def _grown(values: Array, sigmas: Array, found: AlarmReport) -> Array | None:
-    """Predicted deviations of residuals over those before a gap, 1 where that is over; or None."""
+    """Predicted deviations of residuals relative to those before a gap, None without a gap."""
     missing = np.isnan(values)
     if found.before_gap is None and not missing.any():
         found.settled = float(sigmas[-1])
@@ -226,7 +236,7 @@ def _grown(values: Array, sigmas: Array, found: AlarmReport) -> Array | None:
             found.before_gap, found.near = found.before_gap or found.settled, 0
         elif found.before_gap is None:
             found.settled = sigma
-        elif sigma > _NEAR * found.before_gap:
+        elif sigma > NEAR * found.before_gap:
             grown[k], found.near = sigma / found.before_gap, 0
         else:  # of a constant gain, it may still swing
             found.near += 1
@@ -315,9 +325,14 @@ def alarms(
 def _place(
     of: str, key: str, names: Sequence[str], measurements: Sequence[str], predicts: bool
 ) -> int:
-    """The column of an alarm; the innovation of a measurement is its residual."""
+    """The column of an alarm, which for the innovation of a measurement is its residual."""
+    if of in names:
+        return names.index(of)
     name = of
-    if predicts and of not in names and of.partition(" ")[0] == "innovation":
+    if not predicts and of.partition(" ")[0] == "innovation":
+        problem = f"{of!r} is for filters that predict its variance ({PREDICTING}); others have "
+        raise InputError(key, f"{problem}{RESIDUAL} {measurements[0]}")
+    if of.partition(" ")[0] == "innovation":
         if of == "innovation" and len(measurements) > 1:
             listed = " or ".join(f"innovation {one}" for one in measurements)
             raise InputError(key, f"{of!r} is of several measurements, must be {listed}")
@@ -336,45 +351,3 @@ def warn_of_start_up(report: DataReport) -> None:
                 f"its start-up of {found.start_up:g} s; start_up states another, and sigmas "
                 "(standard deviations that the observer has) need none"
             )
-
-
-def start_up(
-    run: Callable[[Array], Array], measurements: int, deviations: Sequence[int | None]
-) -> NDArray[np.int_]:
-    """The number of rows that each column needs to forget an impulse in the first measurements.
-
-    ``run`` gives the columns for measurements, shape (k, ``measurements``); ``deviations`` are the
-    places of their standard deviations, which may be near their final value sooner.
-    """
-    rows, columns = _SHORTEST, len(deviations)
-    while True:
-        silence = np.zeros((rows, measurements))
-        try:
-            base = run(silence)
-            response = np.zeros(base.shape)
-            for sensor in range(measurements):
-                silence[0, sensor] = 1.0
-                response = np.fmax(response, np.abs(run(silence) - base))
-                silence[0, sensor] = 0.0
-        except ReobserveError:  # where nothing moves, not every observer can run
-            return np.full(columns, _SAMPLES)
-        moved = response.any(axis=0)
-        response[0] = 0.0  # where a residual is the impulse itself
-        last = _last(response > _DECAYED * response.max(axis=0))
-        last[~moved] = _SAMPLES
-        if (last <= rows // 2).all() or rows == _LONGEST:
-            last[last > _LONGEST // 2] = _SAMPLES
-            break
-        rows *= 2
-    for column, place in enumerate(deviations):
-        if place is not None:
-            sigma, final = base[:, place], base[-1, place]
-            far = (sigma > _NEAR * final) | (sigma < final / _NEAR)
-            last[column] = min(last[column], _last(far[:, None])[0])
-    return last
-
-
-def _last(over: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """The number of rows, one or more, up to the last that is True in each column."""
-    rows = len(over)
-    return np.where(over.any(axis=0), rows - np.argmax(over[::-1], axis=0), 1)

@@ -74,6 +74,7 @@ class AlarmReport:
     beyond: list[float] = field(default_factory=list)  # the first and the last of these now [s]
     earlier: float | None = None
     after_gap: int = 0
+    surprised: bool = False  # by an innovation since the start
     settled: float | None = None  # deviation of a residual that was predicted last,
     before_gap: float | None = None  # and in a gap, or until it is over, before that
     near: int = 0  # rows since then that are near it
@@ -95,7 +96,7 @@ class AlarmReport:
 
     def start(self, time: float) -> None:
         """Forget what was before a start of the observer at a time."""
-        self.started = time
+        self.started, self.surprised = time, False
         self.settled = self.before_gap = self.seen = self.resumed = None
         self.memory.clear()
 

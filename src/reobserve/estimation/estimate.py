@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located
-from reobserve.estimation.alarms import alarms, start_up, warn_of_start_up
+from reobserve.estimation.alarms import alarms, warn_of_start_up
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
 from reobserve.estimation.families.design import Design
@@ -21,6 +21,7 @@ from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
 from reobserve.estimation.outputs import Outputs, outputs
 from reobserve.estimation.specification import Specification
+from reobserve.estimation.start_up import start_up
 from reobserve.estimation.timestamps import Timestamps
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import KEPT

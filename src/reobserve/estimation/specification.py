@@ -173,7 +173,7 @@ class StatedThreshold:
     the column in that row; alone, they are those by which it differs from zero. ``of: innovation``
     and a measurement is the residual of that, where the observer predicts its deviation.
     It is not raised within ``start_up`` [s] of a start of the observer. Left out, that is how long
-    the observer needs to forget its start, `reobserve.estimation.alarms`, and 0 with ``sigmas``.
+    the observer needs to forget its start, `reobserve.estimation.start_up`, and 0 with ``sigmas``.
     """
 
     name: Name

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.alarms import start_up
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import as_table
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.plot import Plot
 from reobserve.estimation.specification import Specification
+from reobserve.estimation.start_up import start_up
 from tests.reobserve.estimation.records import read_results, streamed, write_record
 
 Array = NDArray[np.float64]
@@ -294,6 +294,21 @@ def test_start_up_that_hides_an_alarm_is_reported(tmp_path: Path) -> None:
         assert found.first == (None if earlier is None else 30.0)
         assert len(made.report.warnings) >= (earlier is not None)
         assert f"in which {found.hidden} rows are beyond it" in as_table(made.report, 1.0)
+
+
+@pytest.mark.parametrize("covariance", [1e-6, 0.3, 100.0])
+def test_start_that_is_off_raises_no_alarm(covariance: float, tmp_path: Path) -> None:
+    """Of a filter that starts 15 K off, however certain it is of that."""
+    values = drifting() - 15.0
+    observer = DRIFT | {"initial_covariance": covariance}
+    rule = {"of": "drift", "beyond": 1.2}
+    made, _ = estimated(specified(observer, rule), values, tmp_path, 7)
+    assert made.report.alarms["a0"].first is None
+    values[200:] += np.arange(200.0) * 3.0
+    made, _ = estimated(specified(observer, rule), values, tmp_path, 7)
+    first = made.report.alarms["a0"].first
+    assert first is not None
+    assert 200.0 < first < 230.0
 
 
 def test_start_up_ends_where_the_deviation_is_near_its_last_value() -> None:
