@@ -5,8 +5,9 @@ They raise no alarm then, except beyond a threshold by five of their own standar
 only as long as all innovations are within five of those that were predicted: else the start was
 less certain than stated.
 
-After a gap, a filter predicts that residuals are larger. Thresholds that are not in its standard
-deviations grow as these do, until the latter are within a fourth of what they were before.
+In a gap, a filter predicts larger standard deviations. Until they are again within a fourth of what
+they were before, a threshold of a residual that is not stated in them grows as they do, and an
+estimate raises an alarm only beyond its threshold by five of them.
 """
 
 from __future__ import annotations
@@ -75,27 +76,46 @@ class Alarm:
         ``numbers`` are those of all columns, shape (k, columns).
         """
         found, values = report.alarms[self.name], numbers[:, self.column]
-        sigmas = self._sigmas(numbers, estimates)
-        predicted = None if self.residual is None or found.sigmas is not None else sigmas
-        grown = None if predicted is None else _grown(values, predicted, found)
+        sigmas, missing = self._sigmas(numbers, estimates), self._missing(values, estimates)
+        grown = None
+        if sigmas is not None and found.sigmas is None:
+            grown = _grown(missing, sigmas, found)
         ready = self._learned(time, values, grown, report)
-        excess = _excess(values, 1.0 if grown is None else grown, found)
+        scale = 1.0 if grown is None or self.residual is None else grown
+        excess = _excess(values, scale, found)
         margin = 0.0 if found.sigmas is None or sigmas is None else found.sigmas * sigmas
         raised = (excess > margin).astype(np.float64)
-        if grown is not None:
-            alike = _excess(values, 1.0, found) > 0.0
-            found.after_gap += int(np.count_nonzero(alike & (raised == 0.0)))
+        if grown is not None and sigmas is not None:
+            self._doubt(values, excess, raised, grown, sigmas, found)
         if ready is not None:
             raised[~ready] = np.nan
         shown = sigmas if self.residual is None else None
         any_raised = bool((raised == 1.0).any())
         if any_raised or time[0] - (found.started or 0.0) < found.start_up:
             self._start_up(time, raised, excess, shown, report, estimates)
-        if self.residual is not None and not self.predicts:
-            self._unknown_after_gap(time, values, raised, report)
+        if sigmas is None:
+            self._unknown_after_gap(time, missing, raised, report)
         if found.current is not None or any_raised:
             follow(time, values, shown, raised, found, self.period)
         return raised
+
+    def _missing(self, values: Array, estimates: Mapping[str, Array]) -> NDArray[np.bool_]:
+        """True where a measurement on which the column depends is missing."""
+        if self.residual is not None or "innovation" not in estimates:
+            return np.isnan(values)
+        lost = np.isnan(estimates["innovation"]).reshape(len(values), -1)
+        missing: NDArray[np.bool_] = lost.any(axis=1)
+        return missing
+
+    def _doubt(
+        self, values: Array, excess: Array, raised: Array, grown: Array, sigmas: Array,
+        found: AlarmReport,
+    ) -> None:  # fmt: skip
+        """Count what is beyond a threshold only since a gap, and is no reason for an alarm."""
+        beyond = _excess(values, 1.0, found) > 0.0
+        if self.residual is None:
+            raised[beyond & (grown > 1.0) & (excess <= _CREDIBLE * sigmas)] = np.nan
+        found.after_gap += int(np.count_nonzero(beyond & (raised != 1.0)))
 
     def _sigmas(self, numbers: Array, estimates: Mapping[str, Array]) -> Array | None:
         """The standard deviations that the observer has for the column, if it has any."""
@@ -138,27 +158,26 @@ class Alarm:
             found.beyond = [now if apart else found.beyond[0], now]
 
     def _unknown_after_gap(
-        self, time: Array, values: Array, raised: Array, report: DataReport
+        self, time: Array, missing: NDArray[np.bool_], raised: Array, report: DataReport
     ) -> None:
-        """Warn of alarms soon after a gap, where it is not known how large a residual may be."""
-        found, times = report.alarms[self.name], time[~np.isnan(values)]
-        if not len(times):
-            return
-        before = np.concatenate([[times[0] if found.seen is None else found.seen], times[:-1]])
-        after = times[times - before > QUIET * self.period].tolist()
+        """Warn of alarms in or soon after a gap, if no standard deviation says what to expect."""
+        found, times = report.alarms[self.name], time[~missing]
+        seen = np.concatenate([[time[0] if found.seen is None else found.seen], times])
+        after = times[np.diff(seen) > QUIET * self.period].tolist()
         starts = np.array([-np.inf if found.resumed is None else found.resumed, *after])
         on = time[raised == 1.0]
         since = on - starts[np.searchsorted(starts, on, side="right") - 1]
-        soon = int(np.count_nonzero(since < max(found.start_up, QUIET * self.period)))
-        found.after_gap += soon
-        found.seen = float(times[-1])
+        within = on - seen[np.searchsorted(seen, on, side="right") - 1] > QUIET * self.period
+        soon = within | (since < max(found.start_up, QUIET * self.period))
+        found.after_gap += int(np.count_nonzero(soon))
+        found.seen = float(seen[-1])
         found.resumed = after[-1] if after else found.resumed
-        if soon:
+        if soon.any():
             report.warn(
-                f"alarm {self.name}: it is raised soon after a gap, and this observer does not "
-                "predict how large residuals are there; with sampling.at_gap: restart it is not "
-                "raised until the observer has started up, and a filter that predicts them "
-                f"({PREDICTING}) takes sigmas"
+                f"alarm {self.name}: it is raised in a gap or soon after, and the observer has no "
+                "standard deviation of its column; with sampling.at_gap: restart it is not "
+                "raised until the observer has started up, and filters that have one "
+                f"({PREDICTING}) take sigmas"
             )
 
     def _learned(
@@ -224,21 +243,20 @@ def _surprised(
     return surprised
 
 
-def _grown(values: Array, sigmas: Array, found: AlarmReport) -> Array | None:
-    """Predicted deviations of residuals relative to those before a gap, None without a gap."""
-    missing = np.isnan(values)
+def _grown(missing: NDArray[np.bool_], sigmas: Array, found: AlarmReport) -> Array | None:
+    """Standard deviations relative to those before a gap, None without a gap."""
     if found.before_gap is None and not missing.any():
         found.settled = float(sigmas[-1])
         return None
-    grown = np.ones(len(values))
+    grown = np.ones(len(sigmas))
     for k, sigma in enumerate(sigmas.tolist()):
         if missing[k]:
             found.before_gap, found.near = found.before_gap or found.settled, 0
-        elif found.before_gap is None:
-            found.settled = sigma
+        if found.before_gap is None:
+            found.settled = None if missing[k] else sigma
         elif sigma > NEAR * found.before_gap:
             grown[k], found.near = sigma / found.before_gap, 0
-        else:  # of a constant gain, it may still swing
+        elif not missing[k]:  # with a constant gain, it may still swing
             found.near += 1
             if found.near > QUIET:
                 found.before_gap, found.settled = None, sigma

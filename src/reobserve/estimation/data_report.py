@@ -57,7 +57,7 @@ class AlarmReport:
     deviations that the observer has, if there are any.
     ``start_up`` [s] after each start of the observer, at ``started``, it is not raised: ``hidden``
     counts rows beyond the threshold among the ``ignored`` ones, and the alarm may have begun
-    ``earlier`` than its first row. ``after_gap`` are rows that only a gap takes beyond it.
+    ``earlier`` than its first row. ``after_gap`` are rows that may be beyond it for a gap.
     ``current`` is the latest interval, ``waiting`` values with their sigmas belong to it if it goes
     on.
     """
@@ -292,7 +292,7 @@ def _alarm_line(alarm: AlarmReport) -> str:
         if alarm.hidden:
             said += f", in which {alarm.hidden} rows are beyond it and raise no alarm"
     if alarm.after_gap:
-        said += f"; {alarm.after_gap} rows beyond it after gaps, as the observer predicts"
+        said += f"; {alarm.after_gap} rows beyond it in or after gaps, as the observer predicts"
     if alarm.first is None:
         return f"none; {said}"
     found = alarm.summary()["interval_count"]
