@@ -1,13 +1,13 @@
 """Alarms: columns against thresholds that are stated or learned, and the intervals they cover.
 
-While the observer forgets how it started, its estimates are off and raise no alarm, except beyond a
-threshold by five of their own standard deviations. This start-up is stated, or derived from the
-observer: the time in which its response to a unit impulse in the first row of a measurement, the
-largest over all of them, falls below a hundredth of its peak in the rows after that, or in which
-the standard deviation of the estimate comes within a fourth of its final value, if that is sooner.
+While the observer forgets how it started, `reobserve.estimation.start_up`, its estimates are off.
+They raise no alarm then, except beyond a threshold by five of their own standard deviations, and
+only as long as all innovations are within five of those that were predicted: else the start was
+less certain than stated.
 
-After a gap, a filter predicts that residuals are larger. Thresholds that are not in its standard
-deviations grow as these do, until the latter are within a fourth of what they were before.
+In a gap, a filter predicts larger standard deviations. Until they are again within a fourth of what
+they were before, a threshold of a residual that is not stated in them grows as they do, and an
+estimate raises an alarm only beyond its threshold by five of them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, ReobserveError, nearest
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import AlarmReport, DataReport, Interval
 from reobserve.estimation.detector_alarms import (
     PREDICTING,
@@ -28,16 +29,13 @@ from reobserve.estimation.detector_alarms import (
 )
 from reobserve.estimation.outputs import RESIDUAL, Outputs
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
+from reobserve.estimation.start_up import NEAR
 
 Array = NDArray[np.float64]
 
 FEW = 20  # values, whose standard deviation is itself off by a sixth
 QUIET = 10.5  # periods without an alarm, after which an interval has ended
 _ROUNDING = 1e-9
-_DECAYED = 0.01
-_SHORTEST, _LONGEST = 64, 4096  # rows over which an impulse response is followed
-_SAMPLES = 100  # of start-up where the response does not decay, or there is none
-_NEAR = 1.25  # of a standard deviation that is no longer that of a start, or of a gap
 _CREDIBLE = 5.0  # standard deviations beyond a threshold, which raise an alarm in the start-up
 
 
@@ -55,6 +53,8 @@ class Alarm:
     period: float
     residual: int | None = None
     predicts: bool = False
+    dates: Dates | None = None
+    stretch: tuple[float, ...] = ()  # that sets a threshold, after the first estimate [s]
 
     @property
     def name(self) -> str:
@@ -79,27 +79,45 @@ class Alarm:
         ``numbers`` are those of all columns, shape (k, columns).
         """
         found, values = report.alarms[self.name], numbers[:, self.column]
-        sigmas = self._sigmas(numbers, estimates)
-        predicted = None if self.residual is None or found.sigmas is not None else sigmas
-        grown = None if predicted is None else _grown(values, predicted, found)
+        sigmas, missing = self._sigmas(numbers, estimates), self._missing(values, estimates)
+        grown = None
+        if sigmas is not None and found.sigmas is None:
+            grown = _grown(missing, sigmas, found)
         ready = self._learned(time, values, grown, report)
-        excess = _excess(values, 1.0 if grown is None else grown, found)
+        scale = 1.0 if grown is None or self.residual is None else grown
+        excess = _excess(values, scale, found)
         margin = 0.0 if found.sigmas is None or sigmas is None else found.sigmas * sigmas
         raised = (excess > margin).astype(np.float64)
-        if grown is not None:
-            alike = _excess(values, 1.0, found) > 0.0
-            found.after_gap += int(np.count_nonzero(alike & (raised == 0.0)))
+        if grown is not None and sigmas is not None:
+            self._doubt(values, excess, raised, grown, sigmas, found)
         if ready is not None:
             raised[~ready] = np.nan
         shown = sigmas if self.residual is None else None
         any_raised = bool((raised == 1.0).any())
         if any_raised or time[0] - (found.started or 0.0) < found.start_up:
-            self._start_up(time, raised, excess, shown, report)
-        if self.residual is not None and not self.predicts:
-            self._unknown_after_gap(time, values, raised, report)
+            self._start_up(time, raised, excess, shown, report, estimates)
+        if sigmas is None:
+            self._unknown_after_gap(time, missing, raised, report)
         if found.current is not None or any_raised:
             follow(time, values, shown, raised, found, self.period)
         return raised
+
+    def _missing(self, values: Array, estimates: Mapping[str, Array]) -> NDArray[np.bool_]:
+        """True where a measurement on which the column depends is missing."""
+        if self.residual is not None or "innovation" not in estimates:
+            return np.isnan(values)
+        lost = np.isnan(estimates["innovation"]).reshape(len(values), -1)
+        return np.asarray(lost.any(axis=1))
+
+    def _doubt(
+        self, values: Array, excess: Array, raised: Array, grown: Array, sigmas: Array,
+        found: AlarmReport,
+    ) -> None:  # fmt: skip
+        """Count what is beyond a threshold only since a gap, and is no reason for an alarm."""
+        beyond = _excess(values, 1.0, found) > 0.0
+        if self.residual is None:
+            raised[beyond & (grown > 1.0) & (excess <= _CREDIBLE * sigmas)] = np.nan
+        found.after_gap += int(np.count_nonzero(beyond & (raised != 1.0)))
 
     def _sigmas(self, numbers: Array, estimates: Mapping[str, Array]) -> Array | None:
         """The standard deviations that the observer has for the column, if it has any."""
@@ -108,8 +126,9 @@ class Alarm:
         return None if self.deviation is None else numbers[:, self.deviation]
 
     def _start_up(
-        self, time: Array, raised: Array, excess: Array, sigmas: Array | None, report: DataReport
-    ) -> None:
+        self, time: Array, raised: Array, excess: Array, sigmas: Array | None, report: DataReport,
+        estimates: Mapping[str, Array],
+    ) -> None:  # fmt: skip
         """Raise no alarm in the start-up unless it is credible, and remember what was beyond."""
         found = report.alarms[self.name]
         past = time - (found.started or 0.0)
@@ -119,6 +138,8 @@ class Alarm:
             credible = np.zeros(len(time), dtype=bool)
         else:
             credible = over & (excess > _CREDIBLE * sigmas)
+            if self.predicts:
+                credible &= ~_surprised(within, estimates, found)
         raised[within & ~credible] = np.nan
         found.ignored += int(np.count_nonzero(within & ~credible))
         found.hidden += int(np.count_nonzero(over & ~credible))
@@ -139,28 +160,42 @@ class Alarm:
             found.beyond = [now if apart else found.beyond[0], now]
 
     def _unknown_after_gap(
-        self, time: Array, values: Array, raised: Array, report: DataReport
+        self, time: Array, missing: NDArray[np.bool_], raised: Array, report: DataReport
     ) -> None:
-        """Warn of alarms soon after a gap, where it is not known how large a residual may be."""
-        found, times = report.alarms[self.name], time[~np.isnan(values)]
-        if not len(times):
-            return
-        before = np.concatenate([[times[0] if found.seen is None else found.seen], times[:-1]])
-        after = times[times - before > QUIET * self.period].tolist()
+        """Warn of alarms in or soon after a gap, if no standard deviation says what to expect."""
+        found, times = report.alarms[self.name], time[~missing]
+        seen = np.concatenate([[time[0] if found.seen is None else found.seen], times])
+        after = times[np.diff(seen) > QUIET * self.period].tolist()
         starts = np.array([-np.inf if found.resumed is None else found.resumed, *after])
         on = time[raised == 1.0]
         since = on - starts[np.searchsorted(starts, on, side="right") - 1]
-        soon = int(np.count_nonzero(since < max(found.start_up, QUIET * self.period)))
-        found.after_gap += soon
-        found.seen = float(times[-1])
+        within = on - seen[np.searchsorted(seen, on, side="right") - 1] > QUIET * self.period
+        soon = within | (since < max(found.start_up, QUIET * self.period))
+        found.after_gap += int(np.count_nonzero(soon))
+        found.seen = float(seen[-1])
         found.resumed = after[-1] if after else found.resumed
-        if soon:
+        if soon.any():
             report.warn(
-                f"alarm {self.name}: it is raised soon after a gap, and this observer does not "
-                "predict how large residuals are there; with sampling.at_gap: restart it is not "
-                "raised until the observer has started up, and a filter that predicts them "
-                f"({PREDICTING}) takes sigmas"
+                f"alarm {self.name}: it is raised in a gap or soon after, and the observer has no "
+                "standard deviation of its column; with sampling.at_gap: restart it is not "
+                "raised until the observer has started up, and filters that have one "
+                f"({PREDICTING}) take sigmas"
             )
+
+    def _stretch(
+        self, rule: LearnedThreshold, first: float, report: DataReport
+    ) -> tuple[float, float]:
+        """The stretch that sets a threshold, in seconds after the first estimate."""
+        place = f"alarms: {self.name}"
+        since, until = (
+            0.0 if self.dates is None else self.dates.at(f"{place}: {key}", stated, report) - first
+            if isinstance(stated, str) else stated
+            for key, stated in (("since", rule.since), ("until", rule.until))
+        )  # fmt: skip
+        if not since < until or until < 0.0:
+            problem = f"{rule.until} must be after since, {rule.since}, and after the first row"
+            raise InputError(f"{place}: until", problem)
+        return since, until
 
     def _learned(
         self, time: Array, values: Array, grown: Array | None, report: DataReport
@@ -171,11 +206,13 @@ class Alarm:
             return None
         if found.origin is None:
             found.origin = float(time[0])
-        slack = _ROUNDING * rule.until
-        if not found.ready or time[0] - found.origin <= rule.until + slack:
+        self.stretch = self.stretch or self._stretch(rule, found.origin, report)
+        since, until = self.stretch
+        slack = _ROUNDING * until
+        if not found.ready or time[0] - found.origin <= until + slack:
             past = time - found.origin
-            after: NDArray[np.bool_] = past > rule.until + slack
-            taken = ~after & (past >= rule.since - slack)
+            after: NDArray[np.bool_] = past > until + slack
+            taken = ~after & (past >= since - slack)
             if grown is not None:
                 taken &= grown == 1.0
             for value in values[taken].tolist():
@@ -214,21 +251,31 @@ def _excess(values: Array, grown: Array | float, found: AlarmReport) -> Array:
     return excess  # of what is missing, nan, which exceeds nothing
 
 
-def _grown(values: Array, sigmas: Array, found: AlarmReport) -> Array | None:
-    """Predicted deviations of residuals over those before a gap, 1 where that is over; or None."""
-    missing = np.isnan(values)
+def _surprised(
+    within: NDArray[np.bool_], estimates: Mapping[str, Array], found: AlarmReport
+) -> NDArray[np.bool_]:
+    """True from the first row of a start-up on that contradicts what the filter predicted."""
+    variances = estimates["innovation_covariance"].diagonal(axis1=-2, axis2=-1)
+    off = np.abs(estimates["innovation"]) > _CREDIBLE * np.sqrt(variances)
+    surprised = np.logical_or.accumulate(off.any(axis=1) & within) | found.surprised
+    found.surprised = bool(surprised[-1])
+    return surprised
+
+
+def _grown(missing: NDArray[np.bool_], sigmas: Array, found: AlarmReport) -> Array | None:
+    """Standard deviations relative to those before a gap, None without a gap."""
     if found.before_gap is None and not missing.any():
         found.settled = float(sigmas[-1])
         return None
-    grown = np.ones(len(values))
+    grown = np.ones(len(sigmas))
     for k, sigma in enumerate(sigmas.tolist()):
         if missing[k]:
             found.before_gap, found.near = found.before_gap or found.settled, 0
-        elif found.before_gap is None:
-            found.settled = sigma
-        elif sigma > _NEAR * found.before_gap:
+        if found.before_gap is None:
+            found.settled = None if missing[k] else sigma
+        elif sigma > NEAR * found.before_gap:
             grown[k], found.near = sigma / found.before_gap, 0
-        else:  # of a constant gain, it may still swing
+        elif not missing[k]:  # with a constant gain, it may still swing
             found.near += 1
             if found.near > QUIET:
                 found.before_gap, found.settled = None, sigma
@@ -269,17 +316,19 @@ def alarms(
     measurements: Sequence[str],
     predicts: bool,
     skips: bool,
+    dates: Dates | None = None,
 ) -> list[Alarm | DetectorAlarm]:
     """The alarms of a specification, each with its place in the report.
 
     ``start_up`` gives that of a column [s], for alarms that state none; ``measurements`` are their
     names, ``predicts`` says that variances of their residuals are predicted, and ``skips`` that a
-    gate leaves some out.
+    gate leaves some out. ``dates`` is the way in which the record has them, if it does.
 
     Raises
     ------
     InputError
-        If a column is not among those that are written, or has no standard deviation.
+        If a column is not among those that are written, or has no standard deviation, or if there
+        are dates in an alarm and none in the record.
     """
     columns = outputs.columns
     names = [column.name for column in columns]
@@ -300,8 +349,16 @@ def alarms(
                 problem += f"; the kinds {PREDICTING} predict those of residuals"
             raise InputError(f"alarms.{k}.sigmas", problem)
         alarm = Alarm(
-            rule, place, spread, period, columns[place].place if residual else None, predicts
+            rule, place, spread, period, columns[place].place if residual else None, predicts,
+            dates,
         )  # fmt: skip
+        for key in ("since", "until"):
+            stated = getattr(rule, key, None)
+            if isinstance(stated, str) and dates is None:
+                problem = f"{shown(stated)} must be seconds, as the record has no dates"
+                raise InputError(f"alarms.{k}.{key}", problem)
+            if dates is not None and stated is not None:
+                dates.at(f"alarms.{k}.{key}", stated, DataReport())
         if rule.start_up is not None:
             found.start_up = rule.start_up
         elif found.sigmas is None:
@@ -315,9 +372,14 @@ def alarms(
 def _place(
     of: str, key: str, names: Sequence[str], measurements: Sequence[str], predicts: bool
 ) -> int:
-    """The column of an alarm; the innovation of a measurement is its residual."""
+    """The column of an alarm, which for the innovation of a measurement is its residual."""
+    if of in names:
+        return names.index(of)
     name = of
-    if predicts and of not in names and of.partition(" ")[0] == "innovation":
+    if not predicts and of.partition(" ")[0] == "innovation":
+        problem = f"{of!r} is for filters that predict its variance ({PREDICTING}); others have "
+        raise InputError(key, f"{problem}{RESIDUAL} {measurements[0]}")
+    if of.partition(" ")[0] == "innovation":
         if of == "innovation" and len(measurements) > 1:
             listed = " or ".join(f"innovation {one}" for one in measurements)
             raise InputError(key, f"{of!r} is of several measurements, must be {listed}")
@@ -336,45 +398,3 @@ def warn_of_start_up(report: DataReport) -> None:
                 f"its start-up of {found.start_up:g} s; start_up states another, and sigmas "
                 "(standard deviations that the observer has) need none"
             )
-
-
-def start_up(
-    run: Callable[[Array], Array], measurements: int, deviations: Sequence[int | None]
-) -> NDArray[np.int_]:
-    """The number of rows that each column needs to forget an impulse in the first measurements.
-
-    ``run`` gives the columns for measurements, shape (k, ``measurements``); ``deviations`` are the
-    places of their standard deviations, which may be near their final value sooner.
-    """
-    rows, columns = _SHORTEST, len(deviations)
-    while True:
-        silence = np.zeros((rows, measurements))
-        try:
-            base = run(silence)
-            response = np.zeros(base.shape)
-            for sensor in range(measurements):
-                silence[0, sensor] = 1.0
-                response = np.fmax(response, np.abs(run(silence) - base))
-                silence[0, sensor] = 0.0
-        except ReobserveError:  # where nothing moves, not every observer can run
-            return np.full(columns, _SAMPLES)
-        moved = response.any(axis=0)
-        response[0] = 0.0  # where a residual is the impulse itself
-        last = _last(response > _DECAYED * response.max(axis=0))
-        last[~moved] = _SAMPLES
-        if (last <= rows // 2).all() or rows == _LONGEST:
-            last[last > _LONGEST // 2] = _SAMPLES
-            break
-        rows *= 2
-    for column, place in enumerate(deviations):
-        if place is not None:
-            sigma, final = base[:, place], base[-1, place]
-            far = (sigma > _NEAR * final) | (sigma < final / _NEAR)
-            last[column] = min(last[column], _last(far[:, None])[0])
-    return last
-
-
-def _last(over: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """The number of rows, one or more, up to the last that is True in each column."""
-    rows = len(over)
-    return np.where(over.any(axis=0), rows - np.argmax(over[::-1], axis=0), 1)

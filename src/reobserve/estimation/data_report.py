@@ -59,7 +59,7 @@ class AlarmReport:
     deviations that the observer has, if there are any.
     ``start_up`` [s] after each start of the observer, at ``started``, it is not raised: ``hidden``
     counts rows beyond the threshold among the ``ignored`` ones, and the alarm may have begun
-    ``earlier`` than its first row. ``after_gap`` are rows that only a gap takes beyond it.
+    ``earlier`` than its first row. ``after_gap`` are rows that may be beyond it for a gap.
     ``current`` is the latest interval, ``waiting`` values with their sigmas belong to it if it goes
     on.
     """
@@ -76,6 +76,7 @@ class AlarmReport:
     beyond: list[float] = field(default_factory=list)  # the first and the last of these now [s]
     earlier: float | None = None
     after_gap: int = 0
+    surprised: bool = False  # by an innovation since the start
     settled: float | None = None  # deviation of a residual that was predicted last,
     before_gap: float | None = None  # and in a gap, or until it is over, before that
     near: int = 0  # rows since then that are near it
@@ -97,7 +98,7 @@ class AlarmReport:
 
     def start(self, time: float) -> None:
         """Forget what was before a start of the observer at a time."""
-        self.started = time
+        self.started, self.surprised = time, False
         self.settled = self.before_gap = self.seen = self.resumed = None
         self.memory.clear()
 

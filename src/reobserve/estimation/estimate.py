@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located
-from reobserve.estimation.alarms import alarms, start_up, warn_of_start_up
+from reobserve.estimation.alarms import alarms, warn_of_start_up
 from reobserve.estimation.constants import inputs
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
@@ -22,6 +22,7 @@ from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
 from reobserve.estimation.outputs import Outputs, outputs
 from reobserve.estimation.specification import Specification
+from reobserve.estimation.start_up import start_up
 from reobserve.estimation.timestamps import Timestamps
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import KEPT
@@ -95,6 +96,7 @@ class Estimation:
             specification.alarms, self.outputs, self.report, period, self._start_up,
             names[:width], self.design.residual_variance(self.sample) is not None,
             "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
+            self.timestamps.dates,
         )  # fmt: skip
 
     def prepare(self) -> None:

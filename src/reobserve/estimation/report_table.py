@@ -85,7 +85,7 @@ def _alarm_line(alarm: AlarmReport, at: Callable[[float], str]) -> str:
         if alarm.hidden:
             said += f", in which {alarm.hidden} rows are beyond it and raise no alarm"
     if alarm.after_gap:
-        said += f"; {alarm.after_gap} rows beyond it after gaps, as the observer predicts"
+        said += f"; {alarm.after_gap} rows beyond it in or after gaps, as the observer predicts"
     if alarm.first is None:
         return f"none; {said}"
     found = alarm.summary()["interval_count"]
@@ -97,7 +97,7 @@ def _alarm_line(alarm: AlarmReport, at: Callable[[float], str]) -> str:
 
 
 def _threshold(alarm: AlarmReport) -> str:
-    """The threshold of an alarm, or nothing if it is not known."""
+    """The threshold in words, nothing if it is not known."""
     parts = [
         f"{side} {_amount(value, alarm.unit)}"
         for side, value in (("above", alarm.above), ("below", alarm.below)) if value is not None

@@ -224,7 +224,7 @@ class StatedThreshold:
     the column in that row; alone, they are those by which it differs from zero. ``of: innovation``
     and a measurement is the residual of that, where the observer predicts its deviation.
     It is not raised within ``start_up`` [s] of a start of the observer. Left out, that is how long
-    the observer needs to forget its start, `reobserve.estimation.alarms`, and 0 with ``sigmas``.
+    the observer needs to forget its start, `reobserve.estimation.start_up`, and 0 with ``sigmas``.
     """
 
     name: Name
@@ -258,18 +258,20 @@ class StatedThreshold:
 class LearnedThreshold:
     """An alarm ``sigma`` standard deviations off the mean, both of a stretch that is stated [s].
 
-    ``since`` and ``until`` [s] count from the first estimate; ``start_up`` is as for thresholds
-    that are stated.
+    ``since`` and ``until`` are [s] from the first estimate on, or dates; ``start_up`` is as for
+    thresholds that are stated.
     """
 
     name: Name
     of: Name
     sigma: Positive
-    until: Positive
-    since: NotNegative = 0.0
+    until: Positive | str
+    since: NotNegative | str = 0.0
     start_up: NotNegative | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.since, str) or isinstance(self.until, str):
+            return  # which are compared with the record's first date
         if not self.since < self.until:
             raise InputError("until", f"{self.until:g} s must be after since, {self.since:g} s")
 

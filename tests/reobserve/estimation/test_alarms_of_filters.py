@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.alarms import start_up
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.plot import Plot
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.specification import Specification
+from reobserve.estimation.start_up import start_up
 from tests.reobserve.estimation.records import read_results, streamed, write_record
 
 Array = NDArray[np.float64]
@@ -89,7 +89,7 @@ def test_no_alarm_after_a_gap_of_what_the_filter_predicts(
     assert abs(found["residual T"][GAP.stop]) > 10.0
     assert (reported.first, reported.rows) == (None, 0)
     assert 1 <= reported.after_gap < 30
-    assert f"{reported.after_gap} rows beyond it after gaps" in as_table(made.report, 1.0)
+    assert f"{reported.after_gap} rows beyond it in or after gaps" in as_table(made.report, 1.0)
     # What is beyond the prediction, too, is an alarm; and later on the threshold is as before.
     for at in (GAP.stop, 360):
         faulty = values.copy()
@@ -108,12 +108,34 @@ def test_alarm_after_a_gap_is_doubtful_where_no_spread_is_predicted(
         chosen = specified(OBSERVERS[name], LEARNED, at_gap=at_gap)
         made, _ = estimated(chosen, values, tmp_path)
         assert (made.report.alarms["a0"].after_gap > 0) == bool(expected)
-        said = [one for one in made.report.warnings if "soon after a gap" in one]
+        said = [one for one in made.report.warnings if "in a gap or soon after" in one]
         assert len(said) == expected
     with pytest.raises(
         InputError, match=r"alarms\.0\.sigmas: .*standard deviation of 'residual T'"
     ):
         estimated(specified(OBSERVERS[name], {"of": "residual T", "sigmas": 6}), values, tmp_path)
+
+
+def test_estimate_in_a_gap_raises_an_alarm_if_it_is_certain(tmp_path: Path) -> None:
+    """A temperature that drifts away without being measured, and a level that it passes by far."""
+    values = 20.0 + np.arange(ROWS) * 0.3 + 0.7 * np.random.default_rng(1).standard_normal(ROWS)
+    values[GAP] = np.nan
+    passed = 20.0 + 0.3 * 200  # inside the gap
+    sure = specified(DRIFT, {"of": "temperature", "above": passed}, {"of": "drift", "above": -50})
+    made, found = estimated(sure, values, tmp_path)
+    excess = found["temperature"] - passed
+    certain = excess > 5 * found["temperature sigma"]
+    inside = slice(GAP.start, GAP.stop)
+    assert (excess[inside] > 0).any()
+    assert not certain[inside].any()
+    assert np.isnan(found["alarm a0"][inside]).sum() == (excess[inside] > 0).sum()
+    assert made.report.alarms["a0"].after_gap >= (excess[inside] > 0).sum()
+    assert (found["alarm a0"][GAP.stop + 20 :] == 1.0).all()
+    assert (found["alarm a1"][inside] == 1.0).all()
+    chosen = specified(OBSERVERS["luenberger"], {"of": "temperature", "above": passed})
+    made, found = estimated(chosen, values, tmp_path)
+    assert (found["alarm a0"][inside] == 1.0).any()
+    assert any("in a gap or soon after" in one for one in made.report.warnings)
 
 
 @pytest.mark.parametrize("of", ["innovation", "innovation T", "residual T"])
@@ -294,6 +316,21 @@ def test_start_up_that_hides_an_alarm_is_reported(tmp_path: Path) -> None:
         assert found.first == (None if earlier is None else 30.0)
         assert len(made.report.warnings) >= (earlier is not None)
         assert f"in which {found.hidden} rows are beyond it" in as_table(made.report, 1.0)
+
+
+@pytest.mark.parametrize("covariance", [1e-6, 0.3, 100.0])
+def test_start_that_is_off_raises_no_alarm(covariance: float, tmp_path: Path) -> None:
+    """Of a filter that starts 15 K off, however certain it is of that."""
+    values = drifting() - 15.0
+    observer = DRIFT | {"initial_covariance": covariance}
+    rule = {"of": "drift", "beyond": 1.2}
+    made, _ = estimated(specified(observer, rule), values, tmp_path, 7)
+    assert made.report.alarms["a0"].first is None
+    values[200:] += np.arange(200.0) * 3.0
+    made, _ = estimated(specified(observer, rule), values, tmp_path, 7)
+    first = made.report.alarms["a0"].first
+    assert first is not None
+    assert 200.0 < first < 230.0
 
 
 def test_start_up_ends_where_the_deviation_is_near_its_last_value() -> None:
