@@ -24,7 +24,8 @@ SYMBOLS = (
 _LABELS = ("dB", "y")
 
 _DEFINITIONS = (
-    "@alias turn = rev", "degree_per_second = degree / second = dps",
+    "@alias turn = rev = Umdr", "@alias revolutions_per_minute = Upm",
+    "@alias kilometer_per_hour = kmh", "degree_per_second = degree / second = dps",
     "newton_meter = newton * meter = Nm", "newton_millimeter = newton * millimeter = Nmm",
     "newton_centimeter = newton * centimeter = Ncm",
     "newton_meter_second = newton * meter * second = Nms", "newton_second = newton * second = Ns",
@@ -41,6 +42,7 @@ _AMBIGUOUS = {
     "Gs": ("gauss", "gigasecond"), "C": ("coulomb", "degree_Celsius"),
     "F": ("farad", "degree_Fahrenheit"), "U": ("turn", "enzyme_unit"), "r": ("turn",),
     "Grad": ("degree", "grade"), "PS": ("metric_horsepower", "petasiemens"),
+    "Min": ("minute", "megainch"), "c": (), "e": (), "k": (),  # constants, and no units
     "pH": ("dimensionless", "picohenry"), "mK": ("millikelvin", "(meter * kelvin)"),
 }  # fmt: skip
 
@@ -49,6 +51,7 @@ _MOST_POWERS = 1000  # multiplied: pint works out powers of numbers
 _MOST_READINGS = 16
 
 _CHARACTERS = re.compile(r"[\w\s°%‰Ωµμ²³¹⁰⁴-⁹⁻·⋅*/^()+.-]+")
+_NO_PRODUCT = re.compile(r"\w\(|\.$|%\s*\w")  # bar(g), a.u., %RH
 _SPELLINGS = str.maketrans({
     "º": "°", "℃": "°C", "℉": "°F", "Ω": "Ω", "−": "-", "×": "*", "∙": "*", "•": "*"
 })  # fmt: skip
@@ -61,15 +64,6 @@ _TOKEN = re.compile(rf"(?<![\w.°]){_LETTER}+(?!{_LETTER}|[\d_])")
 _BELOW = re.compile(
     r"/\s*[^\s/()*·⋅]+(?:\s+|\s*[*·⋅]\s*)(?=[^\W\d_])(?![^\W\d_]+\s*(?:\^|\*\*)?\s*[-⁻])"
 )
-
-_POWER = re.compile(r"(?<![\w^*.])([A-Za-zΩµμ]+)(-?[1-4])(?![\w.])")
-_LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"
-_TOKEN = re.compile(rf"(?<![\w.°]){_LETTER}+(?!{_LETTER}|[\d_])")
-_BELOW = re.compile(
-    r"/\s*[^\s/()*·⋅]+(?:(?:\s+|\s*[*·⋅]\s*)(?=[^\W\d_])(?!\w+\s*(?:\^|\*\*)?\s*[-⁻])"
-    r"|(?<=[²³⁴⁵⁶⁷⁸⁹])[^\W\d_]|(?<=[²³⁴⁵⁶⁷⁸⁹])[·⋅])"
-)
-_BELOW_RAISED = re.compile(r"/[^/()\s]*[²³⁴⁵⁶⁷⁸⁹][^\W\d_]")
 
 _POWER = re.compile(r"\*\*|\^")
 _RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
@@ -131,7 +125,7 @@ def readings(text: str) -> tuple[Any, ...]:
         return ()
     text = _ROOT.sub(r" \1**0.5 ", text.translate(_SPELLINGS)).strip()
     text = _DEGREES.sub(r"°\1", text)
-    if not _CHARACTERS.fullmatch(text) or not _has_low_powers(text):
+    if not _CHARACTERS.fullmatch(text) or _NO_PRODUCT.search(text) or not _has_low_powers(text):
         return ()
     text = _PLAIN_POWER.sub(lambda found: _raised(found[0], found[1], found[2]), text)
     text = _TOKEN.sub(lambda found: _lowered(found[0]), text)

@@ -15,17 +15,16 @@ from typing import Any
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, check_replaceable, write_text
 from reobserve.estimation import state_file
-from reobserve.estimation.data_report import DataReport, as_json, as_table
-from reobserve.estimation.dates import spelled
+from reobserve.estimation.data_report import as_json, as_table
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
+from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter
 from reobserve.estimation.plot import Plot, check_plot
 from reobserve.estimation.reading import BLOCK, File
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
-from reobserve.estimation.timestamps import UnevenError, least_jitter
 from reobserve.estimation.writing import check_name, header, write_results
 
 
@@ -112,7 +111,7 @@ def estimate_file(
         check_replaceable(path)
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
-    file = File(data, Dialect.of(specification), specification.columns.time.format, block)
+    file = File(data, Dialect.of(specification), block)
     estimation = Estimation(specification, file.header(), str(data))
     curves = None if plot is None else Plot(estimation)
 
@@ -121,7 +120,9 @@ def estimate_file(
 
     with file.lines():
         try:
-            write_results(out, estimation.titles, _blocks(estimation, file, curves), about)
+            write_results(
+                out, estimation.titles, _blocks(estimation, file, curves), about, estimation.report
+            )
         except UnevenError as error:
             raise _over_all(error, estimation, file) from None
     if curves is not None and plot is not None:
@@ -134,14 +135,14 @@ def estimate_file(
 def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputError:
     """The same, with what the whole record says of the jitter and the sampling period."""
     layout, period = estimation.layout, estimation.specification.sampling.period
-    titles, dated = layout.titles[:1], layout.titles[0] if layout.dated else ""
-    times = (layout.conversions[0].of(block[:, 0]) for block in file.blocks(titles, dated))
+    blocks = file.blocks(layout.titles[:1], layout.clock)
+    times = (layout.conversions[0].of(block[:, 0]) for block in blocks)
     least, interval = least_jitter(times, period)
     if interval is not None:
         return InputError(
             "sampling.period",
-            f"{period:g} s disagrees with the timestamps of {file.path}, which go on by "
-            f"{interval:.6g} s on average",
+            f"{period:g} s disagrees with the timestamps of {file.path} ({RESAMPLING}), which go "
+            f"on by {interval:.6g} s on average",
         )
     return UnevenError(error.found, error.row, least, "the record")
 
@@ -149,8 +150,7 @@ def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputEr
 def _blocks(estimation: Estimation, file: File, curves: Plot | None) -> Iterator[Estimated]:
     first_rows = estimation.first_rows = FirstRows()
     layout = estimation.layout
-    dated = layout.titles[0] if layout.dated else ""
-    for raw in file.blocks(layout.titles, dated, estimation.report):
+    for raw in file.blocks(layout.titles, layout.clock, estimation.report):
         block = estimation.feed(raw)
         if curves is not None:
             curves.add(block)
@@ -239,11 +239,9 @@ def _resumed(lines: Lines, rows: RowByRow, offset: int, line: str, data: Path) -
 
 def _read(coming: Iterator[str], lines: Lines, rows: RowByRow) -> None:
     """Put out the results of lines, and of those of the files that replace theirs."""
-    dated = False
     while True:
         for line in coming:
             _put(rows.read(line))
-            dated = dated or _tell_origin(rows.estimation.report)
         if lines.path is None or not lines.replaced:
             return rows.rows.finish()
         rows.cut_off(lines.rest, lines.replaced)
@@ -258,14 +256,6 @@ def _check_not_smoothed(specification: Specification) -> None:
         raise InputError("smooth", f"{problem}--stream and --follow it must be false")
 
 
-def _tell_origin(report: DataReport) -> bool:
-    """Report the origin of time once it is known: who reads along must be able to date rows."""
-    if report.origin is None:
-        return False
-    print(f"reobserve: time counts from {spelled(report.origin)}", file=sys.stderr, flush=True)
-    return True
-
-
 def _put(lines: str) -> None:
     if lines:
         print(lines, end="", flush=True)
@@ -274,8 +264,7 @@ def _put(lines: str) -> None:
 def _expected(specification: Specification) -> list[str]:
     """A header as the specification asks for it."""
     columns = specification.columns
-    every = [one.column for one in columns.read]
-    return [*([columns.time.column] if columns.time.column else []), *every]
+    return [*columns.time.columns, *(one.column for one in columns.read)]
 
 
 def write_example(name: str, out: Path | None, record: Path | None) -> None:

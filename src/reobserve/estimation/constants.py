@@ -1,4 +1,4 @@
-"""AllInputs that are constant, as gravity, and have no column: a specification states their values."""
+"""Inputs that are constant, as gravity, and have no column: a specification states their values."""
 
 from __future__ import annotations
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from decimal import Decimal
 from typing import Any
 
 from reobserve.estimation.dates import SECOND, spelled
 
+_FAST = 1e-5  # [s], of which microseconds are not enough
 MOST_LISTED = 50  # gaps and other events that are listed one by one
 
 
@@ -104,9 +106,12 @@ class DataReport:
     offset of one from its place on the grid, in sampling periods. ``left_out`` are lines of the
     file that are no rows, by the reason.
     ``origin`` [s since 1970] is what times count from if timestamps are dates: the whole second at
-    or before the first one.
+    or before the first one. ``latest`` [us since 1970] is the last date, and ``zone`` that of the
+    clocks by which dates are spelled, or nothing if they have no offset. If timestamps are large
+    numbers, times count from ``shift`` [s]; None before the first of them.
     """
 
+    period: float = 1.0  # of sampling [s]
     rows: int = 0
     first: float | None = None
     last: float | None = None
@@ -135,14 +140,53 @@ class DataReport:
     warnings: list[str] = field(default_factory=list)
     origin: int | None = None
     left_out: dict[str, int] = field(default_factory=dict)
+    latest: int | None = None
+    shift: int | None = None
+    zone: str = ""
 
     def clock(self, timestamp: int | None) -> float:
-        """The time [s] of a timestamp [ns since 1970], nan for none, from the first one on."""
+        """The time [s] of the next timestamp [ns since 1970], nan for none, from the first on."""
         if timestamp is None:
             return math.nan
+        self.latest = timestamp // 1000
+        return self.since_origin(timestamp)
+
+    def since_origin(self, timestamp: int) -> float:
+        """The same, of a timestamp that is not read yet."""
         if self.origin is None:
             self.origin = timestamp // SECOND
         return (timestamp - self.origin * SECOND) / SECOND  # of whole numbers: rounded once
+
+    @property
+    def digits(self) -> int:
+        """The number of digits behind the seconds of dates that are kept."""
+        return 9 if self.period < _FAST else 6
+
+    def nanoseconds(self, time: float) -> int:
+        """The date [ns since 1970] at a time [s] of a record with dates."""
+        assert self.origin is not None
+        unit = 1000 if self.digits == 6 else 1
+        return self.origin * SECOND + round(time * SECOND / unit) * unit
+
+    def stamp(self, time: float) -> str:
+        """A time [s] as results have it: a date, or of the record's own clock.
+
+        Dates have digits behind the seconds, unless both they and the period are whole seconds.
+        """
+        if self.origin is not None:
+            timestamp = self.nanoseconds(time)
+            whole = self.period % 1.0 == 0.0 and timestamp % SECOND == 0
+            return spelled(timestamp, self.zone, 0 if whole else self.digits)
+        if not self.shift:
+            return repr(time)
+        whole_part, _, digits = f"{Decimal(repr(time)) + self.shift:.10f}".partition(".")
+        return f"{whole_part}.{digits.rstrip('0') or '0'}"
+
+    def said(self, time: float, digits: int = 9) -> str:
+        """The same for messages, with a unit unless it is a date."""
+        if self.origin is not None:
+            return spelled(self.nanoseconds(time), self.zone)
+        return f"{self.stamp(time) if self.shift else format(time, f'.{digits}g')} s"
 
     def count(self, table: dict[str, int], name: str, more: int) -> None:
         """Add to one of the tables."""
@@ -174,16 +218,26 @@ class DataReport:
         return (self.last - self.first) / slots
 
 
+_INTERNAL = ("single", "angles", "levels", "latest", "shift", "origin", "period")
+_TIMES = ("first", "last", "gaps", "start", "end")
+
+
+def _by_clock(content: Any, report: DataReport, is_time: bool = False) -> Any:
+    """The same with all times by the record's own clock."""
+    if isinstance(content, dict):
+        return {name: _by_clock(value, report, name in _TIMES) for name, value in content.items()}
+    if isinstance(content, list):
+        return [_by_clock(value, report, is_time) for value in content]
+    if not is_time or content is None:
+        return content
+    return content + (report.shift or 0) if report.origin is None else report.stamp(content)
+
+
 def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
     """The whole report, with what else is known ``about`` the run."""
-    content = {
-        name: value
-        for name, value in vars(report).items()
-        if name not in ("single", "angles", "levels")
-    }
+    content = {name: value for name, value in vars(report).items() if name not in _INTERNAL}
     content["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
-    content["origin"] = None if report.origin is None else spelled(report.origin)
-    return {**about, "mean_interval": report.mean_interval, **content}
+    return {**about, "mean_interval": report.mean_interval, **_by_clock(content, report)}
 
 
 def as_table(report: DataReport, period: float) -> str:
@@ -192,17 +246,22 @@ def as_table(report: DataReport, period: float) -> str:
     if report.left_out:
         listed = ", ".join(f"{count} {reason}" for reason, count in report.left_out.items())
         lines.append(("lines left out", listed))
+
+    def at(seconds: float) -> str:
+        if report.origin is not None:
+            return report.said(seconds)
+        return f"{_time(seconds + (report.shift or 0))} s"
+
     if report.first is not None and report.last is not None:
-        since = "" if report.origin is None else f" after {spelled(report.origin)}"
-        lines.append(("time", f"{_time(report.first)} to {_time(report.last)} s{since}"))
+        lines.append(("time", _span(at(report.first), at(report.last))))
     if report.mean_interval is not None:
         text = f"{period:g} s, timestamps say {report.mean_interval:.6g} s on average"
         lines.append(("sampling period", text))
-        if report.jitter > 1e-9:
+        if 1e-9 < report.jitter < 0.5:  # of rows that have places
             lines.append(("largest jitter", f"{100 * report.jitter:.3g} % of a period"))
     for name, value in (
         ("samples lost", report.lost),
-        ("timestamps repeated, left out", report.repeated),
+        ("timestamps repeated", report.repeated),
         ("rows without timestamp, left out", report.unstamped),
         ("rows before all is measured", report.before_start),
         ("rows after all was measured", report.after_end),
@@ -220,8 +279,8 @@ def as_table(report: DataReport, period: float) -> str:
             listed = ", ".join(f"{column} {count}" for column, count in table.items())
             lines.append((name, listed))
     for start, end in report.gaps[:5]:
-        begun = "the start" if start is None else f"{_time(start)} s"
-        ending = "the end" if end is None else f"{_time(end)} s"
+        begun = "the start" if start is None else at(start)
+        ending = "the end" if end is None else at(end)
         lines.append(("gap", f"{begun} to {ending}"))
     if report.gap_count > 5:
         lines.append(("gaps in all", str(report.gap_count)))
@@ -230,8 +289,8 @@ def as_table(report: DataReport, period: float) -> str:
     listed = ", ".join(f"{count} {word}" for word, count in report.statuses.items())
     lines.append(("estimates", f"{report.estimates}" + (f": {listed}" if listed else "")))
     for name, alarm in report.alarms.items():
-        lines.append((f"alarm {name}", _alarm_line(alarm)))
-        lines += [("", _size(one, alarm.unit)) for one in alarm.summary()["intervals"][:5]]
+        lines.append((f"alarm {name}", _alarm_line(alarm, at)))
+        lines += [("", _size(one, alarm.unit, at)) for one in alarm.summary()["intervals"][:5]]
     width = max(len(name) for name, _ in lines)
     said = [f"  {name:<{width}}  {value}" for name, value in lines]
     return "\n".join(said + [f"  warning: {warning}" for warning in report.warnings])
@@ -242,7 +301,12 @@ def _time(seconds: float) -> str:
     return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
 
 
-def _alarm_line(alarm: AlarmReport) -> str:
+def _span(start: str, end: str) -> str:
+    """From one time to another, in seconds if the second one is."""
+    return f"{start.removesuffix(' s') if end.endswith(' s') else start} to {end}"
+
+
+def _alarm_line(alarm: AlarmReport, at: Callable[[float], str]) -> str:
     if alarm.threshold is None:
         if alarm.ready:
             return f"no threshold: {alarm.learned} values in the stretch that sets it, 2 needed"
@@ -256,12 +320,12 @@ def _alarm_line(alarm: AlarmReport) -> str:
         return f"none; {said}"
     found = alarm.summary()["interval_count"]
     times = "once" if found == 1 else f"{found} times"
-    return f"{times}, {alarm.rows} rows, first at {_time(alarm.first)} s; {said}"
+    return f"{times}, {alarm.rows} rows, first at {at(alarm.first)}; {said}"
 
 
-def _size(interval: Mapping[str, Any], unit: str) -> str:
+def _size(interval: Mapping[str, Any], unit: str, at: Callable[[float], str]) -> str:
     """The time and size of an excess."""
-    said = f"{_time(interval['start'])} to {_time(interval['end'])} s: mean "
+    said = f"{_span(at(interval['start']), at(interval['end']))}: mean "
     said += _amount(interval["mean"], unit)
     if interval["standard_deviation"] is not None:
         said += f", standard deviation {interval['standard_deviation']:.2g}"

@@ -1,4 +1,4 @@
-"""Timestamps that are dates with times of day, by ISO 8601 (``2026-03-29T01:59:58.250Z``).
+"""Timestamps that are dates, by ISO 8601 (``2026-03-29T01:59:58.250Z``) or a stated format.
 
 They are read as whole nanoseconds since 1970, and what an observer is given counts from an origin
 near the first of them, so that no digit is lost. In text, digits beyond a microsecond are cut.
@@ -7,8 +7,9 @@ near the first of them, so that no digit is lost. In text, digits beyond a micro
 from __future__ import annotations
 
 import re
-from collections.abc import Container
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, tzinfo
+from functools import cache
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from reobserve.core.errors import InputError, shown
 
@@ -16,7 +17,12 @@ ISO = "iso8601"  # in the place of a unit
 SECOND = 10**9  # [ns]
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_DATED = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d")  # a day and the beginning of an hour
+_DATED = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d|\d{4}-\d\d-\d\d$")  # a day, and perhaps an hour
+# Of each day of the year on which clocks are put forward, one zone that many live in.
+_FORWARD = (
+    "Europe/Berlin", "Europe/London", "Europe/Athens", "America/New_York", "Australia/Sydney",
+    "Pacific/Auckland", "America/Santiago", "Asia/Jerusalem", "Africa/Cairo", "Asia/Beirut",
+)  # fmt: skip
 
 
 def nanoseconds(text: str, form: str = "") -> int:
@@ -25,17 +31,29 @@ def nanoseconds(text: str, form: str = "") -> int:
     Raises
     ------
     ValueError
-        If the text spells no day with a time of day.
+        If the text spells no date.
     """
+    found = moment(text, form)
+    return since_1970(found if found.tzinfo is not None else found.replace(tzinfo=UTC))
+
+
+def moment(text: str, form: str) -> datetime:
+    """The moment of a date (raises as `nanoseconds`)."""
     if form:
-        moment = datetime.strptime(text, form)  # without an offset it is one of UTC
-    elif looks_dated(text):
-        moment = datetime.fromisoformat(text)
-    else:
+        return datetime.strptime(text, form)
+    if not looks_dated(text):
         raise ValueError
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=UTC)
-    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
+    return datetime.fromisoformat(text)
+
+
+def since_1970(date: datetime) -> int:
+    """Nanoseconds since 1970."""
+    return (date - _EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def of_nanoseconds(timestamp: int) -> datetime:
+    """The date of nanoseconds since 1970, in UTC, whose last three digits are cut."""
+    return _EPOCH + timedelta(microseconds=timestamp // 1000)
 
 
 def looks_dated(text: str) -> bool:
@@ -43,48 +61,90 @@ def looks_dated(text: str) -> bool:
     return _DATED.match(text) is not None
 
 
-def check_format(place: str, form: str) -> None:
-    """Refuse a format that does not have the day and the time of day.
+@cache
+def time_zone(name: str) -> tzinfo:
+    """The time zone of a name, as Europe/Berlin, or of an offset, as +01:00.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if re.fullmatch(r"[+-]\d\d:\d\d", name):
+        found = datetime.strptime(name, "%z").tzinfo
+        assert found is not None
+        return found
+    try:
+        return ZoneInfo(name)
+    except (ZoneInfoNotFoundError, OSError) as error:
+        raise ValueError from error
+
+
+def check_zone(place: str, name: str) -> None:
+    """Refuse what is no time zone.
 
     Raises
     ------
     InputError
-        If a date that is written and read by it is another one.
+        If zoneinfo knows none of this name.
     """
-    moment = datetime(2026, 3, 29, 13, 58)
     try:
-        same = datetime.strptime(moment.strftime(form), form).replace(tzinfo=None) == moment
+        time_zone(name)
+    except ValueError:
+        problem = f"{shown(name)} must be a time zone, as Europe/Berlin, UTC or +01:00"
+        raise InputError(place, problem) from None
+
+
+def skipping_zone(before: datetime, after: datetime) -> str:
+    """A time zone whose clocks skip the hour between two local times, or nothing."""
+    hour = before.replace(minute=0, second=0, microsecond=0, tzinfo=None) + timedelta(hours=1)
+    if hour > after.replace(tzinfo=None) - timedelta(hours=1):
+        return ""
+    for name in _FORWARD:
+        try:
+            zone = time_zone(name)
+        except ValueError:  # without a database of zones
+            continue
+        first, second = (since_1970(hour.replace(tzinfo=zone, fold=fold)) for fold in (0, 1))
+        if first > second:
+            return name
+    return ""
+
+
+def check_format(place: str, form: str) -> None:
+    """Refuse a format that does not have the day, and may have more.
+
+    Raises
+    ------
+    InputError
+        If a date that is written and read by it is another one, but for digits that it leaves out.
+    """
+    stamp = datetime(2026, 3, 29, 13, 58, 43, tzinfo=UTC)
+    others = [stamp.replace(second=0), stamp.replace(minute=0, second=0)]
+    others.append(datetime(2026, 3, 29, tzinfo=UTC))
+    try:
+        read = datetime.strptime(stamp.strftime(form), form)
+        same = read.replace(tzinfo=read.tzinfo or UTC) in (stamp, *others) and "%Z" not in form
     except (ValueError, re.error):
         same = False
     if not same:
-        problem = "must have the day and the time of day, as %d.%m.%Y %H:%M:%S"
+        problem = "must have the day, and hours before minutes, as %d.%m.%Y %H:%M:%S, and no %Z"
         raise InputError(place, f"{shown(form)} {problem}")
 
 
-def timestamp(
-    cell: str, nothing: Container[str], place: str, where: str, form: str = ""
-) -> int | None:
-    """The timestamp [ns] in a cell, or None where it holds one of the words for ``nothing``.
+def spelled(timestamp: int, zone: str = "UTC", digits: int | None = None) -> str:
+    """Nanoseconds since 1970 as ISO 8601 has them, by clocks of a zone, of none without an offset.
 
-    Messages call the file ``place``, and the cell ``where``.
-
-    Raises
-    ------
-    InputError
-        If it spells something else.
+    Of seconds there are 0, 6 or 9 ``digits`` behind the point, or as many as there are not zero.
     """
-    text = cell.strip().strip('"')
-    try:
-        return nanoseconds(text, form)
-    except ValueError:
-        if text in nothing:
-            return None
-        wanted = f"by columns.time.format, {form}" if form else (
-            "with a time, as 2026-03-29T01:59:58Z; columns.time.format states another form"
-        )  # fmt: skip
-        raise InputError(place, f"{where} is {shown(cell)}, must be a date {wanted}") from None
+    date = of_nanoseconds(timestamp)
+    date = date.astimezone(time_zone(zone)) if zone else date.replace(tzinfo=None)
+    fraction = f".{timestamp % SECOND:09d}"
+    fraction = fraction.rstrip("0").rstrip(".") if digits is None else fraction[: digits + 1]
+    offset = "Z" if zone == "UTC" else offset_of(date)
+    return date.isoformat()[:19] + ("" if digits == 0 else fraction) + offset
 
 
-def spelled(origin: int) -> str:
-    """A number of seconds since 1970 as ISO 8601 has it."""
-    return (_EPOCH + timedelta(seconds=origin)).strftime("%Y-%m-%dT%H:%M:%SZ")
+def offset_of(date: datetime) -> str:
+    """The offset of a date, such as +02:00, or nothing."""
+    return date.isoformat()[19:].lstrip(".0123456789")

@@ -44,7 +44,7 @@ class Dialect:
         columns = specification.columns
         return cls(
             columns.delimiter, columns.decimal, columns.thousands, columns.encoding,
-            specification.file, bool(columns.time.column),
+            specification.file, bool(columns.time.columns),
         )  # fmt: skip
 
     def codec(self, begin: bytes) -> tuple[str, str]:
@@ -114,9 +114,20 @@ class Dialect:
         ValueError
             If there is something else.
         """
+        text = self.spelled(cell)
+        return math.nan if text is None else float(text)
+
+    def spelled(self, cell: str) -> str | None:
+        """The number in a cell as Python spells it, or None for a missing one.
+
+        Raises
+        ------
+        ValueError
+            If its marks are not those of the dialect.
+        """
         text = cell.strip().strip('"').strip()
         if text in self.nothing:
-            return math.nan
+            return None
         if self.thousands and self.thousands in text:
             text = self._joined(text)
         if self.decimal == ",":
@@ -125,7 +136,7 @@ class Dialect:
             text = text.replace(",", ".")
         if "_" in text:
             raise ValueError
-        return float(text)
+        return text
 
     def _joined(self, text: str) -> str:
         """A number without marks of thousands, which stand between groups of three digits."""

@@ -68,7 +68,7 @@ class Estimation:
         with located("observer"):
             self.design: Design = specification.observer.design(period)
         self.observer = self.design.observer
-        self.layout: Layout = lay_out(specification.columns, self.design, header, place)
+        self.layout: Layout = lay_out(specification.columns, self.design, header, place, period)
         self.inputs = inputs(specification.columns, self.design)
         self.can_skip = self.observer.reads_missing
         for key, word, others in (
@@ -79,8 +79,11 @@ class Estimation:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
         self.whole = _whole(self.observer) if specification.smooth else None
-        self.report = DataReport()
-        self.timestamps = Timestamps(sampling, self.report, place)
+        self.report = DataReport(period)
+        clock = self.layout.clock
+        self.timestamps = Timestamps(
+            sampling, self.report, place, None if clock is None else clock.dates
+        )
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]
         holds = self.layout.holds[timed:]
@@ -155,8 +158,10 @@ class Estimation:
 
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
+        rows = self.timestamps.finish()
         self.timestamps.check_period()
-        return self._estimate(self.interpolation.finish(), True)
+        waited = [self._estimate(self.interpolation.feed(*rows), False)] if len(rows[0]) else []
+        return _concatenated([*waited, self._estimate(self.interpolation.finish(), True)])
 
     def _none(self) -> Estimated:
         width, signals = len(self.outputs.columns), len(self.alarms)
@@ -169,11 +174,7 @@ class Estimation:
         if self.whole is not None:
             stretches = self._from_start_to_start(stretches, final)
         parts = [self._run(stretch) for stretch in stretches]
-        if not parts:
-            return self._none()
-        if len(parts) == 1:
-            return parts[0]
-        return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return _concatenated(parts) if parts else self._none()
 
     def _from_start_to_start(self, stretches: list[Stretch], final: bool) -> list[Stretch]:
         """Stretches from one start of the observer to the next, as far as they are complete."""
@@ -222,7 +223,9 @@ class Estimation:
             yield
         except DivergenceError as error:
             past = error.time - rows * self.specification.sampling.period
-            raise DivergenceError(error.what, time + past, error.finding) from None
+            raise DivergenceError(
+                error.what, time + past + (self.report.shift or 0), error.finding
+            ) from None
 
     def reported(
         self, time: Array, y: Array, estimates: Any, status: NDArray[np.int8]
@@ -239,7 +242,14 @@ class Estimation:
     def titles(self) -> list[str]:
         """Titles of the results: time, estimates, residuals, alarms, status."""
         columns = [column.title for column in self.outputs.columns]
-        return ["time [s]", *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
+        time = "time" if self.layout.dated else "time [s]"
+        return [time, *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
+
+
+def _concatenated(parts: list[Estimated]) -> Estimated:
+    if len(parts) == 1:
+        return parts[0]
+    return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
@@ -279,4 +289,5 @@ def _interpolation(specification: Specification, held: tuple[bool, ...]) -> Inte
         hold = sampling.longest
     if sampling.at_gap == "coast":
         hold = np.inf
-    return Interpolation("linear" if even else sampling.uneven, reach, hold, held)
+    method, period = ("linear", 0.0) if even else (sampling.uneven, sampling.period)
+    return Interpolation(method, reach, hold, held, period)

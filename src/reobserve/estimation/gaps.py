@@ -153,16 +153,19 @@ class Gaps:
         return False
 
     def _refuse(self, k: int, rows: Settled) -> None:
-        sampling, now = self.sampling, float(rows.time[k])
+        sampling, said = self.sampling, self.report.said
         lost = np.flatnonzero(np.isnan(rows.values[k]))
         listed = ", ".join(self.columns[c] for c in lost[:4])
         if sampling.missing == "refuse":
             others = "interpolate or skip" if self.reads_missing else "interpolate"
-            problem = f"at {now:.9g} s; sampling.missing is refuse, set it to {others}"
+            problem = (
+                f"at {said(float(rows.time[k]))}; sampling.missing is refuse, set it to {others}"
+            )
         else:
             others = "restart or coast" if self.reads_missing else "restart"
+            since = "the start" if self.last is None else said(self.last, 14)
             problem = (
-                f"from {self.last:.14g} s on for longer than sampling.gap, {sampling.longest:g} s; "
+                f"from {since} on for longer than sampling.gap, {sampling.longest:g} s; "
                 f"sampling.at_gap is refuse, set it to {others}"
             )
         raise InputError(self.place, f"{listed} missing {problem}")

@@ -36,12 +36,16 @@ class Interpolation:
         ``linear``, ``previous`` or ``pchip``, for the columns that are not ``held``.
     held
         The columns that keep their last value, for ``hold`` [s].
+    period
+        Of rows that are resampled [s], or zero. A row is measured, and not filled, if a sample is
+        no farther from it than half a period, or, where values are held, was taken within one.
     """
 
     method: str
     reach: float
     hold: float
     held: tuple[bool, ...]
+    period: float = 0.0
     time: Array = field(default_factory=lambda: np.empty(0))
     values: Array = field(init=False)
     asked: Array = field(default_factory=lambda: np.empty(0))
@@ -102,9 +106,10 @@ class Interpolation:
         if self.held[c] or self.method == "previous":
             limit = self.hold if self.held[c] else self.reach
             open_ = begun & ~exact
-            open_[open_] = asked[open_] - at[left[open_]] <= limit * _ROUNDING
+            age = asked - at[np.maximum(left, 0)] if len(at) else np.full(len(asked), np.inf)
+            open_ &= age <= limit * _ROUNDING
             found[open_] = values[left[open_]]
-            return found, ~exact
+            return found, ~exact & ~(open_ & (age * _ROUNDING < self.period))
         inside = begun & ~exact & (left + 1 < len(at))
         start = left[inside]
         near = at[start + 1] - at[start] <= self.reach * _ROUNDING
@@ -112,12 +117,15 @@ class Interpolation:
         start = start[near]
         if not len(start):
             return found, ~exact
+        apart = np.minimum(asked[inside] - at[start], at[start + 1] - asked[inside])
+        between = ~exact
+        between[inside] = apart > 0.5 * self.period * _ROUNDING
         if self.method == "linear":
             share = (asked[inside] - at[start]) / (at[start + 1] - at[start])
             found[inside] = values[start] + (values[start + 1] - values[start]) * share
         else:
             self._monotone(at, values, asked, inside, found)
-        return found, ~exact
+        return found, between
 
     def _monotone(
         self, at: Array, values: Array, asked: Array, inside: Flags, found: Array

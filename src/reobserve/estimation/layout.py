@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.units import readings
+from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, check_unit, conversion
-from reobserve.estimation.specification import Column, Columns, Constant
+from reobserve.estimation.specification import Column, Columns, Constant, TimeColumn
 from reobserve.estimation.text_rows import RowError
 
 Array = NDArray[np.float64]
@@ -33,8 +34,8 @@ class Layout:
     """The columns to read, time first if there is one, then y, then u.
 
     ``titles`` are those of the header, ``names`` without units. ``units`` are those that the
-    observer reads, in which ranges are meant no more: these are in the file's. Where the time is
-    ``dated``, its cells are dates, whose times are given for them.
+    observer reads, in which ranges are meant no more: these are in the file's. Of timestamps, the
+    cells are times by the ``clock``, less what these count from.
     """
 
     titles: tuple[str, ...]
@@ -45,8 +46,7 @@ class Layout:
     lost_at_range: tuple[bool, ...]
     timed: bool
     measurements: int
-    dated: bool = False
-    format: str = ""
+    clock: Clock | None = None
     periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
     holds: tuple[bool, ...] = ()  # where an empty cell stands for the value before it
 
@@ -54,6 +54,11 @@ class Layout:
     def held(self) -> tuple[str, ...]:
         """The names of columns whose last value holds in empty cells."""
         return tuple(name for name, one in zip(self.names, self.holds, strict=True) if one)
+
+    @property
+    def dated(self) -> bool:
+        """True if timestamps are dates."""
+        return self.clock is not None and self.clock.dates is not None
 
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
@@ -118,7 +123,9 @@ def _held(values: Array, report: DataReport, name: str) -> Array:
     return found
 
 
-def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str) -> Layout:
+def lay_out(
+    columns: Columns, design: Design, header: Sequence[str], place: str, period: float = 0.0
+) -> Layout:
     """Find the columns in a header, ``name`` or ``name [unit]``, say, and settle their units.
 
     Raises
@@ -150,15 +157,11 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
             raise
         raise InputError(error.parameter, error.problem + _no_header(header)) from None
     every = [column for _, column, _ in wanted]
-    timed, dated = bool(columns.time.column), False
-    if timed:
-        clock = Column(columns.time.column, "" if columns.time.dated == ISO else columns.time.unit)
-        title, unit = _title("columns.time", clock, header, place, columns.time.dated == ISO)
-        dated = ISO in (columns.time.dated, unit)
-        way = SAME if dated else conversion("columns.time.unit", unit or "s", "s")
-        parts.insert(0, (title, way, "s"))
-        every.insert(0, clock)
-    for title, _, _ in parts:
+    clock = _clock(columns.time, header, place, period)
+    if clock is not None:
+        parts.insert(0, (clock.titles[0], clock.way, "s"))
+        every.insert(0, Column(clock.titles[0]))
+    for title in (*(part[0] for part in parts), *(() if clock is None else clock.titles)):
         if list(header).count(title) > 1:
             problem = f"has the column {shown(title)} twice"
             raise InputError(place, f"{problem}; file.skip and file.names may state other titles")
@@ -166,8 +169,8 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
         tuple(part[0] for part in parts), tuple(column.column for column in every),
         tuple(part[1] for part in parts), tuple(part[2] for part in parts),
         tuple(column.range for column in every),
-        tuple(column.saturated == "missing" for column in every), timed,
-        len(columns.measurements), dated, columns.time.format,
+        tuple(column.saturated == "missing" for column in every), clock is not None,
+        len(columns.measurements), clock,
         tuple(
             0.0 if column.wrap is None else abs(part[1].factor) * column.wrap
             for column, part in zip(every, parts, strict=True)
@@ -176,8 +179,29 @@ def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str)
     )  # fmt: skip
 
 
+def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -> Clock | None:
+    """The columns of timestamps and the way they are written, None if there are none."""
+    if not time.columns:
+        return None
+    stated = time.dated == ISO
+    found = [
+        _title("columns.time", Column(name, "" if stated else time.unit), header, place, stated)
+        for name in time.columns
+    ]
+    titles, units = tuple(title for title, _ in found), [unit for _, unit in found]
+    if ISO in units:
+        return Clock(titles, SAME, Dates(titles, time.format, time.zone, period))
+    for key, is_set in (("column", len(titles) > 1), ("zone", time.zone)):
+        if is_set:
+            problem = "two columns are" if key == "column" else f"{time.zone} is"
+            raise InputError(
+                f"columns.time.{key}", f"{problem} for dates, which have a format, or unit: {ISO}"
+            )
+    return Clock(titles, conversion("columns.time.unit", units[0] or "s", "s"))
+
+
 def _names(columns: Columns) -> set[str]:
-    return {columns.time.column, *(column.column for column in columns.read)} - {""}
+    return {*columns.time.columns, *(column.column for column in columns.read)} - {""}
 
 
 def _check_delimiter(columns: Columns, title: str, place: str) -> None:

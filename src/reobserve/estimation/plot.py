@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.core.files import write_whole
-from reobserve.estimation.dates import spelled
+from reobserve.estimation.dates import time_zone
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.outputs import RESIDUAL, Output
 
 Array = NDArray[np.float64]
 
+_DAY = 86400.0  # [s]
 _POINTS = 4000
 _MOST_LINES = 6  # in a panel
 _MOST_PANELS = 12
@@ -123,12 +124,28 @@ class Plot:
             self._alarm_panel(axes[-1])
         for ax in axes:
             self._grey(ax)
-        if len(self.time):
-            axes[-1].set_xlim(self.time[0], self.time[-1] if len(self.time) > 1 else None)
-        origin = self.estimation.report.origin
-        axes[-1].set_xlabel("time [s]" if origin is None else f"time after {spelled(origin)} [s]")
+        self._time_axis(axes[-1])
         figure.align_ylabels()
         return figure
+
+    def _at(self, time: Any) -> Any:
+        """Times [s] as the axis has them, dates in days since 1970."""
+        origin = self.estimation.report.origin
+        return time if origin is None else (origin + time) / _DAY
+
+    def _time_axis(self, ax: Any) -> None:
+        report = self.estimation.report
+        if len(self.time):
+            ax.set_xlim(*self._at(self.time[[0, -1]])[: len(self.time)])
+        if report.origin is None:
+            ax.set_xlabel(f"time after {report.shift} s [s]" if report.shift else "time [s]")
+            return
+        dates = package("matplotlib.dates", "draw a plot")
+        zone = time_zone(report.zone or "UTC")
+        locator = dates.AutoDateLocator(tz=zone, maxticks=8)
+        ax.xaxis.set_major_locator(locator)
+        ax.xaxis.set_major_formatter(dates.ConciseDateFormatter(locator, tz=zone))
+        ax.set_xlabel(f"time, {report.zone}" if report.zone else "time")
 
     def _panels(self) -> list[list[int]]:
         """Columns that share a panel: components of one estimate in one unit."""
@@ -201,14 +218,14 @@ class Plot:
         """A column with a nan in each gap, so that no line crosses it."""
         at = self._jumps()
         return (
-            np.insert(self.time, at, self.time[at]),
+            self._at(np.insert(self.time, at, self.time[at])),
             np.insert(self.least[:, c], at, np.nan), np.insert(self.greatest[:, c], at, np.nan),
         )  # fmt: skip
 
     def _grey(self, ax: Any) -> None:
         for start, end in self.estimation.report.gaps:
             last = self.time[-1] if end is None and len(self.time) else end
-            ax.axvspan(start, last, color="0.88", linewidth=0, zorder=0)
+            ax.axvspan(self._at(start), self._at(last), color="0.88", linewidth=0, zorder=0)
 
     def _alarm_panel(self, ax: Any) -> None:
         signals, width = self.estimation.alarms, len(self.estimation.outputs.columns)
@@ -217,7 +234,7 @@ class Plot:
             raised = self.greatest[:, width + row]
             on = np.flatnonzero(raised == 1.0)
             for part in np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else ():
-                start, end = self.time[part[0]], self.time[part[-1]] + step
+                start, end = self._at(self.time[part[0]]), self._at(self.time[part[-1]] + step)
                 ax.broken_barh([(start, end - start)], (row - 0.3, 0.6), color="#b2182b")
         ax.set_yticks(range(len(signals)), [alarm.name for alarm in signals])
         ax.set_ylim(len(signals) - 0.5, -0.5)

@@ -7,6 +7,7 @@ line by line, or refuses.
 from __future__ import annotations
 
 import io
+import math
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,8 +21,9 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import reason
+from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import ISO, SECOND, timestamp
+from reobserve.estimation.dates import ISO, SECOND, of_nanoseconds
 from reobserve.estimation.dialect import Dialect, Head, read_head
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.streaming import LONGEST
@@ -36,14 +38,10 @@ _TABLES = (".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".zip")
 
 @dataclass(frozen=True)
 class File:
-    """A file of columns: Parquet by its ending, text with any other one.
-
-    ``format`` is that of dates.
-    """
+    """A file of columns: Parquet by its ending, text with any other one."""
 
     path: Path
     dialect: Dialect = field(default_factory=Dialect)
-    format: str = ""
     block: int = BLOCK
 
     def __post_init__(self) -> None:
@@ -82,27 +80,29 @@ class File:
         return read_head(lines, self.dialect, str(self.path))
 
     def blocks(
-        self, columns: Sequence[str], dated: str = "", report: DataReport | None = None
+        self, columns: Sequence[str], clock: Clock | None = None, report: DataReport | None = None
     ) -> Iterator[Array]:
         """The cells of these columns, nan where they are empty, some rows at a time.
 
-        Those of the column ``dated`` are dates, which become times by the clock of the report.
+        The first column of the clock has times by it: dates are turned into seconds, and what the
+        report says that times count from is taken off.
 
         Raises
         ------
         InputError
-            If the file is damaged, a cell is no number, or one of ``dated`` is no date.
+            If the file is damaged, a cell is no number, or a timestamp is no date where it must be.
         """
         report = report or DataReport()
         with self._located():
             if not self._columnar:
-                yield from self._of_text(columns, dated, report)
+                yield from self._of_text(columns, clock, report)
                 return
             rows = 0
-            for batch in self._batches(list(columns)):
+            titles = () if clock is None else clock.titles
+            for batch in self._batches(list(dict.fromkeys([*columns, *titles]))):
                 read = [
-                    self._times(batch.column(name), name, rows, report)
-                    if name == dated
+                    self._times(batch, clock, rows, report)
+                    if clock is not None and name == titles[0]
                     else self._floats(batch.column(name), name)
                     for name in columns
                 ]
@@ -116,26 +116,29 @@ class File:
         rows = max(1, self.block // (8 * len(columns)))
         yield from file.iter_batches(batch_size=rows, columns=columns, use_threads=False)
 
-    def _of_text(self, columns: Sequence[str], dated: str, report: DataReport) -> Iterator[Array]:
+    def _of_text(
+        self, columns: Sequence[str], clock: Clock | None, report: DataReport
+    ) -> Iterator[Array]:
         head = self._head()
         for why, count in head.left_out.items():
             report.count(report.left_out, why, count)
-        rows = self._rows(head, columns, dated, report)
+        rows = self._rows(head, columns, clock, report)
         for above, text in self._texts(head.lines, self.block):
-            rows.line, counted = above, dict(report.left_out)
+            rows.line, counted, latest = above, dict(report.left_out), report.latest
             try:
                 values = self._at_once(rows, text)
             except ValueError:  # of pyarrow, too
-                rows.line, report.left_out = above, counted
+                rows.line, report.left_out, report.latest = above, counted, latest
                 read = map(rows.read, _lines(text))
                 values = np.array([numbers for numbers in read if numbers is not None])
             if len(values):
                 yield values
         rows.finish()
 
-    def _rows(self, head: Head, columns: Sequence[str], dated: str, report: DataReport) -> TextRows:
-        is_dated = bool(dated) and columns[0] == dated
-        return TextRows(self.dialect, head, columns, is_dated, self.format, str(self.path), report)
+    def _rows(
+        self, head: Head, columns: Sequence[str], clock: Clock | None, report: DataReport
+    ) -> TextRows:
+        return TextRows(self.dialect, head, columns, clock, str(self.path), report)
 
     def _at_once(self, rows: TextRows, text: str) -> Array:
         """The numbers of a block of text.
@@ -155,9 +158,14 @@ class File:
             raise ValueError
         kinds = {name: pa.null() for name in names[width:]}  # where rows end with delimiters
         wanted = [names[place] for place in rows.places]
+        clocks = [names[place] for place in rows.clocks]
+        if clocks and not rows.exact:
+            rows.time([first[place] for place in rows.clocks])  # which says what times count from
+            if rows.report.shift is None:
+                raise ValueError
         kinds |= dict.fromkeys(wanted, pa.float64())
-        if rows.dated:
-            kinds[wanted[0]] = pa.string()
+        if rows.exact:
+            kinds |= dict.fromkeys(clocks, pa.string())
         content = text.encode("utf-8", "surrogateescape")
         table = reader_of_csv.read_csv(
             pa.BufferReader(content),
@@ -172,10 +180,10 @@ class File:
                 null_values=list(dialect.nothing), decimal_point=dialect.decimal,
             ),
         )  # fmt: skip
-        read = [self._floats(table.column(name), name) for name in wanted[rows.dated :]]
-        if rows.dated:
-            cells = table.column(wanted[0]).to_pylist()
-            read.insert(0, np.array(list(map(rows.time, cells))))
+        read = [self._floats(table.column(name), name) for name in wanted[rows.exact :]]
+        if rows.exact:
+            cells = zip(*(table.column(name).to_pylist() for name in clocks), strict=True)
+            read.insert(0, np.array([rows.time(one) for one in cells]))
         if dialect.timed and np.isnan(read[0]).any():
             raise ValueError
         return np.column_stack(read)
@@ -213,7 +221,7 @@ class File:
         if self._columnar:
             return None
         head = self._head()
-        rows = self._rows(head, (), "", DataReport())
+        rows = self._rows(head, (), None, DataReport())
         for _, text in self._texts(head.lines, self.block):
             for line in _lines(text):
                 row -= rows.row(line) is not None
@@ -229,28 +237,39 @@ class File:
         except RowError as error:
             raise error.at_line(self.line_of(error.row)) from None
 
-    def _times(self, column: Any, name: str, rows: int, report: DataReport) -> Array:
+    def _times(self, batch: Any, clock: Clock, rows: int, report: DataReport) -> Array:
+        """Times of a block of a Parquet file."""
         import pyarrow as pa
-        import pyarrow.compute as compute
 
-        if pa.types.is_timestamp(column.type):
-            ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
-            timestamps = ticks.to_numpy(zero_copy_only=False)
-            known = column.is_valid().to_numpy(zero_copy_only=False)
-            if not known.any():
-                return np.full(len(known), np.nan)
-            report.clock(int(timestamps[known.argmax()]))
-            assert report.origin is not None
-            return np.where(known, (timestamps - report.origin * SECOND) / SECOND, np.nan)
-        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
-            problem = f"column {shown(name)} is of the type {column.type}, must be dates"
+        columns = [batch.column(title) for title in clock.titles]
+        kind, dates = columns[0].type, clock.dates
+        if dates is None:
+            numbers = self._floats(columns[0], clock.titles[0])
+            known = np.isfinite(numbers)
+            if known.any():
+                clock.begin(float(numbers[known.argmax()]), report)
+            if not report.shift:
+                return numbers
+            cells = columns[0].to_pylist()
+            return np.array([
+                math.nan if cell is None else clock.exact(cell, report) for cell in cells
+            ])  # fmt: skip
+        if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
+            return _dates_of(columns[0], dates, report)
+        if not all(pa.types.is_string(c.type) or pa.types.is_large_string(c.type) for c in columns):
+            problem = f"column {shown(clock.titles[0])} is of the type {kind}, must be dates"
             raise InputError(str(self.path), problem)
-        cells = enumerate((text or "" for text in column.to_pylist()), rows + 1)
-        place, where = str(self.path), f"of column {shown(name)}"
-        return np.array([
-            report.clock(timestamp(cell, NOTHING, place, f"row {row} {where}", self.format))
-            for row, cell in cells
-        ])  # fmt: skip
+        where = f"of column {' and '.join(map(shown, clock.titles))}"
+        found = []
+        for row, cells in enumerate(
+            zip(*(column.to_pylist() for column in columns), strict=True), rows + 1
+        ):
+            texts = [(cell or "").strip().strip('"').strip() for cell in cells]
+            found.append(
+                math.nan if any(text in NOTHING for text in texts) else
+                dates.seconds(" ".join(texts), f"row {row} {where}", str(self.path), report)
+            )  # fmt: skip
+        return np.array(found)
 
     def _floats(self, column: Any, name: str) -> Array:
         import pyarrow as pa
@@ -286,3 +305,29 @@ class File:
 def _lines(text: str) -> Iterator[str]:
     """Lines with their ends, which are line feeds and nothing else."""
     return iter(io.StringIO(text, newline="\n"))
+
+
+def _dates_of(column: Any, dates: Dates, report: DataReport) -> Array:
+    """Times of a column of dates as Parquet has them, without an offset or of UTC."""
+    import pyarrow as pa
+    import pyarrow.compute as compute
+
+    floating = getattr(column.type, "tz", None) is None
+    kind = pa.timestamp("ns", None if floating else column.type.tz)
+    ticks = compute.fill_null(column.cast(kind).cast(pa.int64()), 0)
+    timestamps = ticks.to_numpy(zero_copy_only=False)
+    known = column.is_valid().to_numpy(zero_copy_only=False)
+    if not known.any():
+        return np.full(len(known), np.nan)
+    if floating and dates.zone:
+        timestamps = timestamps.copy()
+        for k in np.flatnonzero(known):
+            date = of_nanoseconds(int(timestamps[k])).replace(tzinfo=None)
+            timestamps[k] = dates.local(date, report) + timestamps[k] % 1000
+            report.latest = int(timestamps[k]) // 1000
+    dates.floating = dates.floating or (floating and not dates.zone)
+    report.zone = dates.zone or ("" if floating else str(column.type.tz))
+    report.clock(int(timestamps[known.argmax()]))
+    report.latest = int(timestamps[known][-1]) // 1000
+    assert report.origin is not None
+    return np.where(known, (timestamps - report.origin * SECOND) / SECOND, np.nan)

@@ -13,7 +13,6 @@ from itertools import chain
 import numpy as np
 
 from reobserve.core.errors import InputError, shown
-from reobserve.estimation.dates import nanoseconds
 from reobserve.estimation.dialect import Dialect, Head, read_head
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.gaps import MEASURED, STATUSES
@@ -33,16 +32,14 @@ class RowByRow:
         layout, sampling = estimation.layout, estimation.specification.sampling
         head = header if isinstance(header, Head) else Head(header)
         dialect, report = Dialect.of(estimation.specification), estimation.report
-        self.rows = TextRows(
-            dialect, head, layout.titles, layout.dated, layout.format, estimation.place, report
-        )
+        self.rows = TextRows(dialect, head, layout.titles, layout.clock, estimation.place, report)
         for why, count in head.left_out.items():
             report.count(report.left_out, why, count)
-        readers = [self._time if layout.dated else float] + [float] * len(self.rows.places)
-        self.cells = list(zip(readers, self.rows.places, strict=False))
+        self.stamp: int | None = None  # [ns], of the last row if it has a date
         self.short = (
             sampling.uneven == "refuse" and layout.timed and dialect.plain
-            and not any(layout.ranges) and not any(layout.periods) and not any(layout.holds)
+            and sampling.repeated != "spread" and not any(layout.holds)
+            and not any(layout.ranges) and not any(layout.periods)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
         self.y = np.empty((1, layout.measurements))
@@ -67,7 +64,8 @@ class RowByRow:
                 return ""
             if self.short:
                 try:
-                    numbers = [number(cells[place]) for number, place in self.cells]
+                    numbers = [self._time([cells[place] for place in self.rows.clocks])]
+                    numbers += [float(cells[place]) for place in self.rows.places[1:]]
                 except (ValueError, OverflowError):
                     return self._long(cells)
                 if "_" not in row and self._regular(numbers):
@@ -76,8 +74,13 @@ class RowByRow:
         except RowError as error:  # of this row, as the estimation takes one at a time
             raise error.at_line(self.rows.line) from None
 
-    def _time(self, cell: str) -> float:
-        return self.estimation.report.clock(nanoseconds(cell, self.estimation.layout.format))
+    def _time(self, cells: list[str]) -> float:
+        clock, report = self.rows.clock, self.estimation.report
+        assert clock is not None
+        if clock.dates is not None:
+            self.stamp = clock.dates.nanoseconds(" ".join(map(str.strip, cells)), report)
+            return report.since_origin(self.stamp)
+        return clock.exact(cells[0], report) if report.shift else float(cells[0])
 
     def _regular(self, numbers: list[float]) -> bool:
         """True if a row stands a period after the one before, and all of it was measured."""
@@ -102,6 +105,8 @@ class RowByRow:
         word = STATUSES[MEASURED]
         report.statuses[word] = report.statuses.get(word, 0) + 1
         report.last = gaps.last = time
+        if self.stamp is not None:
+            report.latest = self.stamp // 1000
         self.recent = (time, values)
         measured = self.y.shape[1]
         y, u = self.y, self.u
@@ -118,7 +123,7 @@ class RowByRow:
         found = made.outputs.row(y, estimates)
         at, row = np.array([time]), np.array([found])
         raised = [float(alarm.raised(at, row, report, estimates)[0]) for alarm in made.alarms]
-        return result(time, found, raised, MEASURED)
+        return result(report.stamp(time), found, raised, MEASURED)
 
     def cut_off(self, rest: str, how: str) -> None:
         """End a file that was replaced, or truncated, with the ``rest`` of a line without an end.
@@ -180,9 +185,11 @@ class RowByRow:
     def _long(self, cells: list[str]) -> str:
         self.settle()
         numbers = self.rows.numbers(cells)
-        return "" if numbers is None else text(self.estimation.feed(np.array([numbers])))
+        if numbers is None:
+            return ""
+        return text(self.estimation.feed(np.array([numbers])), self.estimation.report)
 
     def finish(self) -> str:
         """The lines that waited for rows which do not come."""
         self.settle()
-        return text(self.estimation.finish())
+        return text(self.estimation.finish(), self.estimation.report)

@@ -2,7 +2,7 @@
 
 observer: {kind: kalman, time: continuous, A: ..., ...}  one of `reobserve.estimation.families`
 columns:                                                 of the record, with their units
-  time: {column: t, unit: ms}
+  time: {column: t, unit: ms}                            or dates, with a zone
   measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
   inputs: [{column: u, unit: V}]
 sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, parse
-from reobserve.estimation.dates import ISO, check_format
+from reobserve.estimation.dates import ISO, check_format, check_zone
 from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.stated import DesignFile, stated
 from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
@@ -31,6 +31,7 @@ from reobserve.estimation.quantities import check_unit, conversion
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
 Missing = Literal["refuse", "interpolate", "skip"]
 AtGap = Literal["refuse", "restart", "coast"]
+Repeated = Literal["refuse", "spread", "first"]
 
 _MOST_COLUMNS = 100
 
@@ -53,21 +54,31 @@ Few = checked(_few)
 class TimeColumn:
     """The timestamps. Without ``column`` there are none, and rows are a sampling period apart.
 
-    The ``unit`` is one of time, or iso8601 for dates with times of day; dates of another form have
-    a ``format`` in its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S".
+    The ``unit`` is one of time, or iso8601 for dates; dates of another form have a ``format`` in
+    its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S". Dates without an offset are those
+    of the time ``zone``, as Europe/Berlin, or else of UTC. A list of two columns, of dates and
+    times of day, is read as one, with a blank between their cells.
     """
 
-    column: str = ""
+    column: str | tuple[Name, Name] = ""
     unit: str = ""
     format: str = ""
+    zone: str = ""
 
     def __post_init__(self) -> None:
+        if self.zone:
+            check_zone("zone", self.zone)
         if self.format:
             check_format("format", self.format)
             if self.unit:
                 raise InputError("unit", "must be left out where there is a format")
         elif self.unit != ISO:
             conversion("unit", self.unit or "s", "s")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of the columns, none if there are no timestamps."""
+        return tuple(filter(None, [self.column] if isinstance(self.column, str) else self.column))
 
     @property
     def dated(self) -> str:
@@ -146,7 +157,9 @@ class Columns:
     def __post_init__(self) -> None:
         if not self.measurements:
             raise InputError("measurements", "are none, must be one or more")
-        named = [self.time.column]
+        named = list(self.time.columns)
+        if len(set(named)) < len(named):
+            raise InputError("time.column", f"takes the column {shown(named[0])} a second time")
         for k, one in enumerate(self.measurements):
             if one.missing is not None:
                 problem = "hold is for inputs; sampling.missing is for measurements"
@@ -177,6 +190,9 @@ class Sampling:
     ``uneven`` is refuse), or skipped by observers that can predict without them. Filled or skipped
     is no more than ``gap`` [s]; what is longer is refused, the observer restarts after it, or
     coasts over it with predictions.
+    ``repeated``: rows with the timestamp of the row before are refused, spread evenly up to the
+    next timestamp (no farther than ``period`` apart), or left out but for the first. Where
+    ``uneven`` resamples, rows that are the same in all columns are left out in any case.
     """
 
     period: Positive
@@ -185,6 +201,7 @@ class Sampling:
     missing: Missing = "refuse"
     gap: NotNegative | None = None
     at_gap: AtGap = "refuse"
+    repeated: Repeated = "refuse"
 
     def __post_init__(self) -> None:
         if self.missing == "refuse" and self.at_gap != "refuse":

@@ -27,7 +27,7 @@ from reobserve.estimation.estimate import Estimation
 
 Array = NDArray[np.float64]
 
-SCHEMA = 8
+SCHEMA = 9
 _VALUES = 5_000_000
 _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON has none of them
 
@@ -36,6 +36,8 @@ _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON 
 class _Timestamps:
     begun: list[float]
     grid: Annotated[list[float], items(2, 2)]
+    held_time: list[float]
+    held_values: list[list[float]]
 
 
 @dataclass
@@ -58,7 +60,7 @@ class _State:
     """A state file. ``offset`` is the byte up to which a file was read, ``line`` the last line."""
 
     format: Literal["reobserve estimate state"]
-    schema: Literal[8]
+    schema: Literal[9]
     specification: str
     offset: Annotated[int, within(0, 2**53)] | None
     line: str  # its digest
@@ -82,7 +84,7 @@ def save_state(
     InputError
         If the file cannot be written.
     """
-    gaps, values = estimation.gaps, estimation.interpolation
+    gaps, values, clock = estimation.gaps, estimation.interpolation, estimation.timestamps
     tree = {
         "format": "reobserve estimate state",
         "schema": SCHEMA,
@@ -91,7 +93,12 @@ def save_state(
         "line": digest_of(line) if line else "",
         "observer": _plain(estimation.state),
         "timestamps": _plain(
-            _Timestamps(estimation.timestamps.begun, estimation.timestamps.grid.tolist())
+            _Timestamps(
+                clock.begun,
+                clock.grid.tolist(),
+                clock.held_time.tolist(),
+                clock.held_values.tolist(),
+            )
         ),
         "gaps": _plain(_Gaps(gaps.last, gaps.started, gaps.in_gap)),
         "interpolation": {
@@ -143,6 +150,7 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, s
     alarms = estimation.report.alarms
     if saved.report.alarms.keys() != alarms.keys():
         raise InputError("report.alarms", f"must be those of the specification: {list(alarms)}")
+    held = _held(saved.timestamps, len(estimation.interpolation.held))
     arrays = _interpolation(saved.interpolation, len(estimation.interpolation.held))
     state = None
     if given["observer"] is not None:
@@ -157,10 +165,25 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, s
         raise InputError("digest", "is not that of the content, which was damaged or edited")
     estimation.state = state
     estimation.timestamps.begun[:], estimation.timestamps.grid[:] = begun, grid
+    estimation.timestamps.held_time, estimation.timestamps.held_values = held
     vars(estimation.gaps).update(vars(saved.gaps))
     vars(estimation.interpolation).update(arrays)
     vars(estimation.report).update(vars(saved.report))
     return saved.offset, saved.line
+
+
+def _held(saved: _Timestamps, columns: int) -> tuple[Array, Array]:
+    """Rows that share a timestamp, and wait for the next one."""
+    time, rows = np.array(saved.held_time, dtype=np.float64), saved.held_values
+    if not np.isfinite(time).all() or len(set(saved.held_time)) > 1:
+        raise InputError("timestamps.held_time", "must be finite, and one time")
+    if len(rows) != len(time) or any(len(row) != columns for row in rows):
+        problem = f"must have {len(time)} rows of {columns} numbers"
+        raise InputError("timestamps.held_values", problem)
+    values = np.array(rows, dtype=np.float64).reshape(len(time), columns)
+    if np.isinf(values).any():
+        raise InputError("timestamps.held_values", "must not be infinite")
+    return time, values
 
 
 def identity(specification: Path, files: Iterable[Path]) -> str:

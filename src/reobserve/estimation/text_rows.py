@@ -13,8 +13,9 @@ import re
 from collections.abc import Sequence
 
 from reobserve.core.errors import InputError, shown
+from reobserve.estimation.clock import Clock
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import ISO, looks_dated, timestamp
+from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.dialect import COMMENTS, UNDECODED, Dialect, Head
 
 _DATED = re.compile(r"\d{1,4}[./-]\d\d?[./-]\d{2,4} \d")
@@ -55,8 +56,8 @@ class TextRows:
         Of the text.
     columns
         The titles of those to read.
-    dated
-        True if the first of them has dates, in the format ``form``.
+    clock
+        Of timestamps, whose first column is then the first of these; None if there are none.
     place
         What the text is called in messages.
     report
@@ -68,15 +69,15 @@ class TextRows:
         dialect: Dialect,
         head: Head,
         columns: Sequence[str],
-        dated: bool,
-        form: str,
+        clock: Clock | None,
         place: str,
         report: DataReport,
     ) -> None:
         self.dialect, self.head, self.titles = dialect, head, list(columns)
-        self.dated, self.form, self.place, self.report = dated, form, place, report
+        self.clock, self.place, self.report = clock, place, report
         self.width = len(head.titles)
         self.places = [head.titles.index(title) for title in columns]
+        self.clocks = [] if clock is None else [head.titles.index(one) for one in clock.titles]
         self.line = head.lines
         self.ended, self.repeats = True, False
         self.held: InputError | None = None
@@ -164,8 +165,8 @@ class TextRows:
         found = []
         for column, place in enumerate(self.places):
             try:
-                if self.dated and column == 0:
-                    found.append(self.time(cells[place]))
+                if self.clock is not None and column == 0:
+                    found.append(self.time([cells[one] for one in self.clocks]))
                 else:
                     found.append(self.dialect.number(cells[place]))
             except ValueError as error:
@@ -204,14 +205,40 @@ class TextRows:
             raise ValueError
         return text, dialect.cells(first) if not blank else first.split("\t")
 
-    def time(self, cell: str) -> float:
-        """The time of a date."""
-        nothing = self.dialect.nothing
-        read = timestamp(cell, nothing, self.place, self._where(0), self.form)
-        return self.report.clock(read)
+    def time(self, cells: Sequence[str]) -> float:
+        """The time [s] in cells of the clock, nan where one means nothing.
+
+        Raises
+        ------
+        InputError
+            If they spell no date where it has dates.
+        ValueError
+            If they spell no number where it has numbers.
+        """
+        clock, dialect, report = self.clock, self.dialect, self.report
+        assert clock is not None
+        if clock.dates is not None:
+            texts = [cell.strip().strip('"').strip() for cell in cells]
+            if any(text in dialect.nothing for text in texts):
+                return math.nan
+            return clock.dates.seconds(" ".join(texts), self._where(0), self.place, report)
+        text = dialect.spelled(cells[0])
+        if text is None:
+            return math.nan
+        number = float(text)
+        clock.begin(number, report)
+        return clock.exact(text, report) if report.shift and math.isfinite(number) else number
+
+    @property
+    def exact(self) -> bool:
+        """True if times are read from texts: from dates, or from numbers with very many digits."""
+        return self.clock is not None and (self.clock.dates is not None or bool(self.report.shift))
 
     def _where(self, column: int) -> str:
-        return f"line {self.line} of column {shown(self.titles[column])}"
+        titles = self.titles[column : column + 1]
+        if column == 0 and self.clock is not None:
+            titles = list(self.clock.titles)
+        return f"line {self.line} of column {' and '.join(map(shown, titles))}"
 
     def _is_number(self, cell: str) -> bool:
         try:
@@ -237,7 +264,7 @@ class TextRows:
                 hint = "; if the line states units, file.below_header: [units] reads it"
                 if self.dialect.file.names:
                     hint = f"; if the line is a header, file.skip: {self.line} leaves it out"
-            elif not hint:
+            elif not (hint or (digit and isinstance(error, InputError))):
                 hint = "; if it means a missing value, state it in file.missing_values"
         return InputError(self.place, problem + hint)
 

@@ -1,120 +1,30 @@
-"""Timestamps: the place of each row on the grid of sampling periods, and the rows that are lost.
-
-A row is accepted if some grid has it, and all rows before it, no farther than ``jitter`` periods
-from their places. The times at which the latest place of such a grid may be are an interval:
-
-    [low, high] = [low + n T - s, high + n T + s] and [t - j T, t + j T]
-
-of a row that is stamped t, n periods T after the one before. The grid moves by s with the logger's
-clock: by no more than a thousandth of a period in each, and of a hundredth where rows are lost.
-"""
+"""Times at which there is to be a sample, and rows that are lost or repeated, by timestamps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.kernel import kernel
+from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.dates import SECOND, of_nanoseconds, skipping_zone
+from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter, placed
 from reobserve.estimation.specification import Sampling
 from reobserve.estimation.text_rows import RowError
 
+__all__ = ["Timestamps", "UnevenError", "least_jitter"]
+
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 MOST_SLOTS = 1_000_000  # in one gap
 _LOOKED_AT = 20  # intervals, before the period is checked
 _WRONG = 0.25  # how far their median may be off, which jitter moves by less
-_DRIFT, _DRIFT_IN_GAP = 1e-3, 1e-2  # of a clock, in periods a period
-
-
-class UnevenError(RowError):
-    """Timestamps that are farther from their places than ``sampling.jitter``.
-
-    Parameters
-    ----------
-    found
-        Which row is how far off, as the beginning of a sentence, with ``{at}`` for the ``row``.
-    least
-        The jitter that would accept the rows ``among``; None if no jitter would.
-    """
-
-    def __init__(self, found: str, row: int, least: float | None, among: str) -> None:
-        self.found = found
-        accepting = (
-            f"no jitter below 0.5 accepts {among}" if least is None else
-            f"if samples are taken on time and stamped late, {least:.2g} accepts {among}"
-        )  # fmt: skip
-        super().__init__(
-            "sampling.jitter",
-            f"{found}; {accepting}; if they are taken when their timestamps say, sampling.uneven: "
-            "linear, previous or pchip resamples them",
-            row,
-        )
-
-
-@kernel
-def _placed(
-    time: Array, grid: Array, period: float, jitter: float, refuse: bool, passed: Array
-) -> tuple[int, float]:
-    """The number of accepted rows, and the maximum jitter. It fills the periods ``passed`` by each.
-
-    ``grid`` is [low, high], nan before the first row; the rows go on from it.
-    """
-    low, high, greatest = grid[0], grid[1], 0.0
-    reach = jitter * period
-    for k in range(len(time)):
-        t = time[k]
-        if np.isnan(low):
-            low, high = t - reach, t + reach
-            continue
-        n = max(np.rint((t - 0.5 * (low + high)) / period), 1.0)
-        slack = _DRIFT * period
-        # A row that can be the next one is the next one: the first place is not known exactly.
-        if n == 2.0 and t - reach <= high + period + slack:
-            n = 1.0
-        if n > 1.0:
-            slack = _DRIFT_IN_GAP * n * period
-        below = max(low + n * period - slack, t - reach)
-        above = min(high + n * period + slack, t + reach)
-        used = jitter + 0.5 * (below - above) / period
-        if below > above:
-            if refuse:
-                passed[k] = n
-                grid[0], grid[1] = low + n * period, high + n * period
-                return k, used
-            below, above, used = t - reach, t + reach, 0.5
-        low, high, greatest = below, above, max(greatest, used)
-        passed[k] = n
-    grid[0], grid[1] = low, high
-    return len(time), greatest
-
-
-def least_jitter(blocks: Iterable[Array], period: float) -> tuple[float | None, float | None]:
-    """The minimum jitter, in hundredths of a period, that accepts timestamps, or None if none does.
-
-    Then also their mean interval [s], if it differs from the period by more than rounding.
-    """
-    grids = {share / 100: np.full(2, np.nan) for share in range(1, 50)}
-    count, total, squares, last = 0, 0.0, 0.0, np.empty(0)
-    for block in blocks:
-        time = block[np.isfinite(block)]
-        passed = np.zeros(len(time))
-        for jitter, grid in list(grids.items()):
-            if _placed(time, grid, period, jitter, True, passed)[0] < len(time):
-                del grids[jitter]
-        steps = np.diff(np.concatenate([last, time])) / period
-        last = time[-1:] if len(time) else last
-        off = steps[steps < 1.9] - 1.0  # where no row was lost
-        count, total, squares = count + len(off), total + off.sum(), squares + (off**2).sum()
-    if grids or not count:
-        return min(grids, default=None), None
-    mean = total / count
-    unsure = 3.0 * np.sqrt(max(squares / count - mean**2, 0.0) / count)
-    return None, period * (1.0 + mean) if abs(mean) > _DRIFT + unsure else None
+_HOUR = 3600.0  # [s]
+_ROUNDING = 1e-6  # in periods
 
 
 @dataclass
@@ -129,8 +39,12 @@ class Timestamps:
     sampling: Sampling
     report: DataReport
     place: str
+    dates: Dates | None = None
     begun: list[float] = field(default_factory=list)  # the first intervals
     grid: Array = field(default_factory=lambda: np.full(2, np.nan))
+    # Rows with the last timestamp: all that wait for the next one where they are spread, or one.
+    held_time: Array = field(default_factory=lambda: np.empty(0))
+    held_values: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def _bridged(self) -> int:
@@ -155,31 +69,131 @@ class Timestamps:
                 raise RowError(self.place, "{at} has no timestamp", row)
             report.unstamped += int((~known).sum())
             time, values = time[known], values[known]
+        if sampling.repeated == "spread":
+            rows -= len(self.held_time)
+            time, values = self._spread(time, values, rows)
+        return self._taken(time, values, rows)
+
+    def finish(self) -> tuple[Array, Array, Array]:
+        """The same of rows that wait for a timestamp which does not come."""
+        report, spread = self.report, self.sampling.repeated == "spread"
+        held = len(self.held_time) if spread else 0
+        time = self.held_time[:held] + self.sampling.period * np.arange(held)
+        report.repeated += max(held - 1, 0)
+        found = self._taken(time, self.held_values[:held], report.rows - held)
+        median = float(np.median(self.begun)) if self.begun else np.inf
+        if self.sampling.uneven != "refuse" and median < self.sampling.period / 1.5:
+            report.warn(
+                f"time: rows every {median:.4g} s are resampled to one every "
+                f"{self.sampling.period:g} s without a low-pass filter, so faster oscillations "
+                "appear as slower ones"
+            )
+        if report.repeated:
+            what = "spread evenly" if spread else "left out"
+            report.warn(
+                f"time: {report.repeated} of {report.rows} rows have the timestamp of the row "
+                f"before, and were {what}"
+            )
+        self.held_time = time[:0]
+        return found
+
+    def _spread(self, time: Array, values: Array, rows: int) -> tuple[Array, Array]:
+        """Rows up to the last timestamp, those that share one evenly up to the next.
+
+        They are no farther than a period apart. The first ones end there, since a record may begin
+        between two timestamps.
+        """
+        if len(self.held_time):
+            time = np.concatenate([self.held_time, time])
+            values = np.concatenate([self.held_values, values])
         if not len(time):
-            return time, values, time
+            return time, values
+        if (np.diff(time) < 0).any():
+            self._refuse(np.diff(time) < 0, "goes back", time, rows)
+        begins = np.flatnonzero(np.diff(time, prepend=-np.inf))
+        sizes = np.diff(begins, append=len(time))
+        at, n = time[begins], sizes[:-1]
+        self.held_time, self.held_values = time[begins[-1] :].copy(), values[begins[-1] :].copy()
+        step = np.minimum(np.diff(at) / n, self.sampling.period)
+        start = at[:-1].copy()
+        if len(start) and n[0] > 1 and self.report.first is None:
+            start[0] = at[1] - n[0] * step[0]
+        place = np.arange(int(begins[-1])) - np.repeat(begins[:-1], n)
+        self.report.repeated += int((n - 1).sum())
+        return np.repeat(start, n) + np.repeat(step, n) * place, values[: begins[-1]]
+
+    def _taken(self, time: Array, values: Array, rows: int) -> tuple[Array, Array, Array]:
+        report, even = self.report, self.sampling.uneven == "refuse"
         begin = [] if report.last is None else [report.last]
         steps = np.diff(np.concatenate([begin, time]))
-        if (steps < 0).any() or (even and (steps == 0).any()):
-            self._refuse(steps, time, rows)
+        if (steps < 0).any():
+            self._refuse(steps < 0, "goes back", time, rows)
         if (steps == 0).any():
-            kept = np.concatenate([[True] * (1 - len(begin)), steps > 0]).astype(bool)
-            report.repeated += int((~kept).sum())
-            time, values, steps = time[kept], values[kept], steps[steps > 0]
-            if not len(time):
-                return time, values, time
+            self._check_repeated(steps, time, values, rows)
+            again = np.concatenate([[False] * (len(time) - len(steps)), steps == 0]).astype(bool)
+            report.repeated += int(again.sum())
+            time, values, steps = time[~again], values[~again], steps[steps > 0]
+        if not len(time):
+            return time, values, time
+        self._check_hour(steps, time, rows)
         self._look(steps)
         slots = self._even(steps, time, rows) if even else self._regular(time, steps)
         if report.first is None:
             report.first = float(time[0])
         report.last = float(time[-1])
+        if self.sampling.repeated != "spread":
+            self.held_time, self.held_values = time[-1:].copy(), values[-1:].copy()
         return time, values, slots
 
-    def _refuse(self, steps: Array, time: Array, rows: int) -> None:
-        at = int(np.argmax(steps <= 0)) + len(time) - len(steps)
-        now, said = float(time[at]), "goes back" if steps.min() < 0 else "stands still"
-        hint = "" if self.report.origin is None else "; a date without an offset is one of UTC"
-        problem = f"{{at}}: the timestamp {said}, at {now:.9g} s{hint}"
-        raise RowError(self.place, problem, rows + at + 1)
+    def _check_repeated(self, steps: Array, time: Array, values: Array, rows: int) -> None:
+        """Refuse rows with the timestamp of the one before, and other values, by the policy."""
+        if self.sampling.repeated == "first":
+            return
+        other = steps == 0
+        if self.sampling.uneven != "refuse":
+            known = values if len(time) > len(steps) else np.concatenate([self.held_values, values])
+            same = (known[1:] == known[:-1]) | (np.isnan(known[1:]) & np.isnan(known[:-1]))
+            other &= ~same.all(axis=1)
+        if other.any():
+            self._refuse(other, "stands still", time, rows)
+
+    def _refuse(self, wrong: Flags, said: str, time: Array, rows: int) -> None:
+        at, dates = int(np.argmax(wrong)) + len(time) - len(wrong), self.dates
+        hint = "; sampling.repeated may be spread or first" if said == "stands still" else ""
+        if said == "goes back" and dates is not None and dates.floating:
+            hint = (
+                "; a date without an offset is one of UTC unless columns.time.zone is stated, as "
+                "Europe/Berlin"
+            )
+        now = self.report.said(float(time[at]))
+        raise RowError(self.place, f"{{at}}: the timestamp {said}, at {now}{hint}", rows + at + 1)
+
+    def _check_hour(self, steps: Array, time: Array, rows: int) -> None:
+        """Refuse an hour that is missing where clocks are put forward, if dates may be local.
+
+        Raises
+        ------
+        InputError
+            If no zone is stated, and dates have no offset.
+        """
+        period, report = self.sampling.period, self.report
+        if self.dates is None or not self.dates.floating or period > _HOUR:
+            return
+        late = np.flatnonzero(np.abs(steps - _HOUR - period) <= max(0.5 * period, 1.0))
+        for k in late.tolist():
+            at = k + len(time) - len(steps)
+            before, after = (
+                of_nanoseconds((report.origin or 0) * SECOND + round(float(t) * SECOND))
+                for t in (time[at] - steps[k], time[at])
+            )
+            if zone := skipping_zone(before, after):
+                raise RowError(
+                    "columns.time.zone",
+                    f"is missing: {{at}} of {self.place}, {after:%Y-%m-%dT%H:%M:%S}, is an hour "
+                    f"late, as if clocks had been put forward in {zone}; state the zone of these "
+                    "times, or UTC",
+                    rows + at + 1,
+                )
 
     def _look(self, steps: Array) -> None:
         """Check the period once there are enough intervals."""
@@ -204,16 +218,17 @@ class Timestamps:
         ratio = median / period
         even = self.sampling.uneven == "refuse"
         if abs(ratio - 1.0) > _WRONG if even else not 0.1 <= ratio <= 10.0:
+            hint = f" ({RESAMPLING})" if even else ""
             raise InputError(
                 "sampling.period",
-                f"{period:g} s disagrees with the timestamps of {self.place}, which go on by "
+                f"{period:g} s disagrees with the timestamps of {self.place}{hint}, which go on by "
                 f"{median:.6g} s (the median of the first {len(self.begun)} intervals)",
             )
 
     def follows(self, time: float) -> bool:
         """Take a timestamp if it is in its place, a period after the one before."""
         grid, passed, sampling = self.grid.copy(), np.zeros(1), self.sampling
-        accepted, used = _placed(
+        accepted, used = placed(
             np.array([time]), grid, sampling.period, sampling.jitter, True, passed
         )
         if accepted == 0 or passed[0] != 1.0:
@@ -224,16 +239,16 @@ class Timestamps:
     def _even(self, steps: Array, time: Array, rows: int) -> Array:
         report, period, jitter = self.report, self.sampling.period, self.sampling.jitter
         passed = np.zeros(len(time))
-        accepted, used = _placed(time, self.grid, period, jitter, True, passed)
+        accepted, used = placed(time, self.grid, period, jitter, True, passed)
         if accepted < len(time):
             if len(self.begun) == _LOOKED_AT:
                 self.check_period()
             off = (time[accepted] - 0.5 * float(self.grid.sum())) / period
             least = np.ceil(100.0 * used - 1e-6) / 100.0
+            said = report.said(float(time[accepted]), 14)
             raise UnevenError(
-                f"{jitter:g} is exceeded in {{at}} of {self.place}: its timestamp, "
-                f"{time[accepted]:.14g} s, is {off:.2g} sampling periods of {period:g} s off its "
-                "place", rows + accepted + 1,
+                f"{jitter:g} is exceeded in {{at}} of {self.place}: its timestamp, {said}, is "
+                f"{off:.2g} sampling periods of {period:g} s off its place", rows + accepted + 1,
                 float(least) if least < 0.5 else None, "the rows up to there",
             )  # fmt: skip
         report.jitter = max(report.jitter, used)
@@ -261,17 +276,15 @@ class Timestamps:
 
     def _check_coast(self, count: float, start: float) -> None:
         if self.sampling.at_gap == "coast" and count > MOST_SLOTS:
-            raise InputError(
-                self.place,
-                f"the gap after {start:.9g} s is of {count:.0f} sampling periods, no more than "
-                f"{MOST_SLOTS} are coasted over",
-            )
+            slots = f"{count:.0f} sampling periods, no more than {MOST_SLOTS} are coasted over"
+            problem = f"the gap after {self.report.said(start)} is of {slots}"
+            raise InputError(self.place, problem)
 
     def _regular(self, time: Array, steps: Array) -> Array:
         """The times t0 + k T up to the last timestamp."""
         report, period = self.report, self.sampling.period
         report.intervals += len(steps)
-        _, used = _placed(time, self.grid, period, 0.5, False, np.zeros(len(time)))
+        _, used = placed(time, self.grid, period, 0.5, False, np.zeros(len(time)))
         report.jitter = max(report.jitter, used)
         origin = float(time[0]) if report.first is None else report.first
         known = time if report.last is None else np.concatenate([[report.last], time])
@@ -285,8 +298,8 @@ class Timestamps:
                 self._check_coast(count, end)
                 reach = min(float(known[at + 1]), end + self._most(count) * period)
                 parts.append(_times(origin, period, end, reach, False))
-                before = float(np.nextafter(known[at + 1], -np.inf))
-        return np.concatenate(parts)
+                before = float(known[at + 1]) - 2.0 * _ROUNDING * period
+        return _snapped(np.concatenate(parts), known, _ROUNDING * period)
 
 
 def _times(
@@ -296,8 +309,16 @@ def _times(
     first = 0 if after is None else int(np.floor((after - origin) / period)) - 1
     steps = np.arange(max(first, 0), int((last - origin) / period) + 2, dtype=np.float64)
     times = origin + period * steps
-    inside = times <= last if closed else times < last
+    inside = times <= last + _ROUNDING * period if closed else times < last - _ROUNDING * period
     if after is not None:
-        inside &= times > after
+        inside &= times > after + _ROUNDING * period
     found: Array = times[inside]
     return found
+
+
+def _snapped(times: Array, samples: Array, rounding: float) -> Array:
+    """Times, or the samples that they are equal to but for rounding."""
+    at = np.clip(np.searchsorted(samples, times), 1, max(len(samples) - 1, 1))
+    for near in (samples[at - 1], samples[np.minimum(at, len(samples) - 1)]):
+        times = np.where(np.abs(times - near) <= rounding, near, times)
+    return times

@@ -61,13 +61,13 @@ Rows = tuple[Outputs, Array, Array]  # these, and times and values of a record
 class Part:
     """Part of a record, split into ``segments`` of equal length.
 
-    ``since`` and ``until`` [s] are times of the record, those of dates counted from its first
-    second; left out, its beginning and its end.
+    ``since`` and ``until`` are times of the record, [s] or dates; those in seconds count from the
+    first second of dates. Left out, they are its beginning and its end.
     """
 
     file: Text
-    since: float | None = None
-    until: float | None = None
+    since: float | str | None = None
+    until: float | str | None = None
     segments: Count = 1
 
 
@@ -267,8 +267,11 @@ def _segments(
             key, (units, time, values) = f"{kind}.{k}", truths[part.file]
             if units != compared:
                 raise InputError(f"{key}.file", f"{part.file} has other units than {ends[0][1]}")
-            since = time[0] if part.since is None else part.since
-            until = np.nextafter(time[-1], np.inf) if part.until is None else part.until
+            since, until = time[0], np.nextafter(time[-1], np.inf)
+            if part.since is not None:
+                since = first.seconds(f"{key}.since", part.since, folder / part.file)
+            if part.until is not None:
+                until = first.seconds(f"{key}.until", part.until, folder / part.file)
             if until <= since:
                 raise InputError(f"{key}.until", f"{until:g} must be later than since, {since:g}")
             for low, high in pairwise(np.linspace(since, until, part.segments + 1)):

@@ -30,6 +30,7 @@ class TunedSpecification:
         self.path, self.stated = path, read_specification(path)
         self.period = self.stated.sampling.period
         self._text = read_text(path)
+        self._reports: dict[Path, DataReport] = {}
         self._places: dict[str, tuple[int, int]] = {}
         self.header = cache(lambda record: self.file(record).header())
         self.cells = cache(self._cells)
@@ -91,16 +92,36 @@ class TunedSpecification:
             time = self.period * np.arange(len(cells), dtype=np.float64)
         return layout, time, values, cells[:, width:]
 
+    def seconds(self, place: str, stated: float | str, record: Path) -> float:
+        """The time [s] of a record, as `rows` has it, that is stated as a number or a date.
+
+        Raises
+        ------
+        InputError
+            If it is no date, at ``place``, or the record has none.
+        """
+        if not isinstance(stated, str):
+            return stated
+        layout = self.estimation({}, record).layout
+        if layout.clock is None or layout.clock.dates is None:
+            raise InputError(place, f"{shown(stated)} must be seconds, as {record} has no dates")
+        self.cells(record)
+        return layout.clock.dates.at(place, stated, self._reports[record])
+
     def file(self, record: Path) -> File:
         """A record as the specification reads it."""
-        return File(record, Dialect.of(self.stated), self.stated.columns.time.format)
+        return File(record, Dialect.of(self.stated))
 
     def _cells(self, record: Path, *more: str) -> Array:
         layout = self.estimation({}, record).layout
-        dated = layout.titles[0] if layout.dated else ""
         wanted = [*layout.titles, *more]
         titles = list(dict.fromkeys(wanted))
-        blocks = list(self.file(record).blocks(titles, dated))
+        report = DataReport()
+        blocks = list(self.file(record).blocks(titles, layout.clock, report))
         if not blocks:
             raise InputError(str(record), "has no rows")
-        return np.concatenate(blocks)[:, [titles.index(one) for one in wanted]]
+        cells = np.concatenate(blocks)
+        self._reports[record] = report
+        if layout.clock is not None:  # as segments have it
+            cells[:, 0] += layout.clock.epoch(report)
+        return cells[:, [titles.index(one) for one in wanted]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,16 @@ def write_record(path: Path, columns: Mapping[str, Array]) -> Path:
 
 
 def read_results(path: Path) -> tuple[dict[str, Array], list[str]]:
-    """The columns of a CSV by name without unit, nan for empty cells; and the status."""
+    """The columns of a CSV by name without unit, nan for empty cells; and the status.
+
+    Dates are in seconds after the second in which the first one lies.
+    """
     with path.open(encoding="utf-8", newline="") as stream:
         titles, *rows = csv.reader(stream)
+    if titles[0] == "time":
+        dates = [datetime.fromisoformat(row[0]) for row in rows]
+        for row, date in zip(rows, dates, strict=True):
+            row[0] = repr((date - dates[0].replace(microsecond=0)).total_seconds())
     names = [title.partition(" [")[0] for title in titles]
     numbers = {
         name: np.array([float(row[c]) if row[c] else np.nan for row in rows])

@@ -26,6 +26,12 @@ def test_unit_has_at_most_sixty_characters() -> None:
         check_unit("unit", f"m{SIXTY}")
 
 
+@pytest.mark.parametrize("text", ["bar(g)", "a.u.", "c", "LSB", "%RH"])
+def test_what_only_looks_like_a_unit_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="is no unit that is known"):
+        check_unit("unit", text)
+
+
 @pytest.mark.parametrize("text", ["", " V", "V ", "V\n", "2", "1.0", "volts per", "rad/", "m\0"])
 def test_invalid_unit_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^columns\.time: .* is no unit that is known"):

@@ -208,6 +208,13 @@ def test_records_without_times_and_with_dates_have_the_same_errors(
                 for k, line in enumerate(lines[1:])
             ]
             (tmp_path / name / "log.csv").write_text("\n".join([lines[0], *dated]) + "\n")
+            tree, moments = deepcopy(TUNE), 0
+            for part in (*tree["training"], *tree["held_out"]):
+                for key in {"since", "until"} & part.keys():
+                    part[key] = f"{start + np.timedelta64(round(1000 * part[key]), 'ms')}Z"
+                    moments += 1
+            assert moments
+            file.write_text(yaml.safe_dump(tree, sort_keys=False))
         task = RecordedTask.read(file)
         row = ScoredRow("walk", "paper", (("observer.Q", 0.1),))
         found.append([one.error for one in Scorer(task).scores(row, "held_out", 16)])
