@@ -27,7 +27,7 @@ from reobserve.estimation.estimate import Estimation
 
 Array = NDArray[np.float64]
 
-SCHEMA = 8
+SCHEMA = 9
 _VALUES = 5_000_000
 _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON has none of them
 
@@ -60,7 +60,7 @@ class _State:
     """A state file. ``offset`` is the byte up to which a file was read, ``line`` the last line."""
 
     format: Literal["reobserve estimate state"]
-    schema: Literal[8]
+    schema: Literal[9]
     specification: str
     offset: Annotated[int, within(0, 2**53)] | None
     line: str  # its digest

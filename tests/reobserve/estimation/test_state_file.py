@@ -158,7 +158,7 @@ def test_mutated_state_is_refused_or_equivalent(data: Any, tmp_path: Path) -> No
 
 
 DAMAGED: list[tuple[str, Any, str]] = [
-    ("schema", 1, "schema: 1 must be 8"),
+    ("schema", 1, "schema: 1 must be 9"),
     ("offset", True, "offset: True must be a whole number"),
     ("offset", -1, "offset: -1 must not be negative"),
     ("specification", "e", "specification: is another one than that of this stream, or a file"),
