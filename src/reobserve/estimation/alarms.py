@@ -104,8 +104,7 @@ class Alarm:
         if self.residual is not None or "innovation" not in estimates:
             return np.isnan(values)
         lost = np.isnan(estimates["innovation"]).reshape(len(values), -1)
-        missing: NDArray[np.bool_] = lost.any(axis=1)
-        return missing
+        return np.asarray(lost.any(axis=1), dtype=np.bool_)
 
     def _doubt(
         self, values: Array, excess: Array, raised: Array, grown: Array, sigmas: Array,
@@ -161,7 +160,13 @@ class Alarm:
         self, time: Array, missing: NDArray[np.bool_], raised: Array, report: DataReport
     ) -> None:
         """Warn of alarms in or soon after a gap, if no standard deviation says what to expect."""
-        found, times = report.alarms[self.name], time[~missing]
+        found = report.alarms[self.name]
+        quiet = found.resumed is None or not (raised == 1.0).any()
+        near = found.seen is not None and time[-1] - found.seen <= QUIET * self.period
+        if quiet and near and not missing.any():  # as nearly all rows that come alone
+            found.seen = float(time[-1])
+            return
+        times = time[~missing]
         seen = np.concatenate([[time[0] if found.seen is None else found.seen], times])
         after = times[np.diff(seen) > QUIET * self.period].tolist()
         starts = np.array([-np.inf if found.resumed is None else found.resumed, *after])
