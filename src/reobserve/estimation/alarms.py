@@ -163,7 +163,13 @@ class Alarm:
         self, time: Array, missing: NDArray[np.bool_], raised: Array, report: DataReport
     ) -> None:
         """Warn of alarms in or soon after a gap, if no standard deviation says what to expect."""
-        found, times = report.alarms[self.name], time[~missing]
+        found = report.alarms[self.name]
+        quiet = found.resumed is None or not (raised == 1.0).any()
+        near = found.seen is not None and time[-1] - found.seen <= QUIET * self.period
+        if quiet and near and not missing.any():  # as nearly all rows that come alone
+            found.seen = float(time[-1])
+            return
+        times = time[~missing]
         seen = np.concatenate([[time[0] if found.seen is None else found.seen], times])
         after = times[np.diff(seen) > QUIET * self.period].tolist()
         starts = np.array([-np.inf if found.resumed is None else found.resumed, *after])
@@ -188,10 +194,11 @@ class Alarm:
         """The stretch that sets a threshold, in seconds after the first estimate."""
         place = f"alarms: {self.name}"
         since, until = (
-            0.0 if self.dates is None else self.dates.at(f"{place}: {key}", stated, report) - first
-            if isinstance(stated, str) else stated
+            self.dates.at(f"{place}: {key}", stated, report) - first
+            if isinstance(stated, str) and self.dates is not None
+            else float(stated)
             for key, stated in (("since", rule.since), ("until", rule.until))
-        )  # fmt: skip
+        )
         if not since < until or until < 0.0:
             problem = f"{rule.until} must be after since, {rule.since}, and after the first row"
             raise InputError(f"{place}: until", problem)

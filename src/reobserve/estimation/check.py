@@ -73,9 +73,9 @@ class Findings:
         if not self.refusals:
             return f"{place} is accepted\n{self.summary}"
         lines = []
-        for told, count in list(self.refusals.items())[:_MOST_LISTED]:
+        for sentence, count in list(self.refusals.items())[:_MOST_LISTED]:
             times = f" ({count} times)" if count > 1 else ""
-            lines.append(f"{told.partition(chr(0))[2]}{times}")
+            lines.append(f"{sentence.partition(chr(0))[2]}{times}")
         if (more := len(self.refusals) - _MOST_LISTED) > 0:
             lines.append(f"and {more} more")
         if self.final or not self.changed:
@@ -88,7 +88,7 @@ class Findings:
 
 
 def check(specification: Path, data: Path) -> Findings:
-    """What refuses a record, and what would accept it.
+    """Everything that refuses a record, and what would accept it.
 
     Raises
     ------
