@@ -119,6 +119,7 @@ class DataReport:
     single: int = 0  # intervals of one period
     jitter: float = 0.0
     lost: int = 0  # rows that the timestamps say are missing
+    filling: int = 0  # of these, those that policies may fill
     repeated: int = 0
     unstamped: int = 0
     before_start: int = 0
@@ -218,7 +219,7 @@ class DataReport:
         return (self.last - self.first) / slots
 
 
-_INTERNAL = ("single", "angles", "levels", "latest", "shift", "origin", "period")
+_INTERNAL = ("single", "angles", "levels", "filling", "latest", "shift", "origin", "period")
 _TIMES = ("first", "last", "gaps", "start", "end")
 
 
