@@ -17,8 +17,12 @@ examples, each a specification and a record to run it on:
   reobserve estimate kalman.yaml --stream < kalman.csv
 
 Timestamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01:59:58.250Z
-(unit: iso8601, or a format); the times of the results are then seconds after an origin, which
-is printed and written into the report.
+(unit: iso8601, or a format); the results then have dates, too.
+
+a record that nobody has seen yet:
+
+  reobserve estimate --suggest log.csv                 its columns, and keys that may read it
+  reobserve estimate --check spec.yaml log.csv         all that refuses it, and what would accept it
 """
 
 
@@ -43,6 +47,16 @@ def estimate(command: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="what was done to the record, and what the alarms found, as JSON",
+    )
+    command.add_argument(
+        "--check", action="store_true",
+        help="write nothing; list all that refuses the record, and the lines that would accept it",
+    )  # fmt: skip
+    command.add_argument(
+        "--suggest",
+        type=Path,
+        metavar="DATA",
+        help="print the columns of a record, and keys that may read it, to look at and paste",
     )
     command.add_argument(
         "--stream", action="store_true",

@@ -172,7 +172,8 @@ def _sentence(error: ValidationError, kind: Any, tree: Any, place: str) -> Input
         else:
             problem = "dict_type"
     elif problem in _UNKNOWN:
-        return InputError(here, f"unknown key{nearest(path[-1], _known(schema, location))}")
+        others = [name for name in _known(schema, location) if name != path[-1]]
+        return InputError(here, f"unknown key{nearest(path[-1], others)}")
     elif problem == "missing":
         needed = tag or _title(schema, location)
         parts["needed"] = needed and f"; {needed} needs it"

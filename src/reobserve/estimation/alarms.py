@@ -1,44 +1,60 @@
 """Alarms: columns against thresholds that are stated or learned, and the intervals they cover.
 
-While the observer forgets how it started, its estimates are off and raise no alarm. This start-up
-is stated, or derived from the observer: the time in which its response to a unit impulse in the
-first row of a measurement, the largest over all of them, falls below a hundredth of its peak in
-the rows after that.
+While the observer forgets how it started, `reobserve.estimation.start_up`, its estimates are off.
+They raise no alarm then, except beyond a threshold by five of their own standard deviations, and
+only as long as all innovations are within five of those that were predicted: else the start was
+less certain than stated.
+
+In a gap, a filter predicts larger standard deviations. Until they are again within a fourth of what
+they were before, a threshold of a residual that is not stated in them grows as they do, and an
+estimate raises an alarm only beyond its threshold by five of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, ReobserveError, nearest
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import AlarmReport, DataReport, Interval
-from reobserve.estimation.detector_alarms import DetectorAlarm, DetectorRule, detector_alarm
-from reobserve.estimation.outputs import Output
+from reobserve.estimation.detector_alarms import (
+    PREDICTING,
+    DetectorAlarm,
+    DetectorRule,
+    detector_alarm,
+)
+from reobserve.estimation.outputs import RESIDUAL, Outputs
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
+from reobserve.estimation.start_up import NEAR
 
 Array = NDArray[np.float64]
 
 FEW = 20  # values, whose standard deviation is itself off by a sixth
 QUIET = 10.5  # periods without an alarm, after which an interval has ended
 _ROUNDING = 1e-9
-_DECAYED = 0.01
-_SHORTEST, _LONGEST = 64, 4096  # rows over which an impulse response is followed
-_SAMPLES = 100  # of start-up where the response does not decay, or there is none
+_CREDIBLE = 5.0  # standard deviations beyond a threshold, which raise an alarm in the start-up
 
 
 @dataclass
 class Alarm:
-    """An alarm on a column. ``deviation`` is that of its standard deviation, if there is one."""
+    """An alarm on a column. ``deviation`` is that of its standard deviation, if there is one.
+
+    ``residual`` is the measurement whose residual the column is, and ``predicts`` says that the
+    observer predicts its variance.
+    """
 
     rule: StatedThreshold | LearnedThreshold
     column: int
     deviation: int | None
     period: float
+    residual: int | None = None
+    predicts: bool = False
+    dates: Dates | None = None
+    stretch: tuple[float, ...] = ()  # that sets a threshold, after the first estimate [s]
 
     @property
     def name(self) -> str:
@@ -46,12 +62,14 @@ class Alarm:
         return self.rule.name
 
     def threshold(self, found: AlarmReport) -> float | None:
-        """The distance from the mean that a value may have, or None before it is known."""
-        if isinstance(self.rule, StatedThreshold):
-            return self.rule.above
+        """The distance from the mean that a value may have to both sides, or None as yet."""
+        rule = self.rule
+        if isinstance(rule, StatedThreshold):
+            one_sided = rule.above is not None or rule.below is not None
+            return None if one_sided else rule.beyond or 0.0
         if not found.ready or found.learned < 2:
             return None
-        return self.rule.sigma * float(np.sqrt(found.squares / (found.learned - 1)))
+        return rule.sigma * float(np.sqrt(found.squares / (found.learned - 1)))
 
     def raised(
         self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
@@ -61,44 +79,208 @@ class Alarm:
         ``numbers`` are those of all columns, shape (k, columns).
         """
         found, values = report.alarms[self.name], numbers[:, self.column]
-        if isinstance(self.rule, StatedThreshold):
-            raised = np.where(np.isnan(values), 0.0, np.abs(values) > self.rule.above)
-        else:
-            raised = self._learned(time, values, self.rule, found)
-            if found.threshold is not None and found.learned < FEW:
-                report.warn(
-                    f"alarm {self.name}: its threshold is learned from {found.learned} values, "
-                    f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
-                )
-        slack = _ROUNDING * found.start_up
-        raised[time - (found.started or 0.0) < found.start_up - slack] = np.nan
-        if found.current is not None or (raised == 1.0).any():
-            deviations = None if self.deviation is None else numbers[:, self.deviation]
-            follow(time, values, deviations, raised, found, self.period)
+        sigmas, missing = self._sigmas(numbers, estimates), self._missing(values, estimates)
+        grown = None
+        if sigmas is not None and found.sigmas is None:
+            grown = _grown(missing, sigmas, found)
+        ready = self._learned(time, values, grown, report)
+        scale = 1.0 if grown is None or self.residual is None else grown
+        excess = _excess(values, scale, found)
+        margin = 0.0 if found.sigmas is None or sigmas is None else found.sigmas * sigmas
+        raised = (excess > margin).astype(np.float64)
+        if grown is not None and sigmas is not None:
+            self._doubt(values, excess, raised, grown, sigmas, found)
+        if ready is not None:
+            raised[~ready] = np.nan
+        shown = sigmas if self.residual is None else None
+        any_raised = bool((raised == 1.0).any())
+        if any_raised or time[0] - (found.started or 0.0) < found.start_up:
+            self._start_up(time, raised, excess, shown, report, estimates)
+        if sigmas is None:
+            self._unknown_after_gap(time, missing, raised, report)
+        if found.current is not None or any_raised:
+            follow(time, values, shown, raised, found, self.period)
         return raised
 
+    def _missing(self, values: Array, estimates: Mapping[str, Array]) -> NDArray[np.bool_]:
+        """True where a measurement on which the column depends is missing."""
+        if self.residual is not None or "innovation" not in estimates:
+            return np.isnan(values)
+        lost = np.isnan(estimates["innovation"]).reshape(len(values), -1)
+        return np.asarray(lost.any(axis=1))
+
+    def _doubt(
+        self, values: Array, excess: Array, raised: Array, grown: Array, sigmas: Array,
+        found: AlarmReport,
+    ) -> None:  # fmt: skip
+        """Count what is beyond a threshold only since a gap, and is no reason for an alarm."""
+        beyond = _excess(values, 1.0, found) > 0.0
+        if self.residual is None:
+            raised[beyond & (grown > 1.0) & (excess <= _CREDIBLE * sigmas)] = np.nan
+        found.after_gap += int(np.count_nonzero(beyond & (raised != 1.0)))
+
+    def _sigmas(self, numbers: Array, estimates: Mapping[str, Array]) -> Array | None:
+        """The standard deviations that the observer has for the column, if it has any."""
+        if self.predicts and self.residual is not None:
+            return np.sqrt(estimates["innovation_covariance"][:, self.residual, self.residual])
+        return None if self.deviation is None else numbers[:, self.deviation]
+
+    def _start_up(
+        self, time: Array, raised: Array, excess: Array, sigmas: Array | None, report: DataReport,
+        estimates: Mapping[str, Array],
+    ) -> None:  # fmt: skip
+        """Raise no alarm in the start-up unless it is credible, and remember what was beyond."""
+        found = report.alarms[self.name]
+        past = time - (found.started or 0.0)
+        within = past < found.start_up - _ROUNDING * found.start_up
+        over = within & (raised == 1.0)
+        if self.rule.start_up is not None or sigmas is None:
+            credible = np.zeros(len(time), dtype=bool)
+        else:
+            credible = over & (excess > _CREDIBLE * sigmas)
+            if self.predicts:
+                credible &= ~_surprised(within, estimates, found)
+        raised[within & ~credible] = np.nan
+        found.ignored += int(np.count_nonzero(within & ~credible))
+        found.hidden += int(np.count_nonzero(over & ~credible))
+        first = found.first
+        for k in np.flatnonzero(over | (raised == 1.0)):
+            now = float(time[k])
+            apart = not found.beyond or now - found.beyond[1] > QUIET * self.period
+            if raised[k] == 1.0 and first is None:
+                first = now
+                if not apart and found.beyond[0] < now:
+                    found.earlier = found.beyond[0]
+                    report.warn(
+                        f"alarm {self.name}: its threshold was exceeded already within the start-up"
+                        f" of {found.start_up:g} s, so that it may have begun before its first row"
+                    )
+            if not within[k]:
+                break
+            found.beyond = [now if apart else found.beyond[0], now]
+
+    def _unknown_after_gap(
+        self, time: Array, missing: NDArray[np.bool_], raised: Array, report: DataReport
+    ) -> None:
+        """Warn of alarms in or soon after a gap, if no standard deviation says what to expect."""
+        found, times = report.alarms[self.name], time[~missing]
+        seen = np.concatenate([[time[0] if found.seen is None else found.seen], times])
+        after = times[np.diff(seen) > QUIET * self.period].tolist()
+        starts = np.array([-np.inf if found.resumed is None else found.resumed, *after])
+        on = time[raised == 1.0]
+        since = on - starts[np.searchsorted(starts, on, side="right") - 1]
+        within = on - seen[np.searchsorted(seen, on, side="right") - 1] > QUIET * self.period
+        soon = within | (since < max(found.start_up, QUIET * self.period))
+        found.after_gap += int(np.count_nonzero(soon))
+        found.seen = float(seen[-1])
+        found.resumed = after[-1] if after else found.resumed
+        if soon.any():
+            report.warn(
+                f"alarm {self.name}: it is raised in a gap or soon after, and the observer has no "
+                "standard deviation of its column; with sampling.at_gap: restart it is not "
+                "raised until the observer has started up, and filters that have one "
+                f"({PREDICTING}) take sigmas"
+            )
+
+    def _stretch(
+        self, rule: LearnedThreshold, first: float, report: DataReport
+    ) -> tuple[float, float]:
+        """The stretch that sets a threshold, in seconds after the first estimate."""
+        place = f"alarms: {self.name}"
+        since, until = (
+            stated if not isinstance(stated, str)
+            else 0.0 if self.dates is None
+            else self.dates.at(f"{place}: {key}", stated, report) - first
+            for key, stated in (("since", rule.since), ("until", rule.until))
+        )  # fmt: skip
+        if not since < until or until < 0.0:
+            problem = f"{rule.until} must be after since, {rule.since}, and after the first row"
+            raise InputError(f"{place}: until", problem)
+        return since, until
+
     def _learned(
-        self, time: Array, values: Array, rule: LearnedThreshold, found: AlarmReport
-    ) -> Array:
+        self, time: Array, values: Array, grown: Array | None, report: DataReport
+    ) -> NDArray[np.bool_] | None:
+        """Learn a threshold that is to be learned: True where it is known, None if all are."""
+        rule, found = self.rule, report.alarms[self.name]
+        if isinstance(rule, StatedThreshold):
+            return None
         if found.origin is None:
             found.origin = float(time[0])
-        past = time - found.origin
-        raised = np.full(len(values), np.nan)
-        slack = _ROUNDING * rule.until
-        after = past > rule.until + slack
-        for value in values[~after & (past >= rule.since - slack)].tolist():
-            if value == value:  # noqa: PLR0124  # not nan
-                found.learned += 1
-                off = value - found.mean
-                found.mean += off / found.learned
-                found.squares += off * (value - found.mean)
-        if after.any():
-            found.ready = True
-            found.threshold = self.threshold(found)
-            if found.threshold is not None:
-                off_mean = np.abs(values[after] - found.mean)
-                raised[after] = np.where(np.isnan(off_mean), 0.0, off_mean > found.threshold)
-        return raised
+        self.stretch = self.stretch or self._stretch(rule, found.origin, report)
+        since, until = self.stretch
+        slack = _ROUNDING * until
+        if not found.ready or time[0] - found.origin <= until + slack:
+            past = time - found.origin
+            after: NDArray[np.bool_] = past > until + slack
+            taken = ~after & (past >= since - slack)
+            if grown is not None:
+                taken &= grown == 1.0
+            for value in values[taken].tolist():
+                if value == value:  # noqa: PLR0124  # not nan
+                    found.learned += 1
+                    off = value - found.mean
+                    found.mean += off / found.learned
+                    found.squares += off * (value - found.mean)
+            if after.any():
+                found.ready = True
+                found.threshold = self.threshold(found)
+        else:
+            after = np.ones(len(time), dtype=bool)
+        if found.threshold is None:
+            return np.zeros(len(time), dtype=bool)
+        if found.learned < FEW:
+            report.warn(
+                f"alarm {self.name}: its threshold is learned from {found.learned} values, "
+                f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
+            )
+        return None if after.all() else after
+
+
+def _excess(values: Array, grown: Array | float, found: AlarmReport) -> Array:
+    """The distance of values beyond a threshold that has grown, negative on this side of it."""
+    if found.threshold is None and found.above is None:
+        excess = np.full(len(values), -np.inf)
+    elif found.threshold is not None:
+        excess = np.abs(values - found.mean) - grown * found.threshold
+    else:
+        assert found.above is not None
+        excess = values - found.above - abs(found.above) * (grown - 1.0)
+    if found.below is not None:
+        low = found.below - values - abs(found.below) * (grown - 1.0)
+        excess = np.maximum(excess, low)
+    return excess  # of what is missing, nan, which exceeds nothing
+
+
+def _surprised(
+    within: NDArray[np.bool_], estimates: Mapping[str, Array], found: AlarmReport
+) -> NDArray[np.bool_]:
+    """True from the first row of a start-up on that contradicts what the filter predicted."""
+    variances = estimates["innovation_covariance"].diagonal(axis1=-2, axis2=-1)
+    off = np.abs(estimates["innovation"]) > _CREDIBLE * np.sqrt(variances)
+    surprised = np.logical_or.accumulate(off.any(axis=1) & within) | found.surprised
+    found.surprised = bool(surprised[-1])
+    return surprised
+
+
+def _grown(missing: NDArray[np.bool_], sigmas: Array, found: AlarmReport) -> Array | None:
+    """Standard deviations relative to those before a gap, None without a gap."""
+    if found.before_gap is None and not missing.any():
+        found.settled = float(sigmas[-1])
+        return None
+    grown = np.ones(len(sigmas))
+    for k, sigma in enumerate(sigmas.tolist()):
+        if missing[k]:
+            found.before_gap, found.near = found.before_gap or found.settled, 0
+        if found.before_gap is None:
+            found.settled = None if missing[k] else sigma
+        elif sigma > NEAR * found.before_gap:
+            grown[k], found.near = sigma / found.before_gap, 0
+        elif not missing[k]:  # with a constant gain, it may still swing
+            found.near += 1
+            if found.near > QUIET:
+                found.before_gap, found.settled = None, sigma
+    return grown
 
 
 def follow(
@@ -122,76 +304,98 @@ def follow(
             one.end = now
             for value, sigma in found.waiting:
                 assert value is not None
-                one.add(value, sigma, found.mean)
+                one.add(value, sigma, found.excess)
             found.waiting.clear()
 
 
 def alarms(
     rules: Sequence[StatedThreshold | LearnedThreshold | DetectorRule],
-    columns: Sequence[Output],
+    outputs: Outputs,
     report: DataReport,
     period: float,
     start_up: Callable[[int], float],
     measurements: Sequence[str],
-    sample: Any,
+    predicts: bool,
     skips: bool,
+    dates: Dates | None = None,
 ) -> list[Alarm | DetectorAlarm]:
     """The alarms of a specification, each with its place in the report.
 
-    ``start_up`` gives that of a column [s], for alarms that state none; ``sample`` are estimates of
-    a row, ``measurements`` the names of these, and ``skips`` says that a gate leaves some out.
+    ``start_up`` gives that of a column [s], for alarms that state none; ``measurements`` are their
+    names, ``predicts`` says that variances of their residuals are predicted, and ``skips`` that a
+    gate leaves some out. ``dates`` is the way in which the record has them, if it does.
 
     Raises
     ------
     InputError
-        If a column is not among those that are written.
+        If a column is not among those that are written, or has no standard deviation, or if there
+        are dates in an alarm and none in the record.
     """
+    columns = outputs.columns
     names = [column.name for column in columns]
     made: list[Alarm | DetectorAlarm] = []
     for k, rule in enumerate(rules):
         if isinstance(rule, DetectorRule):
-            made.append(detector_alarm(rule, k, period, measurements, sample, skips))
+            made.append(detector_alarm(rule, k, period, measurements, predicts, skips))
             report.alarms[rule.name] = AlarmReport("1", 0.0)
             continue
-        if rule.of not in names:
-            raise InputError(
-                f"alarms.{k}.of", f"there is no column {rule.of!r}{nearest(rule.of, names)}"
-            )
-        place = names.index(rule.of)
-        beside = place + 1
-        spread = beside < len(columns) and columns[beside].deviation
-        alarm = Alarm(rule, place, beside if spread else None, period)
-        ignored = start_up(place) if rule.start_up is None else rule.start_up
-        found = AlarmReport(columns[place].unit, ignored, learns=isinstance(rule, LearnedThreshold))
+        place = _place(rule.of, f"alarms.{k}.of", names, measurements, predicts)
+        residual, spread = columns[place].estimate == RESIDUAL, outputs.beside(place)
+        found = AlarmReport(columns[place].unit, 0.0, learns=isinstance(rule, LearnedThreshold))
+        if isinstance(rule, StatedThreshold):
+            found.above, found.below, found.sigmas = rule.above, rule.below, rule.sigmas
+        if found.sigmas is not None and not (residual and predicts) and spread is None:
+            problem = f"the observer has no standard deviation of {names[place]!r}"
+            if residual:
+                problem += f"; the kinds {PREDICTING} predict those of residuals"
+            raise InputError(f"alarms.{k}.sigmas", problem)
+        alarm = Alarm(
+            rule, place, spread, period, columns[place].place if residual else None, predicts,
+            dates,
+        )  # fmt: skip
+        for key in ("since", "until"):
+            stated = getattr(rule, key, None)
+            if isinstance(stated, str) and dates is None:
+                problem = f"{shown(stated)} must be seconds, as the record has no dates"
+                raise InputError(f"alarms.{k}.{key}", problem)
+            if dates is not None and stated is not None:
+                dates.at(f"alarms.{k}.{key}", stated, DataReport())
+        if rule.start_up is not None:
+            found.start_up = rule.start_up
+        elif found.sigmas is None:
+            found.start_up = start_up(place)
         found.threshold = alarm.threshold(found)
         report.alarms[rule.name] = found
         made.append(alarm)
     return made
 
 
-def start_up(run: Callable[[Array], Array], measurements: int, columns: int) -> NDArray[np.int_]:
-    """The number of rows that each column needs to forget an impulse in the first measurements.
+def _place(
+    of: str, key: str, names: Sequence[str], measurements: Sequence[str], predicts: bool
+) -> int:
+    """The column of an alarm, which for the innovation of a measurement is its residual."""
+    if of in names:
+        return names.index(of)
+    name = of
+    if not predicts and of.partition(" ")[0] == "innovation":
+        problem = f"{of!r} is for filters that predict its variance ({PREDICTING}); others have "
+        raise InputError(key, f"{problem}{RESIDUAL} {measurements[0]}")
+    if of.partition(" ")[0] == "innovation":
+        if of == "innovation" and len(measurements) > 1:
+            listed = " or ".join(f"innovation {one}" for one in measurements)
+            raise InputError(key, f"{of!r} is of several measurements, must be {listed}")
+        name = f"{RESIDUAL} {measurements[0] if of == 'innovation' else of.partition(' ')[2]}"
+    if name not in names:
+        raise InputError(key, f"there is no column {of!r}{nearest(of, names)}")
+    return names.index(name)
 
-    ``run`` gives them, shape (k, ``columns``), for measurements, shape (k, ``measurements``).
-    """
-    rows = _SHORTEST
-    while True:
-        silence = np.zeros((rows, measurements))
-        try:
-            base = run(silence)
-            response = np.zeros(base.shape)
-            for sensor in range(measurements):
-                silence[0, sensor] = 1.0
-                response = np.fmax(response, np.abs(run(silence) - base))
-                silence[0, sensor] = 0.0
-        except ReobserveError:  # where nothing moves, not every observer can run
-            return np.full(columns, _SAMPLES)
-        moved = response.any(axis=0)
-        response[0] = 0.0  # where a residual is the impulse itself
-        over = response > _DECAYED * response.max(axis=0)
-        last: NDArray[np.int_] = np.where(over.any(axis=0), rows - np.argmax(over[::-1], axis=0), 1)
-        last[~moved] = _SAMPLES
-        if (last <= rows // 2).all() or rows == _LONGEST:
-            last[last > _LONGEST // 2] = _SAMPLES
-            return last
-        rows *= 2
+
+def warn_of_start_up(report: DataReport) -> None:
+    """Warn of alarms that could not be raised in more than a third of the rows."""
+    for name, found in report.alarms.items():
+        if 3 * found.ignored > report.estimates:
+            report.warn(
+                f"alarm {name}: it cannot be raised in {found.ignored} of {report.estimates} rows, "
+                f"its start-up of {found.start_up:g} s; start_up states another, and sigmas "
+                "(standard deviations that the observer has) need none"
+            )

@@ -15,13 +15,14 @@ from typing import Any
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, check_replaceable, write_text
 from reobserve.estimation import state_file
-from reobserve.estimation.data_report import as_json, as_table
+from reobserve.estimation.data_report import as_json
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter
 from reobserve.estimation.plot import Plot, check_plot
 from reobserve.estimation.reading import BLOCK, File
+from reobserve.estimation.report_table import as_table
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
@@ -41,6 +42,8 @@ def run(
     warm: bool,
     example: str | None,
     record: Path | None,
+    check: bool = False,
+    suggest: Path | None = None,
 ) -> None:
     """The sub-command, with the options as they were typed.
 
@@ -49,6 +52,8 @@ def run(
     InputError
         If options do not go together, or as `estimate_file` and `estimate_stream`.
     """
+    if suggest is not None:
+        return print_suggestion(suggest, specification)
     if example is not None:
         if specification is not None or data is not None:
             raise InputError("--example", "takes no specification and no data")
@@ -57,6 +62,8 @@ def run(
         raise InputError("SPEC", "is missing; `reobserve estimate --example kalman` writes one")
     if record is not None:
         raise InputError("--data", "belongs to --example, which writes a record there")
+    if check:
+        return print_check(specification, data, out)
     chosen = read_specification(specification)
     written = [path for path in (out, plot, report, state) if path is not None]
     check_not_read(written, chosen.files)
@@ -83,6 +90,41 @@ def run(
     made = estimate_file(chosen, data, out, plot=plot, report=report)
     print(as_table(made.report, chosen.sampling.period), file=sys.stderr)
     return None
+
+
+def print_check(specification: Path, data: Path | None, out: Path | None = None) -> None:
+    """Print all that refuses a record, and what would accept it.
+
+    Raises
+    ------
+    InputError
+        If anything refuses it, or there is none.
+    """
+    if data is None or out is not None:
+        raise InputError("--check", "reads a specification and a record, and writes nothing")
+    from reobserve.estimation.check import check
+
+    found = check(specification, data)
+    print(found.text(str(data)))
+    if number := len(found.refusals):
+        sys.stdout.flush()
+        raise InputError(str(data), f"is refused for {number} reason{'s' * (number > 1)}")
+
+
+def print_suggestion(data: Path, specification: Path | None = None) -> None:
+    """Print the columns of a record, and keys that may read it.
+
+    Raises
+    ------
+    InputError
+        If it does not look like rows of numbers, or there is a specification besides.
+    """
+    if specification is not None:
+        problem = "takes one record and no specification; --check SPEC DATA reads both"
+        raise InputError("--suggest", problem)
+    from reobserve.estimation.suggestion import suggest
+
+    print(suggest(data).text(str(data)))
 
 
 def estimate_file(

@@ -1,4 +1,4 @@
-"""The data report: what was done to a record and what the alarms found, as a table and as JSON."""
+"""The data report: what was done to a record and what the alarms found, as JSON."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Interval:
     variances: float | None = None
     peak: float = 0.0
 
-    def add(self, value: float, sigma: float | None, normal: float) -> None:
+    def add(self, value: float, sigma: float | None, excess: Callable[[float], float]) -> None:
         """Take a value, by Welford's sums."""
         self.values += 1
         off = value - self.mean
@@ -38,7 +38,7 @@ class Interval:
         self.squares += off * (value - self.mean)
         if sigma is not None:
             self.variances = (self.variances or 0.0) + sigma**2
-        if self.values == 1 or abs(value - normal) > abs(self.peak - normal):
+        if self.values == 1 or excess(value) > excess(self.peak):
             self.peak = value
 
     def summary(self) -> dict[str, float | None]:
@@ -55,14 +55,33 @@ class Interval:
 class AlarmReport:
     """Findings of an alarm: whether, when and how large, and the source of its threshold.
 
-    ``start_up`` [s] after each start of the observer, at ``started``, it is not raised. ``current``
-    is the latest interval, ``waiting`` values with their sigmas belong to it if it goes on.
+    ``threshold`` is for both signs, ``above`` and ``below`` for one, each by ``sigmas`` standard
+    deviations that the observer has, if there are any.
+    ``start_up`` [s] after each start of the observer, at ``started``, it is not raised: ``hidden``
+    counts rows beyond the threshold among the ``ignored`` ones, and the alarm may have begun
+    ``earlier`` than its first row. ``after_gap`` are rows that may be beyond it for a gap.
+    ``current`` is the latest interval, ``waiting`` values with their sigmas belong to it if it goes
+    on.
     """
 
     unit: str
     start_up: float
     learns: bool = False
     threshold: float | None = None
+    above: float | None = None
+    below: float | None = None
+    sigmas: float | None = None
+    ignored: int = 0
+    hidden: int = 0
+    beyond: list[float] = field(default_factory=list)  # the first and the last of these now [s]
+    earlier: float | None = None
+    after_gap: int = 0
+    surprised: bool = False  # by an innovation since the start
+    settled: float | None = None  # deviation of a residual that was predicted last,
+    before_gap: float | None = None  # and in a gap, or until it is over, before that
+    near: int = 0  # rows since then that are near it
+    seen: float | None = None  # the time of the last value
+    resumed: float | None = None  # and of that after the last gap
     rows: int = 0
     first: float | None = None
     intervals: list[Interval] = field(default_factory=list)
@@ -77,6 +96,28 @@ class AlarmReport:
     ready: bool = False
     memory: list[list[float]] = field(default_factory=list)  # of a detector
 
+    def start(self, time: float) -> None:
+        """Forget what was before a start of the observer at a time."""
+        self.started, self.surprised = time, False
+        self.settled = self.before_gap = self.seen = self.resumed = None
+        self.memory.clear()
+
+    def excess(self, value: float) -> float:
+        """The distance of a value beyond what is stated, or from the mean."""
+        if self.above is None and self.below is None:
+            return abs(value - self.mean)
+        high = -math.inf if self.above is None else value - self.above
+        return max(high, -math.inf if self.below is None else self.below - value)
+
+    @property
+    def bounds(self) -> list[float]:
+        """Values that the column may not pass, if they do not depend on the row."""
+        if self.sigmas is not None:
+            return []
+        both = [] if self.threshold is None else [-self.threshold, self.threshold]
+        one = [bound for bound in (self.above, self.below) if bound is not None]
+        return [self.mean + bound for bound in both] + one
+
     def close(self) -> None:
         """End the current interval."""
         if self.current is not None:
@@ -90,9 +131,12 @@ class AlarmReport:
         """The alarm's findings as the report has them."""
         listed = self.intervals + ([] if self.current is None else [self.current])
         learned = {"mean": self.mean, "learned": self.learned} if self.learns else {}
+        stated = {name: getattr(self, name) for name in ("above", "below", "sigmas")}
+        stated = {name: value for name, value in stated.items() if value is not None}
         return {
-            "unit": self.unit, "threshold": self.threshold, **learned, "start_up": self.start_up,
-            "rows": self.rows, "first": self.first,
+            "unit": self.unit, "threshold": self.threshold, **stated, **learned,
+            "start_up": self.start_up, "hidden": self.hidden, "after_gap": self.after_gap,
+            "rows": self.rows, "first": self.first, "earlier": self.earlier,
             "interval_count": self.interval_count + (self.current is not None),
             "intervals": [interval.summary() for interval in listed[:MOST_LISTED]],
         }  # fmt: skip
@@ -220,7 +264,7 @@ class DataReport:
 
 
 _INTERNAL = ("single", "angles", "levels", "filling", "latest", "shift", "origin", "period")
-_TIMES = ("first", "last", "gaps", "start", "end")
+_TIMES = ("first", "last", "earlier", "gaps", "start", "end")
 
 
 def _by_clock(content: Any, report: DataReport, is_time: bool = False) -> Any:
@@ -239,101 +283,3 @@ def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
     content = {name: value for name, value in vars(report).items() if name not in _INTERNAL}
     content["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
     return {**about, "mean_interval": report.mean_interval, **_by_clock(content, report)}
-
-
-def as_table(report: DataReport, period: float) -> str:
-    """A few lines for a terminal: only what there is to tell."""
-    lines = [("rows read", f"{report.rows}")]
-    if report.left_out:
-        listed = ", ".join(f"{count} {reason}" for reason, count in report.left_out.items())
-        lines.append(("lines left out", listed))
-
-    def at(seconds: float) -> str:
-        if report.origin is not None:
-            return report.said(seconds)
-        return f"{_time(seconds + (report.shift or 0))} s"
-
-    if report.first is not None and report.last is not None:
-        lines.append(("time", _span(at(report.first), at(report.last))))
-    if report.mean_interval is not None:
-        text = f"{period:g} s, timestamps say {report.mean_interval:.6g} s on average"
-        lines.append(("sampling period", text))
-        if 1e-9 < report.jitter < 0.5:  # of rows that have places
-            lines.append(("largest jitter", f"{100 * report.jitter:.3g} % of a period"))
-    for name, value in (
-        ("samples lost", report.lost),
-        ("timestamps repeated", report.repeated),
-        ("rows without timestamp, left out", report.unstamped),
-        ("rows before all is measured", report.before_start),
-        ("rows after all was measured", report.after_end),
-    ):
-        if value:
-            lines.append((name, str(value)))
-    for name, table in (
-        ("values missing", report.missing),
-        ("values filled", report.filled),
-        ("values held until they change", report.held),
-        ("values saturated", report.saturated),
-        ("outliers beyond the gate", report.outliers),
-    ):
-        if table:
-            listed = ", ".join(f"{column} {count}" for column, count in table.items())
-            lines.append((name, listed))
-    for start, end in report.gaps[:5]:
-        begun = "the start" if start is None else at(start)
-        ending = "the end" if end is None else at(end)
-        lines.append(("gap", f"{begun} to {ending}"))
-    if report.gap_count > 5:
-        lines.append(("gaps in all", str(report.gap_count)))
-    if report.restarts:
-        lines.append(("restarts", str(report.restarts)))
-    listed = ", ".join(f"{count} {word}" for word, count in report.statuses.items())
-    lines.append(("estimates", f"{report.estimates}" + (f": {listed}" if listed else "")))
-    for name, alarm in report.alarms.items():
-        lines.append((f"alarm {name}", _alarm_line(alarm, at)))
-        lines += [("", _size(one, alarm.unit, at)) for one in alarm.summary()["intervals"][:5]]
-    width = max(len(name) for name, _ in lines)
-    said = [f"  {name:<{width}}  {value}" for name, value in lines]
-    return "\n".join(said + [f"  warning: {warning}" for warning in report.warnings])
-
-
-def _time(seconds: float) -> str:
-    """Six digits, or milliseconds where timestamps count from 1970."""
-    return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
-
-
-def _span(start: str, end: str) -> str:
-    """From one time to another, in seconds if the second one is."""
-    return f"{start.removesuffix(' s') if end.endswith(' s') else start} to {end}"
-
-
-def _alarm_line(alarm: AlarmReport, at: Callable[[float], str]) -> str:
-    if alarm.threshold is None:
-        if alarm.ready:
-            return f"no threshold: {alarm.learned} values in the stretch that sets it, 2 needed"
-        return "no threshold yet: the record ends before the stretch that sets it does"
-    said = f"threshold {_amount(alarm.threshold, alarm.unit)}"
-    if alarm.learns:
-        said += f" from the mean {alarm.mean:.4g}, both of {alarm.learned} values"
-    if alarm.start_up:
-        said += f"; start-up {_time(alarm.start_up)} s"
-    if alarm.first is None:
-        return f"none; {said}"
-    found = alarm.summary()["interval_count"]
-    times = "once" if found == 1 else f"{found} times"
-    return f"{times}, {alarm.rows} rows, first at {at(alarm.first)}; {said}"
-
-
-def _size(interval: Mapping[str, Any], unit: str, at: Callable[[float], str]) -> str:
-    """The time and size of an excess."""
-    said = f"{_span(at(interval['start']), at(interval['end']))}: mean "
-    said += _amount(interval["mean"], unit)
-    if interval["standard_deviation"] is not None:
-        said += f", standard deviation {interval['standard_deviation']:.2g}"
-    if interval["sigma"] is not None:
-        said += f" (by the observer {interval['sigma']:.2g})"
-    return f"{said}, peak {_amount(interval['peak'], unit)}"
-
-
-def _amount(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit if unit != '1' else ''}".rstrip()

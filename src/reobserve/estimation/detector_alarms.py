@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+PREDICTING = "kalman, augmented-kalman, extended-kalman, unscented-kalman and svsf"
 _KEYS = {"chi_square_window": "length", "cusum_of_mean": "shift", "glr_of_mean": "lengths"}
 
 
@@ -118,7 +119,7 @@ class DetectorAlarm:
 
 
 def detector_alarm(
-    rule: DetectorRule, k: int, period: float, measurements: Sequence[str], sample: Any,
+    rule: DetectorRule, k: int, period: float, measurements: Sequence[str], predicts: bool,
     skips: bool,
 ) -> DetectorAlarm:  # fmt: skip
     """The alarm of a rule, the k-th of a specification.
@@ -128,11 +129,8 @@ def detector_alarm(
     InputError
         If the observer has no innovations with covariances, or no such measurement.
     """
-    if "innovation_covariance" not in sample:
-        problem = (
-            "is for filters that predict the covariance of their innovations: kalman, "
-            "augmented-kalman, extended-kalman and unscented-kalman"
-        )
+    if not predicts:
+        problem = f"is for filters that predict the covariance of their innovations: {PREDICTING}"
         raise InputError(f"alarms.{k}.detector", problem)
     if skips:
         problem = (

@@ -1,6 +1,10 @@
-"""Warnings about estimates that mislead, by criteria computed on the first rows of a record.
+"""Warnings about estimates that mislead, by criteria computed on the longest stretch of a record.
 
-The size of an estimate is the root mean square of the largest of its components in that unit.
+It is the longest one among the first rows in which the observer does not restart.
+
+The size of an estimate is the root mean square of the largest of its components in that unit. Of a
+state or a signal that follows a constant added to the measurements the zero is that of a scale:
+its size is the spread about its mean, or twice what noise of the measurements would shift it.
 
 Noise: its size on each measurement is taken from second differences, in which what is smooth
 cancels. The observer runs over the same rows again with noise of this size added, from a fixed
@@ -15,9 +19,9 @@ than three times what noise does, the record is too short to forget how it began
 
 Consistency: a filter predicts how far its innovations spread. Where they spread over the second
 half, in the root mean square, more than five times as far, the record contradicts the model. Where
-an observer predicts no spread, its residual is compared with what is measured: it contradicts the
-model if it is more than half of that, more than five times the noise, and does not die away (more
-than a hundredth of its maximum is left).
+an observer predicts no spread, its residual is compared with the spread of what is measured about
+its mean: it contradicts the model if it is more than half of that, more than five times the noise,
+and does not die away (more than a hundredth of its maximum is left).
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import ReobserveError
-from reobserve.estimation.gaps import Stretch
+from reobserve.estimation.gaps import Stretch, joined
 from reobserve.estimation.outputs import RESIDUAL
 
 if TYPE_CHECKING:
@@ -38,43 +42,55 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MOST_ROWS = 4000  # of a record that are kept
+MOST_ROWS = 4000  # of a stretch that are kept
+_LOOKED_AT = 10 * MOST_ROWS  # of a record
 _LEAST_ROWS = 40
 _SHARE_OF_NOISE = 0.5
 _APART = 0.05
 _SPREADS = 5.0
 _SHARE_UNFORESEEN = 0.5
 _LEFT = 0.01
+_ROUNDING = 1e-9  # of a size about zero
+_FOLLOWS = 1e-4  # of the spread of an estimate
+_LEVELS = ("state", "derivatives")  # estimates that may have the zero of a measurement
 _SEED = 20
 
 
 @dataclass
 class FirstRows:
-    """The first rows of a record up to a break, however it comes in blocks."""
+    """The longest stretch among the first rows of a record, however it comes in blocks."""
 
-    y: list[Array] = field(default_factory=list)
-    u: list[Array] = field(default_factory=list)
+    current: list[Stretch] = field(default_factory=list)
+    longest: list[Stretch] = field(default_factory=list)
     rows: int = 0
-    closed: bool = False
 
     def take(self, stretch: Stretch) -> None:
-        """Keep rows as long as they are the first ones."""
-        if self.closed or (stretch.fresh and self.rows):
-            self.closed = True
+        """Keep rows as long as they may be of the longest stretch."""
+        if stretch.fresh:
+            self.current = []
+        kept = min(MOST_ROWS - _rows(self.current), _LOOKED_AT - self.rows)
+        self.rows += len(stretch.y)
+        if kept <= 0 or _rows(self.longest) >= MOST_ROWS > _rows(self.current):
             return
-        left = MOST_ROWS - self.rows
-        self.y.append(stretch.y[:left])
-        self.u.append(stretch.u[:left])
-        self.rows += len(self.y[-1])
-        self.closed = self.rows >= MOST_ROWS
+        time, y, u, status, fresh = stretch
+        self.current.append(Stretch(time[:kept], y[:kept], u[:kept], status[:kept], fresh))
+        if _rows(self.current) > _rows(self.longest):
+            self.longest = self.current
+
+
+def _rows(stretches: list[Stretch]) -> int:
+    return sum(len(one.y) for one in stretches)
 
 
 def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
     """Sentences on what would mislead in these results, or none if nothing does."""
-    if first_rows.rows < _LEAST_ROWS:
-        text = f"too few rows to check noise or settling: {first_rows.rows} in the first stretch"
-        return [text] if first_rows.rows else []
-    y, u = np.concatenate(first_rows.y), np.concatenate(first_rows.u)
+    rows = _rows(first_rows.longest)
+    if rows < _LEAST_ROWS:
+        text = f"too few rows to check noise or settling: {rows} in the longest stretch"
+        return [text] if rows else []
+    _, y, u, _, _ = joined(first_rows.longest)
+    where = f"the {rows} rows of the longest stretch" if estimation.report.restarts else ""
+    where = where or f"the first {rows} rows"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -82,74 +98,92 @@ def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
             whole = estimation.outputs.numbers(y, run.estimates)
             later = _columns(estimation, y[len(y) // 2 :], u[len(u) // 2 :])
             noisy = _columns(estimation, y + _noise(y), u)
-            found = _contradicted(estimation, y, run)
+            risen = np.abs(_columns(estimation, y + _steps(y), u) - whole)
+            found = _contradicted(estimation, y, run, where)
     except ReobserveError:
         return ["the observer diverges where it starts elsewhere or with more noise"]
     off = [c for c, one in enumerate(estimation.outputs.columns) if one.estimate == "switched_off"]
     if off and whole[1:, off[0]].min() >= 1.0:
         found.append(
-            f"delay: over 100 % of the first {len(y)} rows the input moves too little for it to be "
+            f"delay: over 100 % of {where} the input moves too little for it to be "
             "seen, and it stays as it began"
         )
     with np.errstate(over="ignore", invalid="ignore"):  # of measurements near the largest number
-        found += _unsettled(estimation, whole, later, noisy, len(y))
+        sizes = _sizes(estimation, whole, risen)
+        found += _unsettled(estimation, whole, later, noisy, sizes, where)
     return found
 
 
+def _sizes(estimation: Estimation, whole: Array, risen: Array) -> dict[tuple[str, str], float]:
+    """The size of each estimate in each unit, from what a constant that is added does to it."""
+    sizes: dict[tuple[str, str], float] = {}
+    for c, column in enumerate(estimation.outputs.columns):
+        if column.deviation:
+            continue
+        size = _size(whole[:, c])
+        # An error of the start dies away, a change of the zero stays.
+        follows = risen[-1, c] > max(0.5 * risen[:, c].max(), _FOLLOWS * _spread(whole[:, c]))
+        if column.estimate in _LEVELS and follows:
+            least = max(risen[-1, c] / _SHARE_OF_NOISE, _ROUNDING * size)
+            size = max(_spread(whole[:, c]), float(least))
+        group = (column.estimate, column.unit)
+        sizes[group] = max(sizes.get(group, 0.0), size)
+    return sizes
+
+
 def _unsettled(
-    estimation: Estimation, whole: Array, later: Array, noisy: Array, rows: int
-) -> list[str]:
+    estimation: Estimation, whole: Array, later: Array, noisy: Array,
+    sizes: dict[tuple[str, str], float], where: str,
+) -> list[str]:  # fmt: skip
     """A sentence for each estimate that noise or an earlier start moves."""
     half = len(later) - len(later) // 2
-    columns = estimation.outputs.columns
     found: list[str] = []
-    sizes: dict[tuple[str, str], float] = {}
-    for c, column in enumerate(columns):
-        group = (column.estimate, column.unit)
-        size = float(np.sqrt(np.mean(whole[:, c] ** 2)))
-        sizes[group] = max(sizes.get(group, 0.0), 0.0 if column.deviation else size)
-    for c, column in enumerate(columns):
+    for c, column in enumerate(estimation.outputs.columns):
         if column.estimate == RESIDUAL or column.deviation:
             continue
         size = sizes[column.estimate, column.unit]
         moved = float(np.sqrt(np.mean((noisy[-half:, c] - whole[-half:, c]) ** 2)))
         if moved > _SHARE_OF_NOISE * size:
             found.append(
-                f"{column.name}: noise moves it by {_percent(moved, size)} of its size over the "
-                f"first {rows} rows; a lower gain, or less process noise, smooths it"
+                f"{column.name}: noise moves it by {_percent(moved, size)} of its size over "
+                f"{where}; a lower gain, or less process noise, smooths it"
             )
         apart = float(abs(later[-1, c] - whole[-1, c]))
         if apart > max(_APART * size, 3.0 * moved):
             found.append(
-                f"{column.name}: started again at half of the first {rows} rows, it ends "
+                f"{column.name}: started again at half of {where}, it ends "
                 f"{_percent(apart, size)} of its size elsewhere; the record is too short for it to "
                 "settle"
             )
     return found
 
 
-def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
+def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> list[str]:
     """A sentence for each measurement that is far from what the observer predicted."""
     design, layout = estimation.design, estimation.layout
     half = len(y) // 2
     residual, noise = design.residual(y, run.estimates), _noise_sizes(y)
-    spread = design.spread(run.state)
+    known = design.spread(run.state) is not None
+    predicted = design.residual_variance(run.estimates) if known else None
     found = []
     names = layout.names[layout.timed :][: residual.shape[1]]
     for c, name in enumerate(names):
-        off = _size(residual[half:, c])
-        if spread is not None:
-            contradicted = off > _SPREADS * spread[c]
-            than = f"{off / spread[c]:.0f} times what the filter predicts"
+        if predicted is not None:
+            off = _size(residual[half:, c] / np.sqrt(predicted[half:, c]))
+            contradicted = off > _SPREADS
+            than = f"{off:.0f} times what the filter predicts"
         else:
-            measured = _size(y[half:, c])
+            off, measured = _size(residual[half:, c]), _spread(y[:, c])
             greatest = np.nanmax(np.abs(residual[:, c]), initial=0.0)
-            least = (_SHARE_UNFORESEEN * measured, _SPREADS * noise[c], _LEFT * greatest)
+            least = (
+                _SHARE_UNFORESEEN * measured, _SPREADS * noise[c], _LEFT * greatest,
+                _ROUNDING * _size(y[:, c]),
+            )  # fmt: skip
             contradicted = off > max(least)
-            than = f"{_percent(off, measured)} of what is measured"
+            than = f"{_percent(off, measured)} of the spread of what is measured"
         if contradicted:
             found.append(
-                f"residual {name}: it is {than} in the second half of the first {len(y)} rows; a "
+                f"residual {name}: it is {than} in the second half of {where}; a "
                 "unit, a sign, an offset, the model or the sensor is wrong, or there is a fault "
                 "from early on"
             )
@@ -160,6 +194,19 @@ def _size(values: Array) -> float:
     """The root mean square of what there is, or 0 of nothing."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+
+
+def _spread(values: Array) -> float:
+    """The root mean square about the mean."""
+    known = values[np.isfinite(values)]
+    return _size(known - np.mean(known)) if len(known) else 0.0
+
+
+def _steps(y: Array) -> Array:
+    """A constant for each measurement: its noise, or a small part of its spread."""
+    small = np.array([0.01 * (_spread(one) or _size(one) or 1.0) for one in y.T])
+    found: Array = np.maximum(_noise_sizes(y), small)
+    return found
 
 
 def _run(estimation: Estimation, y: Array, u: Array) -> Any:

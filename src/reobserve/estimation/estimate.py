@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located
-from reobserve.estimation.alarms import alarms, start_up
+from reobserve.estimation.alarms import alarms, warn_of_start_up
 from reobserve.estimation.constants import inputs
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
@@ -22,6 +22,7 @@ from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
 from reobserve.estimation.outputs import Outputs, outputs
 from reobserve.estimation.specification import Specification
+from reobserve.estimation.start_up import start_up
 from reobserve.estimation.timestamps import Timestamps
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import KEPT
@@ -79,7 +80,29 @@ class Estimation:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
         self.whole = _whole(self.observer) if specification.smooth else None
-        self.report = DataReport(period)
+        self.prepare()
+        self.report.warnings += self.design.unseen
+        self.state: Any = None
+        self.waiting: list[Stretch] = []  # for a smoother, up to the next start
+        self.first_rows: FirstRows | None = None
+        width = self.layout.measurements
+        names = self.layout.names[self.layout.timed :]
+        self.sample = self._sample(width, len(names) - width)
+        self.outputs: Outputs = outputs(
+            self.design, self.layout, self.sample, specification.estimates
+        )
+        self.start_up: list[float] | None = None
+        self.alarms = alarms(
+            specification.alarms, self.outputs, self.report, period, self._start_up,
+            names[:width], self.design.residual_variance(self.sample) is not None,
+            "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
+            self.timestamps.dates,
+        )  # fmt: skip
+
+    def prepare(self) -> None:
+        """Set up what takes rows, with an empty report."""
+        sampling, place = self.specification.sampling, self.place
+        self.report = DataReport(period=sampling.period)
         clock = self.layout.clock
         self.timestamps = Timestamps(
             sampling, self.report, place, None if clock is None else clock.dates
@@ -89,22 +112,8 @@ class Estimation:
         holds = self.layout.holds[timed:]
         every = self.design.holds_inputs  # input, and not only those whose cells are empty
         held = tuple(c >= width and (every or one) for c, one in enumerate(holds))
-        self.interpolation = _interpolation(specification, held)
+        self.interpolation = _interpolation(self.specification, held)
         self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip, holds)
-        self.state: Any = None
-        self.waiting: list[Stretch] = []  # for a smoother, up to the next start
-        self.first_rows: FirstRows | None = None
-        self.sample = self._sample(width, len(names) - width)
-        self.outputs: Outputs = outputs(
-            self.design, self.layout, self.sample, specification.estimates
-        )
-        self.start_up: list[float] | None = None
-        self.alarms = alarms(
-            specification.alarms, self.outputs.columns, self.report, period, self._start_up,
-            names[:width], self.sample,
-            "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
-        )  # fmt: skip
-        self.report.warnings += self.design.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
         """The estimates of a row of zeros, for their shapes, which compiles what is to run.
@@ -134,7 +143,8 @@ class Estimation:
 
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                rows = start_up(run, self.layout.measurements, len(self.outputs.columns))
+                beside = [self.outputs.beside(c) for c in range(len(self.outputs.columns))]
+                rows = start_up(run, self.layout.measurements, beside)
             self.start_up = (self.specification.sampling.period * rows).tolist()
         return self.start_up[column]
 
@@ -148,20 +158,31 @@ class Estimation:
         DivergenceError
             If the observer diverges, with the time of the record.
         """
+        return self._estimate(self.slots(raw), False)
+
+    def slots(self, raw: Array) -> Settled:
+        """The measurements and inputs at the times of samples, as `feed` takes and refuses rows."""
         time, values = self.layout.values(raw, self.report)
         if not self.layout.timed:
             first = self.report.rows
             rows = np.arange(first, first + len(values), dtype=np.float64)
             time = self.specification.sampling.period * rows
-        timestamps, values, slots = self.timestamps.read(time, values)
-        return self._estimate(self.interpolation.feed(timestamps, values, slots), False)
+        return self.interpolation.feed(*self.timestamps.read(time, values))
 
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
+        *waiting, last = self.last_slots()
+        parts = [self._estimate(rows, False) for rows in waiting]
+        found = _concatenated([*parts, self._estimate(last, True)])
+        warn_of_start_up(self.report)
+        return found
+
+    def last_slots(self) -> list[Settled]:
+        """The same as `slots`, of rows that waited for others."""
         rows = self.timestamps.finish()
         self.timestamps.check_period()
-        waited = [self._estimate(self.interpolation.feed(*rows), False)] if len(rows[0]) else []
-        return _concatenated([*waited, self._estimate(self.interpolation.finish(), True)])
+        waiting = [self.interpolation.feed(*rows)] if len(rows[0]) else []
+        return [*waiting, self.interpolation.finish()]
 
     def _none(self) -> Estimated:
         width, signals = len(self.outputs.columns), len(self.alarms)
@@ -191,8 +212,7 @@ class Estimation:
         if stretch.fresh:
             self.state = self.design.begin(stretch.y[0])
             for found in self.report.alarms.values():
-                found.started = float(stretch.time[0])
-                found.memory.clear()
+                found.start(float(stretch.time[0]))
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings():

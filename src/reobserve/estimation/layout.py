@@ -29,6 +29,14 @@ _COMMA = re.compile(r"(.*[^\s,])\s*,\s*([^\s,].*)")
 _STROKE = re.compile(r"([^/]*[^\s/])\s*/\s*([^\s/].*)")
 
 
+class ColumnsError(InputError):
+    """All ``problems`` of the columns of a record, of which the first one is the message."""
+
+    def __init__(self, problems: Sequence[InputError]) -> None:
+        self.problems = problems
+        super().__init__(problems[0].parameter, problems[0].problem)
+
+
 @dataclass(frozen=True)
 class Layout:
     """The columns to read, time first if there is one, then y, then u.
@@ -136,28 +144,9 @@ def lay_out(
     """
     if len(header) == 1:
         _check_delimiter(columns, header[0], place)
-    wanted: list[tuple[str, Column, str]] = []
-    for what, given, widths, signals in (
-        ("measurements", columns.measurements, design.widths[0], design.measurements),
-        ("inputs", columns.inputs, design.widths[1], design.inputs),
-    ):
-        fixed = [unit for _, unit in signals] if all(unit for _, unit in signals) else []
-        if len(given) not in widths:
-            counts = " or ".join(map(str, widths))
-            problem = f"are {len(given)} columns, the observer reads {counts}"
-            raise InputError(f"columns.{what}", problem)
-        for k, column in enumerate(given):
-            if isinstance(column, Constant):
-                continue
-            wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
-    try:
-        parts = [find_column(at, column, fixed, header, place) for at, column, fixed in wanted]
-    except InputError as error:
-        if any(_matches(name, header) for name in _names(columns)) or "did you" in error.problem:
-            raise
-        raise InputError(error.parameter, error.problem + _no_header(header)) from None
+    wanted = _wanted(columns, design)
+    parts, clock = _find(columns, wanted, header, place, period)
     every = [column for _, column, _ in wanted]
-    clock = _clock(columns.time, header, place, period)
     if clock is not None:
         parts.insert(0, (clock.titles[0], clock.way, "s"))
         every.insert(0, Column(clock.titles[0]))
@@ -177,6 +166,52 @@ def lay_out(
         ),
         tuple(column.missing == "hold" for column in every),
     )  # fmt: skip
+
+
+def _wanted(columns: Columns, design: Design) -> list[tuple[str, Column, str]]:
+    """The columns to read: their keys, they themselves, and the unit that the observer states."""
+    wanted: list[tuple[str, Column, str]] = []
+    for what, given, widths, signals in (
+        ("measurements", columns.measurements, design.widths[0], design.measurements),
+        ("inputs", columns.inputs, design.widths[1], design.inputs),
+    ):
+        fixed = [unit for _, unit in signals] if all(unit for _, unit in signals) else []
+        if len(given) not in widths:
+            counts = " or ".join(map(str, widths))
+            problem = f"are {len(given)} columns, the observer reads {counts}"
+            raise InputError(f"columns.{what}", problem)
+        for k, column in enumerate(given):
+            if isinstance(column, Constant):
+                continue
+            wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
+    return wanted
+
+
+def _find(
+    columns: Columns,
+    wanted: Sequence[tuple[str, Column, str]],
+    header: Sequence[str],
+    place: str,
+    period: float,
+) -> tuple[list[tuple[str, Conversion, str]], Clock | None]:
+    """Titles, conversions and units of the columns, and the clock (raises all that is wrong)."""
+    parts, problems, clock = [], list[InputError](), None
+    for at, column, fixed in wanted:
+        try:
+            parts.append(find_column(at, column, fixed, header, place))
+        except InputError as error:
+            problems.append(error)
+    try:
+        clock = _clock(columns.time, header, place, period)
+    except InputError as error:
+        problems.append(error)
+    if problems:
+        first = problems[0]
+        known = any(_matches(name, header) for name in _names(columns))
+        if not known and "did you" not in first.problem:
+            problems = [InputError(first.parameter, first.problem + _no_header(header))]
+        raise ColumnsError(problems)
+    return parts, clock
 
 
 def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -> Clock | None:

@@ -53,6 +53,11 @@ class Outputs:
     deviations: list[int]
     converted: list[tuple[int, Conversion]]
 
+    def beside(self, column: int) -> int | None:
+        """The place of the standard deviation of a column, None if there is none."""
+        follows = column + 1 < len(self.columns) and self.columns[column + 1].deviation
+        return column + 1 if follows else None
+
     def numbers(self, y: Array, estimates: Mapping[str, Array]) -> Array:
         """The columns' values, shape (k, columns)."""
         parts = [estimates[name].reshape(len(y), -1) for name in self.sources]

@@ -171,12 +171,13 @@ class Plot:
         self._limit(ax, columns)
         for alarm in self.estimation.alarms:
             found = self.estimation.report.alarms[alarm.name]
-            if alarm.column in columns and found.threshold is not None:
+            if alarm.column in columns:
                 _, low, high = self._broken(alarm.column)
-                reached = np.nanmin(low) < found.mean, np.nanmax(high) > found.mean
-                for side, there in zip((-1, 1), reached, strict=True):
-                    bound, (bottom, top) = found.mean + side * found.threshold, ax.get_ylim()
+                for bound in found.bounds:
+                    lower, (bottom, top) = bound < found.mean, ax.get_ylim()
                     # A probability has no bound below zero; one far off would flatten the curves.
+                    reached = np.nanmin(low) < found.mean if lower else np.nanmax(high) > found.mean
+                    there = reached or found.threshold is None
                     if there and 2 * bottom - top <= bound <= 2 * top - bottom:
                         ax.axhline(bound, color="0.35", linestyle="--", linewidth=0.8)
                         ax.set_ylim(min(bottom, bound), max(top, bound))

@@ -57,7 +57,8 @@ class File:
         return self.path.suffix.lower()
 
     @property
-    def _columnar(self) -> bool:
+    def columnar(self) -> bool:
+        """True if it is no text."""
         return self._ending == ".parquet"
 
     def header(self) -> list[str]:
@@ -69,14 +70,15 @@ class File:
             If the file cannot be read or has none.
         """
         with self._located():
-            if self._columnar:
+            if self.columnar:
                 import pyarrow.parquet as parquet
 
                 return [str(name) for name in parquet.ParquetFile(self.path).schema_arrow.names]
-            return self._head().titles
+            return self.head().titles
 
-    def _head(self) -> Head:
-        lines = (line for _, text in self._texts(0, _HEAD) for line in _lines(text))
+    def head(self) -> Head:
+        """The lines above the rows of a text."""
+        lines = (line for _, text in self.texts(0, _HEAD) for line in lines_of(text))
         return read_head(lines, self.dialect, str(self.path))
 
     def blocks(
@@ -94,7 +96,7 @@ class File:
         """
         report = report or DataReport()
         with self._located():
-            if not self._columnar:
+            if not self.columnar:
                 yield from self._of_text(columns, clock, report)
                 return
             rows = 0
@@ -119,25 +121,26 @@ class File:
     def _of_text(
         self, columns: Sequence[str], clock: Clock | None, report: DataReport
     ) -> Iterator[Array]:
-        head = self._head()
+        head = self.head()
         for why, count in head.left_out.items():
             report.count(report.left_out, why, count)
-        rows = self._rows(head, columns, clock, report)
-        for above, text in self._texts(head.lines, self.block):
+        rows = self.rows(head, columns, clock, report)
+        for above, text in self.texts(head.lines, self.block):
             rows.line, counted, latest = above, dict(report.left_out), report.latest
             try:
                 values = self._at_once(rows, text)
             except ValueError:  # of pyarrow, too
                 rows.line, report.left_out, report.latest = above, counted, latest
-                read = map(rows.read, _lines(text))
+                read = map(rows.read, lines_of(text))
                 values = np.array([numbers for numbers in read if numbers is not None])
             if len(values):
                 yield values
         rows.finish()
 
-    def _rows(
+    def rows(
         self, head: Head, columns: Sequence[str], clock: Clock | None, report: DataReport
     ) -> TextRows:
+        """The reader of the rows of a text."""
         return TextRows(self.dialect, head, columns, clock, str(self.path), report)
 
     def _at_once(self, rows: TextRows, text: str) -> Array:
@@ -188,12 +191,12 @@ class File:
             raise ValueError
         return np.column_stack(read)
 
-    def _texts(self, above: int, block: int) -> Iterator[tuple[int, str]]:
+    def texts(self, above: int, block: int) -> Iterator[tuple[int, str]]:
         """Whole lines but the first ones ``above``, some at a time, and how many precede them."""
         number, rest = 0, ""
-        with self._bytes() as stream:
+        with self.opened() as stream:
             codec, errors = self.dialect.codec(stream.read(2))
-        with io.TextIOWrapper(self._bytes(), codec, errors, newline="") as stream:
+        with io.TextIOWrapper(self.opened(), codec, errors, newline="") as stream:
             while chunk := stream.read(block):
                 text = rest + chunk
                 end = text.rfind("\n") + 1
@@ -210,7 +213,8 @@ class File:
             if rest and number >= above:
                 yield number, rest
 
-    def _bytes(self) -> Any:
+    def opened(self) -> Any:
+        """The bytes in it, unpacked."""
         import pyarrow as pa
 
         gzipped = self._ending == ".gz"
@@ -218,12 +222,12 @@ class File:
 
     def line_of(self, row: int) -> int | None:
         """The line of a row in the file, both from 1 on, or None in a Parquet file."""
-        if self._columnar:
+        if self.columnar:
             return None
-        head = self._head()
-        rows = self._rows(head, (), None, DataReport())
-        for _, text in self._texts(head.lines, self.block):
-            for line in _lines(text):
+        head = self.head()
+        rows = self.rows(head, (), None, DataReport())
+        for _, text in self.texts(head.lines, self.block):
+            for line in lines_of(text):
                 row -= rows.row(line) is not None
                 if row == 0:
                     return rows.line
@@ -302,7 +306,7 @@ class File:
             raise InputError(str(self.path), f"cannot be read ({said[0]})") from None
 
 
-def _lines(text: str) -> Iterator[str]:
+def lines_of(text: str) -> Iterator[str]:
     """Lines with their ends, which are line feeds and nothing else."""
     return iter(io.StringIO(text, newline="\n"))
 

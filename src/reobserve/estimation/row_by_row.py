@@ -38,8 +38,8 @@ class RowByRow:
         self.stamp: int | None = None  # [ns], of the last row if it has a date
         self.short = (
             sampling.uneven == "refuse" and layout.timed and dialect.plain
-            and sampling.repeated != "spread" and not any(layout.holds)
-            and not any(layout.ranges) and not any(layout.periods)
+            and sampling.repeated != "spread"
+            and not any(layout.ranges) and not any(layout.periods) and not any(layout.holds)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
         self.y = np.empty((1, layout.measurements))

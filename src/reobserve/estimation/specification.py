@@ -8,7 +8,7 @@ columns:                                                 of the record, with the
 sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
 file: {skip: 2, comment: "#"}                            `reobserve.estimation.file_format`
 estimates: {state: {angle: rad, rate: rad/s}}            names and units of what has none
-alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
+alarms: [{name: fault, of: innovation wx, sigmas: 5}]
 smooth: false                                            true: each estimate from the whole record
 """
 
@@ -218,44 +218,75 @@ class Sampling:
 
 @dataclass(frozen=True)
 class StatedThreshold:
-    """An alarm where the size of an output column is ``above`` a value that is stated.
+    """An alarm where a column is ``above`` or ``below`` a value, or its absolute value ``beyond``.
 
+    With ``sigmas`` it must be so by that many of the standard deviations that the observer has for
+    the column in that row; alone, they are those by which it differs from zero. ``of: innovation``
+    and a measurement is the residual of that, where the observer predicts its deviation.
     It is not raised within ``start_up`` [s] of a start of the observer. Left out, that is how long
-    the observer needs to forget its start, `reobserve.estimation.alarms`; the report has it.
+    the observer needs to forget its start, `reobserve.estimation.start_up`, and 0 with ``sigmas``.
     """
 
     name: Name
     of: Name
-    above: Positive
+    above: float | None = None
+    below: float | None = None
+    beyond: Positive | None = None
+    sigmas: Positive | None = None
     start_up: NotNegative | None = None
+
+    def __post_init__(self) -> None:
+        sides = [side for side in ("above", "below") if getattr(self, side) is not None]
+        if sides and self.beyond is not None:
+            problem = "must be left out beside beyond, which is for both signs"
+            raise InputError(sides[0], problem)
+        if self.above is not None and self.below is not None and self.below >= self.above:
+            problem = (
+                f"{self.below:g} must be less than above, {self.above:g}, as the alarm is raised "
+                "outside of both; an alarm between two values is none"
+            )
+            raise InputError("below", problem)
+        if not sides and self.beyond is None and self.sigmas is None:
+            problem = (
+                "is missing: above, below, beyond or sigmas, or sigma and until for a threshold "
+                "that is learned, or a detector"
+            )
+            raise InputError("", f"a threshold {problem}")
 
 
 @dataclass(frozen=True)
 class LearnedThreshold:
     """An alarm ``sigma`` standard deviations off the mean, both of a stretch that is stated [s].
 
-    ``since`` and ``until`` [s] count from the first estimate; ``start_up`` is as for thresholds
-    that are stated.
+    ``since`` and ``until`` are [s] from the first estimate on, or dates; ``start_up`` is as for
+    thresholds that are stated.
     """
 
     name: Name
     of: Name
     sigma: Positive
-    until: Positive
-    since: NotNegative = 0.0
+    until: Positive | str
+    since: NotNegative | str = 0.0
     start_up: NotNegative | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.since, str) or isinstance(self.until, str):
+            return  # which are compared with the record's first date
         if not self.since < self.until:
             raise InputError("until", f"{self.until:g} s must be after since, {self.since:g} s")
 
 
-# Distinguished by the key that states a threshold, or a detector that has one.
+# Distinguished by the key that states a detector, or that a threshold is learned.
 Alarm = Annotated[
     Annotated[StatedThreshold, form("stated threshold")]
     | Annotated[DetectorRule, form("detector")]
     | Annotated[LearnedThreshold, form("learned threshold")],
-    having({"above": "stated threshold", "detector": "detector"}, "learned threshold"),
+    having(
+        {"detector": "detector"}
+        | dict.fromkeys(("above", "below", "beyond", "sigmas"), "stated threshold")
+        | dict.fromkeys(("sigma", "since", "until"), "learned threshold"),
+        "stated threshold",
+    ),
 ]
 
 

@@ -144,7 +144,7 @@ class TextRows:
             hint = "; it has no line end: with file.tail: drop it is left out"
         elif not any(map(self._is_number, cells)):
             hint = "; if it is no row, file.comment may state how such lines begin"
-        elif self._is_first:
+        elif self.is_first:
             hint = (
                 f"; if the header is wrong, file.skip: {self.line - 1} leaves it out and "
                 "file.names states the columns"
@@ -163,16 +163,22 @@ class TextRows:
             If a cell spells something else, with the key that would read it.
         """
         found = []
-        for column, place in enumerate(self.places):
+        for column in range(len(self.places)):
             try:
-                if self.clock is not None and column == 0:
-                    found.append(self.time([cells[one] for one in self.clocks]))
-                else:
-                    found.append(self.dialect.number(cells[place]))
-            except ValueError as error:
-                self._hold(self._refusal(column, cells, error))
+                found.append(self.number(column, cells))
+            except InputError as error:
+                self._hold(error)
                 return None
         return found
+
+    def number(self, column: int, cells: list[str]) -> float:
+        """The number in one of the columns to read (raises as `numbers`)."""
+        try:
+            if self.clock is not None and column == 0:
+                return self.time([cells[one] for one in self.clocks])
+            return self.dialect.number(cells[self.places[column]])
+        except ValueError as error:
+            raise self._refusal(column, cells, error) from None
 
     def read(self, line: str) -> list[float] | None:
         """The numbers in a line, None if it is left out (raises as `row`, `cells`, `numbers`)."""
@@ -260,7 +266,7 @@ class TextRows:
         else:
             hint = "" if isinstance(error, InputError) else _hint(cell, self.dialect.decimal)
             digit = cell.strip(' "')[:1].isdigit()
-            if not (hint or digit or any(map(self._is_number, cells))) and self._is_first:
+            if not (hint or digit or any(map(self._is_number, cells))) and self.is_first:
                 hint = "; if the line states units, file.below_header: [units] reads it"
                 if self.dialect.file.names:
                     hint = f"; if the line is a header, file.skip: {self.line} leaves it out"
@@ -269,7 +275,8 @@ class TextRows:
         return InputError(self.place, problem + hint)
 
     @property
-    def _is_first(self) -> bool:
+    def is_first(self) -> bool:
+        """True in the first line below the header."""
         return self.line == self.head.lines + 1
 
 

@@ -11,11 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.validation import parse
-from reobserve.estimation.alarms import Alarm, start_up
+from reobserve.estimation.alarms import Alarm
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import AlarmReport, DataReport
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.specification import Specification, StatedThreshold
+from reobserve.estimation.start_up import start_up
 from tests.reobserve.estimation.records import read_results, write_record
 
 Array = NDArray[np.float64]
@@ -28,9 +29,13 @@ def followed(values: Array, sigmas: Array | None = None, **rule: Any) -> AlarmRe
     block."""
     reports = []
     for size in (3, len(values)):
-        report = DataReport(alarms={"large": AlarmReport("V", rule.get("start_up", 0.0))})
+        report = DataReport(
+            alarms={"large": AlarmReport("V", rule.get("start_up", 0.0), threshold=1.0)}
+        )
         report.alarms["large"].started = 0.0
-        alarm = Alarm(StatedThreshold("large", "u", 1.0), 0, None if sigmas is None else 1, PERIOD)
+        alarm = Alarm(
+            StatedThreshold("large", "u", beyond=1.0), 0, None if sigmas is None else 1, PERIOD
+        )
         table = np.column_stack([values, values if sigmas is None else sigmas])
         for k in range(0, len(values), size):
             time = PERIOD * np.arange(k, min(k + size, len(values)))
@@ -84,7 +89,7 @@ def test_start_up_time_agrees_with_closed_form(pole: float) -> None:
     def run(y: Array) -> Array:
         return np.column_stack([y[0, 0] * pole ** np.arange(len(y)), np.zeros(len(y))])
 
-    rows = start_up(run, 1, 2)
+    rows = start_up(run, 1, [None, None])
     assert rows.tolist() == [int(np.ceil(np.log(0.01) / np.log(abs(pole)))) + 1, 100]
 
 
@@ -98,7 +103,7 @@ def luenberger(alarm: dict[str, Any]) -> Specification:
             "time": {"column": "t"}, "measurements": [{"column": "level", "unit": "m"}],
         },
         "sampling": {"period": PERIOD, "missing": "interpolate", "at_gap": "restart"},
-        "alarms": [{"name": "off", "of": "residual level", "above": 0.2, **alarm}],
+        "alarms": [{"name": "off", "of": "residual level", "beyond": 0.2, **alarm}],
     }  # fmt: skip
     return parse(Specification, tree)
 

@@ -7,8 +7,8 @@ from reobserve.estimation.data_report import (
     AlarmReport,
     DataReport,
     Interval,
-    as_table,
 )
+from reobserve.estimation.report_table import as_table
 
 
 def test_report_of_a_complete_record_has_four_lines() -> None:
@@ -43,7 +43,7 @@ def test_report_lists_alarms() -> None:
     odd = AlarmReport("rad/s", 0.5, True, 0.75, rows=4, first=1.5, learned=40, mean=0.25)
     odd.current = Interval(1.5, 1.8)
     for value in (1.0, 2.0, -3.0, 2.0):
-        odd.current.add(value, 0.25, 0.25)
+        odd.current.add(value, 0.25, odd.excess)
     quiet = AlarmReport("1", 0.0, threshold=0.5)
     early = AlarmReport("V", 0.0, True)
     blind = AlarmReport("V", 0.0, True, learned=1, ready=True)

@@ -131,6 +131,30 @@ def test_stream_of_dates_can_be_resumed(expected: str, tmp_path: Path) -> None:
     assert in_seconds(out + reader.finish()) == expected
 
 
+@pytest.mark.parametrize("unit", ["Z", "", "+01:00"])
+def test_thresholds_are_learned_between_dates(unit: str, tmp_path: Path) -> None:
+    """As between seconds after the first estimate."""
+    (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(SPELLINGS["UTC"])))
+    hour = START + timedelta(hours=unit == "+01:00")
+    dates = [
+        f"{(hour + timedelta(seconds=past)).replace(tzinfo=None).isoformat()}{unit}"
+        for past in (0.2, 0.7)
+    ]
+    found = []
+    for since, until in ((0.2, 0.7), dates):
+        alarms = [{"name": "odd", "of": "residual v", "sigma": 1.0, "since": since, "until": until}]
+        stated = specification(
+            "levant", columns={"time": {"column": "t", "unit": "iso8601"},
+                               "measurements": [{"column": "v"}]},
+            sampling={"period": PERIOD, "missing": "interpolate", "gap": 0.1, "at_gap": "restart"},
+            alarms=alarms,
+        )  # fmt: skip
+        made = estimate_file(stated, tmp_path / "r.csv", tmp_path / "e.csv")
+        found.append(((tmp_path / "e.csv").read_bytes(), made.report.alarms["odd"].learned))
+    assert found[0] == found[1]
+    assert found[0][1] > 20
+
+
 @pytest.mark.parametrize("zone", [None, "UTC", "Europe/Berlin"])
 def test_parquet_results_have_dates(zone: str | None, tmp_path: Path) -> None:
     """Pandas joins them to the record by its own timestamps."""

@@ -238,9 +238,9 @@ UNFORESEEN = "is wrong, or there is a fault from early on"
         ("kalman", "speed", 6.0, "times what the filter predicts in the second half of the first"),
         ("kalman", "speed", 0.0, "times what the filter predicts in the second half of the first"),
         ("augmented-kalman", "speed", 0.0, "times what the filter predicts"),
-        ("luenberger-gain", "speed", -1.0, "% of what is measured in the second half of the first"),
-        ("luenberger", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
-        ("eso", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
+        ("luenberger-gain", "speed", -1.0, "% of the spread of what is measured in the second"),
+        ("luenberger", "speed", 0.0, "far more than 100 % of the spread of what is measured"),
+        ("eso", "speed", 0.0, "far more than 100 % of the spread of what is measured"),
     ],
 )
 def test_record_contradicting_the_model_is_reported(

@@ -20,7 +20,7 @@ def inputs(*given: dict[str, Any]) -> dict[str, Any]:
 
 
 CHAIN = {"transition": [[0.9, 0.1], [0.1, 0.9]]}
-ALARM = {"name": "fast", "of": "speed", "above": 1.0}
+ALARM = {"name": "fast", "of": "speed", "beyond": 1.0}
 AXES = [{"column": one, "unit": "rpm", "model_unit": "rpm"} for one in ("wx", "wy", "wz")]
 REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("kalman", {"columns": {"measurements": []}}, "columns.measurements: are none, must be one or"),

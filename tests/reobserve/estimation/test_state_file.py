@@ -14,9 +14,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError, ReobserveError
-from reobserve.estimation.data_report import as_json, as_table
+from reobserve.estimation.data_report import as_json
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.families.examples import simulated
+from reobserve.estimation.report_table import as_table
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.state_file import _content, _plain, load_state, save_state
 from tests.reobserve.estimation.records import specification

@@ -91,7 +91,7 @@ class AugmentedKalmanDesign(FilterDesign):
             + "  unknown_inputs: {voltage_lost: V}\n"
             "  fault_matrix: [[0.0], [20.0]]   # how it enters the states, as B\n"
             "  random_walk: 1.0e-3        # variance of its random walk per sample [V^2]\n",
-            "  - {name: weak, of: voltage_lost, above: 1.0}\n",
+            "  - {name: weak, of: voltage_lost, beyond: 1.0}\n",
         ),
         "augmented-kalman-bias": Example(
             "biased_motor",
@@ -101,7 +101,7 @@ class AugmentedKalmanDesign(FilterDesign):
             "  fault_matrix: [[0.0], [0.0]]    # it does not enter the states,\n"
             "  output_fault_matrix: [[1.0], [0.0]] # but adds to the first measurement\n"
             "  random_walk: 1.0e-4        # variance of its random walk per sample [(rad/s)^2]\n",
-            "  - {name: biased, of: speed_offset, above: 0.5}\n",
+            "  - {name: biased, of: speed_offset, beyond: 0.5}\n",
         ),
     }  # fmt: skip
 

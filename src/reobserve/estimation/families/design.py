@@ -212,6 +212,10 @@ class Design(ABC):
         """
         return None
 
+    def residual_variance(self, estimates: Estimates) -> Array | None:
+        """The variances, shape (k, p), that were predicted for the residual, None if none were."""
+        return None
+
     @abstractmethod
     def certify(self) -> Certificate:
         """Compute the certificate of system and gains.

@@ -71,7 +71,7 @@ observer:
     L: [[23.3, 494], [6.4, 206], [132, -103], [-30.3, 420], [1.96, 166], [133, -457]]
     Ld: [[0.337, 6.95], [0.168, 2.7], [2.03, -0.814], [-0.276, 4.65], [0.176, 2.32], [2.06, -6.75]]
 """
-_ALARM = "  - {name: weak, of: voltage_lost, above: 1.0}\n"
+_ALARM = "  - {name: weak, of: voltage_lost, beyond: 1.0}\n"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

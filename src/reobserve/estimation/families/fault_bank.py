@@ -108,7 +108,7 @@ class FaultBankDesign(FilterDesign):
             "  jump: 20.0                 # what it gains in a second in a jump [V per sqrt(s)]\n"
             "  jump_rate: 0.1             # jumps a second\n"
             "  jump_time: 0.05            # mean time [s] that one takes\n",
-            "  - {name: weak, of: voltage_lost, above: 1.0}\n",
+            "  - {name: weak, of: voltage_lost, beyond: 1.0}\n",
         ),
     }  # fmt: skip
 

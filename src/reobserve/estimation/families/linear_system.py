@@ -148,6 +148,14 @@ class FilterDesign(Design):
         known = isinstance(observer, GaussianFilter) and self.sigmas
         return innovation_deviation(observer, state) if known else None
 
+    def residual_variance(self, estimates: Estimates) -> Array | None:
+        """The diagonal of the innovation covariance, if the noise is stated and there is one."""
+        if "innovation_covariance" not in estimates or not hasattr(
+            self.system, "initial_covariance"
+        ):
+            return None
+        return estimates["innovation_covariance"].diagonal(axis1=-2, axis2=-1)
+
     @property
     def unseen(self) -> tuple[str, ...]:
         """Modes that stay as they start."""

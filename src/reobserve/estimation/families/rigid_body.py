@@ -29,7 +29,7 @@ def three(place: str, value: Mapping[str, str]) -> None:
 
 BODY = "  inertia: [[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]]   # [kg m^2]\n"
 ALARMS = """\
-  - {name: leak, of: fault_1, above: 0.2}                      # [N m], as stated
+  - {name: leak, of: fault_1, beyond: 0.2}                     # [N m], as stated
   - {name: odd, of: residual wx, sigma: 6, since: 1, until: 4} # learned from 1 s to 4 s
 """
 
