@@ -188,8 +188,7 @@ class Alarm:
         """The stretch that sets a threshold, in seconds after the first estimate."""
         place = f"alarms: {self.name}"
         since, until = (
-            stated if not isinstance(stated, str)
-            else 0.0 if self.dates is None
+            stated if not isinstance(stated, str) else 0.0 if self.dates is None
             else self.dates.at(f"{place}: {key}", stated, report) - first
             for key, stated in (("since", rule.since), ("until", rule.until))
         )  # fmt: skip
