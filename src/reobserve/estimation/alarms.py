@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.estimation.clock import Dates
-from reobserve.estimation.data_report import AlarmReport, DataReport, Interval
+from reobserve.estimation.data_report import QUIET, AlarmReport, DataReport, follow
 from reobserve.estimation.detector_alarms import (
     PREDICTING,
     DetectorAlarm,
@@ -34,7 +34,6 @@ from reobserve.estimation.start_up import NEAR
 Array = NDArray[np.float64]
 
 FEW = 20  # values, whose standard deviation is itself off by a sixth
-QUIET = 10.5  # periods without an alarm, after which an interval has ended
 _ROUNDING = 1e-9
 _CREDIBLE = 5.0  # standard deviations beyond a threshold, which raise an alarm in the start-up
 
@@ -287,31 +286,6 @@ def _grown(missing: NDArray[np.bool_], sigmas: Array, found: AlarmReport) -> Arr
             if found.near > QUIET:
                 found.before_gap, found.settled = None, sigma
     return grown
-
-
-def follow(
-    time: Array, values: Array, deviations: Array | None, raised: Array, found: AlarmReport,
-    period: float,
-) -> None:  # fmt: skip
-    """Add rows to intervals: interruptions that are shorter than ten periods belong to them."""
-    for k in range(len(time)):
-        now, on, one = float(time[k]), raised[k] == 1.0, found.current
-        if one is not None and now - one.end > QUIET * period:
-            found.close()
-            one = None
-        if on and one is None:
-            one = found.current = Interval(now, now)
-            found.first = now if found.first is None else found.first
-        if one is not None and not np.isnan(values[k]):
-            sigma = None if deviations is None else float(deviations[k])
-            found.waiting.append([float(values[k]), sigma])
-        if on and one is not None:
-            found.rows += 1
-            one.end = now
-            for value, sigma in found.waiting:
-                assert value is not None
-                one.add(value, sigma, found.excess)
-            found.waiting.clear()
 
 
 def alarms(

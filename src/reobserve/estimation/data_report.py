@@ -8,9 +8,15 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from reobserve.estimation.dates import SECOND, spelled
 
+Array = NDArray[np.float64]
+
 _FAST = 1e-5  # [s], of which microseconds are not enough
+QUIET = 10.5  # periods without an alarm, after which an interval has ended
 MOST_LISTED = 50  # gaps and other events that are listed one by one
 
 
@@ -142,6 +148,31 @@ class AlarmReport:
         }  # fmt: skip
 
 
+def follow(
+    time: Array, values: Array, deviations: Array | None, raised: Array, found: AlarmReport,
+    period: float,
+) -> None:  # fmt: skip
+    """Add rows to intervals: interruptions that are shorter than ten periods belong to them."""
+    for k in range(len(time)):
+        now, on, one = float(time[k]), raised[k] == 1.0, found.current
+        if one is not None and now - one.end > QUIET * period:
+            found.close()
+            one = None
+        if on and one is None:
+            one = found.current = Interval(now, now)
+            found.first = now if found.first is None else found.first
+        if one is not None and not np.isnan(values[k]):
+            sigma = None if deviations is None else float(deviations[k])
+            found.waiting.append([float(values[k]), sigma])
+        if on and one is not None:
+            found.rows += 1
+            one.end = now
+            for value, sigma in found.waiting:
+                assert value is not None
+                one.add(value, sigma, found.excess)
+            found.waiting.clear()
+
+
 @dataclass
 class DataReport:
     """Counts over a record, ``columns`` by the name of the column, times in [s] of the record.
@@ -163,6 +194,7 @@ class DataReport:
     single: int = 0  # intervals of one period
     jitter: float = 0.0
     lost: int = 0  # rows that the timestamps say are missing
+    filling: int = 0  # of these, those that policies may fill
     repeated: int = 0
     unstamped: int = 0
     before_start: int = 0
@@ -262,7 +294,7 @@ class DataReport:
         return (self.last - self.first) / slots
 
 
-_INTERNAL = ("single", "angles", "levels", "latest", "shift", "origin", "period")
+_INTERNAL = ("single", "angles", "levels", "filling", "latest", "shift", "origin", "period")
 _TIMES = ("first", "last", "earlier", "gaps", "start", "end")
 
 

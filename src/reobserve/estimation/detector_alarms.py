@@ -20,7 +20,7 @@ from reobserve.detection.innovation_tests import cusum
 from reobserve.detection.normalised_squares import normalised_innovations
 
 if TYPE_CHECKING:
-    from reobserve.estimation.data_report import AlarmReport, DataReport
+    from reobserve.estimation.data_report import AlarmReport, DataReport, follow
 
 Array = NDArray[np.float64]
 
@@ -76,8 +76,6 @@ class DetectorAlarm:
         self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
     ) -> Array:
         """1 where the alarm is raised, 0 where not."""
-        from reobserve.estimation.alarms import follow
-
         found = report.alarms[self.name]
         statistic = self._statistic(estimates, found)
         assert found.threshold is not None

@@ -72,7 +72,8 @@ class RowByRow:
                     return self._short(numbers)
             return self._long(cells)
         except RowError as error:  # of this row, as the estimation takes one at a time
-            raise error.at_line(self.rows.line) from None
+            waited = max(self.estimation.report.rows - error.row, 0)
+            raise error.at_line(self.rows.line - waited) from None
 
     def _time(self, cells: list[str]) -> float:
         clock, report = self.rows.clock, self.estimation.report
@@ -87,6 +88,8 @@ class RowByRow:
         made = self.estimation
         report, gaps = made.report, made.gaps
         if report.rows < _PATIENCE or not gaps.started or gaps.in_gap or report.last is None:
+            return False
+        if len(made.timestamps.early_time):
             return False
         if len(made.interpolation.asked) or not math.isfinite(sum(numbers)):
             return False

@@ -38,6 +38,8 @@ class _Timestamps:
     grid: Annotated[list[float], items(2, 2)]
     held_time: list[float]
     held_values: list[list[float]]
+    early_time: list[float]
+    early_values: list[list[float]]
 
 
 @dataclass
@@ -95,9 +97,16 @@ def save_state(
         "timestamps": _plain(
             _Timestamps(
                 clock.begun,
-                clock.grid.tolist(),
-                clock.held_time.tolist(),
-                clock.held_values.tolist(),
+                *(
+                    part.tolist()
+                    for part in (
+                        clock.grid,
+                        clock.held_time,
+                        clock.held_values,
+                        clock.early_time,
+                        clock.early_values,
+                    )
+                ),
             )
         ),
         "gaps": _plain(_Gaps(gaps.last, gaps.started, gaps.in_gap)),
@@ -150,7 +159,11 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, s
     alarms = estimation.report.alarms
     if saved.report.alarms.keys() != alarms.keys():
         raise InputError("report.alarms", f"must be those of the specification: {list(alarms)}")
-    held = _held(saved.timestamps, len(estimation.interpolation.held))
+    width, rows = len(estimation.interpolation.held), saved.timestamps
+    held = _rows("held", rows.held_time, rows.held_values, width)
+    if len(set(rows.held_time)) > 1:
+        raise InputError("timestamps.held_time", "must be finite, and one time")
+    early = _rows("early", rows.early_time, rows.early_values, width)
     arrays = _interpolation(saved.interpolation, len(estimation.interpolation.held))
     state = None
     if given["observer"] is not None:
@@ -166,23 +179,27 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, s
     estimation.state = state
     estimation.timestamps.begun[:], estimation.timestamps.grid[:] = begun, grid
     estimation.timestamps.held_time, estimation.timestamps.held_values = held
+    estimation.timestamps.early_time, estimation.timestamps.early_values = early
     vars(estimation.gaps).update(vars(saved.gaps))
     vars(estimation.interpolation).update(arrays)
     vars(estimation.report).update(vars(saved.report))
     return saved.offset, saved.line
 
 
-def _held(saved: _Timestamps, columns: int) -> tuple[Array, Array]:
-    """Rows that share a timestamp, and wait for the next one."""
-    time, rows = np.array(saved.held_time, dtype=np.float64), saved.held_values
-    if not np.isfinite(time).all() or len(set(saved.held_time)) > 1:
-        raise InputError("timestamps.held_time", "must be finite, and one time")
+def _rows(
+    name: str, times: list[float], rows: list[list[float]], columns: int
+) -> tuple[Array, Array]:
+    """Rows that wait for others, and their times."""
+    time = np.array(times, dtype=np.float64)
+    if not np.isfinite(time).all():
+        one = ", and one time" if name == "held" else ""
+        raise InputError(f"timestamps.{name}_time", f"must be finite{one}")
     if len(rows) != len(time) or any(len(row) != columns for row in rows):
         problem = f"must have {len(time)} rows of {columns} numbers"
-        raise InputError("timestamps.held_values", problem)
+        raise InputError(f"timestamps.{name}_values", problem)
     values = np.array(rows, dtype=np.float64).reshape(len(time), columns)
     if np.isinf(values).any():
-        raise InputError("timestamps.held_values", "must not be infinite")
+        raise InputError(f"timestamps.{name}_values", "must not be infinite")
     return time, values
 
 

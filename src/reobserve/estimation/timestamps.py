@@ -20,8 +20,10 @@ __all__ = ["Timestamps", "UnevenError", "least_jitter"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-MOST_SLOTS = 1_000_000  # in one gap
+MOST_SLOTS = 1_000_000  # in one gap, and beyond one a row in all
 _LOOKED_AT = 20  # intervals, before the period is checked
+_FINER = 10  # slots a row, if rows are resampled
+_LONG = 100  # slots in a gap that are not filled before
 _WRONG = 0.25  # how far their median may be off, which jitter moves by less
 _HOUR = 3600.0  # [s]
 _ROUNDING = 1e-6  # in periods
@@ -45,6 +47,9 @@ class Timestamps:
     # Rows with the last timestamp: all that wait for the next one where they are spread, or one.
     held_time: Array = field(default_factory=lambda: np.empty(0))
     held_values: Array = field(default_factory=lambda: np.empty((0, 0)))
+    # The first rows, if a long gap is among them, until the period is checked.
+    early_time: Array = field(default_factory=lambda: np.empty(0))
+    early_values: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def _bridged(self) -> int:
@@ -72,7 +77,7 @@ class Timestamps:
         if sampling.repeated == "spread":
             rows -= len(self.held_time)
             time, values = self._spread(time, values, rows)
-        return self._taken(time, values, rows)
+        return self._checked(time, values, rows)
 
     def finish(self) -> tuple[Array, Array, Array]:
         """The same of rows that wait for a timestamp which does not come."""
@@ -80,7 +85,7 @@ class Timestamps:
         held = len(self.held_time) if spread else 0
         time = self.held_time[:held] + self.sampling.period * np.arange(held)
         report.repeated += max(held - 1, 0)
-        found = self._taken(time, self.held_values[:held], report.rows - held)
+        found = self._checked(time, self.held_values[:held], report.rows - held, True)
         median = float(np.median(self.begun)) if self.begun else np.inf
         if self.sampling.uneven != "refuse" and median < self.sampling.period / 1.5:
             report.warn(
@@ -122,6 +127,56 @@ class Timestamps:
         self.report.repeated += int((n - 1).sum())
         return np.repeat(start, n) + np.repeat(step, n) * place, values[: begins[-1]]
 
+    def _checked(
+        self, time: Array, values: Array, rows: int, final: bool = False
+    ) -> tuple[Array, Array, Array]:
+        """The rows to use, none as long as a gap is filled only if the period is right."""
+        if waiting := len(self.early_time):
+            time = np.concatenate([self.early_time, time])
+            values = np.concatenate([self.early_values, values]) if len(values) else (
+                self.early_values
+            )  # fmt: skip
+        known = [] if self.report.last is None else [self.report.last]
+        steps = np.diff(np.concatenate([known, time]))
+        early = len(self.begun) + np.count_nonzero(steps > 0) < _LOOKED_AT
+        if early and not final and (self._filled(steps) > _LONG).any():
+            self.early_time, self.early_values = time.copy(), values.copy()
+            return time[:0], values[:0], time[:0]
+        self.early_time, self.early_values = time[:0].copy(), values[:0].copy()
+        return self._taken(time, values, rows - waiting)
+
+    def _filled(self, steps: Array) -> Array:
+        """The slots between rows that policies may fill."""
+        most = np.inf if self.sampling.at_gap == "coast" else float(self._bridged)
+        found: Array = np.clip(np.floor(steps / self.sampling.period - 0.5), 0.0, most)
+        return found
+
+    def _check_filled(self, steps: Array) -> None:
+        """Refuse to fill more slots in all gaps together than rows are worth, and a million.
+
+        Raises
+        ------
+        InputError
+            If there are more, or the period is not that of the timestamps.
+        """
+        sampling, report = self.sampling, self.report
+        filled = self._filled(steps)
+        report.filling += int(min(filled.sum(), 1e15))
+        share = 1 if sampling.uneven == "refuse" else _FINER
+        if report.filling <= MOST_SLOTS + share * report.rows:
+            return
+        self.check_period()
+        coast = sampling.at_gap == "coast"
+        key, hint = "gap", "a shorter one fills fewer"
+        if coast:
+            key, hint = "at_gap", "restart fills none"
+        raise InputError(
+            f"sampling.{key}",
+            f"{sampling.at_gap if coast else f'{sampling.longest:g} s'} would fill "
+            f"{report.filling} sampling periods of {sampling.period:g} s in the gaps of "
+            f"{self.place}; {MOST_SLOTS} and {share} for each row are the most; {hint}",
+        )
+
     def _taken(self, time: Array, values: Array, rows: int) -> tuple[Array, Array, Array]:
         report, even = self.report, self.sampling.uneven == "refuse"
         begin = [] if report.last is None else [report.last]
@@ -137,6 +192,7 @@ class Timestamps:
             return time, values, time
         self._check_hour(steps, time, rows)
         self._look(steps)
+        self._check_filled(steps)
         slots = self._even(steps, time, rows) if even else self._regular(time, steps)
         if report.first is None:
             report.first = float(time[0])
@@ -217,7 +273,7 @@ class Timestamps:
         median, period = float(np.median(self.begun)), self.sampling.period
         ratio = median / period
         even = self.sampling.uneven == "refuse"
-        if abs(ratio - 1.0) > _WRONG if even else not 0.1 <= ratio <= 10.0:
+        if abs(ratio - 1.0) > _WRONG if even else not 1 / _FINER <= ratio <= _FINER:
             hint = f" ({RESAMPLING})" if even else ""
             raise InputError(
                 "sampling.period",
