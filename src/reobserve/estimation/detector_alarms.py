@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,7 @@ from reobserve.core.validation import Count, Positive, checked
 from reobserve.detection.detectors import chi_square_window, cusum_of_mean, glr_of_mean
 from reobserve.detection.innovation_tests import cusum
 from reobserve.detection.normalised_squares import normalised_innovations
-
-if TYPE_CHECKING:
-    from reobserve.estimation.data_report import AlarmReport, DataReport, follow
+from reobserve.estimation.data_report import AlarmReport, DataReport, follow
 
 Array = NDArray[np.float64]
 
