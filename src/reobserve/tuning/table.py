@@ -31,7 +31,7 @@ _NOTES = {  # of columns of the summary
     "lag": "lag: the delay of the truth that fits the estimate best, the first minimum of the "
     "squared error, mean over the records of the first column.",
     "95 %": "95 %: this quantile of the error, over the root mean square of the truth.",
-    "missed": "missed: share of records without an alarm.",
+    "missed": "missed: share of records without an alarm in time.",
     "NEES": "NEES: mean of (estimate - truth)^2 over its variance, 1 if the variance is right.",
 }
 _WITHIN = Kind(lambda cell: cell in ("yes", "no", "undecided"), "yes, no or undecided")
