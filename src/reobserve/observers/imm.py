@@ -163,16 +163,19 @@ class IMM(Observer[ImmState]):
             problem = "must be left out: it is for banks of Kalman filters on linear models"
             raise InputError("noise_memory", problem)
         first = self._linear[0].model.R
-        problems = []
         for j, one in enumerate(self._linear):
             if not np.array_equal(one.model.R, first):
                 raise InputError("noise_memory", f"must be left out: filters[{j}] has another R")
+        refused: InputError | None = None
+        for one in self._linear:
             try:
                 replace(one, noise_memory=self.noise_memory)
             except InputError as error:
-                problems.append(error)
-        if len(problems) == len(self._linear):
-            raise problems[0]
+                refused = refused or error
+            else:
+                return
+        assert refused is not None
+        raise refused
 
     @property
     def _periods(self) -> Mapping[str, Array]:

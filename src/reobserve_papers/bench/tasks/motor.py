@@ -20,6 +20,7 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
@@ -158,6 +159,31 @@ def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     return run
 
 
+def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """Faults that drift or jump: quiet, the actuator's jumps, the sensor's jumps.
+
+    ``drift`` [1/s / sqrt(s)] and ``jump`` [1 / sqrt(s)] are those of faults over the largest ones,
+    ``rate`` of jumps [1/s] and ``burst`` [s] those of `FaultBank`; with ``memory`` [s] it estimates
+    R, from that of ``noise`` on.
+    """
+    A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
+    Q = DD**2 @ np.square(plant.disturbance) * plant.hold / 3.0 * period
+    model = LinearModel(A, B, np.eye(2), None, Q, noise**2, sampling_period=period)
+    largest = np.array(plant.largest)
+    drift = np.array([s["drift_actuator"], s["drift_sensor"]]) * largest
+    bank = FaultBank(
+        model, np.hstack([B, NONE]), drift, s["jump"] * largest, s["rate"], s["burst"],
+        np.hstack([NONE, FS]), noise_memory=s.get("memory"),
+    )  # fmt: skip
+
+    def run(record: TaskRecord) -> Array:
+        y, u = record.measurements, record.inputs
+        start = bank.init(y[0], noise**2, fault_covariance=0.0, rate_covariance=0.0)
+        return estimates_of(bank, "fault", y, u, state=start) / plant.largest
+
+    return run
+
+
 def with_fault_states(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     """The state of x(k+1) = A x + B (u + fa), y = x + Fs fs with constant faults, by four poles."""
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
@@ -206,6 +232,7 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "pi_feasible": partial(by_lmi, "pi_feasible"),
     "pi_riccati": by_riccati,
     "random_walk": random_walk,
+    "fault_bank": fault_bank,
     "luenberger": with_fault_states,
     "inverted": inverted,
 }

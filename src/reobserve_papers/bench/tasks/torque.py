@@ -21,6 +21,7 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, array
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
@@ -147,6 +148,33 @@ def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     return run
 
 
+def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """A bank of a fault that drifts or jumps on each axis of J s, z' = f, noise^2 (J J')_ii.
+
+    ``drift`` [N m/s / sqrt(s)], ``jump`` [N m / sqrt(s)], ``rate`` of jumps [1/s] and ``burst`` [s]
+    are those of `FaultBank`; with ``memory`` [s] it estimates R, from that of ``noise`` on.
+    """
+    J = np.array(plant.inertia)
+    variances = noise**2 * (J**2).sum(axis=1)
+    axes = [
+        FaultBank(
+            LinearModel([[1.0]], None, [[1.0]], None, 0.0, one, sampling_period=period),
+            [[period]], s["drift"], s["jump"], s["rate"], s["burst"],
+            noise_memory=s.get("memory"),
+        )
+        for one in variances
+    ]  # fmt: skip
+
+    def run(record: TaskRecord) -> Array:
+        z, found = unexplained(plant, record, period) @ J.T, np.empty(record.truth.shape)
+        for i, bank in enumerate(axes):
+            start = bank.init(z[0, [i]], variances[i], fault_covariance=0.0, rate_covariance=0.0)
+            found[:, [i]] = estimates_of(bank, "fault", z[:, i], state=start)
+        return found
+
+    return run
+
+
 def filtered_difference(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     """J (s(k) - s(k-1)) / T through a low-pass of first order with the time constant ``lag``."""
     from scipy.signal import lfilter
@@ -184,6 +212,7 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "adaptive": _observer(adaptive),
     "random_walk": random_walk,
     "with_a_rate": with_a_rate,
+    "fault_bank": fault_bank,
     "filtered_difference": filtered_difference,
     "levant": levant,
 }
