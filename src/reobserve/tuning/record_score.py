@@ -3,6 +3,11 @@
 The error is the root of sum |estimate - truth|^2 over sum |truth|^2: an estimate of zero has 1. A
 record that states its ``size`` has that in place of the root mean square of its truth.
 Nothing counts as more than `WORST`, which is also the error of a run that failed.
+
+The normalised squared error of estimates with covariances P (NEES) is the mean over rows of
+(estimate - truth)^T P^-1 (estimate - truth) / q for q components, which is 1 if P is right
+(Bar-Shalom, Li & Kirubarajan 2001, 5.4). Rows in which P is singular are left out, such as a start
+that is known exactly.
 """
 
 from __future__ import annotations
@@ -12,19 +17,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reobserve.tuning.task import Array, Runner, Task, TaskRecord
+from reobserve.core.errors import InputError
+from reobserve.tuning.task import Array, Estimates, Runner, Task, TaskRecord
 
 WORST = 3.0
+_SINGULAR = 1e-12  # the smallest eigenvalue of the correlations in a row that counts
 
 
 @dataclass(frozen=True)
 class Score:
-    """Score of a record: error, lag [s], and 95 % quantile of |error| over rms of truth."""
+    """Score of a record: error, lag [s], and 95 % quantile of |error| over rms of truth.
+
+    ``nees`` is the mean normalised squared error of a component, nan without covariances.
+    """
 
     error: float
     lag: float = np.nan
     quantile: float = np.nan
     failed: bool = False
+    nees: float = np.nan
 
 
 def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True) -> Score:
@@ -32,7 +43,8 @@ def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True
 
     Without ``details`` there is only the error: the lag takes as long as many methods.
     """
-    estimate = run(record)
+    found = run(record)
+    estimate = found.values if isinstance(found, Estimates) else found
     if not np.isfinite(estimate).all():
         return Score(np.nan, failed=True)
     first = int(np.searchsorted(record.time, since - 1e-9))
@@ -43,7 +55,27 @@ def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True
         return Score(float(error))
     rms = np.sqrt(power / len(wrong))
     lag = _lag(estimate, record.truth, first) * float(np.median(np.diff(record.time)))
-    return Score(float(error), lag, float(np.quantile(wrong, 0.95) / rms))
+    nees = _nees(found, record.truth, first) if isinstance(found, Estimates) else np.nan
+    return Score(float(error), lag, float(np.quantile(wrong, 0.95) / rms), nees=nees)
+
+
+def _nees(found: Estimates, truth: Array, first: int) -> float:
+    shapes, q = (truth.shape, (*truth.shape, truth.shape[1])), truth.shape[1]
+    if found.covariances.shape not in shapes:
+        problem = f"have the shape {found.covariances.shape}, must have {shapes[0]} or {shapes[1]}"
+        raise InputError("covariances", problem)
+    wrong, covariances = (found.values - truth)[first:], found.covariances[first:]
+    if covariances.ndim == 2:
+        covariances = covariances[:, :, None] * np.eye(q)
+    scale = np.sqrt(np.maximum(np.einsum("kii->ki", covariances), 0.0))
+    safe = np.where(scale > 0, scale, 1.0)
+    correlations = covariances / (safe[:, :, None] * safe[:, None, :])
+    definite = np.linalg.eigvalsh(correlations)[:, 0] > _SINGULAR
+    if not definite.any():
+        return np.nan
+    wrong, correlations = (wrong / safe)[definite], correlations[definite]
+    solved = np.linalg.solve(correlations, wrong[:, :, None])[:, :, 0]
+    return float((wrong * solved).sum() / wrong.size)
 
 
 def _lag(estimate: Array, truth: Array, first: int) -> float:

@@ -17,13 +17,15 @@ from reobserve.tuning.task import Task
 from reobserve.tuning.tuned_file import TunedMethod, read_tuned
 
 _ROW = ("condition", "method", "training", "given_noise")
-SCORES = (*_ROW, "seed", "error", "lag", "quantile", "failed")
+SCORES = (*_ROW, "seed", "error", "lag", "quantile", "nees", "failed")
 CELLS = (
     *_ROW, "seeds", "error", "low", "high", "first", "ratio", "ratio_low", "ratio_high", "within",
-    "failed", "lag", "quantile", "repeat_low", "repeat_high",
+    "failed", "lag", "quantile", "nees", "repeat_low", "repeat_high",
 )  # fmt: skip
 
 
+_MEANS = ("lag", "quantile", "nees")  # arithmetic means over records
+NONE = "–"  # in a cell of the summary
 _WITHIN = Kind(lambda cell: cell in ("yes", "no", "undecided"), "yes, no or undecided")
 _SCORE_OR_NONE = Kind(lambda cell: not cell or SCORE.allows(cell), "a number, nan, inf or empty")
 
@@ -34,7 +36,7 @@ def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
         path,
         (
             {**_row(cell), "seed": seed, "error": one.error, "lag": one.lag,
-             "quantile": one.quantile, "failed": _said(one.failed)}
+             "quantile": one.quantile, "nees": one.nees, "failed": _said(one.failed)}
             for cell in cells
             for seed, one in zip(
                 task.held_out_seeds(len(cell.scores)), cell.scores, strict=True
@@ -72,7 +74,6 @@ def _row(cell: Cell) -> dict[str, Any]:
 
 def _cell(cell: Cell) -> dict[str, Any]:
     ended = [one for one in cell.scores if not one.failed]
-    lags = [one.lag for one in ended if not math.isnan(one.lag)]  # of some there is none
     return {
         **_row(cell),
         "seeds": len(cell.scores),
@@ -81,10 +82,15 @@ def _cell(cell: Cell) -> dict[str, Any]:
         **dict(zip(("ratio", "ratio_low", "ratio_high"), cell.ratio, strict=True)),
         "within": cell.within,
         "failed": 1.0 - len(ended) / len(cell.scores),
-        "lag": float(np.mean(lags)) if lags else None,
-        "quantile": float(np.mean([one.quantile for one in ended])) if ended else None,
+        **{key: _mean(getattr(one, key) for one in ended) for key in _MEANS},
         **dict(zip(("repeat_low", "repeat_high"), cell.repeats or (None, None), strict=True)),
     }
+
+
+def _mean(values: Iterable[float]) -> float | None:
+    """The mean of those that exist, if some do."""
+    found = [one for one in values if not math.isnan(one)]
+    return float(np.mean(found)) if found else None
 
 
 def _said(value: bool) -> str:
@@ -143,7 +149,9 @@ def summary(results: Results) -> str:
     task = results.task
     titles = [task.conditions[one].title for one in task.table]
     columns = getattr(task.module, "COLUMNS", ("lag", "95 %"))
-    head = ["method", "needs", "guarantees", "p", "n95", *titles, *columns, "cost", "edges"]
+    head = [
+        "method", "needs", "guarantees", "p", "n95", *titles, *columns, "NEES", "cost", "edges",
+    ]  # fmt: skip
     lines = []
     for label, name, training, given in results.rows():
         method, first = task.methods[name], results.cell(task.table[0], name, training)
@@ -154,16 +162,26 @@ def summary(results: Results) -> str:
         )
         about = [method.needs, method.guarantees, str(len(method.ranges)),
                  str(median(results.evaluations_needed(name)))]  # fmt: skip
+        of_first = first if first and not given else {}
         lines.append([
             label, *(about if training != PAPER and not given else [""] * 4), *map(_shown, cells),
-            f"{1000 * first['lag']:.0f} ms" if first and not given else "",
-            f"{first['quantile']:.2f}" if first and not given else "",
+            _number(of_first.get("lag"), ".0f", 1000, " ms"),
+            _number(of_first.get("quantile"), ".2f"),
+            _number(of_first.get("nees"), ".3g"),
             f"{cost.sample:g} µs, {cost.construction:g} ms" if not given else "",
             ", ".join(sorted(edges)) if training == task.main and not given else "",
         ])  # fmt: skip
     filled = [k for k in range(len(head)) if any(line[k] for line in lines)]
-    rows = [[line[k] for k in filled] for line in (head, ["---"] * len(head), *lines)]
-    return "\n".join([f"### {task.title}", "", *map(_line, rows)]) + "\n"
+    rows = [[line[k] or NONE for k in filled] for line in (head, ["---"] * len(head), *lines)]
+    note = f"{NONE}: there is none for this row, or it is that of a row above."
+    if "NEES" in rows[0]:
+        note += " NEES: mean of (estimate - truth)^2 over its variance, 1 if the variance is right."
+    return "\n".join([f"### {task.title}", "", *map(_line, rows), "", note]) + "\n"
+
+
+def _number(value: float | None, digits: str, factor: float = 1.0, unit: str = "") -> str:
+    """A number in a cell, empty if there is none."""
+    return "" if value is None or math.isnan(value) else f"{factor * value:{digits}}{unit}"
 
 
 def _shown(cell: Mapping[str, Any] | None) -> str:

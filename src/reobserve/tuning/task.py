@@ -9,7 +9,8 @@ name, beside the file, simulates it and has
 
 A method is made from the plant as stated, its settings, the sampling period [s] and the standard
 deviation of the noise, which is that of the plant unless the method is given another.
-It is a function that takes a record and returns an estimate in the shape of ``truth``.
+It is a function that takes a record and returns an estimate in the shape of ``truth``, or
+`Estimates`, with variances or covariances, for which the table has a normalised squared error.
 
 ``Plant`` has a field ``noise``. A task whose estimates have no such error has a function ``score``
 with the arguments and the result of `reobserve.tuning.record_score.score`: a detector, say, whose
@@ -40,7 +41,7 @@ from reobserve.observers.contract import Observer
 from reobserve.tuning.search import Range, Settings
 
 Array = NDArray[np.float64]
-Runner = Callable[["TaskRecord"], Array]
+Runner = Callable[["TaskRecord"], "Array | Estimates"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,17 @@ class TaskRecord:
     size: ClassVar[float | None] = None
 
 
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """Estimates of a record, in the shape of its truth, with variances or covariances.
+
+    ``values`` have the shape (k, q), ``covariances`` (k, q) if they are variances, or (k, q, q).
+    """
+
+    values: Array
+    covariances: Array
+
+
 def estimates_of(
     observer: Observer[Any], name: str, y: ArrayLike, u: ArrayLike | None = None, **options: Any
 ) -> Array:
@@ -69,10 +81,32 @@ def estimates_of(
     DivergenceError
         If it diverges, without the search for the cause that `Observer.run` makes.
     """
+    found: Array = _run(observer, y, u, options)[name]
+    return found
+
+
+def estimates_with(
+    covariance: str, observer: Observer[Any], name: str, y: ArrayLike, u: ArrayLike | None = None,
+    **options: Any,
+) -> Estimates:  # fmt: skip
+    """Estimates of an observer with what it calls their variance or covariance, as `estimates_of`.
+
+    Raises
+    ------
+    DivergenceError
+        As `estimates_of`.
+    """
+    run = _run(observer, y, u, options)
+    return Estimates(run[name], run[covariance])
+
+
+def _run(
+    observer: Observer[Any], y: ArrayLike, u: ArrayLike | None, options: Mapping[str, Any]
+) -> Any:
     run = observer.run(y, u, on_divergence="return", **options)
     if run.diverged_at is not None:
         raise DivergenceError(type(observer).__name__, run.diverged_at)
-    return run[name]
+    return run
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from reobserve.core.errors import InputError
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.systems.linear import LinearModel
 from reobserve.tuning.record_score import WORST, score
 from reobserve.tuning.scoring import interval
-from reobserve.tuning.task import Array, TaskRecord
+from reobserve.tuning.task import Array, Estimates, TaskRecord, estimates_with
 
 TIME = 0.01 * np.arange(2001)
 
@@ -66,3 +69,45 @@ def test_confidence_interval_of_lognormal_errors_is_that_of_the_mean_log() -> No
     assert np.log(high / mean) == pytest.approx(half, rel=0.15)
     assert np.log(mean / low) == pytest.approx(half, rel=0.15)
     assert interval(logs) == interval(logs.copy())
+
+
+def test_normalised_squared_error_is_that_of_the_stated_covariances() -> None:
+    """Of errors e with the covariance P: 1 for P, 4 for P / 4; correlations count."""
+    random = np.random.default_rng(1)
+    root = np.array([[2.0, 0.0], [1.5, 0.1]])
+    truth = random.normal(size=(2001, 2))
+    off = truth + random.normal(size=truth.shape) @ root.T
+    P = np.broadcast_to(root @ root.T, (2001, 2, 2))
+
+    def nees(covariances: Array, since: float = 0.0) -> float:
+        return score(lambda _: Estimates(off, covariances), record(truth), since).nees
+
+    assert nees(P) == pytest.approx(1.0, abs=0.05)
+    white = np.linalg.solve(root, (off - truth).T)
+    assert nees(P) == pytest.approx((white**2).mean(), rel=1e-9)
+    assert nees(P / 4) == pytest.approx(4 * nees(P), rel=1e-9)
+    variances = np.einsum("kii->ki", P)
+    assert nees(variances) == pytest.approx(((off - truth) ** 2 / variances).mean(), rel=1e-9)
+    late = P.copy()
+    late[:1000] = 0.0  # a start known exactly
+    assert nees(late) == pytest.approx((white[:, 1000:] ** 2).mean(), rel=1e-9)
+    assert nees(late, 12.0) == pytest.approx((white[:, 1200:] ** 2).mean(), rel=1e-9)
+    assert np.isnan(nees(0.0 * P))
+    assert np.isnan(score(lambda _: off, record(truth), 0.0).nees)
+    with pytest.raises(InputError, match=r"covariances: have the shape \(2001, 1\), must"):
+        nees(variances[:, :1])
+
+
+def test_kalman_filter_of_the_true_model_has_an_expected_error_of_one() -> None:
+    random, found = np.random.default_rng(2), []
+    model = LinearModel([[1.0]], None, [[1.0]], Q=0.01, R=0.25)
+    observer = KalmanFilter(model)
+    for _ in range(20):
+        x = np.cumsum(0.1 * random.normal(size=(len(TIME), 1)), axis=0)
+        one = TaskRecord(TIME, np.zeros((len(TIME), 0)), x + 0.5 * random.normal(size=x.shape), x)
+        found.append(score(
+            lambda r: estimates_with(
+                "covariance", observer, "state", r.measurements, state=observer.init([0.0], 0.01)
+            ), one, 0.0,
+        ).nees)  # fmt: skip
+    assert np.mean(found) == pytest.approx(1.0, abs=0.05)

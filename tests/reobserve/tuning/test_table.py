@@ -22,9 +22,16 @@ def test_table_lists_requirements_and_cost_of_each_method(tmp_path: Path) -> Non
         "| Share | k | g | 1 | 25 | 0.250 [0.100 0.300] | **0.750** [0.100 0.300] | 12 ms | 0.50 "
         "| 0.25 µs, 1.5 ms | share (high) |"
     )
-    assert "| Share, the paper's settings |  |  |  |  | 2.50 [0.100 0.300], 25 % f" in lines[5]
+    assert "| Share, the paper's settings | – | – | – | – | 2.50 [0.100 0.300], 25 % f" in lines[5]
     assert "**0.450** [0.100 0.300]" in lines[7]
     assert "| lag | 95 % | cost |" in lines[2]
+    assert "||" not in " ".join(line.replace(" ", "") for line in lines)
+    results.cells[0]["nees"] = 1.234  # type: ignore[index]
+    head, _, first, second, *_, note = summary(results).splitlines()[2:]
+    assert "| 95 % | NEES | cost |" in head
+    assert "| 0.50 | 1.23 |" in first
+    assert "| 0.50 | – |" in second
+    assert "NEES: mean of (estimate - truth)^2 over its variance" in note
     results.task.module.COLUMNS = ("delay", "false alarms")  # type: ignore[attr-defined]
     head = summary(results).splitlines()[2]
     assert "| delay | false alarms | cost |" in head

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from reobserve.tuning.table import Results
@@ -93,6 +94,7 @@ def cell(condition: str, method: str, training: str = "nominal", **keys: Any) ->
         "seeds": 16.0, "error": 0.2, "low": 0.1, "high": 0.3, "first": keys.get("error", 0.2),
         "ratio": 1.0, "ratio_low": 1.0,
         "ratio_high": 1.0, "within": "yes", "failed": 0.0, "lag": 0.012, "quantile": 0.5,
+        "nees": np.nan,
         "repeat_low": 0.1, "repeat_high": 0.3, **keys,
     }  # fmt: skip
 

@@ -126,7 +126,9 @@ def _drawn(
     return onset, share, [normal, normal.blended(other, share)], bits
 
 
-def score(run: Runner, record: LeakRecord, since: float, *, details: bool = True) -> Score:
+def score(
+    run: Callable[[Any], Array], record: LeakRecord, since: float, *, details: bool = True
+) -> Score:
     """The delay, 1 for an alarm before the leak, where ``quantile`` is the share of false alarms.
 
     That is of the healthy records. ``lag`` is the delay in seconds, nan for an alarm before the
@@ -178,7 +180,7 @@ def forget() -> None:
 
 def detector(
     make: Callable[..., Statistic], plant: Plant, s: Settings, period: float, noise: float
-) -> Runner:
+) -> Callable[[Any], Array]:
     """Alarms where the statistic exceeds the threshold."""
     # What it knows, and healthy records, depend neither on the fault nor on the threshold.
     about = (
