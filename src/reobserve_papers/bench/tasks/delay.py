@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Annotated, Any, Literal
 
@@ -22,6 +22,7 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, rising
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, SwitchedOffWarning
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
@@ -294,6 +295,33 @@ def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     return run
 
 
+def grid(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """A filter on a grid of ``delays`` and of three rates: -``rate`` [s/s], 0 and ``rate``.
+
+    The rates ``switch`` and ``jump`` [1/s] are those of `GridFilter`; with ``memory`` [s] R is
+    estimated, from that of ``noise`` on.
+    """
+    model = LinearModel.from_ode(
+        [[-A]], [[B]], [[1.0]], Q=s["process"] ** 2 * period, R=noise**2, sampling_period=period
+    )
+    delays, rates = np.linspace(*plant.bounds, round(s["delays"])), [-s["rate"], 0.0, s["rate"]]
+    bank = GridFilter.of_delay(
+        model, delays, 0.0, s["jump"], rates, s["switch"], noise_memory=s.get("memory")
+    )
+    assert bank.periods_late is not None
+    deepest = int(bank.periods_late.max()) + 1
+
+    def run(record: TaskRecord) -> Array:
+        y, u = record.measurements, record.inputs[:, :1]
+        held = np.vstack([(u[1:] + u[:-1]) / 2, u[-1:]])  # u in the middle of the period after each
+        start = bank.init(y[deepest], noise**2, u=held[deepest])
+        start, now = replace(start, past=held[:deepest]), slice(deepest + 1, None)
+        found = estimates_of(bank, "parameter", y[now], held[now], state=start)
+        return _late(plant, deepest + 1, found)
+
+    return run
+
+
 def parallel(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     """The best of models of ``delays`` by squared errors that are forgotten with time ``memory``.
 
@@ -330,5 +358,6 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "relay_inverse": partial(relay, "inverse"),
     "ekf": ekf,
     "imm": imm,
+    "grid": grid,
     "parallel": parallel,
 }
