@@ -77,7 +77,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
         for rate, phase in zip(rates, draw.uniform(0.0, 2 * np.pi, LINES), strict=True)
     ], 1)  # fmt: skip
     start = draw.normal(0.0, plant.amplitude, 1)
-    a, b = (1.0 + condition.model * float(np.sign(one)) for one in draw.uniform(-1.0, 1.0, 2))
+    a, b = (1.0 + condition.model * draw.uniform(-1.0, 1.0, 2)).tolist()
     body, steps = DelayedInputPlant(first_order_lag(a * A, b * B)), round(plant.horizon / period)
     state = body.simulate(start, control, delay, period, steps)
     noise = random_stream(seed, "bench", "delay", "noise").standard_normal(state.shape)

@@ -28,9 +28,20 @@ from reobserve.synthesis.placed_gains import searched
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.search import Settings
 from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
-from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
+from reobserve_papers.bench.faults import (
+    Ends,
+    FaultClasses,
+    Faulty,
+    HealthyRecord,
+    Scored,
+    check_faulty,
+    random_faults,
+    score,
+)
 from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve_papers.signals.inputs import Signal
+
+__all__ = ["METHODS", "Plant", "forget", "score", "simulate"]
 
 # How disturbances, noise and the sensor fault enter, Section IV; here the current has noise, too.
 DD, DW, FS = np.diag([1.0, 2.0]), np.array([[1.0], [0.0]]), np.array([[1.0], [0.0]])
@@ -53,24 +64,32 @@ class Plant:
     onset: Ends  # of faults [s]
     size: Ends  # of faults, as shares of the largest
     frequency: Ends  # of faults [rad/s]
+    faulty: Faulty  # of actuator and sensor
+    scored: Scored = "all"  # faults
+
+    def __post_init__(self) -> None:
+        check_faulty(2, self.faulty, self.scored)
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
-    """A record, for which a wrong model has all constants off by one share, at random signs."""
+    """A record, for which a wrong model has other constants."""
     draw = random_stream(seed, "bench", "motor", "plant")
-    about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
-    fault = Signal.parse("fault", random_faults(draw, plant.faults, 2, plant.horizon, **about), 2)
-    signs = np.sign(draw.uniform(-1.0, 1.0, 6)).tolist()
-    constants = [getattr(plant.motor, one.name) for one in fields(DCMotor)[:6]]
-    motor = DCMotor(
-        *(c * (1.0 + condition.model * s) for c, s in zip(constants, signs, strict=True))
-    )
     steps, fine = round(plant.horizon / period), 4
     step, held = period / fine, round(fine * plant.hold / period)
+    faults = random_faults(
+        draw, plant.faults, 2, plant.horizon, onset=plant.onset, size=plant.size,
+        frequency=plant.frequency, faulty=plant.faulty, step=step,
+    )  # fmt: skip
+    fault = Signal.parse("fault", faults, 2)
+    fault.check_jumps("fault", step, plant.horizon)
+    shares = 1.0 + condition.model * draw.uniform(-1.0, 1.0, 6)
+    constants = [getattr(plant.motor, one.name) for one in fields(DCMotor)[:6]]
+    motor = DCMotor(*(c * share for c, share in zip(constants, shares.tolist(), strict=True)))
     d = draw.uniform(-1.0, 1.0, (steps * fine // held + 1, 2)) * plant.disturbance
     square = {"kind": "square", "axis": 1, "high": plant.voltage, "low": -plant.voltage,
               "period": plant.turn, "until": plant.horizon + 1.0}  # fmt: skip
     voltage, still = Signal.parse("voltage", [square], 1), Signal(1, ())
+    voltage.check_jumps("voltage", step, plant.horizon)
 
     def actuator(time: Array, before: bool = False) -> Array:
         driven: Array = plant.largest[0] * fault(time, before=before)[:, :1]
@@ -87,7 +106,8 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     measured = state + plant.largest[1] * truth[:, 1:] @ FS.T
     measured += condition.noise * plant.noise * noise
     every = slice(None, None, condition.period)
-    return TaskRecord(time[every], voltage(time[every]), measured[every], truth[every])
+    kind = TaskRecord if plant.scored == "all" else HealthyRecord
+    return kind(time[every], voltage(time[every]), measured[every], truth[every])
 
 
 def preferred(value: float, decade: int) -> float:

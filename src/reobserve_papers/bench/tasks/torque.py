@@ -30,9 +30,21 @@ from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.tuning.search import Settings
 from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
-from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
+from reobserve_papers.bench.faults import (
+    Ends,
+    FaultClasses,
+    Faulty,
+    HealthyRecord,
+    Scored,
+    check_faulty,
+    random_faults,
+    score,
+)
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
+
+
+__all__ = ["METHODS", "Plant", "score", "simulate"]
 
 
 @dataclass(frozen=True)
@@ -47,13 +59,22 @@ class Plant:
     onset: Ends  # of faults [s]
     size: Ends  # of faults [N m]
     frequency: Ends  # of faults and of the control [rad/s]
+    faulty: Faulty  # axes
+    scored: Scored = "all"  # axes
+
+    def __post_init__(self) -> None:
+        check_faulty(3, self.faulty, self.scored)
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
     """A record, for which a wrong model has other moments of inertia about the same axes."""
     draw = random_stream(seed, "bench", "torque", "plant")
-    about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
-    faults = random_faults(draw, plant.faults, 3, plant.horizon, **about)
+    steps, fine = round(plant.horizon / period), 4
+    step = period / fine
+    faults = random_faults(
+        draw, plant.faults, 3, plant.horizon, onset=plant.onset, size=plant.size,
+        frequency=plant.frequency, faulty=plant.faulty, step=step,
+    )  # fmt: skip
     frequencies, phases = draw.uniform(*plant.frequency, 3), draw.uniform(0.0, 2 * np.pi, 3)
     sines = [
         {"kind": "sine", "axis": k + 1, "amplitude": plant.control, "frequency": f, "phase": p}
@@ -62,16 +83,17 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     control, fault = Signal.parse("control", sines, 3), Signal.parse("fault", faults, 3)
     # J = V diag(moments) V^T
     moments, V = np.linalg.eigh(np.array(plant.inertia))
-    J = (V * (moments * (1.0 + condition.model * np.sign(draw.uniform(-1.0, 1.0, 3))))) @ V.T
-    steps, fine = round(plant.horizon / period), 4
+    J = (V * (moments * (1.0 + condition.model * draw.uniform(-1.0, 1.0, 3)))) @ V.T
+    fault.check_jumps("fault", step, plant.horizon)
     start = draw.normal(0.0, 0.03, 3)
     body = Satellite((J + J.T) / 2)
-    rate = body.simulate(start, control, fault, period / fine, steps * fine)[::fine]
+    rate = body.simulate(start, control, fault, step, steps * fine)[::fine]
     noise = random_stream(seed, "bench", "torque", "noise").standard_normal(rate.shape)
     measured = rate + condition.noise * plant.noise * noise
     time = period * np.arange(steps + 1.0)
     every = slice(None, None, condition.period)
-    return TaskRecord(time[every], control(time[every]), measured[every], fault(time[every]))
+    kind = TaskRecord if plant.scored == "all" else HealthyRecord
+    return kind(time[every], control(time[every]), measured[every], fault(time[every]))
 
 
 def unexplained(plant: Plant, record: TaskRecord, period: float) -> Array:
