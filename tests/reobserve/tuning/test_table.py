@@ -34,7 +34,7 @@ def test_table_lists_requirements_and_cost_of_each_method(tmp_path: Path) -> Non
     assert "NEES: mean of (estimate - truth)^2 over its variance" in note
     results.task.module.COLUMNS = ("delay", "false alarms")  # type: ignore[attr-defined]
     head = summary(results).splitlines()[2]
-    assert "| delay | false alarms | cost |" in head
+    assert "| delay | false alarms | NEES | cost |" in head
 
 
 @pytest.mark.parametrize(
