@@ -60,10 +60,13 @@ class Cell:
     first: float
     ratio: tuple[float, float, float]
     repeats: tuple[float, float] | None = None
+    causal: bool = True
 
     @property
     def within(self) -> str:
-        """Decide if it is within 5 % of the best: yes, no or undecided."""
+        """Decide if it is within 5 % of the best: yes, no or undecided, late if not causal."""
+        if not self.causal:
+            return "late"
         _, low, high = self.ratio
         return "yes" if high <= 1 + DECIDED else "no" if low > 1 + DECIDED else "undecided"
 
@@ -120,7 +123,9 @@ class Scorer:
         """Rows on the same seeds: in the conditions of the table until all is decided."""
         seeds = self.task.seeds
         most = seeds.most if condition in self.task.table else seeds.step
-        tuned = [k for k, row in enumerate(rows) if row.training == self.task.main]
+        causal = {name for name, one in self.task.methods.items() if one.causal}
+        main = [row.training == self.task.main for row in rows]
+        tuned = [k for k, row in enumerate(rows) if main[k] and row.method in causal]
         for count in range(seeds.step, most + 1, seeds.step):
             scores = [self.scores(row, condition, count) for row in rows]
             logs = np.log([[one.error for one in each] for each in scores])
@@ -130,7 +135,8 @@ class Scorer:
                 break
         return [
             Cell(
-                row, condition, each, interval(log), float(np.exp(log[: seeds.step].mean())), ratio
+                row, condition, each, interval(log), float(np.exp(log[: seeds.step].mean())), ratio,
+                causal=row.method in causal,
             )
             for row, each, log, ratio in zip(rows, scores, logs, ratios, strict=True)
         ]

@@ -26,7 +26,9 @@ CELLS = (
 
 _MEANS = ("lag", "quantile", "nees")  # arithmetic means over records
 NONE = "–"  # in a cell of the summary
-_WITHIN = Kind(lambda cell: cell in ("yes", "no", "undecided"), "yes, no or undecided")
+_WITHIN = Kind(
+    lambda cell: cell in ("yes", "no", "undecided", "late"), "yes, no, undecided or late"
+)
 _SCORE_OR_NONE = Kind(lambda cell: not cell or SCORE.allows(cell), "a number, nan, inf or empty")
 
 
