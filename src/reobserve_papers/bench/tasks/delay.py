@@ -28,7 +28,15 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
@@ -129,6 +137,12 @@ def _late(plant: Plant, first: int, rows: Array) -> Array:
     """Estimates of the delay from a row on, as the bench scores them."""
     inside = np.clip(rows, *plant.bounds) - plant.middle
     return np.concatenate([np.zeros(first), inside])[:, None]
+
+
+def _late_with(plant: Plant, first: int, rows: Array, variances: Array) -> Estimates:
+    """`_late`, and variances, before that row of any delay between the bounds alike."""
+    before = np.full(first, (plant.bounds[1] - plant.bounds[0]) ** 2 / 12)
+    return Estimates(_late(plant, first, rows), np.concatenate([before, variances])[:, None])
 
 
 def extended(order: int, plant: Plant, s: Settings, period: float, _: float) -> Runner:
@@ -250,12 +264,13 @@ def ekf(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     observer = ExtendedKalmanFilter(_sampled(least, most, period, first + 2))
     Q = np.array([s["process"], s["walk"]]) ** 2 * period
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements[first:], np.pad(record.inputs[:, 0], (0, 1), "edge")
         taps = np.lib.stride_tricks.sliding_window_view(u, first + 2)[:, ::-1]
         start = observer.init([y[0, 0], plant.middle], [noise**2, (most - least) ** 2 / 12])
-        found = estimates_of(observer, "state", y, taps, state=start, Q=Q, R=noise**2)
-        return _late(plant, first, found[:, 1])
+        noises = {"Q": Q, "R": noise**2}
+        found = estimates_with("variance", observer, "state", y, taps, state=start, **noises)
+        return _late_with(plant, first, found.values[:, 1], found.covariances[:, 1])
 
     return run
 
@@ -286,11 +301,12 @@ def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     chain = expm(period * (rates - np.diag(rates.sum(axis=1))))
     bank = IMM(filters, chain / chain.sum(axis=1, keepdims=True))
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         (delays, late), first = _grid(plant, s, period, record), _first(plant, period)
         y = record.measurements[first:]
         found = estimates_of(bank, "probability", y, late, state=bank.init(y[0], noise**2))
-        return _late(plant, first, found @ delays)
+        mean = found @ delays
+        return _late_with(plant, first, mean, found @ delays**2 - mean**2)
 
     return run
 
@@ -311,13 +327,15 @@ def grid(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     assert bank.periods_late is not None
     deepest = int(bank.periods_late.max()) + 1
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements, record.inputs[:, :1]
         held = np.vstack([(u[1:] + u[:-1]) / 2, u[-1:]])  # u in the middle of the period after each
         start = bank.init(y[deepest], noise**2, u=held[deepest])
         start, now = replace(start, past=held[:deepest]), slice(deepest + 1, None)
-        found = estimates_of(bank, "parameter", y[now], held[now], state=start)
-        return _late(plant, deepest + 1, found)
+        found = estimates_with(
+            "parameter_variance", bank, "parameter", y[now], held[now], state=start
+        )
+        return _late_with(plant, deepest + 1, found.values, found.covariances)
 
     return run
 

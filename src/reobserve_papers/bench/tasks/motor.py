@@ -22,12 +22,21 @@ from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.smoother import rts_smoother
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.placed_gains import searched
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
 from reobserve_papers.bench.faults import (
     Ends,
     FaultClasses,
@@ -165,18 +174,45 @@ def _extended_state(plant: Plant, system: AugmentedSystem, gains: Gains, period:
 
 def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     """Faults as random walks, ``actuator`` [V / sqrt(s)] and ``sensor`` [rad/s / sqrt(s)]."""
+    observer = _augmented_filter(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y, u, name = record.measurements, record.inputs, "unknown_input"
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
+        found = estimates_with(f"{name}_covariance", observer, name, y, u, state=start)
+        return _over_largest(plant, found)
+
+    return run
+
+
+def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """The random walks at each row by the whole record."""
+    observer = _augmented_filter(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y, u, cross = record.measurements, record.inputs, "state_unknown_input_covariance"
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
+        late = rts_smoother(observer, observer.run(y, u, state=start, keep=[cross]), u)
+        found = Estimates(late["unknown_input"], late["unknown_input_covariance"])
+        return _over_largest(plant, found)
+
+    return run
+
+
+def _over_largest(plant: Plant, found: Estimates) -> Estimates:
+    scale = np.array(plant.largest)
+    P = found.covariances / (scale**2 if found.covariances.ndim == 2 else np.outer(scale, scale))
+    return Estimates(found.values / scale, P)
+
+
+def _augmented_filter(
+    plant: Plant, s: Settings, period: float, noise: float
+) -> AugmentedKalmanFilter:
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
     Q = np.square(s["process"] * DD @ plant.disturbance) * period
     walk = np.square([s["actuator"], s["sensor"]]) * period
     model = LinearModel(A, B, np.eye(2), None, Q, noise**2, sampling_period=period)
-    observer = AugmentedKalmanFilter(model, np.hstack([B, NONE]), walk, np.hstack([NONE, FS]))
-
-    def run(record: TaskRecord) -> Array:
-        y, u = record.measurements, record.inputs
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        return estimates_of(observer, "unknown_input", y, u, state=start) / plant.largest
-
-    return run
+    return AugmentedKalmanFilter(model, np.hstack([B, NONE]), walk, np.hstack([NONE, FS]))
 
 
 def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -196,10 +232,11 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
         np.hstack([NONE, FS]), noise_memory=s.get("memory"),
     )  # fmt: skip
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements, record.inputs
         start = bank.init(y[0], noise**2, fault_covariance=0.0, rate_covariance=0.0)
-        return estimates_of(bank, "fault", y, u, state=start) / plant.largest
+        found = estimates_with("fault_variance", bank, "fault", y, u, state=start)
+        return _over_largest(plant, found)
 
     return run
 
@@ -253,6 +290,7 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "pi_riccati": by_riccati,
     "random_walk": random_walk,
     "fault_bank": fault_bank,
+    "smoothed": smoothed,
     "luenberger": with_fault_states,
     "inverted": inverted,
 }

@@ -26,10 +26,19 @@ from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.smoother import rts_smoother
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
 from reobserve_papers.bench.faults import (
     Ends,
     FaultClasses,
@@ -136,20 +145,45 @@ def adaptive(body: RigidBody, J: Array, s: Settings, period: float) -> AdaptiveO
 
 
 def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
-    """The fault as a random walk. ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)]."""
+    """The fault as a random walk. ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)].
+
+    With ``memory`` [s] R is estimated, from that of ``noise`` on.
+    """
+    observer = _augmented(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y = unexplained(plant, record, period)
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
+        name = "unknown_input"
+        return estimates_with(f"{name}_covariance", observer, name, y, state=start)
+
+    return run
+
+
+def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """The random walk at each row by the whole record."""
+    observer = _augmented(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y = unexplained(plant, record, period)
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
+        found = observer.run(y, state=start, keep=["state_unknown_input_covariance"])
+        late = rts_smoother(observer, found)
+        return Estimates(late["unknown_input"], late["unknown_input_covariance"])
+
+    return run
+
+
+def _augmented(plant: Plant, s: Settings, period: float, noise: float) -> AugmentedKalmanFilter:
     J_inverse = np.linalg.inv(np.array(plant.inertia))
     model = LinearModel(
         np.eye(3), None, np.eye(3), None, s["process"] ** 2 * period, noise**2,
         sampling_period=period,
     )  # fmt: skip
-    observer = AugmentedKalmanFilter(model, period * J_inverse, s["walk"] ** 2 * period)
-
-    def run(record: TaskRecord) -> Array:
-        y = unexplained(plant, record, period)
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        return estimates_of(observer, "unknown_input", y, state=start)
-
-    return run
+    walk = s["walk"] ** 2 * period
+    return AugmentedKalmanFilter(
+        model, period * J_inverse, walk, noise_memory=s.get("memory")
+    )
 
 
 def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -162,10 +196,11 @@ def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     model = LinearModel(A, None, np.eye(3, 9), None, Q, noise**2, sampling_period=T)
     observer = KalmanFilter(model)
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         y = unexplained(plant, record, T)
         start = observer.init(np.r_[y[0], np.zeros(6)], np.repeat([noise**2, 0.0, 0.0], 3))
-        return estimates_of(observer, "state", y, state=start)[:, 3:6]
+        found = estimates_with("covariance", observer, "state", y, state=start)
+        return Estimates(found.values[:, 3:6], found.covariances[:, 3:6, 3:6])
 
     return run
 
@@ -187,12 +222,15 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
         for one in variances
     ]  # fmt: skip
 
-    def run(record: TaskRecord) -> Array:
-        z, found = unexplained(plant, record, period) @ J.T, np.empty(record.truth.shape)
+    def run(record: TaskRecord) -> Estimates:
+        z = unexplained(plant, record, period) @ J.T
+        found = []
         for i, bank in enumerate(axes):
             start = bank.init(z[0, [i]], variances[i], fault_covariance=0.0, rate_covariance=0.0)
-            found[:, [i]] = estimates_of(bank, "fault", z[:, i], state=start)
-        return found
+            found.append(estimates_with("fault_variance", bank, "fault", z[:, i], state=start))
+        return Estimates(
+            np.hstack([one.values for one in found]), np.hstack([one.covariances for one in found])
+        )
 
     return run
 
@@ -233,6 +271,7 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "ilo": _observer(ilo),
     "adaptive": _observer(adaptive),
     "random_walk": random_walk,
+    "smoothed": smoothed,
     "with_a_rate": with_a_rate,
     "fault_bank": fault_bank,
     "filtered_difference": filtered_difference,

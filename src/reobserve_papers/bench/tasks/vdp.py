@@ -27,7 +27,15 @@ from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.triangular_text import triangular_model
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
 
 FIELD = ("x2", "-x1 + (1 - x1^2)*x2")
 UNCERTAIN = ("x2", "-a*x1 + b*(1 - x1^2)*x2")
@@ -97,14 +105,15 @@ def kalman(kind: Any, plant: Plant, s: Settings, period: float, noise: float) ->
     Q = np.array([s["x1"], s["x2"], *[0.0] * q]) ** 2 * period
     P = [noise**2, plant.start**2 / 3, *[s.get("spread", 0.0) ** 2] * q]
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         y, given = record.measurements, {"Q": Q}
         start = observer.init([y[0, 0], 0.0, *[1.0] * q], P)
         if observer.noise_memory is None:
             given["R"] = np.array(noise**2)
         else:
             start = replace(start, noise=np.array([noise**2]))
-        return estimates_of(observer, "state", y, state=start, **given)[:, :2]
+        found = estimates_with("covariance", observer, "state", y, state=start, **given)
+        return Estimates(found.values[:, :2], found.covariances[:, :2, :2])
 
     return run
 
