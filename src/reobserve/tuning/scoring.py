@@ -1,7 +1,8 @@
 """Scores of tuned methods on held-out records, with paired intervals.
 
-A method is compared with the best in a condition by the ratio of geometric means over the same
-held-out seeds. More seeds are drawn until the ratio's interval of 95 % excludes 1 or is within 5 %.
+A row is compared with the best of the others in a condition by the ratio of geometric means over
+the same held-out seeds. More seeds are drawn until the ratio's interval of 95 % says of each row
+whether it is within 5 % of the best (`reobserve.tuning.intervals`).
 """
 
 from __future__ import annotations
@@ -11,20 +12,17 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, one_line
-from reobserve.core.random_streams import random_stream
+from reobserve.tuning.intervals import Array, against_others, common_variance, interval
 from reobserve.tuning.record_score import WORST, Score, score_of
-from reobserve.tuning.search import FAILURES, Settings
-from reobserve.tuning.task import Array, Runner, Task
-from reobserve.tuning.tuned_file import TunedMethod
+from reobserve.tuning.search import FAILURES, SMALLEST, Settings
+from reobserve.tuning.task import Runner, Task
+from reobserve.tuning.tuned_file import Repeat, TunedMethod
 
-DECIDED = 0.05  # half the width of an interval of log ratio
+DECIDED = 0.05  # of the best: what is nearer to it is as good
 # In place of a training set: a paper's own settings, and those of a search that goes on.
 PAPER, EARLY = "paper", "early"
-_RESAMPLES = 1000
-_FEW = 16  # records
 
 
 @dataclass(frozen=True)
@@ -46,19 +44,19 @@ class ScoredRow:
 
 @dataclass(frozen=True)
 class Cell:
-    """A row in a condition: geometric means over seeds, and the ratio to the best of the tuned.
+    """A row in a condition: geometric means over seeds, and the ratio to the best other row.
 
     ``error`` and ``ratio`` are (value, low, high) with the ends of intervals of 95 %; ``first`` is
     the error on the first held-out seeds, which all conditions share; ``repeats`` are the smallest
-    and the largest error of the repeats of a tuning, where it was tuned for this.
+    and the largest error of the repeats of a tuning on the same seeds, where it was tuned for this.
     """
 
     row: ScoredRow
     condition: str
     scores: tuple[Score, ...]
-    error: tuple[float, float, float]
+    error: tuple[float, ...]
     first: float
-    ratio: tuple[float, float, float]
+    ratio: tuple[float, ...]
     repeats: tuple[float, float] | None = None
     causal: bool = True
 
@@ -111,69 +109,72 @@ class Scorer:
             raise InputError(f"{self.task.file}: {self.task.place}.{row.method}", problem)
         return replace(one, error=WORST) if one.failed else one
 
-    def mean(self, row: ScoredRow, conditions: Iterable[str]) -> float:
-        """The geometric mean of the error over conditions and the first held-out seeds."""
-        step = self.task.seeds.step
+    def mean(self, row: ScoredRow, conditions: Iterable[str], count: int = 0) -> float:
+        """The geometric mean of the error over conditions and the first so many held-out seeds."""
+        count = count or self.task.seeds.step
         errors = [
-            one.error for each in conditions for one in self.scores(row, each, step, details=False)
+            one.error for each in conditions for one in self.scores(row, each, count, details=False)
         ]
         return float(np.exp(np.mean(np.log(errors))))
 
+    def best_repeat(self, method: str, training: str, repeats: Sequence[Repeat]) -> Repeat:
+        """The repeat with the smallest error on the training records of all repeats."""
+
+        def error(repeat: Repeat) -> float:
+            row = ScoredRow.of(method, EARLY, repeat.settings, given=True)  # as in its training
+            seeds = [s for k in range(len(repeats)) for s in self.task.training_seeds(k)]
+            scores = [
+                self._score(row, condition, seed, False)
+                for condition in self.task.training[training].conditions
+                for seed in seeds
+            ]
+            return float(np.mean([np.log(max(one.error, SMALLEST)) for one in scores]))
+
+        return min(repeats, key=error) if repeats[1:] else repeats[0]
+
     def compared(self, rows: Sequence[ScoredRow], condition: str) -> list[Cell]:
-        """Rows on the same seeds: in the conditions of the table until all is decided."""
+        """Rows on the same seeds: in the conditions of the table until all is decided.
+
+        The best is one of the rows of the table: of the main training set, or the paper's own.
+        """
         seeds = self.task.seeds
         most = seeds.most if condition in self.task.table else seeds.step
-        causal = {name for name, one in self.task.methods.items() if one.causal}
-        main = [row.training == self.task.main for row in rows]
-        tuned = [k for k, row in enumerate(rows) if main[k] and row.method in causal]
+        causal = [self.task.methods[row.method].causal for row in rows]
+        shown = [row.training in (self.task.main, PAPER) for row in rows]
+        listed = [k for k in range(len(rows)) if shown[k] and causal[k]]
+        anytime = most >= 2 * seeds.step
         for count in range(seeds.step, most + 1, seeds.step):
             scores = [self.scores(row, condition, count) for row in rows]
-            logs = np.log([[one.error for one in each] for each in scores])
-            best = logs[min(tuned, key=lambda k: logs[k].mean())]
-            ratios = [interval(one - best) for one in logs]
-            if all(_is_decided(ratios[k]) for k in tuned):
+            logs = np.log([[max(one.error, SMALLEST) for one in each] for each in scores])
+            redrawn = _redrawn(scores)
+            cells = [
+                Cell(
+                    row, condition, scores[k],
+                    interval(logs[k], anytime=anytime, more=common_variance(redrawn, k)),
+                    float(np.exp(logs[k, : seeds.step].mean())),
+                    against_others(logs, k, listed, anytime=anytime, redrawn=redrawn),
+                    causal=causal[k],
+                )
+                for k, row in enumerate(rows)
+            ]  # fmt: skip
+            if all(cells[k].within != "undecided" for k in listed):
                 break
-        return [
-            Cell(
-                row, condition, each, interval(log), float(np.exp(log[: seeds.step].mean())), ratio,
-                causal=row.method in causal,
-            )
-            for row, each, log, ratio in zip(rows, scores, logs, ratios, strict=True)
-        ]
+        return cells
 
 
-def _is_decided(ratio: tuple[float, float, float]) -> bool:
-    _, low, high = ratio
-    return not low <= 1 <= high or np.log(high / low) / 2 <= DECIDED
-
-
-def interval(logs: Array) -> tuple[float, float, float]:
-    """The geometric mean of exp(logs), and its interval of 95 %.
-
-    By resampling, or from Student's distribution for fewer than 16: there resampling is too narrow
-    (of four normal numbers its intervals hold 80 %).
-    """
-    if len(logs) < _FEW:
-        from scipy.special import stdtrit
-
-        half = stdtrit(len(logs) - 1, 0.975) * logs.std(ddof=1) / np.sqrt(len(logs))
-        low, high = logs.mean() - half, logs.mean() + half
-    else:
-        low, high = np.quantile(logs[_resampled(len(logs))].mean(axis=1), [0.025, 0.975])
-    return float(np.exp(logs.mean())), float(np.exp(low)), float(np.exp(high))
-
-
-@cache
-def _resampled(count: int) -> NDArray[np.int64]:
-    """Indices, the same for all: shape (resamples, count)."""
-    stream = random_stream(1, "bench", "resampling")
-    return stream.integers(0, count, (_RESAMPLES, count))
+def _redrawn(scores: Sequence[Sequence[Score]]) -> Array | None:
+    """Logarithms of errors, shape (draws, rows, records), if all scores have some."""
+    draws = [[one.redrawn for one in each] for each in scores]
+    if len({len(one) for each in draws for one in each}) != 1 or not draws[0][0]:
+        return None
+    return np.log(np.maximum(np.moveaxis(np.array(draws), 2, 0), SMALLEST))
 
 
 def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:
     """All cells of a task, by condition.
 
-    Of the repeats of a tuning the one with the median held-out error stands for all.
+    Of the repeats of a tuning the one with the smallest error on the training records of all of
+    them stands for all. Training sets that a method was not tuned on have no rows.
 
     Raises
     ------
@@ -182,26 +183,39 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:
     """
     scorer, main = Scorer(task), task.main
     rows: dict[str, list[ScoredRow]] = {name: [] for name in task.conditions}
-    spread: dict[tuple[ScoredRow, str], tuple[float, float]] = {}
+    repeated: dict[tuple[ScoredRow, str], list[ScoredRow]] = {}
     for method, stated in task.methods.items():
         for name, training in task.training.items():
+            if name not in tuned[method].training:
+                continue
             repeats = tuned[method].training[name].repeats
             given = stated.given_noise and name != main  # as in its training
-            median = sorted(repeats, key=lambda one: one.error)[len(repeats) // 2]
-            row = ScoredRow.of(method, name, median.settings, given=given)
+            best = scorer.best_repeat(method, name, repeats)
+            row = ScoredRow.of(method, name, best.settings, given=given)
             scored = [*training.conditions, *training.scored]
             for condition in task.conditions if name == main else scored:
                 rows[condition].append(row)
                 if name == main and stated.given_noise and task.conditions[condition].noise != 1:
                     rows[condition].append(replace(row, given=True))
             if repeats[1:] and len(training.conditions) == 1:
-                errors = [one.error for one in repeats]
-                spread[row, training.conditions[0]] = (min(errors), max(errors))
+                repeated[row, training.conditions[0]] = [
+                    ScoredRow.of(method, name, one.settings, given=given) for one in repeats
+                ]
         if stated.paper is not None:
             for condition in task.table:
                 rows[condition].append(ScoredRow.of(method, PAPER, stated.paper.settings))
+
+    def with_repeats(cell: Cell) -> Cell:
+        several = repeated.get((cell.row, cell.condition), [])
+        count = len(cell.scores)
+        errors = [
+            cell.error[0] if one == cell.row else scorer.mean(one, [cell.condition], count)
+            for one in several
+        ]
+        return replace(cell, repeats=(min(errors), max(errors)) if errors else None)
+
     return [
-        replace(cell, repeats=spread.get((cell.row, name)))
+        with_repeats(cell)
         for name, listed in rows.items()
         if listed
         for cell in scorer.compared(listed, name)
@@ -248,9 +262,9 @@ def moved(
             for each in (kept[method], again[method])
         )
         for condition in task.table:
-            ratio = (1.0, 1.0, 1.0)
+            ratio: tuple[float, ...] = (1.0, 1.0, 1.0)
             if old != new:
                 means = [np.mean([logs(row, condition) for row in rows], 0) for rows in (old, new)]
-                ratio = interval(means[1] - means[0])
+                ratio = interval(np.asarray(means[1] - means[0]))
             found.append(ErrorRatio(method, condition, *ratio))
     return found

@@ -36,7 +36,7 @@ SCALES = ("log", "linear")
 FAILURES = (ReobserveError, ArithmeticError, np.linalg.LinAlgError)
 EDGE = 0.02  # of a range: a best setting that is nearer to an end is flagged
 _DIGITS = 6  # of a setting
-_SMALLEST = 1e-12  # a score below it counts as this: the logarithm of zero has no mean
+SMALLEST = 1e-12  # a score below it counts as this: the logarithm of zero has no mean
 _MOST = 1_000_000  # evaluations
 
 
@@ -285,7 +285,7 @@ class Objective:
             failures += math.isnan(value)
             reason = reason or ("the score is nan" if math.isnan(value) else "")
             kept = self.failed if math.isnan(value) else min(float(value), self.failed)
-            total += math.log(max(kept, _SMALLEST))
+            total += math.log(max(kept, SMALLEST))
         return total / len(self.records), failures, reason
 
 

@@ -17,14 +17,14 @@ from reobserve.tuning.task import Task
 from reobserve.tuning.tuned_file import TunedMethod, read_tuned
 
 _ROW = ("condition", "method", "training", "given_noise")
-SCORES = (*_ROW, "seed", "error", "lag", "quantile", "nees", "failed")
+SCORES = (*_ROW, "seed", "error", "lag", "quantile", "missed", "nees", "failed")
 CELLS = (
     *_ROW, "seeds", "error", "low", "high", "first", "ratio", "ratio_low", "ratio_high", "within",
-    "failed", "lag", "quantile", "nees", "repeat_low", "repeat_high",
+    "failed", "lag", "quantile", "missed", "nees", "repeat_low", "repeat_high",
 )  # fmt: skip
 
 
-_MEANS = ("lag", "quantile", "nees")  # arithmetic means over records
+_MEANS = ("lag", "quantile", "missed", "nees")  # arithmetic means over records
 NONE = "–"  # in a cell of the summary
 _WITHIN = Kind(
     lambda cell: cell in ("yes", "no", "undecided", "late"), "yes, no, undecided or late"
@@ -38,7 +38,8 @@ def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
         path,
         (
             {**_row(cell), "seed": seed, "error": one.error, "lag": one.lag,
-             "quantile": one.quantile, "nees": one.nees, "failed": _said(one.failed)}
+             "quantile": one.quantile, "missed": one.missed, "nees": one.nees,
+             "failed": _said(one.failed)}
             for cell in cells
             for seed, one in zip(
                 task.held_out_seeds(len(cell.scores)), cell.scores, strict=True
@@ -152,7 +153,8 @@ def summary(results: Results) -> str:
     titles = [task.conditions[one].title for one in task.table]
     columns = getattr(task.module, "COLUMNS", ("lag", "95 %"))
     head = [
-        "method", "needs", "guarantees", "p", "n95", *titles, *columns, "NEES", "cost", "edges",
+        "method", "needs", "guarantees", "p", "n95", *titles, *columns, "missed", "NEES",
+        "cost", "edges",
     ]  # fmt: skip
     lines = []
     for label, name, training, given in results.rows():
@@ -169,6 +171,7 @@ def summary(results: Results) -> str:
             label, *(about if training != PAPER and not given else [""] * 4), *map(_shown, cells),
             _number(of_first.get("lag"), ".0f", 1000, " ms"),
             _number(of_first.get("quantile"), ".2f"),
+            _number(of_first.get("missed"), ".0f", 100, " %"),
             _number(of_first.get("nees"), ".3g"),
             f"{cost.sample:g} µs, {cost.construction:g} ms" if not given else "",
             ", ".join(sorted(edges)) if training == task.main and not given else "",

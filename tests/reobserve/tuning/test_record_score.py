@@ -9,7 +9,6 @@ from reobserve.core.errors import InputError
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.record_score import WORST, score
-from reobserve.tuning.scoring import interval
 from reobserve.tuning.task import Array, Estimates, TaskRecord, estimates_with
 
 TIME = 0.01 * np.arange(2001)
@@ -59,16 +58,6 @@ def test_lag_of_a_constant_is_some_number() -> None:
     for _ in range(300):
         off = 1.0 + 1e-15 * random.uniform(-1.0, 1.0, truth.shape)
         assert np.isfinite(score(lambda _, off=off: 1.3 * off, exact, 0.0).lag)
-
-
-def test_confidence_interval_of_lognormal_errors_is_that_of_the_mean_log() -> None:
-    logs = np.random.default_rng(3).normal(np.log(0.2), 0.3, 64)
-    mean, low, high = interval(logs)
-    assert mean == pytest.approx(np.exp(logs.mean()), rel=1e-12)
-    half = 1.96 * logs.std(ddof=1) / 8.0
-    assert np.log(high / mean) == pytest.approx(half, rel=0.15)
-    assert np.log(mean / low) == pytest.approx(half, rel=0.15)
-    assert interval(logs) == interval(logs.copy())
 
 
 def test_normalised_squared_error_is_that_of_the_stated_covariances() -> None:
