@@ -160,11 +160,11 @@ def test_taylor_methods_improve_with_slower_inputs(scored: Any) -> None:
     delay = scored("delay")
     first, second = (
         [error(delay, one, method, training, False) for one, training in
-         (("nominal", ""), ("slow", "slow"), ("slowest", "slowest"))]
+         (("nominal", ""), ("slowest", "slowest"))]
         for method in ("extended_1", "extended_2")
     )  # fmt: skip
-    assert first[0] > first[1] > first[2]
-    assert second[0] > second[1] > second[2]
+    assert first[0] > first[1]
+    assert second[0] > second[1]
     assert all(high < low for low, high in zip(first, second, strict=True))
     for condition in task("delay").table:
         filtered = error(delay, condition, "ekf", "", False)
