@@ -91,7 +91,7 @@ def test_augmented_filter_and_learning_observers_tie_on_torque(scored: Any) -> N
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    [("torque", "random_walk"), ("vdp", "ekf"), ("delay", "ekf"), ("motor", "random_walk_stated")],
+    [("torque", "random_walk"), ("vdp", "ekf"), ("motor", "random_walk_stated")],
 )
 def test_filter_with_known_noise_matches_retuned_filter(
     name: str, method: str, scored: Any
