@@ -93,7 +93,7 @@ class HealthyRecord(TaskRecord):
     @property
     def healthy(self) -> NDArray[np.bool_]:
         """Whether each channel has no fault."""
-        return ~self.truth.any(axis=0)
+        return np.asarray(~self.truth.any(axis=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,7 +76,7 @@ def test_chain_with_rates_moves_values_by_them() -> None:
     assert np.allclose(chain.sum(axis=1), 1.0, rtol=1e-12)
     value, rate = (each.ravel() for each in np.meshgrid(nodes, rates, indexing="ij"))
     leave = -np.expm1(-0.4 * T)
-    inner = (0.35 < value) & (value < 0.65)
+    inner = (value > 0.35) & (value < 0.65)
     ahead = (1 - leave) * rate + leave / 2 * (rates.sum() - rate)
     np.testing.assert_allclose((chain @ value - value)[inner], T * ahead[inner], atol=1e-5)
     np.testing.assert_allclose(chain @ rate, ahead, atol=1e-12)

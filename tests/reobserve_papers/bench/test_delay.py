@@ -148,7 +148,9 @@ def test_extended_filter_agrees_with_a_filter_in_its_plainest_form() -> None:
         K = P[:, 0] / (P[0, 0] + 0.03**2)
         state, P = state + K * (y[k] - state[0]), P - np.outer(K, P[0])
         found.append(min(max(state[1], least), most) - 0.75)
-    estimate = values_of(TASK.function("ekf")(PLANT, {"process": 0.05, "walk": 0.4}, T, 0.03)(record))
+    estimate = values_of(
+        TASK.function("ekf")(PLANT, {"process": 0.05, "walk": 0.4}, T, 0.03)(record)
+    )
     assert not estimate[:FIRST].any()
     assert estimate[FIRST:, 0] == pytest.approx(np.array(found), abs=1e-5)
     assert np.ptp(found) > 0.5
@@ -199,7 +201,9 @@ def test_parallel_models_agree_with_sums_over_the_past() -> None:
         bent = np.polyfit([-1.0, 0.0, 1.0], costs[best - 1 : best + 2], 2)
         shift = -bent[1] / (2 * bent[0]) if bent[0] > 1e-12 else 0.0
         found.append(delays[best] + 0.25 * min(max(shift, -1.0), 1.0) - 0.75)
-    estimate = values_of(TASK.function("parallel")(PLANT, {"memory": 0.4, "delays": 7.0}, T, 0.03)(record))
+    estimate = values_of(
+        TASK.function("parallel")(PLANT, {"memory": 0.4, "delays": 7.0}, T, 0.03)(record)
+    )
     assert estimate[FIRST + 5 :, 0] == pytest.approx(np.array(found[5:]), abs=1e-6)
     assert np.ptp(found) > 0.3
 

