@@ -77,7 +77,7 @@ def mix_all(posteriors: Posteriors, work: BankWork) -> float:
 def mix_one(
     j: int, first: float, total: float, sources: Sources, posteriors: Posteriors, work: BankWork
 ) -> None:
-    """Mix the posteriors for mode j: all of them with the weight ``first``, its sources with more."""
+    """Mix the posteriors for mode j: all with the weight ``first``, its sources with more."""
     n = posteriors.means.shape[1]
     means, covariances, mixed = posteriors.means, posteriors.covariances, work.mixed
     shares, common, modes = work.weights[0], work.common, sources.modes
