@@ -1,9 +1,14 @@
-"""Results of the bench for the pages, from the golden tables."""
+"""Results of the bench for the pages, from the golden tables.
+
+A sentence about a condition is about all its rows, given the noise or not, tuned or with a paper's
+settings: `Bench.column`, `Bench.within`, `Bench.best` and `Bench.check_all` take them all.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -52,6 +57,48 @@ class Bench:
             if method.given_noise or not given
         }
 
+    def column(self, condition: str, *, given: bool | None = None) -> dict[str, Mapping[str, Any]]:
+        """All rows of the heat map in a condition by label, or those that are given the noise."""
+        cells = {
+            label: self.results.cell(condition, name, training, knows)
+            for label, name, training, knows in self.results.rows()
+            if given is None or given == knows
+        }
+        return {label: cell for label, cell in cells.items() if cell is not None}
+
+    def within(self, condition: str) -> dict[str, list[str]]:
+        """The labels of all rows by whether they are within 5 % of the best: yes, no, undecided."""
+        found: dict[str, list[str]] = {"yes": [], "no": [], "undecided": []}
+        for label, cell in self.column(condition).items():
+            found[cell["within"]].append(label)
+        return found
+
+    def best(self, condition: str, key: str = "error") -> str:
+        """The label of the row with the smallest error, lag, share of misses or other number."""
+        column = self.column(condition)
+        return min(column, key=lambda label: float(column[label][key]))
+
+    def check_all(
+        self,
+        holds: Callable[[Mapping[str, Any]], bool],
+        *conditions: str,
+        given: bool | None = None,
+        but: Iterable[str] = (),
+    ) -> None:
+        """Assert that something holds for all rows of conditions, and for no row in ``but``.
+
+        Without conditions, in all of the table. The labels in ``but`` are the exceptions that the
+        sentence names: they must be ones.
+        """
+        for condition in conditions or self.results.task.table:
+            found = {k for k, one in self.column(condition, given=given).items() if not holds(one)}
+            assert found == set(but), (condition, sorted(found ^ set(but)))
+
+    def shares(self, key: str, condition: str, *, given: bool | None = None) -> dict[str, float]:
+        """For all rows the share of records that is ``missed`` or in ``quantile``, in per cent."""
+        column = self.column(condition, given=given)
+        return {label: 100 * float(cell[key]) for label, cell in column.items()}
+
     def noises(self) -> list[tuple[dict[str, float], dict[str, float]]]:
         """At each other noise, the errors of all methods, and of those that are given it."""
         conditions = self.results.task.conditions
@@ -59,21 +106,24 @@ class Bench:
         return [(self.errors(one), self.errors(one, given=True)) for one in changed]
 
     def tunings(self, condition: str, *methods: str) -> list[list[float]]:
-        """The normalised errors with the settings of each repeat of the tuning."""
-        scorer = Scorer(self.results.task)
-        return [
-            [
-                scorer.mean(ScoredRow.of(method, "nominal", one.settings), [condition])
-                for one in self.results.tuned[method].training["nominal"].repeats
-            ]
-            for method in methods
-        ]
+        """The normalised errors with the settings of each repeat, on the seeds of the table."""
+        scorer, main = Scorer(self.results.task), self.results.task.main
+        found = []
+        for method in methods:
+            cell = self.results.cell(condition, method)
+            assert cell is not None, (method, condition)
+            repeats = self.results.tuned[method].training[main].repeats
+            rows = (ScoredRow.of(method, main, one.settings) for one in repeats)
+            found.append([scorer.mean(row, [condition], int(cell["seeds"])) for row in rows])
+        return found
 
     def false_alarms(self, condition: str, *, given: bool = False) -> dict[str, float]:
         """For each detector the share of healthy records that alarm, in per cent."""
-        cells = (row for row in self.results.cells if row["condition"] == condition)
-        said = "yes" if given else "no"
-        return {row["method"]: 100 * row["quantile"] for row in cells if row["given_noise"] == said}
+        cells = {
+            name: self.results.cell(condition, name, given=given)
+            for name in self.results.task.methods
+        }
+        return {name: 100 * cell["quantile"] for name, cell in cells.items() if cell is not None}
 
     def ratio(self, method: str, condition: str = "nominal", *, given: bool = False) -> str:
         """Its ratio to the best in the condition, with the interval of 95 %."""

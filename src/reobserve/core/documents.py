@@ -107,6 +107,11 @@ def parse_yaml(text: str, place: str) -> Any:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         said = f"{where}{error.problem or error.context}"
+        if "duplicate anchor" in (error.context or ""):
+            name = re.match(r"&[^\s,\]}]*", text.splitlines()[mark.line][mark.column :])
+            problem = f"the anchor {name and name[0]} is defined again, first in line"
+            said = f"{where}{problem} {error.context_mark.line + 1}; give it another name"
+            raise InputError(place, said) from None
         raise InputError(place, f"is not YAML of plain values: {said}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(place, f"is not YAML of plain values: {error}") from None

@@ -28,8 +28,8 @@ _SINGULAR = 1e-12  # the smallest eigenvalue of the correlations in a row that c
 class Score:
     """Score of a record: error, lag [s], and 95 % quantile of |error| over rms of truth.
 
-    ``nees`` is the mean normalised squared error of a component, nan without covariances; of a
-    detector, ``missed`` is 1 if it has not alarmed and 0 if it has. ``redrawn`` are errors for
+    ``nees`` is the mean normalised squared error of a component, nan without covariances. Of a
+    detector, ``missed`` is 1 if it has not alarmed in time, else 0. ``redrawn`` are errors for
     other draws of what all records of a condition have in common, such as a threshold.
     """
 

@@ -167,7 +167,7 @@ def _redrawn(scores: Sequence[Sequence[Score]]) -> Array | None:
     draws = [[one.redrawn for one in each] for each in scores]
     if len({len(one) for each in draws for one in each}) != 1 or not draws[0][0]:
         return None
-    return np.log(np.maximum(np.moveaxis(np.array(draws), 2, 0), SMALLEST))
+    return np.asarray(np.log(np.maximum(np.moveaxis(np.array(draws), 2, 0), SMALLEST)))
 
 
 def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:

@@ -26,6 +26,14 @@ CELLS = (
 
 _MEANS = ("lag", "quantile", "missed", "nees")  # arithmetic means over records
 NONE = "–"  # in a cell of the summary
+UNDECIDED = "?"  # after an error
+_NOTES = {  # of columns of the summary
+    "lag": "lag: the delay of the truth that fits the estimate best, the first minimum of the "
+    "squared error, mean over the records of the first column.",
+    "95 %": "95 %: this quantile of the error, over the root mean square of the truth.",
+    "missed": "missed: share of records without an alarm in time.",
+    "NEES": "NEES: mean of (estimate - truth)^2 over its variance, 1 if the variance is right.",
+}
 _WITHIN = Kind(
     lambda cell: cell in ("yes", "no", "undecided", "late"), "yes, no, undecided or late"
 )
@@ -178,10 +186,15 @@ def summary(results: Results) -> str:
         ])  # fmt: skip
     filled = [k for k in range(len(head)) if any(line[k] for line in lines)]
     rows = [[line[k] or NONE for k in filled] for line in (head, ["---"] * len(head), *lines)]
-    note = f"{NONE}: there is none for this row, or it is that of a row above."
-    if "NEES" in rows[0]:
-        note += " NEES: mean of (estimate - truth)^2 over its variance, 1 if the variance is right."
-    return "\n".join([f"### {task.title}", "", *map(_line, rows), "", note]) + "\n"
+    notes = [
+        "Geometric means over held-out records, with intervals of 95 %.",
+        f"Bold: within 5 % of the best row in the column; {UNDECIDED}: undecided; neither: not.",
+        *(text for title, text in _NOTES.items() if title in rows[0]),
+        getattr(task.module, "NOTE", ""),
+        f"{NONE}: there is none for this row, or it is that of a row above.",
+    ]
+    said = " ".join(filter(None, notes))
+    return "\n".join([f"### {task.title}", "", *map(_line, rows), "", said]) + "\n"
 
 
 def _number(value: float | None, digits: str, factor: float = 1.0, unit: str = "") -> str:
@@ -190,11 +203,11 @@ def _number(value: float | None, digits: str, factor: float = 1.0, unit: str = "
 
 
 def _shown(cell: Mapping[str, Any] | None) -> str:
-    """Error and interval, bold where it is within 5 % of the best."""
+    """Error and interval: bold where it is within 5 % of the best, with ? if that is undecided."""
     if cell is None:
         return ""
     mean, low, high = (f"{cell[key]:#.3g}" for key in ("error", "low", "high"))
-    text = f"**{mean}**" if cell["within"] == "yes" else mean
+    text = {"yes": f"**{mean}**", "undecided": f"{mean}{UNDECIDED}"}.get(cell["within"], mean)
     failed = f", {100 * cell['failed']:.0f} % failed" if cell["failed"] else ""
     return f"{text} [{low} {high}]{failed}"
 

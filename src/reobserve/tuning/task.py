@@ -15,8 +15,8 @@ It is a function that takes a record and returns an estimate in the shape of ``t
 ``Plant`` has a field ``noise``. A task whose estimates have no such error has a function ``score``
 with the arguments and the result of `reobserve.tuning.record_score.score`: a detector, say, whose
 estimate is an alarm. Its error, too, must be 1 for a method without information. ``COLUMNS`` may
-then name its lag and its quantile in the table. A task whose designs or results are cached has a
-function ``forget`` that clears them, for methods to be timed.
+then name its lag and its quantile in the table, and ``NOTE`` say what they are. A task whose
+designs or results are cached has a function ``forget`` that clears them, for methods to be timed.
 """
 
 from __future__ import annotations

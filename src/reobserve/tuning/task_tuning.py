@@ -18,12 +18,13 @@ CHECKPOINTS = (10, 25, 50, 100, 200, 400)  # evaluations
 
 
 def tune_method(
-    task: Task, method: str, tell: Callable[[str], None], stored: TunedMethod | None = None
-) -> TunedMethod:
+    task: Task, method: str, tell: Callable[[str], None], stored: TunedMethod | None = None,
+    *, main_only: bool = False,
+) -> TunedMethod:  # fmt: skip
     """Tune a method on all training sets of a task, each as often as it says.
 
     What is ``stored`` for training sets other than the main one is taken over, unless what decides
-    the search has changed in the task file.
+    the search has changed in the task file. With ``main_only`` the others are left out then.
 
     Raises
     ------
@@ -35,6 +36,8 @@ def tune_method(
         known = stored.training.get(name) if stored and name != task.main else None
         if known and known.digest == task.digest(method, name):
             found[name] = known
+            continue
+        if main_only and name != task.main:
             continue
         repeats = []
         for k in range(training.repeats):

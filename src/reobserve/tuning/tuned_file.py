@@ -85,10 +85,13 @@ class TunedMethod:
 def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
     """The tuned settings of all methods of a task.
 
+    Training sets other than the main one may be missing.
+
     Raises
     ------
     InputError
-        If a file is missing or damaged, or was tuned for something else than the task file states.
+        If a file or the main training set is missing, a file is damaged, or it was tuned for
+        something else than the task file states.
     """
     found = {}
     for method in task.methods:
@@ -96,6 +99,8 @@ def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
         found[method] = TunedMethod.read(path)
         for name in task.training:
             kept = found[method].training.get(name)
+            if kept is None and name != task.main:
+                continue
             if kept is None or kept.digest != task.digest(method, name):
                 problem = f"training.{name} is not of what {task.file} states now: tune it again"
                 raise InputError(str(path), problem)

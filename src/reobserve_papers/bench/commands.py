@@ -12,7 +12,7 @@ from reobserve_papers.bench.packaged_task import PackagedTask
 
 
 def tune_command(
-    task_file: Path, methods: Sequence[str], stored: Path | None, output: Path
+    task_file: Path, methods: Sequence[str], stored: Path | None, main_only: bool, output: Path
 ) -> None:
     """Tune methods on the training sets of a task, and write their settings into a folder."""
     from reobserve.tuning.task_tuning import tune_method
@@ -27,7 +27,7 @@ def tune_command(
     for name in methods or task.methods:
         path = stored / f"{name}.json" if stored else None
         known = TunedMethod.read(path) if path and path.exists() else None
-        tune_method(task, name, tell, known).write(output / f"{name}.json")
+        tune_method(task, name, tell, known, main_only=main_only).write(output / f"{name}.json")
 
 
 def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None:
@@ -37,7 +37,11 @@ def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None
     from reobserve.tuning.tuned_file import read_tuned
 
     task = PackagedTask.read(task_file)
-    cells = score_task(task, read_tuned(task, tuned))
+    settings = read_tuned(task, tuned)
+    for name, method in settings.items():
+        if missing := [one for one in task.training if one not in method.training]:
+            tell(f"{name}: not tuned on {', '.join(missing)}, so these rows are left out")
+    cells = score_task(task, settings)
     scores, table = outputs
     write_scores(task, cells, scores)
     write_cells(cells, table, seal=True)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator
 
-from reobserve.tuning.table import Results
+from reobserve.tuning.table import UNDECIDED, Results
 from reobserve.tuning.task import Task
 from reobserve_papers.plotting import look
 from reobserve_papers.plotting.figures import STYLES, PaperFigure, Style, add_note, blank, few_ticks
@@ -33,10 +33,12 @@ def heat_map(results: Results) -> PaperFigure:
                 (x - 0.5, y - 0.5), 1, 1, facecolor=str(0.95 - 0.55 * shade), edgecolor="white",
                 hatch="///" if cell["failed"] else "", linewidth=1.5,
             ))  # fmt: skip
-            near = cell["within"] == "yes"
+            within = cell["within"]
+            said = f"{cell['error']:#.3g}{UNDECIDED if within == 'undecided' else ''}"
             axes.text(
-                x, y, f"{cell['error']:#.3g}", ha="center", va="center",
-                fontsize=look.points(8), fontweight="bold" if near else "normal",
+                x, y, said, ha="center", va="center",
+                fontsize=look.points(8), fontweight="bold" if within == "yes" else "normal",
+                fontstyle="italic" if within == "undecided" else "normal",
                 color="white" if shade > 0.6 else "black",
             )  # fmt: skip
     axes.set_xlim(-0.5, len(task.table) - 0.5)
@@ -55,7 +57,8 @@ def heat_map(results: Results) -> PaperFigure:
     add_note(
         figure,
         "Normalised error on held-out records. Bold: within 5 % of the best in the column;",
-        "the darker, the greater the ratio to the best, up to 2; hatched: some runs failed.",
+        "italic with ?: undecided; neither: more than 5 % worse (both with 95 % confidence);",
+        "darkness: the ratio to the best other row, from 1 to 2; hatched: some runs failed.",
     )
     return figure
 
@@ -63,8 +66,8 @@ def heat_map(results: Results) -> PaperFigure:
 def levels(results: Results) -> PaperFigure:
     """Errors over noise, over model error and over keys of the plant that conditions change.
 
-    All on the same held-out seeds. Lines: frozen settings; crosses: given the noise; rings: tuned
-    again.
+    The errors are those of the heat map. Lines: frozen settings; crosses: given the noise; rings:
+    tuned again.
     """
     axes_of = _axes(results.task)
     panels = {label: sorted(found) for label, found in axes_of.items() if found[1:]} or axes_of
@@ -133,26 +136,29 @@ def _levels(
             for place, condition in places
             if not training or condition in training
         ]
-        found = [(place, cell["first"]) for place, cell in cells if cell is not None]
+        found = [(place, cell["error"]) for place, cell in cells if cell is not None]
         if found:
             x, y = zip(*found, strict=True)
             axes.plot(x, y, color=style.color, label=label, markersize=look.mark(4.5), **look_of)
 
 
 def evaluations(results: Results) -> PaperFigure:
-    """The held-out error over the evaluations of the search, the median of repeats."""
+    """The held-out error after a part of a search over that after all of it, median of repeats.
+
+    So it has no level of its own beside the heat map's, which is on more records.
+    """
     task = results.task
     figure = blank(2.6)
     axes = figure.subplots()
     for name, style in zip(task.shown, STYLES, strict=False):
         repeats = results.held_out(name)
         counts = list(repeats[0])
-        errors = [median(one[n] for one in repeats) for n in counts]
+        errors = [median(one[n] / one[counts[-1]] for one in repeats) for n in counts]
         axes.plot(counts, errors, label=task.methods[name].label, **style.points())
     axes.set_xscale("log")
     few_ticks(axes, counts)
     axes.set_xlabel("evaluations")
-    axes.set_ylabel("held-out error")
+    axes.set_ylabel("held-out error / final error")
     _legend(figure, axes)
     return figure
 

@@ -49,6 +49,10 @@ def tune_options(command: argparse.ArgumentParser) -> None:
         "(all are tuned where a file is missing or of another task file)",
     )  # fmt: skip
     command.add_argument(
+        "--main-only", action="store_true",
+        help="tune on the first training set only; others that are not stored are left out",
+    )  # fmt: skip
+    command.add_argument(
         "--output", type=Path, required=True, metavar="FOLDER", help="for settings, METHOD.json"
     )
 

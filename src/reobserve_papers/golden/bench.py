@@ -22,7 +22,7 @@ from reobserve_papers.golden.tolerances import MARGIN, two_digits_up
 
 TOLERANCE = 1e-4  # relative, for rounding on other processors; 1 % of a constant moves more
 # Shares of records, by task: one record of a row, with what goes with it, may count or not.
-SHARES = {"leak": ("quantile",)}
+SHARES = {"leak": ("quantile", "missed")}
 
 _REPEATS = 3  # of the scores, each with other rounding errors in the records
 _HEADER = ("task", "method", "quantity", "tolerance")

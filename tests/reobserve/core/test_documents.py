@@ -47,6 +47,10 @@ REFUSED = {
     "deep mappings": (b"{a: " * 2000, rf"nested deeper than {DEPTH} levels"),
     "a large file": (b"a: " + b"x" * 600_000, r"has more than 524288 bytes"),
     "a key twice": (b"a: 1\nb: 2\na: 3", r"line 3, column 1: the key 'a' twice"),
+    "an anchor twice": (
+        b"a: &K1 1\nb: [&K1 2]\nc: *K1", r"line 2, column 5: the anchor &K1 is defined again, "
+        r"first in line 1; give it another name",
+    ),
     "a key twice, inside": (b"a: {b: 1, b: 2}", r"the key 'b' twice"),
     "a number as a key": (b"1: a", r"a key that is no text; put it in quotes"),
     "a decimal comma": (b"a: {value: 60,0, unit: s}", r"a decimal comma; numbers have"),

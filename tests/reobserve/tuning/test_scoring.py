@@ -216,6 +216,25 @@ def test_stored_settings_are_kept_for_other_training_sets_of_the_same_task(tmp_p
     assert less.training["noise"].repeats[0].settings["share"] != 0.5
 
 
+def test_training_sets_that_are_left_out_have_no_rows(tmp_path: Path) -> None:
+    """A new method, tuned on the main set only; one that is stored keeps its other sets."""
+    task, said = toy(tmp_path), lambda _: None
+    new = tune_method(task, "share", said, main_only=True)
+    old = tune_method(task, "reported", said)
+    kept_sets = tune_method(task, "reported", said, old, main_only=True).training
+    assert (list(new.training), list(kept_sets)) == (["nominal"], ["nominal", "noise"])
+    for name, one in (("share", new), ("reported", old)):
+        one.write(tmp_path / f"tuned/{name}.json")
+    cells = score_task(task, read_tuned(task, tmp_path / "tuned"))
+    assert {(c.row.method, c.row.training) for c in cells if c.condition == "noise"} == {
+        ("share", "nominal"), ("reported", "nominal"), ("reported", "noise"),
+    }  # fmt: skip
+    del new.training["nominal"]
+    new.write(tmp_path / "tuned/share.json")
+    with pytest.raises(InputError, match=r"share\.json: training\.nominal is not of what"):
+        read_tuned(task, tmp_path / "tuned")
+
+
 def test_result_files_round_trip(tmp_path: Path) -> None:
     task = toy(tmp_path)
     cells = score_task(task, kept(task, tmp_path / "tuned"))

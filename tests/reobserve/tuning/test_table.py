@@ -32,9 +32,19 @@ def test_table_lists_requirements_and_cost_of_each_method(tmp_path: Path) -> Non
     assert "| 0.50 | 1.23 |" in first
     assert "| 0.50 | – |" in second
     assert "NEES: mean of (estimate - truth)^2 over its variance" in note
+    assert "Bold: within 5 % of the best row in the column; ?: undecided; neither: not." in note
+    assert "| 0.200? [0.100 0.300] |" in lines[6]
+    assert "missed" not in note
+    results.cells[0]["missed"] = 0.25  # type: ignore[index]
+    results.task.module.NOTE = "What a cell is."  # type: ignore[attr-defined]
+    head, _, first, *_, note = summary(results).splitlines()[2:]
+    assert "| 95 % | missed | NEES | cost |" in head
+    assert "| 0.50 | 25 % | 1.23 |" in first
+    assert "missed: share of records without an alarm in time. NEES: " in note
+    assert "What a cell is." in note
     results.task.module.COLUMNS = ("delay", "false alarms")  # type: ignore[attr-defined]
     head = summary(results).splitlines()[2]
-    assert "| delay | false alarms | NEES | cost |" in head
+    assert "| delay | false alarms | missed | NEES | cost |" in head
 
 
 @pytest.mark.parametrize(

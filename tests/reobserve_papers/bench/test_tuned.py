@@ -72,8 +72,11 @@ def test_stored_held_out_errors_are_those_of_the_comparison(name: str, scored: A
             if len(conditions) == 1:
                 given = task(name).methods[method].given_noise and training != task(name).main
                 cell = scored(name).cell(conditions[0], method, training, given)
-                median = sorted(repeat.error for repeat in one.repeats)[len(one.repeats) // 2]
-                assert cell["first"] == pytest.approx(median, rel=1e-5), (method, training)
+                errors = [repeat.error for repeat in one.repeats]
+                close = [abs(cell["first"] / error - 1) < 1e-5 for error in errors]
+                assert any(close), (method, training)
+                if errors[1:]:  # of the repeats, over the same seeds
+                    assert cell["repeat_low"] <= cell["error"] <= cell["repeat_high"]
 
 
 def error(results: Results, condition: str, method: str, training: str, given: bool) -> float:
