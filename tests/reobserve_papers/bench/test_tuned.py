@@ -134,9 +134,68 @@ def test_derivative_action_gains_a_few_percent_on_the_motor(scored: Any) -> None
     assert own == pytest.approx(1.0, abs=0.01)
 
 
-def test_methods_tie_on_the_motor_with_a_wrong_model(scored: Any) -> None:
-    errors = [error(scored("motor"), "model", one, "", False) for one in task("motor").methods]
+BANKS = ("fault_bank", "fault_bank_R", "smoothed")  # what models jumps, or waits for later rows
+
+
+def linear(name: str) -> list[str]:
+    """The methods that have one bandwidth."""
+    return [one for one in task(name).methods if one not in BANKS]
+
+
+def test_methods_of_one_bandwidth_tie_on_the_motor_with_a_wrong_model(scored: Any) -> None:
+    errors = [error(scored("motor"), "model", one, "", False) for one in linear("motor")]
     assert max(errors) < 1.1 * min(errors)
+
+
+@pytest.mark.parametrize("name", ["torque", "motor"])
+def test_banks_that_model_jumps_beat_all_methods_of_one_bandwidth(name: str, scored: Any) -> None:
+    """In each condition in which the noise is the one that they know."""
+    for condition in ("nominal", "model", "period", "jumps", "healthy"):
+        others = [error(scored(name), condition, one, "", False) for one in linear(name)]
+        assert error(scored(name), condition, "fault_bank", "", False) < 0.95 * min(others)
+
+
+@pytest.mark.parametrize("name", ["torque", "motor"])
+def test_smoothers_are_never_the_best(name: str, scored: Any) -> None:
+    """Though their errors are the smallest as tuned."""
+    cells = {one: scored(name).cell("nominal", one) for one in task(name).methods}
+    late = cells.pop("smoothed")
+    assert late["within"] == "late"
+    assert late["error"] < min(one["error"] for one in cells.values())
+    assert min(one["ratio"] for one in cells.values()) > 0.9
+
+
+def test_parameters_as_states_pay_where_they_are_wrong(scored: Any) -> None:
+    """On van der Pol: by a tenth and more with a wrong model, and cost a few per cent without."""
+    found = scored("vdp")
+    for plain, states in (("ekf", "ekf_ab"), ("ukf", "ukf_ab"), ("ekf_R", "ekf_ab_R")):
+        for condition, low, high in (
+            ("nominal", 0.98, 1.1),
+            ("model", 0.6, 0.95),
+            ("model_20", 0.4, 0.8),
+        ):
+            ratio = error(found, condition, states, "", False) / error(
+                found, condition, plain, "", False
+            )
+            assert low < ratio < high
+
+
+@pytest.mark.parametrize(("name", "plain", "given"), [
+    ("torque", "random_walk", "random_walk"), ("torque", "fault_bank", "fault_bank"),
+    ("vdp", "ekf", "ekf"), ("vdp", "ekf_ab", "ekf_ab"), ("delay", "grid", "grid"),
+])  # fmt: skip
+def test_estimating_the_noise_is_nearly_as_good_as_knowing_it(
+    name: str, plain: str, given: str, scored: Any
+) -> None:
+    estimated = error(scored(name), "noise", f"{plain}_R", "", False)
+    assert estimated < 1.15 * error(scored(name), "noise", given, "", True)
+    assert estimated < 0.9 * error(scored(name), "noise", plain, "", False)
+
+
+def test_grid_is_better_than_a_bank_and_a_filter_of_the_delay_in_each_class(scored: Any) -> None:
+    for condition in ("nominal", "steps", "swings", "period"):
+        others = [error(scored("delay"), condition, one, "", False) for one in ("imm", "ekf")]
+        assert error(scored("delay"), condition, "grid", "", False) < 0.95 * min(others)
 
 
 def false_alarms(results: Results, condition: str, method: str, given: bool) -> float:
