@@ -209,7 +209,8 @@ def _shown(cell: Mapping[str, Any] | None) -> str:
     mean, low, high = (f"{cell[key]:#.3g}" for key in ("error", "low", "high"))
     text = {"yes": f"**{mean}**", "undecided": f"{mean}{UNDECIDED}"}.get(cell["within"], mean)
     failed = f", {100 * cell['failed']:.0f} % failed" if cell["failed"] else ""
-    return f"{text} [{low} {high}]{failed}"
+    missed = f", {100 * cell['missed']:.0f} % missed" if cell["missed"] > 0 else ""
+    return f"{text} [{low} {high}]{failed}{missed}"
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -40,6 +40,7 @@ def test_table_lists_requirements_and_cost_of_each_method(tmp_path: Path) -> Non
     head, _, first, *_, note = summary(results).splitlines()[2:]
     assert "| 95 % | missed | NEES | cost |" in head
     assert "| 0.50 | 25 % | 1.23 |" in first
+    assert "| 0.250 [0.100 0.300], 25 % missed |" in first
     assert "missed: share of records without an alarm in time. NEES: " in note
     assert "What a cell is." in note
     results.task.module.COLUMNS = ("delay", "false alarms")  # type: ignore[attr-defined]

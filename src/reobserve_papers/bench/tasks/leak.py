@@ -91,27 +91,25 @@ def score(
     rows = record.time >= since - 1e-9
     onset = float(record.time[np.argmax(record.truth[:, 0] > 0)])
 
-    def delay(alarms: NDArray[Any]) -> tuple[float, bool]:
-        times = record.time[rows & alarms.astype(bool)]
-        found = min(float(times[0]) - onset, CAP) if len(times) else CAP
-        return found, found < 1e-9
+    times = np.append(record.time[rows], np.inf)  # of a first alarm, the last one for none
 
-    def error(alarms: NDArray[Any]) -> float:
-        found, early = delay(alarms)
-        return 1.0 if early else found / CAP
+    def errors(delays: NDArray[Any]) -> Array:
+        return np.where(delays < 1e-9, 1.0, np.minimum(delays, CAP) / CAP)
 
-    alarms = run(record)[:, 0]
-    late, early = delay(alarms)
+    alarms = run(record)[rows, 0]
+    late = float(times[np.argmax(alarms) if alarms.any() else -1]) - onset
+    (error,) = errors(np.array([late])).tolist()
     if not details:
-        return Score(error(alarms))
+        return Score(error)
     false = float(np.mean([run(one)[rows].any() for one in record.healthy()]))
     redrawn: tuple[float, ...] = ()
     if isinstance(run, Detector):
-        statistic = run.statistic(record)
-        redrawn = tuple(error(statistic > one) for one in run.redrawn(record))
+        largest = np.maximum.accumulate(run.statistic(record)[rows])  # so far
+        first = np.searchsorted(largest, run.redrawn(record), side="right")
+        redrawn = tuple(errors(times[first] - onset).tolist())
     return Score(
-        error(alarms), math.nan if early else late, false,
-        missed=float(not early and late >= CAP), redrawn=redrawn,
+        error, math.nan if late < 1e-9 else min(late, CAP), false,
+        missed=float(late >= CAP), redrawn=redrawn,
     )  # fmt: skip
 
 
