@@ -220,11 +220,12 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
 
     ``drift`` [1/s / sqrt(s)] and ``jump`` [1 / sqrt(s)] are those of faults over the largest ones,
     ``rate`` of jumps [1/s] and ``burst`` [s] those of `FaultBank`; with ``memory`` [s] it estimates
-    R, from that of ``noise`` on.
+    R, from ``start`` times that of ``noise`` on: where R is too small, noise looks like jumps.
     """
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
     Q = DD**2 @ np.square(plant.disturbance) * plant.hold / 3.0 * period
-    model = LinearModel(A, B, np.eye(2), None, Q, noise**2, sampling_period=period)
+    R = s.get("start", 1.0) * noise**2
+    model = LinearModel(A, B, np.eye(2), None, Q, R, sampling_period=period)
     largest = np.array(plant.largest)
     drift = np.array([s["drift_actuator"], s["drift_sensor"]]) * largest
     bank = FaultBank(
@@ -234,7 +235,7 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
 
     def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements, record.inputs
-        start = bank.init(y[0], noise**2, fault_covariance=0.0, rate_covariance=0.0)
+        start = bank.init(y[0], R, fault_covariance=0.0, rate_covariance=0.0)
         found = estimates_with("fault_variance", bank, "fault", y, u, state=start)
         return _over_largest(plant, found)
 

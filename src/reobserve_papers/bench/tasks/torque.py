@@ -206,10 +206,11 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
     """A bank of a fault that drifts or jumps on each axis of J s, z' = f, noise^2 (J J')_ii.
 
     ``drift`` [N m/s / sqrt(s)], ``jump`` [N m / sqrt(s)], ``rate`` of jumps [1/s] and ``burst`` [s]
-    are those of `FaultBank`; with ``memory`` [s] it estimates R, from that of ``noise`` on.
+    are those of `FaultBank`; with ``memory`` [s] it estimates R, from ``start`` times that of
+    ``noise`` on: where R is too small, noise looks like jumps.
     """
     J = np.array(plant.inertia)
-    variances = noise**2 * (J**2).sum(axis=1)
+    variances = s.get("start", 1.0) * noise**2 * (J**2).sum(axis=1)
     axes = [
         FaultBank(
             LinearModel([[1.0]], None, [[1.0]], None, 0.0, one, sampling_period=period),
