@@ -92,7 +92,7 @@ class HealthyRecord(TaskRecord):
 
     @property
     def healthy(self) -> NDArray[np.bool_]:
-        """Whether each channel has no fault."""
+        """True for each channel without a fault."""
         return np.asarray(~self.truth.any(axis=0))
 
 
