@@ -16,7 +16,8 @@ from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
 from reobserve.core.value import for_loop
 from reobserve.observers.imm import IMM
-from reobserve.observers.imm_loop import Bank, Posteriors, new_bank_rows, new_bank_work, run_bank
+from reobserve.observers.imm_loop import Bank, run_bank
+from reobserve.observers.imm_work import Posteriors, new_bank_rows, new_bank_work
 
 Array = NDArray[np.float64]
 Peer = Callable[[], Found]
@@ -84,7 +85,8 @@ def _against_c(
 def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
     gain = bank._linear[0].method.function
-    compiled = Bank(bank._model, bank._parameters, for_loop(bank.transition), bank.mixing)
+    matrices = bank._model, bank._parameters, for_loop(bank.transition)
+    compiled = Bank(*matrices, bank._sources, bank.mixing)
     held = u[:, None]
     rows = new_bank_rows(len(z), 3, 4, 1)
 

@@ -25,6 +25,7 @@ from reobserve.systems.linear import LinearModel
 Array = NDArray[np.float64]
 
 _MOST_PERIODS = 100_000
+_NOTHING = 1e-16  # a probability that adds nothing to one
 _WHOLE = 1e-9  # of a sampling period: how near a delay is to a whole number of them
 
 
@@ -51,7 +52,7 @@ class GridFilter(IMM):
     filters, transition, mixing, gate, noise_memory
         As `IMM` has them.
     grid
-        The values of the parameter, shape (r,), rising.
+        The value of the parameter at each node, shape (r,), rising; equal ones in a row with rates.
     periods_late
         Of a delay: its whole sampling periods at each node, shape (r,); else None.
 
@@ -80,7 +81,9 @@ class GridFilter(IMM):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        grid = as_grid(self.grid)
+        grid = read_only(as_floats("grid", self.grid))
+        if grid.ndim != 1 or len(grid) < 2 or (np.diff(grid) < 0).any():
+            raise InputError("grid", f"{shown(self.grid)} must be two numbers or more, not falling")
         if len(grid) != len(self.filters):
             problem = f"has {len(grid)} values, must have {len(self.filters)}, one for each filter"
             raise InputError("grid", problem)
@@ -97,7 +100,8 @@ class GridFilter(IMM):
     @classmethod
     def of_parameter(
         cls, make: Callable[[float], LinearModel], grid: ArrayLike, random_walk: float = 0.0,
-        jump_rate: float = 0.0, *, gate: float | None = None, noise_memory: float | None = None,
+        jump_rate: float = 0.0, rates: ArrayLike = (0.0,), switch_rate: float = 0.0, *,
+        gate: float | None = None, noise_memory: float | None = None,
     ) -> GridFilter:  # fmt: skip
         """A filter for a parameter of a linear model.
 
@@ -111,6 +115,10 @@ class GridFilter(IMM):
             The standard deviation of what it gains in a second, by steps to neighbours on the grid.
         jump_rate
             Jumps a second to any other value.
+        rates, switch_rate
+            What the parameter may gain in a second: a node is a value and a rate, which goes to any
+            other one ``switch_rate`` times a second. A value between two nodes is shared by both,
+            which adds to the random walk: rate T (step - rate T) to the variance in a period T.
         gate, noise_memory
             As `IMM` has them.
 
@@ -126,13 +134,18 @@ class GridFilter(IMM):
             KalmanFilter(as_kind(f"make({value:g})", make(float(value)), LinearModel))
             for value in nodes
         ]
-        chain = node_chain(nodes, random_walk, jump_rate, filters[0].sampling_period)
-        return cls(tuple(filters), chain, grid=nodes, gate=gate, noise_memory=noise_memory)
+        T, each = filters[0].sampling_period, len(as_rates(rates))
+        chain = node_chain(nodes, random_walk, jump_rate, T, rates, switch_rate)
+        return cls(
+            tuple(one for one in filters for _ in range(each)), chain,
+            grid=np.repeat(nodes, each), gate=gate, noise_memory=noise_memory,
+        )  # fmt: skip
 
     @classmethod
     def of_delay(
         cls, model: LinearModel, delays: ArrayLike, random_walk: float = 0.0,
-        jump_rate: float = 0.0, *, gate: float | None = None, noise_memory: float | None = None,
+        jump_rate: float = 0.0, rates: ArrayLike = (0.0,), switch_rate: float = 0.0, *,
+        gate: float | None = None, noise_memory: float | None = None,
     ) -> GridFilter:  # fmt: skip
         """A filter for the delay [s] of all inputs, held over each sampling period before it.
 
@@ -145,7 +158,7 @@ class GridFilter(IMM):
             whole sampling periods. It has no feedthrough D.
         delays
             [s], from 0 on, rising, two or more.
-        random_walk, jump_rate, gate, noise_memory
+        random_walk, jump_rate, rates, switch_rate, gate, noise_memory
             As in `of_parameter`.
 
         Raises
@@ -171,15 +184,13 @@ class GridFilter(IMM):
             )
             raise InputError("delays", problem)
         filters = [KalmanFilter(_delayed(model, float(part))) for part in parts]
-        chain = node_chain(nodes, random_walk, jump_rate, T)
+        each = len(as_rates(rates))
+        chain = node_chain(nodes, random_walk, jump_rate, T, rates, switch_rate)
         return cls(
-            tuple(filters),
-            chain,
-            grid=nodes,
-            periods_late=whole,
-            gate=gate,
+            tuple(one for one in filters for _ in range(each)), chain,
+            grid=np.repeat(nodes, each), periods_late=np.repeat(whole, each), gate=gate,
             noise_memory=noise_memory,
-        )
+        )  # fmt: skip
 
     @property
     def inputs(self) -> int:
@@ -234,23 +245,56 @@ def as_grid(value: ArrayLike, name: str = "grid") -> Array:
     return read_only(grid)
 
 
-def node_chain(grid: Array, random_walk: float, jump_rate: float, period: float) -> Array:
-    """The probabilities p_ij of moves between the nodes of a grid in a period, shape (r, r).
+def as_rates(value: ArrayLike) -> Array:
+    """One rate or more, finite and rising, or `InputError`."""
+    rates = as_floats("rates", value)
+    if rates.ndim != 1 or not len(rates) or (np.diff(rates) <= 0).any():
+        raise InputError("rates", f"{shown(value)} must be one number or more, rising")
+    return rates
 
-    Those of a Markov chain in continuous time: it steps to neighbours at such rates that it has no
-    drift and the variance ``random_walk``^2 a second, reflected at the ends, and to each other node
-    at ``jump_rate`` / (r - 1).
+
+def node_chain(
+    grid: Array, random_walk: float, jump_rate: float, period: float, rates: ArrayLike = (0.0,),
+    switch_rate: float = 0.0,
+) -> Array:  # fmt: skip
+    """The probabilities p_ij of moves between nodes in a period, shape (r, r).
+
+    Without rates those of a Markov chain in continuous time: it steps to neighbours at such rates
+    that it has no drift and the variance ``random_walk``^2 a second, reflected at the ends, and to
+    each other node at ``jump_rate`` / (r - 1). With rates a node is a value and a rate, in this
+    order; the rate switches, the value steps as before and moves by the new rate, up to the ends,
+    and jumps go to any node.
 
     Raises
     ------
     InputError
-        If one of both is negative or not finite.
+        If one of the numbers is negative or not finite.
     """
-    from scipy.linalg import expm
-
-    for name, value in (("random_walk", random_walk), ("jump_rate", jump_rate)):
+    for name, value in (
+        ("random_walk", random_walk), ("jump_rate", jump_rate), ("switch_rate", switch_rate),
+    ):  # fmt: skip
         if as_scalar(name, value) < 0:
             raise InputError(name, f"{value:g} must be 0 or more")
+    speeds = as_rates(rates)
+    if not speeds.any():
+        return _walk(grid, random_walk, jump_rate, period)
+    walk = _walk(grid, random_walk, 0.0, period)
+    walk[walk < _NOTHING] = 0.0
+    # To grid + rate T, between two nodes to both
+    ends = np.clip(grid[:, None] + period * speeds, grid[0], grid[-1])
+    moved = np.stack([np.interp(ends, grid, node) for node in np.eye(len(grid))], axis=2)
+    v, count = len(speeds), len(grid) * len(speeds)
+    leave = -np.expm1(-switch_rate * period) if v > 1 else 0.0
+    switch = np.full((v, v), leave / max(v - 1, 1))
+    np.fill_diagonal(switch, 1.0 - leave)
+    jump = -np.expm1(-jump_rate * period)
+    chain = np.einsum("ab,ik,kbj->iajb", switch, walk, moved, optimize=True)
+    return np.asarray((1.0 - jump) * chain.reshape(count, count) + jump / count)
+
+
+def _walk(grid: Array, random_walk: float, jump_rate: float, period: float) -> Array:
+    from scipy.linalg import expm
+
     r, steps = len(grid), np.diff(grid)
     rates = np.full((r, r), jump_rate / (r - 1))
     for i in range(r):

@@ -50,15 +50,11 @@ from reobserve.observers.gaussian_state import (
     periods_of,
     sample_before,
 )
-from reobserve.observers.imm_loop import (
-    Bank,
-    Posteriors,
-    new_bank_rows,
-    new_bank_work,
-    run_bank,
-)
+from reobserve.observers.imm_loop import Bank, run_bank
 from reobserve.observers.imm_one_by_one import run_one_by_one
+from reobserve.observers.imm_sparse import Sources, sources_of
 from reobserve.observers.imm_state import ImmState, check_filters, size_of
+from reobserve.observers.imm_work import Posteriors, new_bank_rows, new_bank_work
 from reobserve.observers.kalman import LINEAR
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
@@ -163,16 +159,19 @@ class IMM(Observer[ImmState]):
             problem = "must be left out: it is for banks of Kalman filters on linear models"
             raise InputError("noise_memory", problem)
         first = self._linear[0].model.R
-        problems = []
         for j, one in enumerate(self._linear):
             if not np.array_equal(one.model.R, first):
                 raise InputError("noise_memory", f"must be left out: filters[{j}] has another R")
+        refused: InputError | None = None
+        for one in self._linear:
             try:
                 replace(one, noise_memory=self.noise_memory)
             except InputError as error:
-                problems.append(error)
-        if len(problems) == len(self._linear):
-            raise problems[0]
+                refused = refused or error
+            else:
+                return
+        assert refused is not None
+        raise refused
 
     @property
     def _periods(self) -> Mapping[str, Array]:
@@ -311,8 +310,8 @@ class IMM(Observer[ImmState]):
             with RaisedAfterLoop():
                 good = run_bank(
                     Bank(
-                        model, self._parameters, for_loop(self.transition), self.mixing,
-                        np.inf if self.gate is None else self.gate,
+                        model, self._parameters, for_loop(self.transition), self._sources,
+                        self.mixing, np.inf if self.gate is None else self.gate,
                     ),
                     self._linear[0].method.function, posteriors, record.y, inputs, fresh,
                     new_bank_work(posteriors, self.mixing, self._rules), rows,
@@ -382,6 +381,10 @@ class IMM(Observer[ImmState]):
         ]
         alike = {(one.method.function, len(one.method.parameters)) for one in linear}
         return linear if len(linear) == len(self.filters) and len(alike) == 1 else []
+
+    @cached_property
+    def _sources(self) -> Sources:
+        return sources_of(self.transition, periods_of(self.filters[0])[0])
 
     @cached_property
     def _model(self) -> ModelRows:

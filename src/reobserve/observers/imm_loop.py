@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers import linear_steps as linear
-from reobserve.observers.filter_rules import Rules, shortest
+from reobserve.observers.filter_rules import shortest
+from reobserve.observers.imm_sparse import Sources, interact_by_sources
+from reobserve.observers.imm_work import LEAST, BankRows, BankWork, Posteriors
 from reobserve.observers.linear_loop import BEGUN
 from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-280  # a sum of probabilities above this has all its digits
 FAR = -1000.0  # a logarithm below this loses digits of the logarithm of a sum that is added to it
 
 
@@ -33,76 +34,9 @@ class Bank(NamedTuple):
     model: ModelRows
     parameters: Array
     transition: Array
+    sources: Sources
     mixing: bool
     gate: float = math.inf
-
-
-class Posteriors(NamedTuple):
-    """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu.
-
-    ``noise``, (m,), are the variances of R, and ``begun``, (1,), the number of rows before, if they
-    are estimated.
-    """
-
-    means: Array
-    covariances: Array
-    errors: Array
-    log_probabilities: Array
-    noise: Array
-    begun: Array
-
-
-class BankRows(NamedTuple):
-    """The estimates of a bank, a row a sample, by their names.
-
-    ``outlier`` and ``noise_variance`` have one row, which is overwritten, if nobody wants them.
-    """
-
-    state: Array
-    covariance: Array
-    probability: Array
-    innovation: Array
-    log_likelihood: Array
-    outlier: Array
-    noise_variance: Array
-
-
-class BankWork(NamedTuple):
-    """Arrays of a step: mu(i|j), (r, r), mixed posteriors, log-likelihoods (r,), one filter's.
-
-    ``taken``, (m,), is a row without outliers, ``changes``, (r, m), what each filter says of the
-    variances of R, and ``apart``, (r, n), how far the filters' means are from a mixed one.
-    """
-
-    weights: Array
-    mixed: Posteriors
-    log_likelihoods: Array
-    taken: Array
-    changes: Array
-    apart: Array
-    of_filter: linear.LinearWork
-
-
-def new_bank_work(posteriors: Posteriors, mixing: bool, rules: Rules | None = None) -> BankWork:
-    """Arrays for the steps of a bank, whose mixed posteriors without mixing are the filters'."""
-    r, n = posteriors.means.shape
-    m = posteriors.errors.shape[1]
-    means, covariances, errors, *_ = posteriors
-    if mixing:
-        means, covariances = np.empty((r, n)), np.empty((r, n, n))
-    mixed = Posteriors(means, covariances, errors, np.empty(r), *posteriors[4:])
-    return BankWork(
-        np.empty((r, r)), mixed, np.empty(r), np.empty(m), np.zeros((r, m)), np.empty((r, n)),
-        linear.new_linear_work(n, m, rules),
-    )  # fmt: skip
-
-
-def new_bank_rows(
-    k: int, r: int, n: int, m: int, gated: bool = False, learned: bool = False
-) -> BankRows:
-    """Arrays for the estimates of k rows, by r filters of n states and m outputs."""
-    shapes = (k, n), (k, n, n), (k, r), (k, r, m), (k,), (k if gated else 1, m)
-    return BankRows(*map(np.empty, (*shapes, (k if learned else 1, m))))
 
 
 @inlined_kernel
@@ -364,7 +298,9 @@ def run_bank(
         if k >= due:
             due = look(k)
         if k > 0 or not fresh:
-            interact(bank.transition, bank.mixing, posteriors, work)
+            few = bank.mixing and len(bank.sources.rest) > 0
+            if not few or not interact_by_sources(bank.sources, posteriors, work):
+                interact(bank.transition, bank.mixing, posteriors, work)
             predict(bank.model, k, inputs[k], posteriors, work)
         rows.log_likelihood[k] = correct(
             bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k],

@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 from reobserve.core.errors import DivergenceError
 from reobserve.core.value import for_loop
 from reobserve.observers.gaussian_state import Correction, Gaussian
-from reobserve.observers.imm_loop import (
-    BankRows,
-    Posteriors,
-    combine,
-    interact,
-    new_bank_work,
-    update_probabilities,
-)
+from reobserve.observers.imm_loop import combine, interact, update_probabilities
+from reobserve.observers.imm_work import BankRows, Posteriors, new_bank_work
 
 if TYPE_CHECKING:
     from reobserve.observers.imm import IMM

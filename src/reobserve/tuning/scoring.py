@@ -58,10 +58,13 @@ class Cell:
     first: float
     ratio: tuple[float, ...]
     repeats: tuple[float, float] | None = None
+    causal: bool = True
 
     @property
     def within(self) -> str:
-        """Decide if it is within 5 % of the best: yes, no or undecided."""
+        """Decide if it is within 5 % of the best: yes, no or undecided, late if not causal."""
+        if not self.causal:
+            return "late"
         _, low, high = self.ratio
         return "yes" if high <= 1 + DECIDED else "no" if low > 1 + DECIDED else "undecided"
 
@@ -136,7 +139,9 @@ class Scorer:
         """
         seeds = self.task.seeds
         most = seeds.most if condition in self.task.table else seeds.step
-        listed = [k for k, row in enumerate(rows) if row.training in (self.task.main, PAPER)]
+        causal = [self.task.methods[row.method].causal for row in rows]
+        shown = [row.training in (self.task.main, PAPER) for row in rows]
+        listed = [k for k in range(len(rows)) if shown[k] and causal[k]]
         anytime = most >= 2 * seeds.step
         for count in range(seeds.step, most + 1, seeds.step):
             scores = [self.scores(row, condition, count) for row in rows]
@@ -148,6 +153,7 @@ class Scorer:
                     interval(logs[k], anytime=anytime, more=common_variance(redrawn, k)),
                     float(np.exp(logs[k, : seeds.step].mean())),
                     against_others(logs, k, listed, anytime=anytime, redrawn=redrawn),
+                    causal=causal[k],
                 )
                 for k, row in enumerate(rows)
             ]  # fmt: skip

@@ -34,7 +34,9 @@ _NOTES = {  # of columns of the summary
     "missed": "missed: share of records without an alarm in time.",
     "NEES": "NEES: mean of (estimate - truth)^2 over its variance, 1 if the variance is right.",
 }
-_WITHIN = Kind(lambda cell: cell in ("yes", "no", "undecided"), "yes, no or undecided")
+_WITHIN = Kind(
+    lambda cell: cell in ("yes", "no", "undecided", "late"), "yes, no, undecided or late"
+)
 _SCORE_OR_NONE = Kind(lambda cell: not cell or SCORE.allows(cell), "a number, nan, inf or empty")
 
 

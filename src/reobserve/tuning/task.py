@@ -164,8 +164,10 @@ class Method:
     """A method: what it needs and guarantees, its function, and ranges of its settings.
 
     ``make`` is a name in METHODS, that of the method itself if left out, or ``module:function``.
-    With ``given_noise`` it is also scored when it is given the noise of each condition. A condition
-    in ``fails`` is one in which it may diverge or be refused, and why; elsewhere that is an error.
+    With ``given_noise`` it is also scored when it is given the noise of each condition. One that is
+    not ``causal`` reads what comes later, and is never the best that others are compared with. A
+    condition in ``fails`` is one in which it may diverge or be refused, and why; elsewhere that is
+    an error.
     """
 
     label: Text
@@ -175,6 +177,7 @@ class Method:
     make: str = ""
     fixed: dict[str, float] = field(default_factory=dict)
     given_noise: bool = False
+    causal: bool = True
     paper: Own | None = None
     fails: dict[str, Text] = field(default_factory=dict)
 

@@ -1,14 +1,19 @@
-"""Random faults of stated classes, as terms of a signal (`reobserve_papers.signals.inputs`)."""
+"""Random faults of stated classes on some channels of a record, and scores of some channels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.validation import Names, checked
+from reobserve.tuning import record_score
+from reobserve.tuning.record_score import Score
+from reobserve.tuning.task import Array, Estimates, Runner, TaskRecord
 
 CLASSES = ("step", "sine", "ramp", "square")
 
@@ -20,36 +25,105 @@ def _check(place: str, names: Sequence[str]) -> None:
 
 FaultClasses = Annotated[Names, checked(_check)]
 Ends = tuple[float, float]
+Faulty = tuple[int, int]  # the smallest and the largest number of channels with a fault
+Scored = Literal["all", "healthy"]  # channels
+
+
+def check_faulty(channels: int, faulty: Faulty, scored: Scored) -> None:
+    """Refuse numbers of faulty channels that there are not, or that leave none to be scored.
+
+    Raises
+    ------
+    InputError
+        If it is so.
+    """
+    most = channels if scored == "all" else channels - 1
+    if not 1 <= faulty[0] <= faulty[1] <= most:
+        left = "" if scored == "all" else ", as a healthy channel is scored"
+        problem = f"{shown(list(faulty))} must be two numbers from 1 to {most}, rising{left}"
+        raise InputError("faulty", problem)
 
 
 def random_faults(
     draw: np.random.Generator,
     classes: Sequence[str],
-    axes: int,
+    channels: int,
     horizon: float,
     *,
     onset: Ends,
     size: Ends,
     frequency: Ends,
+    faulty: Faulty,
+    step: float,
 ) -> list[dict[str, Any]]:
-    """A fault on each axis, of another class as far as there are some: records differ less then.
+    """Terms of a signal: faults on some channels, of other classes as far as there are some.
 
+    As many channels are faulty as a number between the ends of ``faulty``, each equally likely.
     Sign, size and onset [s] are random. A sine begins at zero, a ramp ends at its size, and a
     square goes from plus to minus its size. Frequencies [rad/s] are spread evenly on a logarithmic
-    scale. As many random numbers are drawn whatever the classes are.
+    scale. Onsets and jumps are multiples of ``step`` [s]. As many random numbers are drawn whatever
+    the classes and numbers are.
     """
     ranks = draw.uniform(size=len(CLASSES))
     order = sorted(classes, key=lambda kind: ranks[CLASSES.index(kind)])
+    places = np.argsort(draw.uniform(size=channels))
+    count = faulty[0] + int(draw.uniform() * (faulty[1] - faulty[0] + 1))
     faults = []
-    for axis in range(axes):
+    for k, channel in enumerate(places.tolist()):
         begin, rate = draw.uniform(*onset), float(np.exp(draw.uniform(*np.log(frequency).tolist())))
         end = draw.uniform(*size) * np.sign(draw.uniform(-1.0, 1.0))
+        if k >= count:
+            continue
+        begin, half = (step * round(time / step) for time in (begin, np.pi / rate))
         terms: dict[str, dict[str, Any]] = {
             "step": {"kind": "constant", "size": end},
             "sine": {"kind": "sine", "amplitude": end, "frequency": rate, "phase": -rate * begin},
             "ramp": {"kind": "ramp", "slope": end / (horizon - begin)},
-            "square": {"kind": "square", "high": end, "low": -end, "period": 2 * np.pi / rate,
+            "square": {"kind": "square", "high": end, "low": -end, "period": 2 * half,
                        "until": horizon + 1.0},
         }  # fmt: skip
-        faults.append({"axis": axis + 1, "from": begin, **terms[order[axis % len(order)]]})
+        faults.append({"axis": channel + 1, "from": begin, **terms[order[k % len(order)]]})
     return faults
+
+
+@dataclass(frozen=True, eq=False)
+class HealthyRecord(TaskRecord):
+    """Record of which the healthy channels are scored, beside faulty ones."""
+
+    @property
+    def healthy(self) -> NDArray[np.bool_]:
+        """True for each channel without a fault."""
+        return np.asarray(~self.truth.any(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class _HealthyPart(TaskRecord):
+    """The healthy channels alone, where an error as large as the faults of the others counts as 1.
+
+    Both are root mean squares of a channel.
+    """
+
+    size: float  # type: ignore[misc]
+
+
+def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True) -> Score:
+    """Compare an estimate with the truth, of a `HealthyRecord` on the healthy channels alone."""
+    if not isinstance(record, HealthyRecord):
+        return record_score.score(run, record, since, details=details)
+    healthy, whole = record.healthy, run(record)
+    first = int(np.searchsorted(record.time, since - 1e-9))
+    power = (record.truth[first:, ~healthy] ** 2).mean() * healthy.sum()
+    truth = record.truth[:, healthy]
+    part = _HealthyPart(record.time, record.inputs, record.measurements, truth, float(power**0.5))
+    found = record_score.score(lambda _: _channels(whole, healthy), part, since, details=details)
+    return replace(found, lag=np.nan)  # there is nothing to be late for
+
+
+def _channels(found: Array | Estimates, chosen: NDArray[np.bool_]) -> Array | Estimates:
+    if not isinstance(found, Estimates):
+        return found[:, chosen]
+    P = found.covariances
+    return Estimates(
+        found.values[:, chosen],
+        P[:, chosen] if P.ndim == 2 else P[:, chosen][:, :, chosen],
+    )

@@ -84,8 +84,9 @@ def delays(walk: float) -> Made:
 
 def parameter() -> Made:
     made = GridFilter.of_parameter(
-        lambda a: LinearModel([[a]], [[1.0]], [[1.0]], Q=1e-2, R=0.1), [0.2, 0.5, 0.9], 0.1, 0.01
-    )
+        lambda a: LinearModel([[a]], [[1.0]], [[1.0]], Q=1e-2, R=0.1), [0.2, 0.5, 0.9], 0.1, 0.01,
+        [-0.1, 0.1], 0.5,
+    )  # fmt: skip
     return made, made.init([0.5], 1.0)
 
 

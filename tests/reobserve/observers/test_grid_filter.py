@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from reobserve import IMM, GridFilter, KalmanFilter, LinearModel
 from reobserve.core.errors import InputError
 from reobserve.observers.grid_filter import node_chain
+from reobserve.observers.imm_sparse import Sources
 
 T = 0.1
 
@@ -66,6 +67,77 @@ def test_chain_of_the_nodes_has_the_motion_that_is_stated() -> None:
     stay = 1 / r + (1 - 1 / r) * np.exp(-2.0 * 0.01 * r / (r - 1))
     np.testing.assert_allclose(np.diag(jumps), stay, rtol=1e-12)
     np.testing.assert_allclose(jumps[~np.eye(r, dtype=bool)], (1 - stay) / (r - 1), rtol=1e-12)
+
+
+def test_chain_with_rates_moves_values_by_them() -> None:
+    """Rows are (value, rate): means, switches and jumps in closed form; ends hold."""
+    nodes, rates, T = np.linspace(0.0, 1.0, 11), np.array([-0.3, 0.0, 0.5]), 0.1
+    chain = node_chain(nodes, 0.2, 0.0, T, rates, 0.4)
+    assert np.allclose(chain.sum(axis=1), 1.0, rtol=1e-12)
+    value, rate = (each.ravel() for each in np.meshgrid(nodes, rates, indexing="ij"))
+    leave = -np.expm1(-0.4 * T)
+    inner = (value > 0.35) & (value < 0.65)
+    ahead = (1 - leave) * rate + leave / 2 * (rates.sum() - rate)
+    np.testing.assert_allclose((chain @ value - value)[inner], T * ahead[inner], atol=1e-5)
+    np.testing.assert_allclose(chain @ rate, ahead, atol=1e-12)
+    # What lies between two nodes is shared by both: f (1 - f) h^2 beside the random walk.
+    (still,) = np.flatnonzero((value == nodes[5]) & (rate == 0.5))
+    alone = node_chain(nodes, 0.2, 0.0, T, [0.5])[5]
+    assert alone @ nodes**2 - (alone @ nodes) ** 2 == pytest.approx(
+        0.2**2 * T + 0.5 * T * (0.1 - 0.5 * T), rel=1e-4
+    )
+    assert chain[still, -1] < 1e-4
+    jumps = node_chain(nodes, 0.0, 2.0, T, rates, 0.0)
+    end = (value == 1.0) & (rate == 0.5)
+    assert jumps[end][0, end] == pytest.approx(np.exp(-0.2) + (1 - np.exp(-0.2)) / 33)
+    assert np.allclose(jumps[end][0, ~end], (1 - np.exp(-0.2)) / 33)
+
+
+def test_modes_with_few_sources_are_mixed_as_all_are() -> None:
+    """The same bank with a chain that has no common rest, to rounding; and with a mode far off."""
+    y, u = record()
+    grid = GridFilter.of_parameter(plant, np.linspace(0.5, 2.0, 11), 0.0, 0.05, [-0.2, 0.0, 0.2], 1)
+    assert 0 < len(grid._sources.modes) < 0.2 * grid.transition.size
+    dense = IMM(grid.filters, grid.transition)
+    none = np.empty(0, dtype=np.int64)
+    dense.__dict__["_sources"] = Sources(none, none, np.empty(0), np.empty(0))
+    start = grid.init([0, 0], 0.01)
+    one, other = grid.run(y, u, state=start), dense.run(y, u, state=start)
+    for name in ("state", "covariance", "probability", "log_likelihood"):
+        np.testing.assert_allclose(one[name], other[name], rtol=1e-9, atol=1e-13)
+    stepped, state = [], start
+    for k in range(len(y)):
+        state, found = grid.step(state, y[k], u[k])
+        stepped.append(found["parameter"])
+    assert (np.array(stepped) == one["parameter"]).all()
+    still = GridFilter.of_parameter(plant, np.linspace(0.5, 2.0, 31))
+    far = replace(still.init([0, 0], 0.01), log_probabilities=np.append(np.full(30, -2000.0), 0.0))
+    found = still.run(y[:2], u[:2], state=far)
+    assert found["probability"][1].argmax() == 30
+    assert np.isfinite(found["log_likelihood"]).all()
+
+
+def test_rates_follow_a_ramp_with_a_third_of_the_lag() -> None:
+    """The ramp is the gain of a lag; a random walk of that variance is behind it."""
+    rng, rows = np.random.default_rng(3), 600
+    u, gain = np.sign(np.sin(0.7 * np.arange(rows))), 0.5 + 0.0025 * np.arange(rows)
+    y, x = np.empty(rows), 0.0
+    for k in range(rows):
+        y[k] = x + 0.1 * rng.standard_normal()
+        x = 0.5 * x + gain[k] * u[k]
+
+    def make(value: float) -> LinearModel:
+        return LinearModel([[0.5]], [[value]], [[1]], Q=1e-8, R=0.01, sampling_period=T)
+
+    errors = []
+    for walk, rates in ((0.02, [0.0]), (0.002, [-0.025, 0.0, 0.025])):
+        grid = GridFilter.of_parameter(make, np.linspace(0, 2.5, 51), walk, 0.0, rates, 0.01)
+        run = grid.run(y, u, state=grid.init([0], 1e-4))
+        errors.append((run["parameter"] - gain)[200:])
+    behind, followed = errors
+    assert behind.mean() < -0.02
+    assert abs(followed.mean()) < 0.3 * abs(behind.mean())
+    assert np.square(followed).mean() < 0.4 * np.square(behind).mean()
 
 
 def test_delay_of_whole_periods_is_a_buffer_of_inputs_in_the_state() -> None:
@@ -139,6 +211,12 @@ def test_grids_and_models_that_cannot_be_used_are_refused() -> None:
         (lambda: GridFilter.of_parameter(plant, [1.0, 0.5]), "rising"),
         (lambda: GridFilter.of_parameter(plant, [1, 2], -1.0), "random_walk: -1 must be 0 or more"),
         (lambda: GridFilter.of_parameter(lambda v: v, [1, 2]), r"make\(1\)"),  # type: ignore[arg-type, return-value]
+        (lambda: GridFilter.of_parameter(plant, [1, 2], rates=[]), "rates: .* one number or more"),
+        (lambda: GridFilter.of_parameter(plant, [1, 2], rates=[1, 0]), "rates: .* rising"),
+        (
+            lambda: GridFilter.of_parameter(plant, [1, 2], rates=[0, 1], switch_rate=-1.0),
+            "switch_rate: -1 must be 0 or more",
+        ),
         (lambda: GridFilter.of_delay(discrete, [0.0, 0.15]), "0.15 s is no whole number of"),
         (lambda: GridFilter.of_delay(discrete, [-0.1, 0.1]), "-0.1, 0.1. must be from 0 s"),
         (

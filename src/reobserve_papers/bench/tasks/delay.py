@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Annotated, Any, Literal
 
@@ -22,12 +22,21 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, rising
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, SwitchedOffWarning
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
 from reobserve_papers.papers.delay.estimator import DelayEstimator
 from reobserve_papers.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve_papers.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
@@ -76,7 +85,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
         for rate, phase in zip(rates, draw.uniform(0.0, 2 * np.pi, LINES), strict=True)
     ], 1)  # fmt: skip
     start = draw.normal(0.0, plant.amplitude, 1)
-    a, b = (1.0 + condition.model * float(np.sign(one)) for one in draw.uniform(-1.0, 1.0, 2))
+    a, b = (1.0 + condition.model * draw.uniform(-1.0, 1.0, 2)).tolist()
     body, steps = DelayedInputPlant(first_order_lag(a * A, b * B)), round(plant.horizon / period)
     state = body.simulate(start, control, delay, period, steps)
     noise = random_stream(seed, "bench", "delay", "noise").standard_normal(state.shape)
@@ -128,6 +137,12 @@ def _late(plant: Plant, first: int, rows: Array) -> Array:
     """Estimates of the delay from a row on, as the bench scores them."""
     inside = np.clip(rows, *plant.bounds) - plant.middle
     return np.concatenate([np.zeros(first), inside])[:, None]
+
+
+def _late_with(plant: Plant, first: int, rows: Array, variances: Array) -> Estimates:
+    """`_late`, and variances, before that row of any delay between the bounds alike."""
+    before = np.full(first, (plant.bounds[1] - plant.bounds[0]) ** 2 / 12)
+    return Estimates(_late(plant, first, rows), np.concatenate([before, variances])[:, None])
 
 
 def extended(order: int, plant: Plant, s: Settings, period: float, _: float) -> Runner:
@@ -249,12 +264,13 @@ def ekf(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     observer = ExtendedKalmanFilter(_sampled(least, most, period, first + 2))
     Q = np.array([s["process"], s["walk"]]) ** 2 * period
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements[first:], np.pad(record.inputs[:, 0], (0, 1), "edge")
         taps = np.lib.stride_tricks.sliding_window_view(u, first + 2)[:, ::-1]
         start = observer.init([y[0, 0], plant.middle], [noise**2, (most - least) ** 2 / 12])
-        found = estimates_of(observer, "state", y, taps, state=start, Q=Q, R=noise**2)
-        return _late(plant, first, found[:, 1])
+        noises = {"Q": Q, "R": noise**2}
+        found = estimates_with("variance", observer, "state", y, taps, state=start, **noises)
+        return _late_with(plant, first, found.values[:, 1], found.covariances[:, 1])
 
     return run
 
@@ -285,11 +301,41 @@ def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     chain = expm(period * (rates - np.diag(rates.sum(axis=1))))
     bank = IMM(filters, chain / chain.sum(axis=1, keepdims=True))
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         (delays, late), first = _grid(plant, s, period, record), _first(plant, period)
         y = record.measurements[first:]
         found = estimates_of(bank, "probability", y, late, state=bank.init(y[0], noise**2))
-        return _late(plant, first, found @ delays)
+        mean = found @ delays
+        return _late_with(plant, first, mean, found @ delays**2 - mean**2)
+
+    return run
+
+
+def grid(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """A filter on a grid of ``delays`` and of three rates: -``rate`` [s/s], 0 and ``rate``.
+
+    The rates ``switch`` and ``jump`` [1/s] are those of `GridFilter`; with ``memory`` [s] R is
+    estimated, from that of ``noise`` on.
+    """
+    model = LinearModel.from_ode(
+        [[-A]], [[B]], [[1.0]], Q=s["process"] ** 2 * period, R=noise**2, sampling_period=period
+    )
+    delays, rates = np.linspace(*plant.bounds, round(s["delays"])), [-s["rate"], 0.0, s["rate"]]
+    bank = GridFilter.of_delay(
+        model, delays, 0.0, s["jump"], rates, s["switch"], noise_memory=s.get("memory")
+    )
+    assert bank.periods_late is not None
+    deepest = int(bank.periods_late.max()) + 1
+
+    def run(record: TaskRecord) -> Estimates:
+        y, u = record.measurements, record.inputs[:, :1]
+        held = np.vstack([(u[1:] + u[:-1]) / 2, u[-1:]])  # u in the middle of the period after each
+        start = bank.init(y[deepest], noise**2, u=held[deepest])
+        start, now = replace(start, past=held[:deepest]), slice(deepest + 1, None)
+        found = estimates_with(
+            "parameter_variance", bank, "parameter", y[now], held[now], state=start
+        )
+        return _late_with(plant, deepest + 1, found.values, found.covariances)
 
     return run
 
@@ -330,5 +376,6 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "relay_inverse": partial(relay, "inverse"),
     "ekf": ekf,
     "imm": imm,
+    "grid": grid,
     "parallel": parallel,
 }

@@ -20,16 +20,37 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.smoother import rts_smoother
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.placed_gains import searched
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
-from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
+from reobserve_papers.bench.faults import (
+    Ends,
+    FaultClasses,
+    Faulty,
+    HealthyRecord,
+    Scored,
+    check_faulty,
+    random_faults,
+    score,
+)
 from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve_papers.signals.inputs import Signal
+
+__all__ = ["METHODS", "Plant", "forget", "score", "simulate"]
 
 # How disturbances, noise and the sensor fault enter, Section IV; here the current has noise, too.
 DD, DW, FS = np.diag([1.0, 2.0]), np.array([[1.0], [0.0]]), np.array([[1.0], [0.0]])
@@ -52,24 +73,32 @@ class Plant:
     onset: Ends  # of faults [s]
     size: Ends  # of faults, as shares of the largest
     frequency: Ends  # of faults [rad/s]
+    faulty: Faulty  # of actuator and sensor
+    scored: Scored = "all"  # faults
+
+    def __post_init__(self) -> None:
+        check_faulty(2, self.faulty, self.scored)
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
-    """A record, for which a wrong model has all constants off by one share, at random signs."""
+    """A record, for which a wrong model has other constants."""
     draw = random_stream(seed, "bench", "motor", "plant")
-    about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
-    fault = Signal.parse("fault", random_faults(draw, plant.faults, 2, plant.horizon, **about), 2)
-    signs = np.sign(draw.uniform(-1.0, 1.0, 6)).tolist()
-    constants = [getattr(plant.motor, one.name) for one in fields(DCMotor)[:6]]
-    motor = DCMotor(
-        *(c * (1.0 + condition.model * s) for c, s in zip(constants, signs, strict=True))
-    )
     steps, fine = round(plant.horizon / period), 4
     step, held = period / fine, round(fine * plant.hold / period)
+    faults = random_faults(
+        draw, plant.faults, 2, plant.horizon, onset=plant.onset, size=plant.size,
+        frequency=plant.frequency, faulty=plant.faulty, step=step,
+    )  # fmt: skip
+    fault = Signal.parse("fault", faults, 2)
+    fault.check_jumps("fault", step, plant.horizon)
+    shares = 1.0 + condition.model * draw.uniform(-1.0, 1.0, 6)
+    constants = [getattr(plant.motor, one.name) for one in fields(DCMotor)[:6]]
+    motor = DCMotor(*(c * share for c, share in zip(constants, shares.tolist(), strict=True)))
     d = draw.uniform(-1.0, 1.0, (steps * fine // held + 1, 2)) * plant.disturbance
     square = {"kind": "square", "axis": 1, "high": plant.voltage, "low": -plant.voltage,
               "period": plant.turn, "until": plant.horizon + 1.0}  # fmt: skip
     voltage, still = Signal.parse("voltage", [square], 1), Signal(1, ())
+    voltage.check_jumps("voltage", step, plant.horizon)
 
     def actuator(time: Array, before: bool = False) -> Array:
         driven: Array = plant.largest[0] * fault(time, before=before)[:, :1]
@@ -86,7 +115,8 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     measured = state + plant.largest[1] * truth[:, 1:] @ FS.T
     measured += condition.noise * plant.noise * noise
     every = slice(None, None, condition.period)
-    return TaskRecord(time[every], voltage(time[every]), measured[every], truth[every])
+    kind = TaskRecord if plant.scored == "all" else HealthyRecord
+    return kind(time[every], voltage(time[every]), measured[every], truth[every])
 
 
 def preferred(value: float, decade: int) -> float:
@@ -144,16 +174,70 @@ def _extended_state(plant: Plant, system: AugmentedSystem, gains: Gains, period:
 
 def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     """Faults as random walks, ``actuator`` [V / sqrt(s)] and ``sensor`` [rad/s / sqrt(s)]."""
+    observer = _augmented_filter(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y, u, name = record.measurements, record.inputs, "unknown_input"
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
+        found = estimates_with(f"{name}_covariance", observer, name, y, u, state=start)
+        return _over_largest(plant, found)
+
+    return run
+
+
+def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """The random walks at each row by the whole record."""
+    observer = _augmented_filter(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y, u, cross = record.measurements, record.inputs, "state_unknown_input_covariance"
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
+        late = rts_smoother(observer, observer.run(y, u, state=start, keep=[cross]), u)
+        found = Estimates(late["unknown_input"], late["unknown_input_covariance"])
+        return _over_largest(plant, found)
+
+    return run
+
+
+def _over_largest(plant: Plant, found: Estimates) -> Estimates:
+    scale = np.array(plant.largest)
+    P = found.covariances / (scale**2 if found.covariances.ndim == 2 else np.outer(scale, scale))
+    return Estimates(found.values / scale, P)
+
+
+def _augmented_filter(
+    plant: Plant, s: Settings, period: float, noise: float
+) -> AugmentedKalmanFilter:
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
     Q = np.square(s["process"] * DD @ plant.disturbance) * period
     walk = np.square([s["actuator"], s["sensor"]]) * period
     model = LinearModel(A, B, np.eye(2), None, Q, noise**2, sampling_period=period)
-    observer = AugmentedKalmanFilter(model, np.hstack([B, NONE]), walk, np.hstack([NONE, FS]))
+    return AugmentedKalmanFilter(model, np.hstack([B, NONE]), walk, np.hstack([NONE, FS]))
 
-    def run(record: TaskRecord) -> Array:
+
+def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """Faults that drift or jump: quiet, the actuator's jumps, the sensor's jumps.
+
+    ``drift`` [1/s / sqrt(s)] and ``jump`` [1 / sqrt(s)] are those of faults over the largest ones,
+    ``rate`` of jumps [1/s] and ``burst`` [s] those of `FaultBank`; with ``memory`` [s] it estimates
+    R, from ``start`` times that of ``noise`` on: where R is too small, noise looks like jumps.
+    """
+    A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
+    Q = DD**2 @ np.square(plant.disturbance) * plant.hold / 3.0 * period
+    R = s.get("start", 1.0) * noise**2
+    model = LinearModel(A, B, np.eye(2), None, Q, R, sampling_period=period)
+    largest = np.array(plant.largest)
+    drift = np.array([s["drift_actuator"], s["drift_sensor"]]) * largest
+    bank = FaultBank(
+        model, np.hstack([B, NONE]), drift, s["jump"] * largest, s["rate"], s["burst"],
+        np.hstack([NONE, FS]), noise_memory=s.get("memory"),
+    )  # fmt: skip
+
+    def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements, record.inputs
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        return estimates_of(observer, "unknown_input", y, u, state=start) / plant.largest
+        start = bank.init(y[0], R, fault_covariance=0.0, rate_covariance=0.0)
+        found = estimates_with("fault_variance", bank, "fault", y, u, state=start)
+        return _over_largest(plant, found)
 
     return run
 
@@ -206,6 +290,8 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "pi_feasible": partial(by_lmi, "pi_feasible"),
     "pi_riccati": by_riccati,
     "random_walk": random_walk,
+    "fault_bank": fault_bank,
+    "smoothed": smoothed,
     "luenberger": with_fault_states,
     "inverted": inverted,
 }

@@ -21,17 +21,38 @@ from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, array
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.smoother import rts_smoother
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
-from reobserve_papers.bench.faults import Ends, FaultClasses, random_faults
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
+from reobserve_papers.bench.faults import (
+    Ends,
+    FaultClasses,
+    Faulty,
+    HealthyRecord,
+    Scored,
+    check_faulty,
+    random_faults,
+    score,
+)
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
+
+__all__ = ["METHODS", "Plant", "score", "simulate"]
 
 
 @dataclass(frozen=True)
@@ -46,13 +67,22 @@ class Plant:
     onset: Ends  # of faults [s]
     size: Ends  # of faults [N m]
     frequency: Ends  # of faults and of the control [rad/s]
+    faulty: Faulty  # axes
+    scored: Scored = "all"  # axes
+
+    def __post_init__(self) -> None:
+        check_faulty(3, self.faulty, self.scored)
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
     """A record, for which a wrong model has other moments of inertia about the same axes."""
     draw = random_stream(seed, "bench", "torque", "plant")
-    about = {"onset": plant.onset, "size": plant.size, "frequency": plant.frequency}
-    faults = random_faults(draw, plant.faults, 3, plant.horizon, **about)
+    steps, fine = round(plant.horizon / period), 4
+    step = period / fine
+    faults = random_faults(
+        draw, plant.faults, 3, plant.horizon, onset=plant.onset, size=plant.size,
+        frequency=plant.frequency, faulty=plant.faulty, step=step,
+    )  # fmt: skip
     frequencies, phases = draw.uniform(*plant.frequency, 3), draw.uniform(0.0, 2 * np.pi, 3)
     sines = [
         {"kind": "sine", "axis": k + 1, "amplitude": plant.control, "frequency": f, "phase": p}
@@ -61,16 +91,17 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     control, fault = Signal.parse("control", sines, 3), Signal.parse("fault", faults, 3)
     # J = V diag(moments) V^T
     moments, V = np.linalg.eigh(np.array(plant.inertia))
-    J = (V * (moments * (1.0 + condition.model * np.sign(draw.uniform(-1.0, 1.0, 3))))) @ V.T
-    steps, fine = round(plant.horizon / period), 4
+    J = (V * (moments * (1.0 + condition.model * draw.uniform(-1.0, 1.0, 3)))) @ V.T
+    fault.check_jumps("fault", step, plant.horizon)
     start = draw.normal(0.0, 0.03, 3)
     body = Satellite((J + J.T) / 2)
-    rate = body.simulate(start, control, fault, period / fine, steps * fine)[::fine]
+    rate = body.simulate(start, control, fault, step, steps * fine)[::fine]
     noise = random_stream(seed, "bench", "torque", "noise").standard_normal(rate.shape)
     measured = rate + condition.noise * plant.noise * noise
     time = period * np.arange(steps + 1.0)
     every = slice(None, None, condition.period)
-    return TaskRecord(time[every], control(time[every]), measured[every], fault(time[every]))
+    kind = TaskRecord if plant.scored == "all" else HealthyRecord
+    return kind(time[every], control(time[every]), measured[every], fault(time[every]))
 
 
 def unexplained(plant: Plant, record: TaskRecord, period: float) -> Array:
@@ -113,20 +144,43 @@ def adaptive(body: RigidBody, J: Array, s: Settings, period: float) -> AdaptiveO
 
 
 def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
-    """The fault as a random walk. ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)]."""
+    """The fault as a random walk. ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)].
+
+    With ``memory`` [s] R is estimated, from that of ``noise`` on.
+    """
+    observer = _augmented(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y = unexplained(plant, record, period)
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
+        name = "unknown_input"
+        return estimates_with(f"{name}_covariance", observer, name, y, state=start)
+
+    return run
+
+
+def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """The random walk at each row by the whole record."""
+    observer = _augmented(plant, s, period, noise)
+
+    def run(record: TaskRecord) -> Estimates:
+        y = unexplained(plant, record, period)
+        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
+        found = observer.run(y, state=start, keep=["state_unknown_input_covariance"])
+        late = rts_smoother(observer, found)
+        return Estimates(late["unknown_input"], late["unknown_input_covariance"])
+
+    return run
+
+
+def _augmented(plant: Plant, s: Settings, period: float, noise: float) -> AugmentedKalmanFilter:
     J_inverse = np.linalg.inv(np.array(plant.inertia))
     model = LinearModel(
         np.eye(3), None, np.eye(3), None, s["process"] ** 2 * period, noise**2,
         sampling_period=period,
     )  # fmt: skip
-    observer = AugmentedKalmanFilter(model, period * J_inverse, s["walk"] ** 2 * period)
-
-    def run(record: TaskRecord) -> Array:
-        y = unexplained(plant, record, period)
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        return estimates_of(observer, "unknown_input", y, state=start)
-
-    return run
+    walk = s["walk"] ** 2 * period
+    return AugmentedKalmanFilter(model, period * J_inverse, walk, noise_memory=s.get("memory"))
 
 
 def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -139,10 +193,42 @@ def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     model = LinearModel(A, None, np.eye(3, 9), None, Q, noise**2, sampling_period=T)
     observer = KalmanFilter(model)
 
-    def run(record: TaskRecord) -> Array:
+    def run(record: TaskRecord) -> Estimates:
         y = unexplained(plant, record, T)
         start = observer.init(np.r_[y[0], np.zeros(6)], np.repeat([noise**2, 0.0, 0.0], 3))
-        return estimates_of(observer, "state", y, state=start)[:, 3:6]
+        found = estimates_with("covariance", observer, "state", y, state=start)
+        return Estimates(found.values[:, 3:6], found.covariances[:, 3:6, 3:6])
+
+    return run
+
+
+def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+    """A bank of a fault that drifts or jumps on each axis of J s, z' = f, noise^2 (J J')_ii.
+
+    ``drift`` [N m/s / sqrt(s)], ``jump`` [N m / sqrt(s)], ``rate`` of jumps [1/s] and ``burst`` [s]
+    are those of `FaultBank`; with ``memory`` [s] it estimates R, from ``start`` times that of
+    ``noise`` on: where R is too small, noise looks like jumps.
+    """
+    J = np.array(plant.inertia)
+    variances = s.get("start", 1.0) * noise**2 * (J**2).sum(axis=1)
+    axes = [
+        FaultBank(
+            LinearModel([[1.0]], None, [[1.0]], None, 0.0, one, sampling_period=period),
+            [[period]], s["drift"], s["jump"], s["rate"], s["burst"],
+            noise_memory=s.get("memory"),
+        )
+        for one in variances
+    ]  # fmt: skip
+
+    def run(record: TaskRecord) -> Estimates:
+        z = unexplained(plant, record, period) @ J.T
+        found = []
+        for i, bank in enumerate(axes):
+            start = bank.init(z[0, [i]], variances[i], fault_covariance=0.0, rate_covariance=0.0)
+            found.append(estimates_with("fault_variance", bank, "fault", z[:, i], state=start))
+        return Estimates(
+            np.hstack([one.values for one in found]), np.hstack([one.covariances for one in found])
+        )
 
     return run
 
@@ -183,7 +269,9 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "ilo": _observer(ilo),
     "adaptive": _observer(adaptive),
     "random_walk": random_walk,
+    "smoothed": smoothed,
     "with_a_rate": with_a_rate,
+    "fault_bank": fault_bank,
     "filtered_difference": filtered_difference,
     "levant": levant,
 }

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
 
@@ -27,9 +27,18 @@ from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.triangular_text import triangular_model
 from reobserve.tuning.search import Settings
-from reobserve.tuning.task import Array, Condition, Runner, TaskRecord, estimates_of
+from reobserve.tuning.task import (
+    Array,
+    Condition,
+    Estimates,
+    Runner,
+    TaskRecord,
+    estimates_of,
+    estimates_with,
+)
 
 FIELD = ("x2", "-x1 + (1 - x1^2)*x2")
+UNCERTAIN = ("x2", "-a*x1 + b*(1 - x1^2)*x2")
 HOLD = 0.2  # [s], of the force
 
 
@@ -47,7 +56,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     """A record, by the classical Runge-Kutta method with the sampling period as its step."""
     draw = random_stream(seed, "bench", "vdp", "plant")
     x1, x2 = draw.uniform(-plant.start, plant.start, 2).tolist()
-    a, b = (1.0 + condition.model * float(np.sign(one)) for one in draw.uniform(-1.0, 1.0, 2))
+    a, b = (1.0 + condition.model * float(one) for one in draw.uniform(-1.0, 1.0, 2))
     steps = round(plant.horizon / period)
     force = plant.force * held_normal(draw, steps + 1, round(HOLD / period))[0]
     states = np.empty((steps + 1, 2))
@@ -71,21 +80,40 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
 
 
 @cache  # the functions are compiled once for all settings, whose noise each run is given
-def _sampled(period: float) -> NonlinearModel:
+def _sampled(period: float, *, uncertain: bool) -> NonlinearModel:
+    """The model of x1 and x2, and of a and b as constant states if they are uncertain."""
     names = ["x1", "x2"]
-    return NonlinearModel.from_ode(
-        FIELD, ["x1"], 1.0, 1.0, state_names=names, sampling_period=period
-    )
+    if not uncertain:
+        return NonlinearModel.from_ode(
+            FIELD, ["x1"], 1.0, 1.0, state_names=names, sampling_period=period
+        )
+    model = NonlinearModel.from_ode(
+        UNCERTAIN, ["x1"], 1.0, 1.0, state_names=names, parameters={"a": 1.0, "b": 1.0},
+        sampling_period=period,
+    )  # fmt: skip
+    return model.with_parameter_states({"a": 0.0, "b": 0.0})
 
 
 def kalman(kind: Any, plant: Plant, s: Settings, period: float, noise: float) -> Runner:
-    """Process noise of each state by its deviation a root of a second, ``x1`` and ``x2``."""
-    observer, Q = kind(_sampled(period)), np.array([s["x1"], s["x2"]]) ** 2 * period
+    """Process noise of each state by its deviation a root of a second, ``x1`` and ``x2``.
 
-    def run(record: TaskRecord) -> Array:
-        y = record.measurements
-        start = observer.init([y[0, 0], 0.0], [noise**2, plant.start**2 / 3])
-        return estimates_of(observer, "state", y, state=start, Q=Q, R=noise**2)
+    With ``spread``, that of a and b, these are states; with ``memory`` [s] R is estimated, from
+    that of ``noise`` on.
+    """
+    q = 2 if "spread" in s else 0
+    observer = kind(_sampled(period, uncertain=q > 0), noise_memory=s.get("memory"))
+    Q = np.array([s["x1"], s["x2"], *[0.0] * q]) ** 2 * period
+    P = [noise**2, plant.start**2 / 3, *[s.get("spread", 0.0) ** 2] * q]
+
+    def run(record: TaskRecord) -> Estimates:
+        y, given = record.measurements, {"Q": Q}
+        start = observer.init([y[0, 0], 0.0, *[1.0] * q], P)
+        if observer.noise_memory is None:
+            given["R"] = np.array(noise**2)
+        else:
+            start = replace(start, noise=np.array([noise**2]))
+        found = estimates_with("covariance", observer, "state", y, state=start, **given)
+        return Estimates(found.values[:, :2], found.covariances[:, :2, :2])
 
     return run
 

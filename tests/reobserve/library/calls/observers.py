@@ -188,25 +188,28 @@ def _banks(model: Any, y: Any, u: Any) -> Iterator[Call]:
     bank: Any = FaultBank(*faults)
     yield method(bank, "init", [0.0, 0.0], 1e-2, [0.1], 1e-2, 1e-2)
     yield from _from_state(bank, bank.init([0.0, 0.0], 1e-2), y, u, MISSING)
-    delays = (model, [0.0, 1.0, 3.0], 0.1, 0.1)
+    delays = (model, [0.0, 1.0, 3.0], 0.1, 0.1, [-0.1, 0.1], 0.2)
     yield from called({"observers.grid_filter.GridFilter.of_delay": delays})
     grid = GridFilter.of_delay(*delays)
-    yield method(grid, "init", [0.0, 0.0], 1e-2, [0.2, 0.3, 0.5])
+    yield method(grid, "init", [0.0, 0.0], 1e-2, [0.2, 0.3, 0.1, 0.2, 0.1, 0.1])
     yield from _from_state(grid, grid.init([0.0, 0.0], 1e-2), y, u, MISSING)
 
-    def of_parameter(grid: Any, random_walk: Any, jump_rate: Any) -> object:
+    def of_parameter(
+        grid: Any, random_walk: Any, jump_rate: Any, rates: Any, switch_rate: Any
+    ) -> object:
         return GridFilter.of_parameter(
-            lambda a: LinearModel([[a]], C=[[1]], Q=1e-2, R=0.1), grid, random_walk, jump_rate
-        )
+            lambda a: LinearModel([[a]], C=[[1]], Q=1e-2, R=0.1), grid, random_walk, jump_rate,
+            rates, switch_rate,
+        )  # fmt: skip
 
     name = "observers.grid_filter.GridFilter"
-    yield Call(f"{name}.of_parameter", of_parameter, ([0.2, 0.5], 0.1, 0.1))
+    yield Call(f"{name}.of_parameter", of_parameter, ([0.2, 0.5], 0.1, 0.1, [0.0, 0.1], 0.1))
 
     def constructed(transition: Any, grid: Any) -> object:
         return GridFilter(filters, transition, grid=grid)
 
     filters = grid.filters
-    yield Call(name, constructed, (grid.transition, [0.0, 0.1, 0.2]))
+    yield Call(name, constructed, (grid.transition, [0.0, 0.0, 0.1, 0.1, 0.2, 0.2]))
 
 
 def _nonlinear_filters() -> Iterator[Call]:
