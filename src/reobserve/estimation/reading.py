@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import reason
-from reobserve.estimation.clock import Clock, Dates
+from reobserve.estimation import date_columns
+from reobserve.estimation.clock import Clock
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import ISO, SECOND, of_nanoseconds
+from reobserve.estimation.dates import ISO
 from reobserve.estimation.dialect import Dialect, Head, read_head
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.streaming import LONGEST
@@ -185,8 +186,12 @@ class File:
         )  # fmt: skip
         read = [self._floats(table.column(name), name) for name in wanted[rows.exact :]]
         if rows.exact:
-            cells = zip(*(table.column(name).to_pylist() for name in clocks), strict=True)
-            read.insert(0, np.array([rows.time(one) for one in cells]))
+            texts, dates = [table.column(name) for name in clocks], rows.clock and rows.clock.dates
+            times = dates and date_columns.read(texts, dates, dialect.nothing, rows.report)
+            if times is None:
+                cells = zip(*(column.to_pylist() for column in texts), strict=True)
+                times = np.array([rows.time(one) for one in cells])
+            read.insert(0, times)
         if dialect.timed and np.isnan(read[0]).any():
             raise ValueError
         return np.column_stack(read)
@@ -259,10 +264,13 @@ class File:
                 math.nan if cell is None else clock.exact(cell, report) for cell in cells
             ])  # fmt: skip
         if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
-            return _dates_of(columns[0], dates, report)
+            return date_columns.of_timestamps(columns[0], dates, report)
         if not all(pa.types.is_string(c.type) or pa.types.is_large_string(c.type) for c in columns):
             problem = f"column {shown(clock.titles[0])} is of the type {kind}, must be dates"
             raise InputError(str(self.path), problem)
+        times = date_columns.read(columns, dates, NOTHING, report)
+        if times is not None:
+            return times
         where = f"of column {' and '.join(map(shown, clock.titles))}"
         found = []
         for row, cells in enumerate(
@@ -309,29 +317,3 @@ class File:
 def lines_of(text: str) -> Iterator[str]:
     """Lines with their ends, which are line feeds and nothing else."""
     return iter(io.StringIO(text, newline="\n"))
-
-
-def _dates_of(column: Any, dates: Dates, report: DataReport) -> Array:
-    """Times of a column of dates as Parquet has them, without an offset or of UTC."""
-    import pyarrow as pa
-    import pyarrow.compute as compute
-
-    floating = getattr(column.type, "tz", None) is None
-    kind = pa.timestamp("ns", None if floating else column.type.tz)
-    ticks = compute.fill_null(column.cast(kind).cast(pa.int64()), 0)
-    timestamps = ticks.to_numpy(zero_copy_only=False)
-    known = column.is_valid().to_numpy(zero_copy_only=False)
-    if not known.any():
-        return np.full(len(known), np.nan)
-    if floating and dates.zone:
-        timestamps = timestamps.copy()
-        for k in np.flatnonzero(known):
-            date = of_nanoseconds(int(timestamps[k])).replace(tzinfo=None)
-            timestamps[k] = dates.local(date, report) + timestamps[k] % 1000
-            report.latest = int(timestamps[k]) // 1000
-    dates.floating = dates.floating or (floating and not dates.zone)
-    report.zone = dates.zone or ("" if floating else str(column.type.tz))
-    report.clock(int(timestamps[known.argmax()]))
-    report.latest = int(timestamps[known][-1]) // 1000
-    assert report.origin is not None
-    return np.where(known, (timestamps - report.origin * SECOND) / SECOND, np.nan)
