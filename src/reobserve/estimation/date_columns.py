@@ -50,13 +50,12 @@ def read(
     found = None if texts is None else _nanoseconds(texts)
     if found is None:
         return None
-    ticks, floating = found
-    ticks //= 1000
+    ticks, floating = found[0] // 1000, found[1]
     if floating and dates.zone:
         offsets = _offsets(ticks, dates.zone, True)
         if offsets is None:
             return None
-        ticks -= offsets
+        ticks = ticks - offsets
     try:  # the first one, as this also says which zone and origin there are
         first = dates.nanoseconds(written[0].as_py(), report)
     except ValueError:
@@ -77,7 +76,7 @@ def _nanoseconds(texts: Any) -> tuple[Whole, bool] | None:
     for zone in ("UTC", None):
         with suppress(pa.ArrowException):  # where some have an offset and others none, always
             ticks = texts.cast(pa.timestamp("ns", zone)).cast(pa.int64())
-            return np.array(ticks), zone is None
+            return np.asarray(ticks), zone is None
     return None
 
 

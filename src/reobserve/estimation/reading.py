@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,9 +31,11 @@ from reobserve.estimation.streaming import LONGEST
 from reobserve.estimation.text_rows import RowError, TextRows
 
 Array = NDArray[np.float64]
+Tell = Callable[[float], None]
 
 BLOCK = 4 * 2**20  # characters of text, and about as many bytes of numbers
 _HEAD = 2**16  # characters
+_PACKED = {".gz": "gzip", ".bz2": "bz2", ".lz4": "lz4", ".zst": "zstd"}
 _TABLES = (".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".zip")
 
 
@@ -83,12 +85,17 @@ class File:
         return read_head(lines, self.dialect, str(self.path))
 
     def blocks(
-        self, columns: Sequence[str], clock: Clock | None = None, report: DataReport | None = None
+        self,
+        columns: Sequence[str],
+        clock: Clock | None = None,
+        report: DataReport | None = None,
+        tell: Tell | None = None,
     ) -> Iterator[Array]:
         """The cells of these columns, nan where they are empty, some rows at a time.
 
         The first column of the clock has times by it: dates are turned into seconds, and what the
-        report says that times count from is taken off.
+        report says that times count from is taken off. ``tell`` is called with the share of the
+        file that was read, of its bytes or, in a Parquet file, its rows.
 
         Raises
         ------
@@ -98,11 +105,11 @@ class File:
         report = report or DataReport()
         with self._located():
             if not self.columnar:
-                yield from self._of_text(columns, clock, report)
+                yield from self._of_text(columns, clock, report, tell)
                 return
             rows = 0
             titles = () if clock is None else clock.titles
-            for batch in self._batches(list(dict.fromkeys([*columns, *titles]))):
+            for batch in self._batches(list(dict.fromkeys([*columns, *titles])), tell):
                 read = [
                     self._times(batch, clock, rows, report)
                     if clock is not None and name == titles[0]
@@ -112,21 +119,25 @@ class File:
                 yield np.column_stack(read)
                 rows += batch.num_rows
 
-    def _batches(self, columns: list[str]) -> Iterator[Any]:
+    def _batches(self, columns: list[str], tell: Tell | None) -> Iterator[Any]:
         import pyarrow.parquet as parquet
 
-        file = parquet.ParquetFile(self.path, page_checksum_verification=True)
+        file, read = parquet.ParquetFile(self.path, page_checksum_verification=True), 0
         rows = max(1, self.block // (8 * len(columns)))
-        yield from file.iter_batches(batch_size=rows, columns=columns, use_threads=False)
+        for batch in file.iter_batches(batch_size=rows, columns=columns, use_threads=False):
+            read += batch.num_rows
+            if tell is not None:
+                tell(read / file.metadata.num_rows)
+            yield batch
 
     def _of_text(
-        self, columns: Sequence[str], clock: Clock | None, report: DataReport
+        self, columns: Sequence[str], clock: Clock | None, report: DataReport, tell: Tell | None
     ) -> Iterator[Array]:
         head = self.head()
         for why, count in head.left_out.items():
             report.count(report.left_out, why, count)
         rows = self.rows(head, columns, clock, report)
-        for above, text in self.texts(head.lines, self.block):
+        for above, text in self.texts(head.lines, self.block, tell):
             rows.line, counted, latest = above, dict(report.left_out), report.latest
             try:
                 values = self._at_once(rows, text)
@@ -186,8 +197,10 @@ class File:
         )  # fmt: skip
         read = [self._floats(table.column(name), name) for name in wanted[rows.exact :]]
         if rows.exact:
-            texts, dates = [table.column(name) for name in clocks], rows.clock and rows.clock.dates
-            times = dates and date_columns.read(texts, dates, dialect.nothing, rows.report)
+            assert rows.clock is not None
+            times, texts = None, [table.column(name) for name in clocks]
+            if rows.clock.dates is not None:
+                times = date_columns.read(texts, rows.clock.dates, dialect.nothing, rows.report)
             if times is None:
                 cells = zip(*(column.to_pylist() for column in texts), strict=True)
                 times = np.array([rows.time(one) for one in cells])
@@ -196,13 +209,20 @@ class File:
             raise ValueError
         return np.column_stack(read)
 
-    def texts(self, above: int, block: int) -> Iterator[tuple[int, str]]:
+    def texts(self, above: int, block: int, tell: Tell | None = None) -> Iterator[tuple[int, str]]:
         """Whole lines but the first ones ``above``, some at a time, and how many precede them."""
+        import pyarrow as pa
+
         number, rest = 0, ""
         with self.opened() as stream:
             codec, errors = self.dialect.codec(stream.read(2))
-        with io.TextIOWrapper(self.opened(), codec, errors, newline="") as stream:
-            while chunk := stream.read(block):
+        with (
+            pa.OSFile(str(self.path)) as packed,
+            io.TextIOWrapper(self.opened(packed), codec, errors, newline="") as text_stream,
+        ):
+            while chunk := text_stream.read(block):
+                if tell is not None:
+                    tell(packed.tell() / packed.size())
                 text = rest + chunk
                 end = text.rfind("\n") + 1
                 text, rest = text[:end], text[end:]
@@ -218,12 +238,11 @@ class File:
             if rest and number >= above:
                 yield number, rest
 
-    def opened(self) -> Any:
-        """The bytes in it, unpacked."""
+    def opened(self, packed: Any = None) -> Any:
+        """The bytes in it, unpacked, also of the open file that pyarrow has."""
         import pyarrow as pa
 
-        gzipped = self._ending == ".gz"
-        return pa.input_stream(str(self.path), compression="gzip" if gzipped else "detect")
+        return pa.input_stream(packed or pa.OSFile(str(self.path)), _PACKED.get(self._ending))
 
     def line_of(self, row: int) -> int | None:
         """The line of a row in the file, both from 1 on, or None in a Parquet file."""
