@@ -35,6 +35,7 @@ Tell = Callable[[float], None]
 
 BLOCK = 4 * 2**20  # characters of text, and about as many bytes of numbers
 _HEAD = 2**16  # characters
+_BUFFER = 2**20  # bytes of a column of a Parquet file
 _PACKED = {".gz": "gzip", ".bz2": "bz2", ".lz4": "lz4", ".zst": "zstd"}
 _TABLES = (".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".zip")
 
@@ -122,7 +123,10 @@ class File:
     def _batches(self, columns: list[str], tell: Tell | None) -> Iterator[Any]:
         import pyarrow.parquet as parquet
 
-        file, read = parquet.ParquetFile(self.path, page_checksum_verification=True), 0
+        file = parquet.ParquetFile(  # without buffers, whole groups of rows would be in memory
+            self.path, page_checksum_verification=True, pre_buffer=False, buffer_size=_BUFFER
+        )  # fmt: skip
+        read = 0
         rows = max(1, self.block // (8 * len(columns)))
         for batch in file.iter_batches(batch_size=rows, columns=columns, use_threads=False):
             read += batch.num_rows

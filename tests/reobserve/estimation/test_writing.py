@@ -160,6 +160,22 @@ def test_share_that_was_read_grows_to_all_of_it(ending: str, tmp_path: Path) -> 
     assert shares[-1] == 1.0
 
 
+def test_parquet_is_never_completely_in_memory(tmp_path: Path) -> None:
+    count = 2_000_000
+    record = tmp_path / "r.parquet"
+    parquet.write_table(pa.table({"y": RNG.normal(size=count)}), record, row_group_size=count)
+    pool = pa.system_memory_pool()
+    default, most = pa.default_memory_pool(), 0
+    pa.set_memory_pool(pool)
+    try:
+        for _ in File(record, block=2**18).blocks(["y"]):
+            most = max(most, pool.bytes_allocated())
+    finally:
+        pa.set_memory_pool(default)
+    assert record.stat().st_size > 8 * count
+    assert most < 4 * count
+
+
 def test_progress_is_shown_on_a_terminal_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
