@@ -37,7 +37,7 @@ def one_by_one(texts: list[str], dates: Dates, report: DataReport) -> Any:
 
 
 def check(texts: list[str], form: str = "", zone: str = "", at_once: bool | None = True) -> None:
-    """Both ways give the same bits and the same report, or the fast one gives nothing.
+    """Both ways give bitwise identical times and the same report, or the fast one gives nothing.
 
     With ``at_once`` it must give something, or nothing if that is False.
     """
@@ -161,13 +161,13 @@ def test_two_columns_are_joined() -> None:
 def test_local_times_that_occur_twice_are_left_to_the_order_of_rows(tmp_path: Path) -> None:
     """In Berlin, clocks were put back at 01:00 of UTC on 25 October 2026."""
     begin = datetime(2026, 10, 24, 22, 30)
-    stamps = [
+    moments = [
         (begin + timedelta(minutes=k + (120 if k < 150 else 60))).isoformat() for k in range(400)
     ]
-    check(stamps[100:200], "", "Europe/Berlin", at_once=False)
-    check(stamps[:90], "", "Europe/Berlin")
+    check(moments[100:200], "", "Europe/Berlin", at_once=False)
+    check(moments[:90], "", "Europe/Berlin")
     record = tmp_path / "r.csv"
-    record.write_text("t,y\n" + "".join(f"{stamp},1.5\n" for stamp in stamps))
+    record.write_text("t,y\n" + "".join(f"{moment},1.5\n" for moment in moments))
     clock = Clock(("t",), SAME, Dates(("t",), "", "Europe/Berlin", 60.0))
     for block in (500, 4000, 10**6):
         report = DataReport(period=60.0)
