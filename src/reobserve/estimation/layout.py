@@ -228,7 +228,7 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
         return Clock(titles, SAME, Dates(titles, time.format, time.zone, period))
     for key, is_set in (("column", len(titles) > 1), ("zone", time.zone)):
         if is_set:
-            problem = "two columns are" if key == "column" else f"{time.zone} is"
+            problem = "several columns are" if key == "column" else f"{time.zone} is"
             raise InputError(
                 f"columns.time.{key}", f"{problem} for dates, which have a format, or unit: {ISO}"
             )

@@ -1,0 +1,67 @@
+"""What a check of a record finds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from reobserve.core.errors import InputError
+from reobserve.core.validation import parse
+from reobserve.estimation.specification import Specification
+from reobserve.estimation.suggestion import dumped
+
+_MOST_LISTED = 20
+
+
+@dataclass
+class Findings:
+    """The refusals of a record, each with its sentence and the lines where it occurs.
+
+    ``tree`` is the specification with the keys that would accept it, as far as there are any.
+    """
+
+    tree: dict[str, Any]
+    refusals: dict[str, tuple[str, set[int]]] = field(default_factory=dict)
+    final: bool = False  # something is wrong that no key accepts
+    changed: list[str] = field(default_factory=list)  # sections of the tree
+    summary: str = ""
+    refused: set[str] = field(default_factory=set)  # keys that do not go with others
+
+    def refuse(self, error: InputError, key: str = "", line: int = 0) -> None:
+        """Take a refusal, which counts with all that have the same ``key``."""
+        self.refusals.setdefault(key or str(error), (str(error), set()))[1].add(line)
+
+    def state(self, section: str, **keys: Any) -> bool:
+        """Put keys into a section of the tree, and return whether that changes it."""
+        before = self.tree.get(section, {})
+        tree = {**self.tree, section: {**before, **keys}}
+        if all(key in before and before[key] == value for key, value in keys.items()):
+            return False
+        if repr(tree) in self.refused:
+            return False
+        try:
+            parse(Specification, tree)
+        except InputError:  # they do not go together
+            self.refused.add(repr(tree))
+            return False
+        self.tree = tree
+        self.changed = list(dict.fromkeys([*self.changed, section]))
+        return True
+
+    def text(self, place: str) -> str:
+        """The refusals, one in a line, and the lines to paste."""
+        if not self.refusals:
+            return f"{place} is accepted\n{self.summary}"
+        lines = []
+        for sentence, where in list(self.refusals.values())[:_MOST_LISTED]:
+            times = f" ({len(where)} times)" if len(where) > 1 else ""
+            lines.append(f"{sentence}{times}")
+        if (more := len(self.refusals) - _MOST_LISTED) > 0:
+            lines.append(f"and {more} more")
+        if self.final or not self.changed:
+            lines += ["", "no key accepts all of this"]
+        if self.changed:
+            what = "the rest" if self.final else "the record"
+            lines += ["", f"stated as follows, these sections of the specification accept {what}:"]
+            lines += ["", dumped({key: self.tree[key] for key in self.changed}), ""]
+        return "\n".join([*lines, self.summary])
