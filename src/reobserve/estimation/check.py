@@ -30,7 +30,6 @@ from reobserve.estimation.text_rows import TextRows
 Array = NDArray[np.float64]
 
 _MOST_TRIES = 12
-_MOST_TEXTS = 20  # in a record, that may mean missing values
 _ROWS = 100_000  # in a block
 _DIALECT = ("delimiter", "decimal", "thousands", "encoding")
 
@@ -45,7 +44,8 @@ def check(specification: Path, data: Path) -> Findings:
     """
     _suggestion.cache_clear()
     read_specification(specification)
-    found = Findings(copy.deepcopy(read_yaml(specification)))
+    tree = read_yaml(specification)
+    found = Findings(copy.deepcopy(tree), stated=tree)
     for _ in range(_MOST_TRIES):
         made = _made(found, data)
         if made is None:
@@ -81,7 +81,15 @@ def _lay_out(found: Findings, error: InputError, data: Path) -> bool:
     if error.parameter in ("sampling.missing", "sampling.at_gap"):
         key = error.parameter.partition(".")[2]
         return found.state("sampling", **{key: "interpolate" if key == "missing" else "restart"})
+    if error.parameter == "columns.time.unit":
+        time, guess = (
+            found.tree["columns"].get("time", {}),
+            _suggestion(data).columns.get("time", {}),
+        )
+        same = guess.get("column") == time.get("column")
+        return same and found.state("columns", time={**time, **guess})
     if error.parameter.endswith(".unit"):
+        found.units = "is missing" in error.problem
         return False
     return _guess(found, data)
 
@@ -223,8 +231,7 @@ def _refuse_cell(
         return found.state("file", below_header=[kind])
     if (cell[:1].isdigit() or at is rows.clocks) and _guess_marks(found, rows, column):
         return True
-    texts = list(dict.fromkeys([*stated.get("missing_values", []), cell]))
-    if len(texts) <= _MOST_TEXTS and found.state("file", missing_values=texts):
+    if not (cell[:1].isdigit() and at is rows.clocks) and found.state_missing(cell):
         return True
     found.final = True
     return False

@@ -11,6 +11,7 @@ from reobserve.estimation.specification import Specification
 from reobserve.estimation.suggestion import dumped
 
 _MOST_LISTED = 20
+_MOST_TEXTS = 20  # in a record, that may mean missing values
 
 
 @dataclass
@@ -24,7 +25,10 @@ class Findings:
     refusals: dict[str, tuple[str, set[int]]] = field(default_factory=dict)
     final: bool = False  # something is wrong that no key accepts
     changed: list[str] = field(default_factory=list)  # sections of the tree
+    units: bool = False  # only the user can know them
     summary: str = ""
+    stated: dict[str, Any] = field(default_factory=dict)  # the specification as it is
+    texts: dict[str, None] | None = field(default_factory=dict)  # that mean missing values
     refused: set[str] = field(default_factory=set)  # keys that do not go with others
 
     def refuse(self, error: InputError, key: str = "", line: int = 0) -> None:
@@ -48,6 +52,25 @@ class Findings:
         self.changed = list(dict.fromkeys([*self.changed, section]))
         return True
 
+    def state_missing(self, text: str) -> bool:
+        """State that a text means a missing value, and return whether that changes anything.
+
+        None is stated any more once there are too many for that.
+        """
+        if self.texts is None:
+            return False
+        self.texts = self.texts | {text: None}
+        stated = self.stated.get("file", {}).get("missing_values", [])
+        if len(self.texts) <= _MOST_TEXTS:
+            return self.state("file", missing_values=[*stated, *self.texts])
+        self.texts = None
+        self.tree["file"] = {**self.tree["file"], "missing_values": stated}
+        if not stated:
+            del self.tree["file"]["missing_values"]
+        if self.tree["file"] == self.stated.get("file", {}):
+            self.changed.remove("file")
+        return True
+
     def text(self, place: str) -> str:
         """The refusals, one in a line, and the lines to paste."""
         if not self.refusals:
@@ -58,7 +81,9 @@ class Findings:
             lines.append(f"{sentence}{times}")
         if (more := len(self.refusals) - _MOST_LISTED) > 0:
             lines.append(f"and {more} more")
-        if self.final or not self.changed:
+        if self.units:
+            lines += ["", "state these units; what else is refused shows then"]
+        elif self.final or not self.changed:
             lines += ["", "no key accepts all of this"]
         if self.changed:
             what = "the rest" if self.final else "the record"

@@ -8,7 +8,10 @@ from datetime import datetime
 from itertools import pairwise, product
 from typing import Any
 
+from reobserve.core.errors import InputError
 from reobserve.estimation.dates import ISO, looks_dated
+from reobserve.estimation.layout import split_title
+from reobserve.estimation.quantities import conversion
 
 DAY = re.compile(r"\d{1,4}([-./])\d\d?\1\d{1,4}|\d\d?([-./ ])[A-Z][a-z]{2}\2\d{2,4}")
 HOUR = re.compile(r"\d\d?:\d\d?(:\d\d?([.,]\d+)?)?( ?[AaPp][Mm])?")
@@ -21,6 +24,7 @@ _TITLE = re.compile(
 _EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 _PARTS = ((1, 12), (1, 31), (0, 23), (0, 59), (0, 59))  # month, day, hour, minute, second
 _FORMS = ("%Y", "%m", "%d", "%H", "%M", "%S")
+_FEW = 9  # cells that rise by chance
 _LOOKED_AT = 2000  # cells of a column
 
 Column = Sequence[str]
@@ -68,15 +72,20 @@ def _all(form: re.Pattern[str], cells: Column) -> bool:
     return len(known) > 0.5 * len(cells) and fit > 0.9 * len(known)
 
 
-def _rises(cells: Column, number: Callable[[str], float | None]) -> bool:
-    """True if cells are numbers that never fall, and mostly rise."""
+def _rises(cells: Column, number: Callable[[str], float | None], named: bool = False) -> bool:
+    """True if cells are numbers that never fall, and mostly rise.
+
+    Where a column is ``named`` as time, some may fall, and many be repeated.
+    """
     read = [number(cell) for cell in cells if cell]
     known = [one for one in read if one is not None]
     if len(known) < max(2.0, 0.9 * len(cells)):
         return False
     falls = sum(a > b for a, b in pairwise(known))
     rises = sum(a < b for a, b in pairwise(known))
-    return falls == 0 and rises >= 0.05 * len(known)
+    if named:
+        return falls <= 0.02 * len(known) and rises >= 0.05 * len(known)
+    return len(known) > _FEW and falls == 0 and rises >= 0.5 * (len(known) - 1)
 
 
 def _numbered(
@@ -86,9 +95,10 @@ def _numbered(
     notes: list[str],
 ) -> dict[str, Any]:
     """The column of numbers that looks most like time."""
-    rising = [k for k, cells in enumerate(columns) if _rises(cells, number)]
+    names = [_TITLE.search(re.sub(r"[^\w ].*", "", title).strip()) for title in titles]
+    rising = [k for k, one in enumerate(columns) if _rises(one, number, names[k] is not None)]
     rising = [k for k in rising if not _is_clock(columns[k], number)]
-    named = [k for k in rising if _TITLE.search(re.sub(r"[^\w ].*", "", titles[k]).strip())]
+    named = [k for k in rising if names[k] is not None]
     largest = [k for k in rising if (number(columns[k][0]) or 0.0) > 1e8]
     chosen = next(iter([*(k for k in named if k in largest), *named, *largest, *rising]), None)
     if chosen is None:
@@ -98,11 +108,23 @@ def _numbered(
     unit = next((unit for most, unit in _EPOCHS if first > most), "")
     if chosen not in named or len(named) > 1:
         others = [titles[k] for k in rising if k != chosen][:5]
-        also = f"; {', '.join(map(repr, others))} rise, too" if others else ""
+        also = f", as do {', '.join(map(repr, others))}" if others else ""
         notes.append(f"time may be another column than {titles[chosen]!r}, which rises{also}")
-    if not unit and first <= 1e8 and "[" not in titles[chosen] and "(" not in titles[chosen]:
+    said = split_title(titles[chosen])[1]
+    if said and not unit and not is_time(said):
+        unit = "s"
+    if not said and first <= 1e8:
         notes.append(f"{titles[chosen]!r} is in seconds unless columns.time.unit states another")
     return {"column": titles[chosen], **({"unit": unit} if unit else {})}
+
+
+def is_time(unit: str) -> bool:
+    """True if a unit is one of time."""
+    try:
+        conversion("unit", unit, "s")
+    except InputError:
+        return False
+    return True
 
 
 def _is_clock(cells: Column, number: Callable[[str], float | None]) -> bool:

@@ -62,11 +62,24 @@ class Suggestion:
         return "\n".join(lines)
 
 
+class _Quoting(yaml.SafeDumper):
+    """Puts texts that begin as numbers do in quotes, since 1e9 is one to some readers of YAML."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    style = "'" if re.match(r"[-+.]?\d|[-+]?\.?(inf|nan)", text, re.IGNORECASE) else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Quoting.add_representer(str, _text)
+
+
 def dumped(tree: dict[str, Any]) -> str:
     """A mapping as YAML, each section in a line."""
     return "\n".join(
-        f"{key}: " + yaml.safe_dump(
-            keys, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000
+        f"{key}: " + yaml.dump(
+            keys, Dumper=_Quoting, default_flow_style=True, sort_keys=False, allow_unicode=True,
+            width=1_000_000,
         ).strip()
         for key, keys in tree.items()
     )  # fmt: skip
@@ -212,7 +225,12 @@ class _Grid:
 
     @property
     def _body(self) -> list[list[str]]:
-        return [r for k, r in self.rows.items() if k >= self.start and len(r) == self.width]
+        """The rows, without headers that are repeated, and without comments."""
+        below = {k: row for k, row in self.rows.items() if k >= self.start}
+        return [
+            row for k, row in below.items()
+            if len(row) == self.width and row != self.head[1] and not sign_of(self.lines[k])
+        ]  # fmt: skip
 
     def suggestion(self, encoding: str, ended: bool) -> Suggestion:
         """The keys of a specification."""
