@@ -132,7 +132,7 @@ def _read(found: Findings, made: Estimation, data: Path) -> tuple[bool, list[Arr
     for why, count in head.left_out.items():
         made.report.count(made.report.left_out, why, count)
     blocks, numbers, lines = list[Array](), list[list[float]](), list[int]()
-    again, odd, tail = False, list[int](), made.specification.file.tail == "drop"
+    again, stuck, odd, tail = False, False, list[int](), made.specification.file.tail == "drop"
     with file.located():
         texts = (line for _, text in file.texts(head.lines, BLOCK) for line in lines_of(text))
         for line, last in _with_last(texts, made.specification):
@@ -145,8 +145,8 @@ def _read(found: Findings, made: Estimation, data: Path) -> tuple[bool, list[Arr
                 continue
             if cells is None:
                 continue
-            values, other = _values(found, rows, cells, last and tail)
-            again = again or other
+            values, unread, other = _values(found, rows, cells, last and tail)
+            again, stuck = again or other, stuck or unread
             if values:
                 numbers.append(values)
                 lines.append(rows.line)
@@ -157,7 +157,7 @@ def _read(found: Findings, made: Estimation, data: Path) -> tuple[bool, list[Arr
         alone = odd == [rows.line]
         many = len(odd) > len(lines)
         again = found.state("file", tail="drop") if alone else many and _guess(found, data)
-        found.final = found.final or not again
+    found.final = found.final or (not again and (stuck or bool(odd)))
     return again, blocks + ([np.array(numbers)] if numbers else []), lines
 
 
@@ -184,12 +184,12 @@ def _cells(rows: TextRows, line: str) -> list[str] | None:
 
 def _values(
     found: Findings, rows: TextRows, cells: list[str], dropped: bool
-) -> tuple[list[float], bool]:
-    """The numbers of a row, none without its time, and whether a key reads it otherwise.
+) -> tuple[list[float], bool, bool]:
+    """The numbers of a row, none without its time; if one is refused, and if a key reads it.
 
     It may be ``dropped`` if a cell is refused.
     """
-    values, again, timed = list[float](), False, True
+    values, again, unread, timed = list[float](), False, False, True
     for column in range(len(rows.titles)):
         try:
             value = rows.number(column, cells)
@@ -197,11 +197,12 @@ def _values(
                 raise rows.refusal(column, cells, ValueError())
         except InputError as error:
             if dropped:
-                return [], False
+                return [], False, False
             again = _refuse_cell(found, rows, column, cells, error) or again
+            unread = True
             value, timed = np.nan, timed and not (column == 0 and rows.clock is not None)
         values.append(value)
-    return values if timed else [], again
+    return values if timed else [], unread, again
 
 
 def _refuse_line(found: Findings, rows: TextRows, line: str, error: InputError) -> bool:
@@ -231,10 +232,7 @@ def _refuse_cell(
         return found.state("file", below_header=[kind])
     if (cell[:1].isdigit() or at is rows.clocks) and _guess_marks(found, rows, column):
         return True
-    if not (cell[:1].isdigit() and at is rows.clocks) and found.state_missing(cell):
-        return True
-    found.final = True
-    return False
+    return not (cell[:1].isdigit() and at is rows.clocks) and found.state_missing(cell)
 
 
 def _guess_marks(found: Findings, rows: TextRows, column: int) -> bool:

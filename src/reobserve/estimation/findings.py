@@ -69,6 +69,8 @@ class Findings:
             del self.tree["file"]["missing_values"]
         if self.tree["file"] == self.stated.get("file", {}):
             self.changed.remove("file")
+        if not self.tree["file"]:
+            del self.tree["file"]
         return True
 
     def text(self, place: str) -> str:

@@ -137,12 +137,15 @@ def _accept_clock(found: Findings, made: Estimation, error: InputError) -> bool:
 def _period(made: Estimation, cells: list[Array], uneven: bool) -> dict[str, Any]:
     """The jitter, the period or the resampling that accepts the timestamps."""
     way = made.layout.conversions[0]
-    times = [np.asarray(way.of(block[:, 0])) for block in cells]
-    steps = np.diff(np.concatenate(times))
+    stated = made.specification.sampling
+    time = np.concatenate([np.asarray(way.of(block[:, 0])) for block in cells])
+    times = [time[np.isfinite(time)]]
+    if stated.repeated == "first":
+        times = [times[0][np.diff(times[0], prepend=-np.inf) > 0]]
+    steps = np.diff(times[0])
     median = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     begun = made.timestamps.begun
     early = float(np.median(begun)) if begun else median
-    stated = made.specification.sampling
     if stated.uneven == "refuse":
         first, mean = least_jitter(iter(times), stated.period)
         periods = {stated.period: first} if uneven else {}

@@ -14,11 +14,11 @@ from reobserve.estimation.suggestion import Suggestion, suggest
 ROWS = 60
 
 
-def rows(*forms: str, delimiter: str = ",", count: int = ROWS) -> str:
+def rows(*forms: str, delimiter: str = ",", start: int = 0, count: int = ROWS) -> str:
     """Lines with cells by formats of the number of the row, and of a value."""
     return "".join(
         delimiter.join(forms).format(k=k, v=1.0 + 0.1 * (k % 7), m=k // 60, s=k % 60) + "\n"
-        for k in range(count)
+        for k in range(start, start + count)
     )
 
 
@@ -111,7 +111,7 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
         "t,y,note\n" + rows(ISO, "{v:.2f}", "").replace("1.30,", "1.30,rain"), ISO_KEYS, {},
     ),
     "repeated headers": (
-        "t,y\n" + rows(ISO, "{v:.2f}", count=20) + "t,y\n" + rows(ISO, "{v:.2f}", count=20),
+        "t,y\n" + rows(ISO, "{v:.2f}", count=20) + "t,y\n" + rows(ISO, "{v:.2f}", start=20),
         ISO_KEYS, {"repeated_header": "skip"},
     ),
     "half a line": ("t,y\n" + rows(ISO, "{v:.2f}") + "2024-03-0", ISO_KEYS, {"tail": "drop"}),
