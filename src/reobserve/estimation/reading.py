@@ -73,7 +73,7 @@ class File:
         InputError
             If the file cannot be read or has none.
         """
-        with self._located():
+        with self.located():
             if self.columnar:
                 import pyarrow.parquet as parquet
 
@@ -104,7 +104,7 @@ class File:
             If the file is damaged, a cell is no number, or a timestamp is no date where it must be.
         """
         report = report or DataReport()
-        with self._located():
+        with self.located():
             if not self.columnar:
                 yield from self._of_text(columns, clock, report, tell)
                 return
@@ -322,7 +322,8 @@ class File:
         return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
 
     @contextmanager
-    def _located(self) -> Iterator[None]:
+    def located(self) -> Iterator[None]:
+        """Turn errors of reading into those of input."""
         package("pyarrow", "read a record")
         import pyarrow as pa
 
