@@ -78,6 +78,44 @@ class Bench:
         column = self.column(condition)
         return min(column, key=lambda label: float(column[label][key]))
 
+    def near(self, condition: str, *, given: bool | None = None) -> set[str]:
+        """The labels of all rows that are not known to be more than 5 % worse than the best."""
+        column = self.column(condition, given=given)
+        return {label for label, cell in column.items() if cell["within"] in ("yes", "undecided")}
+
+    def rest(
+        self, condition: str, *methods: str, given: bool | None = None
+    ) -> list[Mapping[str, Any]]:
+        """All rows but those of methods and those that read what comes later, by error."""
+        cells = self.column(condition, given=given).values()
+        found = [one for one in cells if one["method"] not in methods and one["within"] != "late"]
+        return sorted(found, key=lambda one: float(one["error"]))
+
+    def against(
+        self, condition: str, method: str, *beside: str, given: bool | None = None
+    ) -> str:
+        """The error of a method and the smallest of the rest, all of them more than 5 % worse.
+
+        The methods in ``beside`` are not compared with: the sentence must say so.
+        """
+        own, rest = self(method, condition), self.rest(condition, method, *beside, given=given)
+        better = [one for one in rest if one["within"] != "no" or one["error"] <= own]
+        assert not better, (condition, method, better)
+        return f"{own:#.3g} against {rest[0]['error']:#.3g} or more"
+
+    def nees(self, condition: str = "nominal") -> dict[str, float]:
+        """The mean normalised squared errors of all rows that state a variance, by label."""
+        column = self.column(condition)
+        return {label: one["nees"] for label, one in column.items() if one["nees"] == one["nees"]}
+
+    def cost_of_r(self, condition: str = "nominal", *, given: bool = False) -> list[float]:
+        """How much greater errors are if R is estimated, in per cent; ``given``: than given R."""
+        twins = [one for one in self.results.task.methods if f"{one}_R" in self.results.task.methods]
+        return [
+            100 * (self(f"{one}_R", condition) / self(one, condition, given=given) - 1)
+            for one in twins
+        ]
+
     def check_all(
         self,
         holds: Callable[[Mapping[str, Any]], bool],
