@@ -110,10 +110,11 @@ class Bench:
 
     def cost_of_r(self, condition: str = "nominal", *, given: bool = False) -> list[float]:
         """How much greater errors are if R is estimated, in per cent; ``given``: than given R."""
-        twins = [one for one in self.results.task.methods if f"{one}_R" in self.results.task.methods]
+        methods = self.results.task.methods
         return [
             100 * (self(f"{one}_R", condition) / self(one, condition, given=given) - 1)
-            for one in twins
+            for one in methods
+            if f"{one}_R" in methods
         ]
 
     def check_all(

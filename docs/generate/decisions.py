@@ -27,12 +27,13 @@ def decisions(body: Bench, motor: Bench, leak: Bench, oscillator: Bench, delay: 
     ]
     lines = []
     for number, (question, *branches) in enumerate(questions, 1):
-        lines.append(_wrapped(question, f"{number}. "))
-        lines += [_wrapped(one, "    - ") for one in branches]
+        lines.append(wrapped(question, f"{number}. "))
+        lines += [wrapped(one, "    - ") for one in branches]
     return "\n".join(lines)
 
 
-def _wrapped(text: str, mark: str) -> str:
+def wrapped(text: str, mark: str) -> str:
+    """An item of a list, in lines as on pages that are written by hand."""
     return textwrap.fill(
         text, 138, initial_indent=mark, subsequent_indent=" " * len(mark),
         break_long_words=False, break_on_hyphens=False,
@@ -96,9 +97,9 @@ def _noise(*tasks: Bench) -> list[str]:
         "**Is R known?**",
         "Yes, or measurable at rest: give it. At three times the noise this lowers the error of "
         f"each filter and detector, by {extent(gains, 0)} %.",
-        "No, or it drifts: estimate it (`noise_memory`). At three times the noise, every causal row "
-        "that neither is given nor estimates R is more than 5 % worse than the best, and one that "
-        "estimates it is not known to be, in all four tasks with such rows. It costs up to "
+        "No, or it drifts: estimate it (`noise_memory`). At three times the noise, every causal "
+        "row that neither is given nor estimates R is more than 5 % worse than the best, and one "
+        "that estimates it is not known to be, in all four tasks with such rows. It costs up to "
         f"{tuned:.0f} % as tuned, but {costs[worst]:.0f} % on healthy channels of the motor; at "
         f"ten times the noise, up to {tenfold:.0f} % against giving R.",
     ]
@@ -118,7 +119,8 @@ def _healthy(body: Bench, motor: Bench) -> list[str]:
     return [
         "**Several faults, or one beside healthy channels?** On healthy ones a bank has "
         f"{body.against('healthy', *BANKS)} (body) and {motor.against('healthy', *BANKS)} (motor, "
-        f"but {motor('fault_bank_R', 'healthy'):.4f} if it estimates R); with all faulty {body.against('all', *BANKS)} and {motor.against('all', *BANKS)}.",
+        f"but {motor('fault_bank_R', 'healthy'):.4f} if it estimates R); with all faulty "
+        f"{body.against('all', *BANKS)} and {motor.against('all', *BANKS)}.",
     ]
 
 
