@@ -12,7 +12,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from reobserve.tuning.scoring import PAPER, ScoredRow, Scorer
+from reobserve.tuning.scoring import PAPER
 from reobserve.tuning.table import Results
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.plotting.apart import own_style
@@ -143,26 +143,6 @@ class Bench:
         conditions = self.results.task.conditions
         changed = (one for one in conditions if one.startswith("noise"))
         return [(self.errors(one), self.errors(one, given=True)) for one in changed]
-
-    def tunings(self, condition: str, *methods: str) -> list[list[float]]:
-        """The normalised errors with the settings of each repeat, on the seeds of the table."""
-        scorer, main = Scorer(self.results.task), self.results.task.main
-        found = []
-        for method in methods:
-            cell = self.results.cell(condition, method)
-            assert cell is not None, (method, condition)
-            repeats = self.results.tuned[method].training[main].repeats
-            rows = (ScoredRow.of(method, main, one.settings) for one in repeats)
-            found.append([scorer.mean(row, [condition], int(cell["seeds"])) for row in rows])
-        return found
-
-    def false_alarms(self, condition: str, *, given: bool = False) -> dict[str, float]:
-        """For each detector the share of healthy records that alarm, in per cent."""
-        cells = {
-            name: self.results.cell(condition, name, given=given)
-            for name in self.results.task.methods
-        }
-        return {name: 100 * cell["quantile"] for name, cell in cells.items() if cell is not None}
 
     def ratio(self, method: str, condition: str = "nominal", *, given: bool = False) -> str:
         """Its ratio to the best in the condition, with the interval of 95 %."""
