@@ -185,9 +185,9 @@ def _cells(rows: TextRows, line: str) -> list[str] | None:
 def _values(
     found: Findings, rows: TextRows, cells: list[str], dropped: bool
 ) -> tuple[list[float], bool, bool]:
-    """The numbers of a row, none without its time; if one is refused, and if a key reads it.
+    """The numbers of a row, whether one is refused, and whether a key reads it.
 
-    It may be ``dropped`` if a cell is refused.
+    There are none without a time. It may be ``dropped`` if a cell is refused.
     """
     values, again, unread, timed = list[float](), False, False, True
     for column in range(len(rows.titles)):

@@ -1,4 +1,4 @@
-"""What a check of a record finds."""
+"""Findings of a check of a record."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def _prepare(made: Estimation, read: Any) -> None:
 def _leave_out(
     found: Findings, cells: list[Array], lines: list[int], row: int, back: bool
 ) -> list[int]:
-    """Go on without a row that no key accepts, or without all that go back; return which."""
+    """Leave out a row that no key accepts, or all that go back, and return which."""
     found.final = True
     every = np.concatenate(cells)
     wrong = np.zeros(len(every), bool)

@@ -195,7 +195,7 @@ def _count(dates: Sequence[datetime | None]) -> int:
 
 
 def _extent(dates: Sequence[datetime | None]) -> tuple[int, float]:
-    """How often dates go back, and the time from the first to the last one."""
+    """The number of dates that go back, and the time from the first to the last one."""
     known = [date.replace(tzinfo=None) for date in dates if date is not None]
     back = sum(a > b for a, b in pairwise(known))
     return back, abs((max(known) - min(known)).total_seconds())

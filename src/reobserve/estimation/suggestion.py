@@ -127,7 +127,7 @@ def sign_of(line: str) -> str:
 
 
 def kind_of_line(cells: list[str]) -> str:
-    """What a line below the header has in its cells: `units`, or what is to `skip`."""
+    """The kind of a line below the header: `units`, or one to `skip`."""
     bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells if cell]
     known = sum(unit in ("-", "1", "%") or bool(readings(unit)) for unit in bare)
     return "units" if bare and known >= 0.5 * len(bare) else "skip"

@@ -253,7 +253,7 @@ class TextRows:
             return False
 
     def refusal(self, column: int, cells: list[str], error: ValueError) -> InputError:
-        """What to say of a cell that is no number."""
+        """The error of a cell that is no number."""
         cell = cells[self.places[column]]
         problem = f"{self._where(column)} is {shown(cell)}, must be a number"
         if isinstance(error, InputError):

@@ -38,7 +38,7 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "plain": ("t,y\n" + rows("{k}", "{v:.2f}"), {"time": {"column": "t"}}, {}),
     "dates": ("t,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {}),
     "preamble": (
-        "Logger 7\nSite: roof\n\nt,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {"skip": 3},
+        "Logger 7\nSite: hall\n\nt,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {"skip": 3},
     ),
     "a preamble with numbers": (
         "number of rows,19,,,\nserial,7,,,\nt,a,b,c,d\n" + rows(ISO, *["{v:.2f}"] * 4),
