@@ -44,7 +44,8 @@ def of_motor(motor: Bench) -> str:
     rest = motor.rest("nominal", *BANKS)
     own = [one["error"] for one in rest if one["training"] == "paper"]
     tuned = [one["error"] for one in rest if one["training"] != "paper"]
-    assert own and min(own) > max(tuned)
+    assert own
+    assert min(own) > max(tuned)
     nees, free = motor.nees(), "AugmentedKalmanFilter"
     return _bullets(
         "**Only banks are within 5 % of the best or undecided**, but where all faults drift, where "
@@ -79,7 +80,9 @@ def of_leak(leak: Bench) -> str:
     alone, _ = wrong.pop(ALONE), wrong.pop(paper)
     banks = [wrong.pop(one) for one in models]
     mixed = leak.results.cell("model", "imm_kalman", "mixed", True)
-    assert mixed is not None and len(kept) == 6 and voltage > 2 * max(kept.values())
+    assert mixed is not None
+    assert len(kept) == 6
+    assert voltage > 2 * max(kept.values())
     assert alone < min(wrong.values()) < max(wrong.values()) < min(banks)
     threshold = "reobserve.detection.false_alarms.false_alarm_threshold"
     return _bullets(
@@ -111,7 +114,8 @@ def of_oscillator(oscillator: Bench) -> str:
             assert abs(column[label]["error"] / twin["error"] - 1) < 0.002, (one, label)
     within = oscillator.within("nominal")
     assert oscillator.best("nominal") in (extended, unscented)
-    assert "normal form, order 4" in within["yes"] and "normal form, order 0" in within["undecided"]
+    assert "normal form, order 4" in within["yes"]
+    assert "normal form, order 0" in within["undecided"]
     blind = oscillator.rest("noise", "ekf_R", "ekf_ab_R", given=False)
     assert (blind[0]["method"], blind[0]["training"]) == ("normal_0", "paper")
     orders = ("normal_0", "normal_2", "normal_4")
