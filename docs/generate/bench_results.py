@@ -21,8 +21,9 @@ def of_body(body: Bench) -> str:
     blind = body.rest("noise_10", "fault_bank_R", "random_walk_R", given=False)
     assert blind[0]["method"] == "levant"
     return _bullets(
-        "**In every column, of causal rows, only banks are within 5 % of the best or undecided.** As "
-        f"tuned others have {extent((one['error'] for one in rest[:-2]), 3)}, a filtered difference and a "
+        "**In every column, of causal rows, only banks are within 5 % of the best or undecided.** "
+        f"As tuned others have {extent((one['error'] for one in rest[:-2]), 3)}, a filtered "
+        "difference and a "
         f"differentiator {extent(map(body, poor), 3)}.",
         "**A bank takes noise for jumps**: with three times the noise it has "
         f"{body('fault_bank', 'noise'):.3f}, only the filtered difference is worse; given R "
