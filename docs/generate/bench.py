@@ -91,9 +91,7 @@ class Bench:
         found = [one for one in cells if one["method"] not in methods and one["within"] != "late"]
         return sorted(found, key=lambda one: float(one["error"]))
 
-    def against(
-        self, condition: str, method: str, *beside: str, given: bool | None = None
-    ) -> str:
+    def against(self, condition: str, method: str, *beside: str, given: bool | None = None) -> str:
         """The error of a method and the smallest of the rest, all of them more than 5 % worse.
 
         The methods in ``beside`` are not compared with: the sentence must say so.
