@@ -12,7 +12,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from reobserve.tuning.scoring import PAPER, ScoredRow, Scorer
+from reobserve.tuning.scoring import PAPER
 from reobserve.tuning.table import Results
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.plotting.apart import own_style
@@ -78,6 +78,43 @@ class Bench:
         column = self.column(condition)
         return min(column, key=lambda label: float(column[label][key]))
 
+    def near(self, condition: str, *, given: bool | None = None) -> set[str]:
+        """The labels of all rows that are not known to be more than 5 % worse than the best."""
+        column = self.column(condition, given=given)
+        return {label for label, cell in column.items() if cell["within"] in ("yes", "undecided")}
+
+    def rest(
+        self, condition: str, *methods: str, given: bool | None = None
+    ) -> list[Mapping[str, Any]]:
+        """All rows but those of methods and those that read what comes later, by error."""
+        cells = self.column(condition, given=given).values()
+        found = [one for one in cells if one["method"] not in methods and one["within"] != "late"]
+        return sorted(found, key=lambda one: float(one["error"]))
+
+    def against(self, condition: str, method: str, *beside: str, given: bool | None = None) -> str:
+        """The error of a method and the smallest of the rest, all of them more than 5 % worse.
+
+        The methods in ``beside`` are not compared with: the sentence must say so.
+        """
+        own, rest = self(method, condition), self.rest(condition, method, *beside, given=given)
+        better = [one for one in rest if one["within"] != "no" or one["error"] <= own]
+        assert not better, (condition, method, better)
+        return f"{own:#.3g} against {rest[0]['error']:#.3g} or more"
+
+    def nees(self, condition: str = "nominal") -> dict[str, float]:
+        """The mean normalised squared errors of all rows that state a variance, by label."""
+        column = self.column(condition)
+        return {label: one["nees"] for label, one in column.items() if one["nees"] == one["nees"]}
+
+    def cost_of_r(self, condition: str = "nominal", *, given: bool = False) -> list[float]:
+        """How much greater errors are if R is estimated, in per cent; ``given``: than given R."""
+        methods = self.results.task.methods
+        return [
+            100 * (self(f"{one}_R", condition) / self(one, condition, given=given) - 1)
+            for one in methods
+            if f"{one}_R" in methods
+        ]
+
     def check_all(
         self,
         holds: Callable[[Mapping[str, Any]], bool],
@@ -104,26 +141,6 @@ class Bench:
         conditions = self.results.task.conditions
         changed = (one for one in conditions if one.startswith("noise"))
         return [(self.errors(one), self.errors(one, given=True)) for one in changed]
-
-    def tunings(self, condition: str, *methods: str) -> list[list[float]]:
-        """The normalised errors with the settings of each repeat, on the seeds of the table."""
-        scorer, main = Scorer(self.results.task), self.results.task.main
-        found = []
-        for method in methods:
-            cell = self.results.cell(condition, method)
-            assert cell is not None, (method, condition)
-            repeats = self.results.tuned[method].training[main].repeats
-            rows = (ScoredRow.of(method, main, one.settings) for one in repeats)
-            found.append([scorer.mean(row, [condition], int(cell["seeds"])) for row in rows])
-        return found
-
-    def false_alarms(self, condition: str, *, given: bool = False) -> dict[str, float]:
-        """For each detector the share of healthy records that alarm, in per cent."""
-        cells = {
-            name: self.results.cell(condition, name, given=given)
-            for name in self.results.task.methods
-        }
-        return {name: 100 * cell["quantile"] for name, cell in cells.items() if cell is not None}
 
     def ratio(self, method: str, condition: str = "nominal", *, given: bool = False) -> str:
         """Its ratio to the best in the condition, with the interval of 95 %."""

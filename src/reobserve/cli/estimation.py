@@ -79,6 +79,11 @@ def estimate(command: argparse.ArgumentParser) -> None:
         "--warm", action="store_true", help="compile first, and report when a stream can begin"
     )
     command.add_argument(
+        "--digits", type=int, metavar="N",
+        help="significant digits of the numbers in text, 1 to 17; times keep theirs; the default "
+        "is the shortest form that reads back to the same numbers",
+    )  # fmt: skip
+    command.add_argument(
         "--example",
         metavar="NAME",
         help="write an example of a specification, see below; no file is replaced",

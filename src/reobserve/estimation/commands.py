@@ -14,6 +14,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, check_replaceable, write_text
+from reobserve.core.progress import progress
 from reobserve.estimation import state_file
 from reobserve.estimation.data_report import as_json
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
@@ -21,12 +22,12 @@ from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter
 from reobserve.estimation.plot import Plot, check_plot
-from reobserve.estimation.reading import BLOCK, File
+from reobserve.estimation.reading import BLOCK, File, Tell
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
-from reobserve.estimation.writing import check_name, header, write_results
+from reobserve.estimation.writing import check_digits, check_name, header, write_results
 
 
 def run(
@@ -44,6 +45,7 @@ def run(
     record: Path | None,
     check: bool = False,
     suggest: Path | None = None,
+    digits: int | None = None,
 ) -> None:
     """The sub-command, with the options as they were typed.
 
@@ -64,6 +66,7 @@ def run(
         raise InputError("--data", "belongs to --example, which writes a record there")
     if check:
         return print_check(specification, data, out)
+    check_digits(digits, out)
     chosen = read_specification(specification)
     written = [path for path in (out, plot, report, state) if path is not None]
     check_not_read(written, chosen.files)
@@ -76,8 +79,9 @@ def run(
             raise InputError("--follow" if follow else "--stream", problem)
         digest = state_file.identity(specification, chosen.files)
         return estimate_stream(
-            chosen, data, idle=idle, state=state, digest=digest, report=report, warm=warm
-        )
+            chosen, data, idle=idle, state=state, digest=digest, report=report, warm=warm,
+            digits=digits,
+        )  # fmt: skip
     if state is not None:
         raise InputError("--state", "is for --stream and --follow")
     if warm and data is None:
@@ -87,7 +91,7 @@ def run(
     if data is None or out is None:
         name = "DATA" if data is None else "--out"
         raise InputError(name, "is missing: reobserve estimate SPEC.yaml DATA.csv --out RESULT.csv")
-    made = estimate_file(chosen, data, out, plot=plot, report=report)
+    made = estimate_file(chosen, data, out, plot=plot, report=report, digits=digits)
     print(as_table(made.report, chosen.sampling.period), file=sys.stderr)
     return None
 
@@ -135,8 +139,11 @@ def estimate_file(
     plot: Path | None = None,
     report: Path | None = None,
     block: int = BLOCK,
+    digits: int | None = None,
 ) -> Estimation:
     """Estimate a record in a file and write another, with what became of it in the report.
+
+    Text has as many significant ``digits``, or the shortest that read back to the same numbers.
 
     Raises
     ------
@@ -160,11 +167,10 @@ def estimate_file(
     def about() -> dict[str, Any]:
         return as_json(estimation.report, {"record": data.name})
 
-    with file.lines():
+    with file.lines(), progress(f"{data.name}: {{:.0%}} read") as tell:
+        blocks = _blocks(estimation, file, curves, tell)
         try:
-            write_results(
-                out, estimation.titles, _blocks(estimation, file, curves), about, estimation.report
-            )
+            write_results(out, estimation.titles, blocks, about, estimation.report, digits)
         except UnevenError as error:
             raise _over_all(error, estimation, file) from None
     if curves is not None and plot is not None:
@@ -189,10 +195,12 @@ def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputEr
     return UnevenError(error.found, error.row, least, "the record")
 
 
-def _blocks(estimation: Estimation, file: File, curves: Plot | None) -> Iterator[Estimated]:
+def _blocks(
+    estimation: Estimation, file: File, curves: Plot | None, tell: Tell
+) -> Iterator[Estimated]:
     first_rows = estimation.first_rows = FirstRows()
     layout = estimation.layout
-    for raw in file.blocks(layout.titles, layout.clock, estimation.report):
+    for raw in file.blocks(layout.titles, layout.clock, estimation.report, tell):
         block = estimation.feed(raw)
         if curves is not None:
             curves.add(block)
@@ -218,6 +226,7 @@ def estimate_stream(
     digest: str = "",
     report: Path | None = None,
     warm: bool = False,
+    digits: int | None = None,
 ) -> None:
     """Estimates of lines as they come, one flushed line each, on standard output.
 
@@ -245,7 +254,7 @@ def estimate_stream(
         if head.first is not None:
             coming = chain([head.first], coming)
         estimation = Estimation(specification, head.titles, place)
-        rows = RowByRow(estimation, head)
+        rows = RowByRow(estimation, head, digits)
         if resumed and state is not None:
             offset, line = state_file.load_state(state, estimation, digest)
             if data is not None and offset is not None:

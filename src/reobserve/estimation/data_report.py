@@ -191,6 +191,7 @@ class DataReport:
     first: float | None = None
     last: float | None = None
     intervals: int = 0
+    unbridged: float = 0.0  # [s], in gaps of a resampled record, which are no intervals
     single: int = 0  # intervals of one period
     jitter: float = 0.0
     lost: int = 0  # rows that the timestamps say are missing
@@ -287,14 +288,17 @@ class DataReport:
 
     @property
     def mean_interval(self) -> float | None:
-        """[s], over all intervals."""
+        """[s], of timestamps that follow one another, without what no policy bridges."""
         slots = self.intervals + self.lost
         if self.first is None or self.last is None or not slots:
             return None
-        return (self.last - self.first) / slots
+        return (self.last - self.first - self.unbridged) / slots
 
 
-_INTERNAL = ("single", "angles", "levels", "filling", "latest", "shift", "origin", "period")
+# Counts by which a stream goes on, and nobody asks.
+_INTERNAL = frozenset(
+    ["single", "unbridged", "angles", "levels", "filling", "latest", "shift", "origin", "period"]
+)
 _TIMES = ("first", "last", "earlier", "gaps", "start", "end")
 
 

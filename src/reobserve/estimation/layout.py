@@ -228,7 +228,7 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
         return Clock(titles, SAME, Dates(titles, time.format, time.zone, period))
     for key, is_set in (("column", len(titles) > 1), ("zone", time.zone)):
         if is_set:
-            problem = "two columns are" if key == "column" else f"{time.zone} is"
+            problem = "several columns are" if key == "column" else f"{time.zone} is"
             raise InputError(
                 f"columns.time.{key}", f"{problem} for dates, which have a format, or unit: {ISO}"
             )
@@ -257,7 +257,7 @@ def _check_delimiter(columns: Columns, title: str, place: str) -> None:
         )
 
 
-def _split(title: str) -> tuple[str, str]:
+def split_title(title: str) -> tuple[str, str]:
     """The name in a title, and what ends it as a unit does."""
     for form in (_BRACKETS, _COMMA, _STROKE):
         if (found := form.fullmatch(title.strip())) is not None:
@@ -270,7 +270,7 @@ def _title(
     at: str, column: Column, header: Sequence[str], place: str, dated: bool = False
 ) -> tuple[str, str]:
     """The title of a column in the header, and its unit there or in the specification."""
-    parts = {title: _split(title) for title in header}
+    parts = {title: split_title(title) for title in header}
     whole = list(dict.fromkeys(one for one in header if one.strip() == column.column))
     found = whole or _matches(column.column, header)
     if not found and _matches(column.column, [header[0].lstrip("#% ")]):
@@ -304,7 +304,7 @@ def _title(
 def _matches(name: str, header: Sequence[str]) -> list[str]:
     """The titles that are a name, or a name with a unit."""
     return list(dict.fromkeys(
-        title for title in header if title.strip() == name or _split(title)[0] == name
+        title for title in header if title.strip() == name or split_title(title)[0] == name
     ))  # fmt: skip
 
 

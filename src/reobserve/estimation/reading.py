@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,18 +21,22 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import reason
-from reobserve.estimation.clock import Clock, Dates
+from reobserve.estimation import date_columns
+from reobserve.estimation.clock import Clock
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import ISO, SECOND, of_nanoseconds
+from reobserve.estimation.dates import ISO
 from reobserve.estimation.dialect import Dialect, Head, read_head
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.streaming import LONGEST
 from reobserve.estimation.text_rows import RowError, TextRows
 
 Array = NDArray[np.float64]
+Tell = Callable[[float], None]
 
 BLOCK = 4 * 2**20  # characters of text, and about as many bytes of numbers
 _HEAD = 2**16  # characters
+_BUFFER = 2**20  # bytes of a column of a Parquet file
+_PACKED = {".gz": "gzip", ".bz2": "bz2", ".lz4": "lz4", ".zst": "zstd"}
 _TABLES = (".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".zip")
 
 
@@ -69,7 +73,7 @@ class File:
         InputError
             If the file cannot be read or has none.
         """
-        with self._located():
+        with self.located():
             if self.columnar:
                 import pyarrow.parquet as parquet
 
@@ -82,12 +86,17 @@ class File:
         return read_head(lines, self.dialect, str(self.path))
 
     def blocks(
-        self, columns: Sequence[str], clock: Clock | None = None, report: DataReport | None = None
+        self,
+        columns: Sequence[str],
+        clock: Clock | None = None,
+        report: DataReport | None = None,
+        tell: Tell | None = None,
     ) -> Iterator[Array]:
         """The cells of these columns, nan where they are empty, some rows at a time.
 
         The first column of the clock has times by it: dates are turned into seconds, and what the
-        report says that times count from is taken off.
+        report says that times count from is taken off. ``tell`` is called with the share of the
+        file that was read, of its bytes or, in a Parquet file, its rows.
 
         Raises
         ------
@@ -95,13 +104,13 @@ class File:
             If the file is damaged, a cell is no number, or a timestamp is no date where it must be.
         """
         report = report or DataReport()
-        with self._located():
+        with self.located():
             if not self.columnar:
-                yield from self._of_text(columns, clock, report)
+                yield from self._of_text(columns, clock, report, tell)
                 return
             rows = 0
             titles = () if clock is None else clock.titles
-            for batch in self._batches(list(dict.fromkeys([*columns, *titles]))):
+            for batch in self._batches(list(dict.fromkeys([*columns, *titles])), tell):
                 read = [
                     self._times(batch, clock, rows, report)
                     if clock is not None and name == titles[0]
@@ -111,21 +120,28 @@ class File:
                 yield np.column_stack(read)
                 rows += batch.num_rows
 
-    def _batches(self, columns: list[str]) -> Iterator[Any]:
+    def _batches(self, columns: list[str], tell: Tell | None) -> Iterator[Any]:
         import pyarrow.parquet as parquet
 
-        file = parquet.ParquetFile(self.path, page_checksum_verification=True)
+        file = parquet.ParquetFile(  # without buffers, whole groups of rows would be in memory
+            self.path, page_checksum_verification=True, pre_buffer=False, buffer_size=_BUFFER
+        )  # fmt: skip
+        read = 0
         rows = max(1, self.block // (8 * len(columns)))
-        yield from file.iter_batches(batch_size=rows, columns=columns, use_threads=False)
+        for batch in file.iter_batches(batch_size=rows, columns=columns, use_threads=False):
+            read += batch.num_rows
+            if tell is not None:
+                tell(read / file.metadata.num_rows)
+            yield batch
 
     def _of_text(
-        self, columns: Sequence[str], clock: Clock | None, report: DataReport
+        self, columns: Sequence[str], clock: Clock | None, report: DataReport, tell: Tell | None
     ) -> Iterator[Array]:
         head = self.head()
         for why, count in head.left_out.items():
             report.count(report.left_out, why, count)
         rows = self.rows(head, columns, clock, report)
-        for above, text in self.texts(head.lines, self.block):
+        for above, text in self.texts(head.lines, self.block, tell):
             rows.line, counted, latest = above, dict(report.left_out), report.latest
             try:
                 values = self._at_once(rows, text)
@@ -185,19 +201,32 @@ class File:
         )  # fmt: skip
         read = [self._floats(table.column(name), name) for name in wanted[rows.exact :]]
         if rows.exact:
-            cells = zip(*(table.column(name).to_pylist() for name in clocks), strict=True)
-            read.insert(0, np.array([rows.time(one) for one in cells]))
+            assert rows.clock is not None
+            times, texts = None, [table.column(name) for name in clocks]
+            if rows.clock.dates is not None:
+                times = date_columns.read(texts, rows.clock.dates, dialect.nothing, rows.report)
+            if times is None:
+                cells = zip(*(column.to_pylist() for column in texts), strict=True)
+                times = np.array([rows.time(one) for one in cells])
+            read.insert(0, times)
         if dialect.timed and np.isnan(read[0]).any():
             raise ValueError
         return np.column_stack(read)
 
-    def texts(self, above: int, block: int) -> Iterator[tuple[int, str]]:
+    def texts(self, above: int, block: int, tell: Tell | None = None) -> Iterator[tuple[int, str]]:
         """Whole lines but the first ones ``above``, some at a time, and how many precede them."""
+        import pyarrow as pa
+
         number, rest = 0, ""
         with self.opened() as stream:
             codec, errors = self.dialect.codec(stream.read(2))
-        with io.TextIOWrapper(self.opened(), codec, errors, newline="") as stream:
-            while chunk := stream.read(block):
+        with (
+            pa.OSFile(str(self.path)) as packed,
+            io.TextIOWrapper(self.opened(packed), codec, errors, newline="") as text_stream,
+        ):
+            while chunk := text_stream.read(block):
+                if tell is not None:
+                    tell(packed.tell() / packed.size())
                 text = rest + chunk
                 end = text.rfind("\n") + 1
                 text, rest = text[:end], text[end:]
@@ -213,12 +242,11 @@ class File:
             if rest and number >= above:
                 yield number, rest
 
-    def opened(self) -> Any:
-        """The bytes in it, unpacked."""
+    def opened(self, packed: Any = None) -> Any:
+        """The bytes in it, unpacked, also of the open file that pyarrow has."""
         import pyarrow as pa
 
-        gzipped = self._ending == ".gz"
-        return pa.input_stream(str(self.path), compression="gzip" if gzipped else "detect")
+        return pa.input_stream(packed or pa.OSFile(str(self.path)), _PACKED.get(self._ending))
 
     def line_of(self, row: int) -> int | None:
         """The line of a row in the file, both from 1 on, or None in a Parquet file."""
@@ -259,10 +287,13 @@ class File:
                 math.nan if cell is None else clock.exact(cell, report) for cell in cells
             ])  # fmt: skip
         if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
-            return _dates_of(columns[0], dates, report)
+            return date_columns.of_timestamps(columns[0], dates, report)
         if not all(pa.types.is_string(c.type) or pa.types.is_large_string(c.type) for c in columns):
             problem = f"column {shown(clock.titles[0])} is of the type {kind}, must be dates"
             raise InputError(str(self.path), problem)
+        times = date_columns.read(columns, dates, NOTHING, report)
+        if times is not None:
+            return times
         where = f"of column {' and '.join(map(shown, clock.titles))}"
         found = []
         for row, cells in enumerate(
@@ -291,7 +322,8 @@ class File:
         return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
 
     @contextmanager
-    def _located(self) -> Iterator[None]:
+    def located(self) -> Iterator[None]:
+        """Turn errors of reading into those of input."""
         package("pyarrow", "read a record")
         import pyarrow as pa
 
@@ -309,29 +341,3 @@ class File:
 def lines_of(text: str) -> Iterator[str]:
     """Lines with their ends, which are line feeds and nothing else."""
     return iter(io.StringIO(text, newline="\n"))
-
-
-def _dates_of(column: Any, dates: Dates, report: DataReport) -> Array:
-    """Times of a column of dates as Parquet has them, without an offset or of UTC."""
-    import pyarrow as pa
-    import pyarrow.compute as compute
-
-    floating = getattr(column.type, "tz", None) is None
-    kind = pa.timestamp("ns", None if floating else column.type.tz)
-    ticks = compute.fill_null(column.cast(kind).cast(pa.int64()), 0)
-    timestamps = ticks.to_numpy(zero_copy_only=False)
-    known = column.is_valid().to_numpy(zero_copy_only=False)
-    if not known.any():
-        return np.full(len(known), np.nan)
-    if floating and dates.zone:
-        timestamps = timestamps.copy()
-        for k in np.flatnonzero(known):
-            date = of_nanoseconds(int(timestamps[k])).replace(tzinfo=None)
-            timestamps[k] = dates.local(date, report) + timestamps[k] % 1000
-            report.latest = int(timestamps[k]) // 1000
-    dates.floating = dates.floating or (floating and not dates.zone)
-    report.zone = dates.zone or ("" if floating else str(column.type.tz))
-    report.clock(int(timestamps[known.argmax()]))
-    report.latest = int(timestamps[known][-1]) // 1000
-    assert report.origin is not None
-    return np.where(known, (timestamps - report.origin * SECOND) / SECOND, np.nan)

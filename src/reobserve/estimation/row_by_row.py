@@ -14,7 +14,7 @@ import numpy as np
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.dialect import Dialect, Head, read_head
-from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.gaps import MEASURED, STATUSES
 from reobserve.estimation.text_rows import RowError, TextRows
 from reobserve.estimation.writing import line as result
@@ -25,10 +25,12 @@ _PATIENCE = 20  # rows that all go the long way, on which the sampling period is
 
 
 class RowByRow:
-    """Takes a line and gives the lines of results that are settled with it."""
+    """Takes a line and gives the lines of results that are settled with it, with so many digits."""
 
-    def __init__(self, estimation: Estimation, header: Head | list[str]) -> None:
-        self.estimation = estimation
+    def __init__(
+        self, estimation: Estimation, header: Head | list[str], digits: int | None = None
+    ) -> None:
+        self.estimation, self.digits = estimation, digits
         layout, sampling = estimation.layout, estimation.specification.sampling
         head = header if isinstance(header, Head) else Head(header)
         dialect, report = Dialect.of(estimation.specification), estimation.report
@@ -126,7 +128,7 @@ class RowByRow:
         found = made.outputs.row(y, estimates)
         at, row = np.array([time]), np.array([found])
         raised = [float(alarm.raised(at, row, report, estimates)[0]) for alarm in made.alarms]
-        return result(report.stamp(time), found, raised, MEASURED)
+        return result(report.stamp(time), found, raised, MEASURED, self.digits)
 
     def cut_off(self, rest: str, how: str) -> None:
         """End a file that was replaced, or truncated, with the ``rest`` of a line without an end.
@@ -190,9 +192,12 @@ class RowByRow:
         numbers = self.rows.numbers(cells)
         if numbers is None:
             return ""
-        return text(self.estimation.feed(np.array([numbers])), self.estimation.report)
+        return self._text(self.estimation.feed(np.array([numbers])))
 
     def finish(self) -> str:
         """The lines that waited for rows which do not come."""
         self.settle()
-        return text(self.estimation.finish(), self.estimation.report)
+        return self._text(self.estimation.finish())
+
+    def _text(self, block: Estimated) -> str:
+        return text(block, self.estimation.report, self.digits)

@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
-from reobserve.core.validation import NotNegative, Positive, checked, form, having, parse
+from reobserve.core.validation import NotNegative, Positive, checked, form, having, items, parse
 from reobserve.estimation.dates import ISO, check_format, check_zone
 from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.stated import DesignFile, stated
@@ -56,11 +56,11 @@ class TimeColumn:
 
     The ``unit`` is one of time, or iso8601 for dates; dates of another form have a ``format`` in
     its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S". Dates without an offset are those
-    of the time ``zone``, as Europe/Berlin, or else of UTC. A list of two columns, of dates and
+    of the time ``zone``, as Europe/Berlin, or else of UTC. A list of columns, as of dates and
     times of day, is read as one, with a blank between their cells.
     """
 
-    column: str | tuple[Name, Name] = ""
+    column: str | Annotated[tuple[Name, ...], items(2, 7)] = ""
     unit: str = ""
     format: str = ""
     zone: str = ""

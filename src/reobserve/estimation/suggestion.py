@@ -1,8 +1,8 @@
 """A guess at the layout of a text, for a user to look at and to paste into a specification.
 
-Of the delimiters, that one is taken by which most lines have the same number of cells, and most
-cells are numbers, dates or times. The first such line is the first row; the header is the nearest
-line above it with as many titles. No guess is ever used to read a record.
+Rows are the lines with the number of cells that most numbers, dates and times stand in; that
+delimiter is taken by which they fill the lines best. The header is the nearest line above the first
+row with as many titles, or with units below it. No guess is ever used to read a record.
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ import csv
 import re
 from collections import Counter
 from dataclasses import dataclass, field
-from datetime import datetime
-from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +19,13 @@ import yaml
 
 from reobserve.core.errors import InputError
 from reobserve.core.units import readings
-from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.dialect import Dialect
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.reading import File
+from reobserve.estimation.suggested_time import DATE, DAY, HOUR, find_time
 
 _LOOKED_AT = 2**18  # bytes
-SIGNS = ("#", "%", "//", "!", "*", '"#')
+SIGNS = ("#", "%", "//", "!", "*", "~", '"#')
 _DELIMITERS = (";", "\t", "|", ",", "whitespace")
 _NUMBERS = {
     ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
@@ -37,10 +35,7 @@ _GROUPED = {
     (",", "."): re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d+"),
     (".", ","): re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d+"),
 }
-_DAY = re.compile(r"\d{1,4}([-./])\d\d?\1\d{1,4}")
-_HOUR = re.compile(r"\d\d?:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?")
-_DATE = re.compile(rf"{_DAY.pattern}[T ]{_HOUR.pattern}(Z| ?[+-]\d\d:?\d\d)?")
-_EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+_MOST_TEXTS = 5  # of a column, that stand for missing values
 
 
 @dataclass(frozen=True)
@@ -67,11 +62,24 @@ class Suggestion:
         return "\n".join(lines)
 
 
+class _Quoting(yaml.SafeDumper):
+    """Puts texts that begin as numbers do in quotes, since 1e9 is one to some readers of YAML."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    style = "'" if re.match(r"[-+.]?\d|[-+]?\.?(inf|nan)", text, re.IGNORECASE) else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Quoting.add_representer(str, _text)
+
+
 def dumped(tree: dict[str, Any]) -> str:
     """A mapping as YAML, each section in a line."""
     return "\n".join(
-        f"{key}: " + yaml.safe_dump(
-            keys, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000
+        f"{key}: " + yaml.dump(
+            keys, Dumper=_Quoting, default_flow_style=True, sort_keys=False, allow_unicode=True,
+            width=1_000_000,
         ).strip()
         for key, keys in tree.items()
     )  # fmt: skip
@@ -88,7 +96,7 @@ def suggest(path: Path) -> Suggestion:
     file = File(path)
     if file.columnar:
         return Suggestion(titles=file.header())
-    with file.opened() as stream:
+    with file.located(), file.opened() as stream:
         raw = stream.read(_LOOKED_AT)
         whole = not stream.read(1)
     encoding, text = _decoded(raw)
@@ -105,7 +113,7 @@ def suggest(path: Path) -> Suggestion:
 def _decoded(raw: bytes) -> tuple[str, str]:
     if raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         return "utf-8", raw.decode("utf-16", "replace")  # which its mark states
-    if raw[1:200:2].count(0) > 50:
+    if raw[1:200:2].count(0) > 0.4 * len(raw[1:200:2]):
         return "utf-16", raw.decode("utf-16-le", "replace")
     try:
         return "utf-8", codecs.getincrementaldecoder("utf-8-sig")().decode(raw)
@@ -113,27 +121,57 @@ def _decoded(raw: bytes) -> tuple[str, str]:
         return "cp1252", raw.decode("cp1252", "replace")
 
 
+def sign_of(line: str) -> str:
+    """The sign of comments with which a line begins, or nothing."""
+    return "" if line.startswith('"#"') else next((s for s in SIGNS if line.startswith(s)), "")
+
+
+def kind_of_line(cells: list[str]) -> str:
+    """The kind of a line below the header: `units`, or one to `skip`."""
+    bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells if cell]
+    known = sum(unit in ("-", "1", "%") or bool(readings(unit)) for unit in bare)
+    return "units" if bare and known >= 0.5 * len(bare) else "skip"
+
+
 class _Grid:
-    """Lines in cells between delimiters."""
+    """Lines in cells between delimiters, of which most have ``width``."""
 
     def __init__(self, lines: list[str], delimiter: str) -> None:
         self.dialect, self.lines = Dialect(delimiter), lines
         self.rows = {k: self._cells(line) for k, line in enumerate(lines) if line.strip()}
-        late = list(self.rows.values())[len(self.rows) // 4 :]
-        self.width = max(Counter(map(len, late)).items(), key=lambda one: one[::-1], default=(0,))[
-            0
-        ]
-        every = [cell for row in late if len(row) == self.width for cell in row]
-        self.decimal, self.thousands = self._marks(every)
-        start = (k for k, row in self.rows.items() if len(row) == self.width and self._is_row(row))
-        self.start = next(start, -1)
-        self.score = 0.0
+        plain = {k: row for k, row in self.rows.items() if not sign_of(lines[k])}
+        several = [cell for row in plain.values() if len(row) > 1 for cell in row]
+        self.decimal, self.thousands = self._marks(
+            several or [c for r in plain.values() for c in r]
+        )
+        weights = Counter[int]()
+        for row in plain.values():
+            if self._is_row(row):
+                weights[len(row)] += sum(map(self._is_value, filter(None, row)))
+        self.width = max(weights, key=lambda width: (weights[width], width), default=0)
+        body = {k: r for k, r in plain.items() if len(r) == self.width and self._is_row(r)}
+        self.typical, self.texts = self._columns(list(body.values()))
+        self.start = next((k for k, row in body.items() if self._is_like(row)), -1)
+        self.score, self.head = 0.0, (dict[str, Any](), list[str]())
         if self.start >= 0:
-            below = [row for k, row in self.rows.items() if k >= self.start]
-            cells = [cell for row in below for cell in row]
+            self._begin()
+            below = [row for k, row in plain.items() if k >= self.start]
+            cells = [cell for row in below for cell in row if cell]
             fit = sum(len(row) == self.width for row in below) / len(below)
             read = sum(map(self._is_value, cells)) / max(len(cells), 1)
             self.score = fit * read**2 * (1.0 if self.width > 1 else 0.5)
+            self.score *= 1.0 if "names" in self.head[0] else 1.3
+            self.score *= 0.9 if delimiter == "whitespace" else 1.0
+
+    def _begin(self) -> None:
+        """Find the header. The line that seemed to be the first row may be one."""
+        self.head = self._head()
+        numbers = [k for k in self.rows if k > self.start]
+        row = self.rows[self.start]
+        odd = [cell for k, cell in enumerate(row) if k in self.typical and self._is_odd(k, cell)]
+        if "names" in self.head[0] and odd and numbers:
+            self.start = numbers[0]
+            self.head = self._head(odd)
 
     def _cells(self, line: str) -> list[str]:
         try:
@@ -154,14 +192,45 @@ class _Grid:
         text = cell.replace(self.thousands, "") if self.thousands else cell
         return _NUMBERS[self.decimal].fullmatch(text) is not None
 
+    def _number(self, cell: str) -> float | None:
+        if not self._is_number(cell):
+            return None
+        return float(cell.replace(self.thousands or "\0", "").replace(",", "."))
+
     def _is_value(self, cell: str) -> bool:
-        forms = (_DAY, _HOUR, _DATE)
+        forms = (DAY, HOUR, DATE)
         return cell in NOTHING or self._is_number(cell) or any(f.fullmatch(cell) for f in forms)
 
     def _is_row(self, cells: list[str]) -> bool:
         some = [cell for cell in cells if cell not in NOTHING]
         values = sum(map(self._is_value, some))
         return values > 0 and values >= 0.5 * len(some)
+
+    def _columns(self, body: list[list[str]]) -> tuple[list[int], list[Counter[str]]]:
+        """The columns with values in most rows, and the texts that stand there in their place."""
+        columns = list(zip(*body, strict=True))
+        values = [sum(self._is_value(cell) for cell in column if cell) for column in columns]
+        typical = [k for k, count in enumerate(values) if count > 0.5 * len(body)]
+        texts = [Counter(c for c in column if not self._is_value(c)) for column in columns]
+        return typical, texts
+
+    def _is_odd(self, column: int, cell: str) -> bool:
+        """True if a cell has a text that no other one of its column has."""
+        return not self._is_value(cell) and self.texts[column][cell] < 2
+
+    def _is_like(self, row: list[str]) -> bool:
+        """True if a row has values where most rows have them."""
+        fit = sum(bool(row[k]) and not self._is_odd(k, row[k]) for k in self.typical)
+        return fit >= 0.5 * len(self.typical)
+
+    @property
+    def _body(self) -> list[list[str]]:
+        """The rows, without headers that are repeated, and without comments."""
+        below = {k: row for k, row in self.rows.items() if k >= self.start}
+        return [
+            row for k, row in below.items()
+            if len(row) == self.width and row != self.head[1] and not sign_of(self.lines[k])
+        ]  # fmt: skip
 
     def suggestion(self, encoding: str, ended: bool) -> Suggestion:
         """The keys of a specification."""
@@ -171,161 +240,158 @@ class _Grid:
         columns["encoding"] = encoding
         usual = vars(Dialect())
         columns = {key: value for key, value in columns.items() if value != usual[key]}
-        file, titles = self._head()
+        file, titles = self.head
         notes: list[str] = []
         self._odd_lines(file, titles, ended, notes)
+        body = list(zip(*self._body, strict=True))
+        unlike = [f"\0{k}" if titles.count(t) > 1 or not t else t for k, t in enumerate(titles)]
+        time = find_time(unlike, body, self._number, notes)
+        named = [time["column"]] if isinstance(time.get("column"), str) else time.get("column", [])
+        if any(name.startswith("\0") for name in named):
+            file, titles, time = self._named(file, titles, time, named)
+            notes.append(
+                "time has no title, or one that occurs twice; file.names states all titles"
+            )
+        notes = [re.sub(r"'\\x00(\d+)'", lambda k: f"column {int(k[1]) + 1}", n) for n in notes]
         if missing := self._missing():
             file["missing_values"] = missing
-        if time := self._time(titles, notes):
+        if time:
             columns = {"time": time, **columns}
         return Suggestion(columns, file, titles, self.rows[self.start], notes)
 
+    def _named(
+        self, file: dict[str, Any], titles: list[str], time: dict[str, Any], named: list[str]
+    ) -> tuple[dict[str, Any], list[str], dict[str, Any]]:
+        """The same with a name for each column of the time."""
+        names = [*titles, *[""] * (self.width - len(titles))]
+        for k, old in enumerate(named):
+            if old.startswith("\0"):
+                names[int(old[1:])] = "time" if len(named) == 1 else f"time {k + 1}"
+        new = ["time" if len(named) == 1 else f"time {k + 1}" if old.startswith("\0") else old
+               for k, old in enumerate(named)]  # fmt: skip
+        kept = {k: v for k, v in file.items() if k not in ("header", "below_header")}
+        kept = {**kept, "skip": self.start, "names": names}
+        if not self.start:
+            del kept["skip"]
+        return kept, names, {**time, "column": new[0] if len(new) == 1 else new}
+
     def _sign(self, lines: list[str]) -> str:
         """The sign with which all lines begin, or nothing."""
-        return next((s for s in SIGNS if lines and all(one.startswith(s) for one in lines)), "")
+        signs = set(map(sign_of, lines))
+        return signs.pop() if len(signs) == 1 else ""
 
-    def _fits(self, titles: list[str]) -> bool:
-        """True if there are as many titles as cells that are not empty throughout."""
+    def _fits(self, titles: list[str], odd: list[str] | None = None) -> bool:
+        """True if there are as many titles as cells that are not empty throughout.
+
+        Few of them are numbers, but where ``odd`` ones show that it is a header.
+        """
         while titles and not titles[-1]:
             titles = titles[:-1]
-        below = [row for k, row in self.rows.items() if k >= self.start and len(row) == self.width]
-        beyond = any(cell for row in below for cell in row[len(titles) :])
-        numbers = sum(map(self._is_number, titles))
-        return 0 < len(titles) <= self.width and not beyond and numbers <= 0.2 * len(titles)
+        beyond = any(cell for row in self._body for cell in row[len(titles) :])
+        numbers = 0 if odd and set(odd) <= set(titles) else sum(map(self._is_number, titles))
+        texts = any(title and not self._is_value(title) for title in titles)
+        few = numbers <= 0.2 * len(titles)
+        return texts and 0 < len(titles) <= self.width and not beyond and few
 
-    def _head(self) -> tuple[dict[str, Any], list[str]]:
+    def _head(self, odd: list[str] | None = None) -> tuple[dict[str, Any], list[str]]:
         """The keys that read what is above the rows, and the titles."""
         above = {k: line for k, line in enumerate(self.lines[: self.start]) if line.strip()}
         if above and re.fullmatch(r"sep=[,;\t|]", next(iter(above.values()))):
             del above[next(iter(above))]
+        fitting = [k for k in reversed(above) if self._fits(self._bare(above[k]), odd)]
+        if len(fitting) > 1 and kind_of_line(self._bare(above[fitting[0]])) == "units":
+            both = fitting[:2]  # of which the lower one has the units
+            if self._sign([above[both[1]]]) or not self._sign([above[both[0]]]):
+                fitting = [both[1], *fitting]
+        for k in fitting:
+            below = [j for j in above if j > k]
+            sign = self._sign([above[k]])
+            if sign and not below:
+                return self._commented(above, k, sign), self._bare(above[k])
+            if sign and kind_of_line(self._bare(above[below[-1]])) != "units":
+                break
+            file: dict[str, Any] = {}
+            if below:
+                file["below_header"] = [kind_of_line(self._bare(above[j])) for j in below]
+                file["below_header"] = [
+                    kind
+                    if j == below[-1] or "units" not in file["below_header"][n + 1 :]
+                    else "skip"
+                    for n, (j, kind) in enumerate(zip(below, file["below_header"], strict=True))
+                ]
+            before = [line for j, line in above.items() if j < k]
+            if (mark := self._sign(before)) and not sign:
+                file["comment"] = mark
+            elif before:
+                file["skip"] = k
+            return file, [self.rows[k][0], *self.rows[k][1:]] if not sign else self._bare(above[k])
+        return self._unnamed(above)
+
+    def _bare(self, line: str) -> list[str]:
+        """The cells of a line without the sign of a comment."""
+        return self._cells(line[len(self._sign([line])) :].strip())
+
+    def _commented(self, above: dict[int, str], last: int, sign: str) -> dict[str, Any]:
+        """The keys that read a header which is the last comment."""
+        file: dict[str, Any] = {"comment": sign, "header": "commented"}
+        plain = [j for j, line in above.items() if not line.startswith(sign) and j < last]
+        return {"skip": plain[-1] + 1, **file} if plain else file
+
+    def _unnamed(self, above: dict[int, str]) -> tuple[dict[str, Any], list[str]]:
+        """The keys of a text without a header, with titles from the nearest line that has some."""
         file: dict[str, Any] = {}
-        for k in reversed(above):
-            if self._fits(self.rows[k]) and not above[k].startswith(SIGNS):
-                before = [line for j, line in above.items() if j < k]
-                below = [j for j in above if j > k]
-                if below:
-                    file["below_header"] = [self._kind(self.rows[j]) for j in below]
-                if sign := self._sign(before):
-                    file["comment"] = sign
-                elif before:
-                    file["skip"] = k
-                return file, self.rows[k]
-        if (sign := self._sign(list(above.values())[-1:])) and above:
-            last = next(reversed(above))
-            titles = self._cells(above[last][len(sign) :].strip())
-            if self._fits(titles):
-                if plain := [j for j, line in above.items() if not line.startswith(sign)]:
-                    file["skip"] = plain[-1] + 1
-                return {**file, "comment": sign, "header": "commented"}, titles
         if sign := self._sign(list(above.values())):
             file["comment"] = sign
         elif above:
             file["skip"] = self.start
         names = [str(k + 1) for k in range(self.width)]
+        for line in reversed(above.values()):
+            cells = self._bare(line)
+            texts = [cell for cell in cells if cell and not self._is_value(cell)]
+            if len(texts) == len(set(texts)) and 0.5 * self.width < len(texts) <= len(cells) >= (
+                self.width - 1
+            ):  # fmt: skip
+                given = [*cells, *[""] * self.width][: self.width]
+                names = [a or b for a, b in zip(given, names, strict=True)]
+                break
         return {**file, "names": names}, names
-
-    def _kind(self, cells: list[str]) -> str:
-        """The kind of a line below the header."""
-        bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells if cell]
-        known = sum(unit in ("-", "1", "%") or bool(readings(unit)) for unit in bare)
-        return "units" if bare and known >= 0.5 * len(bare) else "skip"
 
     def _odd_lines(
         self, file: dict[str, Any], titles: list[str], ended: bool, notes: list[str]
     ) -> None:
         """Lines among the rows that are none."""
-        last = max(self.rows)
+        last, odd = max(self.rows), list[int]()
         if not ended:
             notes.append("the last line has no line end; file.tail: drop would leave it out")
         for k, cells in self.rows.items():
             if k < self.start or (self._is_row(cells) and len(cells) == self.width):
                 continue
-            line = self.lines[k]
-            if sign := self._sign([line]):
+            if sign := self._sign([self.lines[k]]):
                 file.setdefault("comment", sign)
-            elif cells == titles:
+            elif cells == titles and "names" not in file:
                 file["repeated_header"] = "skip"
             elif k == last:
                 file["tail"] = "drop"
             elif len(cells) != self.width:
-                notes.append(f"line {k + 1} has {len(cells)} cells, others have {self.width}")
+                odd.append(k)
+        if odd:
+            notes.append(
+                f"{len(odd)} lines have another number of cells than rows, {self.width}; "
+                f"the first one is line {odd[0] + 1}"
+            )
+        before = [k for k, row in self.rows.items() if k < self.start and self._is_row(row)]
+        if len(before) > 10:
+            notes.append(
+                f"{len(before)} lines above line {self.start + 1} look like rows, too, but have "
+                "another number of cells"
+            )
 
     def _missing(self) -> list[str]:
         """Texts that stand where other rows have values."""
-        rows = [r for k, r in self.rows.items() if k >= self.start and len(r) == self.width]
         found: dict[str, None] = {}
-        for column in zip(*rows, strict=True):
-            odd = [cell for cell in column if not self._is_value(cell)]
-            if 0 < len(odd) < 0.5 * len(column) and len(set(odd)) <= 5:
+        for column in zip(*self._body, strict=True):
+            known = [cell for cell in column if cell]
+            odd = [cell for cell in known if not self._is_value(cell)]
+            if 0 < len(odd) < 0.5 * len(known) and len(set(odd)) <= _MOST_TEXTS:
                 found.update(dict.fromkeys(odd))
         return list(found)[:20]
-
-    def _time(self, titles: list[str], notes: list[str]) -> dict[str, Any]:
-        """The key `time`, if a column looks like timestamps."""
-        rows = [r for k, r in self.rows.items() if k >= self.start and len(r) == self.width]
-        columns = [[cell for cell in column if cell] for column in zip(*rows, strict=True)]
-        for k, (title, cells) in enumerate(zip(titles, columns, strict=False)):
-            if cells and all(map(_DATE.fullmatch, cells)):
-                return self._dated(title, cells, notes)
-            following = columns[k + 1] if k + 1 < min(len(columns), len(titles)) else []
-            if cells and all(map(_DAY.fullmatch, cells)):
-                if following and all(map(_HOUR.fullmatch, following)):
-                    both = [f"{a} {b}" for a, b in zip(cells, following, strict=False)]
-                    return {**self._dated("", both, notes), "column": [title, titles[k + 1]]}
-                return self._dated(title, cells, notes)
-        for title, cells in zip(titles, columns, strict=False):
-            if len(cells) > 1 and all(map(self._is_number, cells)):
-                numbers = [float(one.replace(self.thousands or "\0", "").replace(",", "."))
-                           for one in cells]  # fmt: skip
-                if all(a < b for a, b in pairwise(numbers)):
-                    unit = next((unit for most, unit in _EPOCHS if numbers[0] > most), "")
-                    notes.append(f"time may be another column; {title!r} is the first that rises")
-                    return {"column": title, **({"unit": unit} if unit else {})}
-        return {}
-
-    def _dated(self, title: str, cells: list[str], notes: list[str]) -> dict[str, Any]:
-        if all(map(_is_iso, cells)):
-            return {"column": title, "unit": ISO}
-        forms = [form for form in _forms(cells[0]) if all(_reads(form, one) for one in cells)]
-        if not forms:
-            notes.append(f"dates such as {cells[0]} need a columns.time.format")
-            return {"column": title, "format": ""}
-        if len(forms) > 1:
-            notes.append(f"dates such as {cells[0]} may also be of {' or '.join(forms[1:])}")
-        return {"column": title, "format": forms[0]}
-
-
-def _is_iso(cell: str) -> bool:
-    try:
-        datetime.fromisoformat(cell)
-    except ValueError:
-        return False
-    return looks_dated(cell)
-
-
-def _forms(cell: str) -> list[str]:
-    """Formats that a date may have."""
-    day = _DAY.match(cell)
-    if day is None:
-        return []
-    mark, rest = day[1], cell[day.end() :]
-    orders = ("d m Y", "m d Y", "Y m d", "d m y", "m d y")
-    days = ["%" + f"{mark}%".join(order.split()) for order in orders]
-    hours = [""]
-    if rest:
-        hours = [
-            f"{rest[0]}{hour}{zone}"
-            for hour, zone in product(
-                ("%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H:%M:%S,%f", "%I:%M %p", "%I:%M:%S %p"),
-                ("", "%z", " %z"),
-            )
-        ]
-    return [one + hour for one, hour in product(days, hours)]
-
-
-def _reads(form: str, cell: str) -> bool:
-    try:
-        datetime.strptime(cell, form)
-    except ValueError:
-        return False
-    return True

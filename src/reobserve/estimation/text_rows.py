@@ -178,7 +178,7 @@ class TextRows:
                 return self.time([cells[one] for one in self.clocks])
             return self.dialect.number(cells[self.places[column]])
         except ValueError as error:
-            raise self._refusal(column, cells, error) from None
+            raise self.refusal(column, cells, error) from None
 
     def read(self, line: str) -> list[float] | None:
         """The numbers in a line, None if it is left out (raises as `row`, `cells`, `numbers`)."""
@@ -252,7 +252,8 @@ class TextRows:
         except ValueError:
             return False
 
-    def _refusal(self, column: int, cells: list[str], error: ValueError) -> InputError:
+    def refusal(self, column: int, cells: list[str], error: ValueError) -> InputError:
+        """The error of a cell that is no number."""
         cell = cells[self.places[column]]
         problem = f"{self._where(column)} is {shown(cell)}, must be a number"
         if isinstance(error, InputError):

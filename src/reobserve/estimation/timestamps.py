@@ -339,7 +339,10 @@ class Timestamps:
     def _regular(self, time: Array, steps: Array) -> Array:
         """The times t0 + k T up to the last timestamp."""
         report, period = self.report, self.sampling.period
-        report.intervals += len(steps)
+        long = steps > self._bridged * period
+        report.intervals += len(steps) - int(long.sum())
+        for step in steps[long].tolist():  # in order, so that blocks have the same sum
+            report.unbridged += step
         _, used = placed(time, self.grid, period, 0.5, False, np.zeros(len(time)))
         report.jitter = max(report.jitter, used)
         origin = float(time[0]) if report.first is None else report.first

@@ -11,16 +11,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.core.files import write_whole
+from reobserve.estimation import date_columns
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimated
 from reobserve.estimation.gaps import STATUSES
 
+Array = NDArray[np.float64]
+
 _ENDINGS = (".csv", ".csv.gz", ".parquet")
 KEY = b"reobserve estimate"
+_MOST_DIGITS = 17  # with which any number reads back to the same
+_AT_ONCE = 2**15  # rows of text in memory
+_FEW = 50  # rows, for which a column at a time is not worth while
+_SMALL, _LARGE = 1e-4, 1e9  # numbers between them are spelled by all in one way
+_CERTAIN_DIGITS = 10  # to which numbers are rounded by arithmetic, unless they are
+_TIE = 1e-4  # as near to a tie
+_POWERS = np.array([float(f"1e{k}") for k in range(16)])
 
 
 def check_name(path: Path) -> None:
@@ -35,13 +46,46 @@ def check_name(path: Path) -> None:
         raise InputError(str(path), f"must end with {', '.join(_ENDINGS)}")
 
 
-def line(time: str, numbers: Sequence[float], alarms: Sequence[float], status: int) -> str:
-    """A row of text: numbers in the shortest form that reads back to the same, nan as nothing."""
-    cells = [time]
-    cells += [repr(value) if value == value else "" for value in numbers]  # noqa: PLR0124
+def check_digits(digits: int | None, path: Path | None) -> None:
+    """Refuse a number of digits that results cannot have.
+
+    Raises
+    ------
+    InputError
+        If it is out of range, or the file has no digits.
+    """
+    if digits is None:
+        return
+    if not 1 <= digits <= _MOST_DIGITS:
+        problem = f"{digits} must be a whole number from 1 to {_MOST_DIGITS}"
+        raise InputError("--digits", problem)
+    if path is not None and path.suffix == ".parquet":
+        problem = f"is for text, such as .csv; {path.name} has all digits"
+        raise InputError("--digits", problem)
+
+
+def line(
+    time: str,
+    numbers: Sequence[float],
+    alarms: Sequence[float],
+    status: int,
+    digits: int | None = None,
+) -> str:
+    """A row of text, with nan as nothing.
+
+    Numbers have so many significant digits, or the shortest form that reads back to the same.
+    """
+    cells = [time, *_cells(numbers, digits)]
     cells += [str(int(value)) if value == value else "" for value in alarms]  # noqa: PLR0124
     cells.append(STATUSES[status])
     return ",".join(cells) + "\n"
+
+
+def _cells(numbers: Sequence[float], digits: int | None) -> list[str]:
+    if digits is None:
+        return [repr(value) if value == value else "" for value in numbers]  # noqa: PLR0124
+    form = f".{digits}g"
+    return [format(value, form) if value == value else "" for value in numbers]  # noqa: PLR0124
 
 
 def header(titles: Sequence[str]) -> str:
@@ -53,13 +97,80 @@ def header(titles: Sequence[str]) -> str:
     return stream.getvalue()
 
 
-def text(block: Estimated, report: DataReport) -> str:
+def text(block: Estimated, report: DataReport, digits: int | None = None) -> str:
     """A block of rows as text."""
+    if len(block.time) > _FEW:
+        return _text(block, report, digits)
     times = map(report.stamp, block.time.tolist())
     rows = zip(
         times, block.numbers.tolist(), block.alarms.tolist(), block.status.tolist(), strict=True
     )
-    return "".join(line(*row) for row in rows)
+    return "".join(line(*row, digits) for row in rows)
+
+
+def _text(block: Estimated, report: DataReport, digits: int | None) -> str:
+    """The same by pyarrow, a column at a time."""
+    import pyarrow as pa
+    import pyarrow.compute as compute
+
+    times = None
+    if report.origin is not None:
+        times = date_columns.spelled(block.time, report)
+    elif not report.shift:
+        times = _column(block.time, None)
+    if times is None:
+        times = pa.array(list(map(report.stamp, block.time.tolist())))
+    ends = pa.array([status + "\n" for status in STATUSES])
+    rows = compute.binary_join_element_wise(
+        times,
+        *(_column(numbers, digits) for numbers in block.numbers.T),
+        *(_whole(numbers) for numbers in block.alarms.T),
+        ends.take(pa.array(block.status)),
+        ",",
+    )
+    whole = pa.ListArray.from_arrays(pa.array([0, len(rows)], pa.int32()), rows)
+    return str(compute.binary_join(whole, "")[0])
+
+
+def _column(numbers: Array, digits: int | None) -> Any:
+    """Numbers as `_cells` spells them: pyarrow does, but for those that it spells otherwise."""
+    import pyarrow as pa
+    import pyarrow.compute as compute
+
+    sizes = np.abs(numbers)
+    if digits is None:
+        rounded = numbers
+        same = (sizes >= _SMALL) & (sizes < _LARGE) & (sizes != np.rint(sizes))
+    else:
+        rounded, same = _rounded(numbers, sizes, digits)
+    texts = pa.array(rounded).cast(pa.string())
+    if same.all():
+        return texts
+    cells = pa.array(_cells(numbers[~same].tolist(), digits), pa.string())
+    return compute.replace_with_mask(texts, pa.array(~same), cells)
+
+
+def _rounded(numbers: Array, sizes: Array, digits: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Numbers to so many digits, and where these are certain and are spelled without exponents.
+
+    Whole numbers below 2**53 over powers of ten that are floats are rounded once.
+    """
+    inside = (sizes >= _SMALL) & (sizes < min(10.0**digits, _LARGE)) & (digits <= _CERTAIN_DIGITS)
+    places = digits - 1 - np.floor(np.log10(np.where(inside, sizes, 1.0))).astype(np.int64)
+    powers = _POWERS[np.clip(places, 0, len(_POWERS) - 1)]
+    scaled = np.where(inside, numbers, 0.0) * powers
+    whole = np.rint(scaled)
+    rounded = whole / powers
+    certain = np.abs(np.abs(scaled - whole) - 0.5) > _TIE
+    return rounded, inside & certain & (np.abs(rounded) < 10.0**digits)
+
+
+def _whole(numbers: Array) -> Any:
+    import pyarrow as pa
+    import pyarrow.compute as compute
+
+    whole = pa.array(numbers, from_pandas=True).cast(pa.int64()).cast(pa.string())
+    return compute.fill_null(whole, "")
 
 
 def write_results(
@@ -68,42 +179,49 @@ def write_results(
     blocks: Iterator[Estimated],
     about: Callable[[], Mapping[str, Any]],
     report: DataReport,
+    digits: int | None = None,
 ) -> None:
     """Write blocks as they come, in a format by `check_name`, and ask ``about`` after the last.
 
-    Times are those of the ``report``.
+    Times are those of the ``report``, numbers in text have as many ``digits`` as `line` writes.
 
     Raises
     ------
     InputError
         If the file cannot be written; and whatever making the blocks raises. Then there is none.
     """
-    fill = _parquet if path.suffix == ".parquet" else _csv
-    write_whole(path, lambda partial: fill(partial, path.suffix, titles, blocks, about, report))
+    if path.suffix == ".parquet":
+        write_whole(path, lambda partial: _parquet(partial, titles, blocks, about, report))
+    else:
+        gzipped = path.suffix == ".gz"
+        write_whole(path, lambda partial: _csv(partial, gzipped, titles, blocks, report, digits))
 
 
 def _csv(
     partial: Path,
-    ending: str,
+    gzipped: bool,
     titles: Sequence[str],
     blocks: Iterator[Estimated],
-    about: Any,
     report: DataReport,
+    digits: int | None,
 ) -> None:
     with ExitStack() as open_files:
         stream: Any = open_files.enter_context(partial.open("wb"))
-        if ending == ".gz":  # without a name and a time, so that the same rows are the same file
+        if gzipped:  # without a name and a time, so that the same rows are the same file
             stream = open_files.enter_context(
                 gzip.GzipFile(filename="", fileobj=stream, mode="wb", mtime=0)
             )
         stream.write(header(titles).encode())
         for block in blocks:
-            stream.write(text(block, report).encode())
+            for begin in range(0, len(block.time), _AT_ONCE):
+                time, numbers, alarms, status = block
+                part = slice(begin, begin + _AT_ONCE)
+                rows = Estimated(time[part], numbers[part], alarms[part], status[part])
+                stream.write(text(rows, report, digits).encode())
 
 
 def _parquet(
     partial: Path,
-    ending: str,
     titles: Sequence[str],
     blocks: Iterator[Estimated],
     about: Any,
@@ -121,14 +239,16 @@ def _parquet(
                 time = pa.array(block.time + (report.shift or 0))
             else:
                 kinds[0] = pa.timestamp("us" if report.digits == 6 else "ns", report.zone or None)
-                unit = 1000 if report.digits == 6 else 1
-                dates = [report.nanoseconds(one) // unit for one in block.time.tolist()]
+                dates: Any = date_columns.ticks_of(block.time, report)
+                if dates is None:
+                    unit = 1000 if report.digits == 6 else 1
+                    dates = [report.nanoseconds(one) // unit for one in block.time.tolist()]
                 time = pa.array(dates, kinds[0])
             schema = pa.schema(list(zip(titles, kinds, strict=True)))
             if writer is None:  # as the first rows say what times are
                 writer = open_files.enter_context(parquet.ParquetWriter(partial, schema))
             numbers = np.column_stack([block.numbers, block.alarms])
             columns = [pa.array(column, from_pandas=True) for column in numbers.T]
-            status = pa.array([STATUSES[code] for code in block.status], pa.string())
+            status = pa.array(STATUSES, pa.string()).take(pa.array(block.status))
             writer.write_table(pa.Table.from_arrays([time, *columns, status], schema=schema))
         writer.add_key_value_metadata({KEY: json.dumps(about()).encode()})

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, one_line, shown
+from reobserve.core.progress import progress
 from reobserve.observers.vague_start import VagueStartWarning
 from reobserve.tuning.optimisers import sobol
-from reobserve.tuning.search import EDGE, FAILURES, Range, Settings, as_ranges, progress
+from reobserve.tuning.search import EDGE, FAILURES, Range, Settings, as_ranges
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -27,6 +26,7 @@ from reobserve.core.arguments import as_kind, as_whole, as_word
 from reobserve.core.errors import InputError, ReobserveError, one_line, shown
 from reobserve.core.files import read_text, write_text
 from reobserve.core.matrices import as_scalar
+from reobserve.core.progress import progress
 from reobserve.tuning.optimisers import SEARCHES, Array, SpentError
 
 Settings = dict[str, float]
@@ -296,23 +296,6 @@ def _mapping(workers: int) -> Iterator[Callable[..., Iterable[Found]]]:
         return
     with ThreadPoolExecutor(workers) as pool:
         yield pool.map
-
-
-@contextmanager
-def progress(line: str) -> Iterator[Callable[[int, float], None]]:
-    """A line on standard error that is written again, if that is a terminal.
-
-    ``line`` is a format of what has run and of the best value so far.
-    """
-    seen = sys.stderr is not None and sys.stderr.isatty()
-
-    def tell(count: int, best: float) -> None:
-        if seen:
-            print(f"\r{line.format(count, best)} ", end="", file=sys.stderr, flush=True)
-
-    yield tell
-    if seen:
-        print(file=sys.stderr)
 
 
 class _Log:

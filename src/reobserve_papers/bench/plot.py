@@ -43,9 +43,11 @@ def heat_map(results: Results) -> PaperFigure:
             )  # fmt: skip
     axes.set_xlim(-0.5, len(task.table) - 0.5)
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    wide = max(56 // len(task.table), 9)
+    wide = max(56 // len(task.table), 8)
     titles = [
-        textwrap.fill(task.conditions[one].title.replace(" %", "\u00a0%"), wide)
+        textwrap.fill(
+            task.conditions[one].title.replace(" %", "\u00a0%").replace("× ", "×\u00a0"), wide
+        )
         for one in task.table
     ]
     axes.set_xticks(range(len(titles)), titles, fontsize=look.points(7))

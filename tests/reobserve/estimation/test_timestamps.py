@@ -54,6 +54,14 @@ def test_timestamps_are_accepted_up_to_the_jitter(seed: int) -> None:
     assert least_jitter([time[:100], time[100:]], PERIOD)[0] == 0.38
 
 
+def test_mean_interval_leaves_out_gaps_of_a_resampled_record() -> None:
+    """The logger's clock is slow by 0.2 %, and stands still for an hour."""
+    step = 1.002 * PERIOD
+    time = np.arange(400) * step + 3600.0 * (np.arange(400) >= 200)
+    _, report = read(time, uneven="linear", missing="skip", at_gap="restart")
+    assert report.mean_interval == pytest.approx(step, rel=1e-9)
+
+
 def test_single_shifted_timestamp_is_counted_once() -> None:
     """Not in both adjacent intervals."""
     time = PERIOD * np.arange(100.0)

@@ -1,0 +1,94 @@
+"""Findings of a check of a record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from reobserve.core.errors import InputError
+from reobserve.core.validation import parse
+from reobserve.estimation.specification import Specification
+from reobserve.estimation.suggestion import dumped
+
+_MOST_LISTED = 20
+_MOST_TEXTS = 20  # in a record, that may mean missing values
+
+
+@dataclass
+class Findings:
+    """The refusals of a record, each with its sentence and the lines where it occurs.
+
+    ``tree`` is the specification with the keys that would accept it, as far as there are any.
+    """
+
+    tree: dict[str, Any]
+    refusals: dict[str, tuple[str, set[int]]] = field(default_factory=dict)
+    final: bool = False  # something is wrong that no key accepts
+    changed: list[str] = field(default_factory=list)  # sections of the tree
+    units: bool = False  # only the user can know them
+    summary: str = ""
+    stated: dict[str, Any] = field(default_factory=dict)  # the specification as it is
+    texts: dict[str, None] | None = field(default_factory=dict)  # that mean missing values
+    refused: set[str] = field(default_factory=set)  # keys that do not go with others
+
+    def refuse(self, error: InputError, key: str = "", line: int = 0) -> None:
+        """Take a refusal, which counts with all that have the same ``key``."""
+        self.refusals.setdefault(key or str(error), (str(error), set()))[1].add(line)
+
+    def state(self, section: str, **keys: Any) -> bool:
+        """Put keys into a section of the tree, and return whether that changes it."""
+        before = self.tree.get(section, {})
+        tree = {**self.tree, section: {**before, **keys}}
+        if all(key in before and before[key] == value for key, value in keys.items()):
+            return False
+        if repr(tree) in self.refused:
+            return False
+        try:
+            parse(Specification, tree)
+        except InputError:  # they do not go together
+            self.refused.add(repr(tree))
+            return False
+        self.tree = tree
+        self.changed = list(dict.fromkeys([*self.changed, section]))
+        return True
+
+    def state_missing(self, text: str) -> bool:
+        """State that a text means a missing value, and return whether that changes anything.
+
+        None is stated any more once there are too many for that.
+        """
+        if self.texts is None:
+            return False
+        self.texts = self.texts | {text: None}
+        stated = self.stated.get("file", {}).get("missing_values", [])
+        if len(self.texts) <= _MOST_TEXTS:
+            return self.state("file", missing_values=[*stated, *self.texts])
+        self.texts = None
+        self.tree["file"] = {**self.tree["file"], "missing_values": stated}
+        if not stated:
+            del self.tree["file"]["missing_values"]
+        if self.tree["file"] == self.stated.get("file", {}):
+            self.changed.remove("file")
+        if not self.tree["file"]:
+            del self.tree["file"]
+        return True
+
+    def text(self, place: str) -> str:
+        """The refusals, one in a line, and the lines to paste."""
+        if not self.refusals:
+            return f"{place} is accepted\n{self.summary}"
+        lines = []
+        for sentence, where in list(self.refusals.values())[:_MOST_LISTED]:
+            times = f" ({len(where)} times)" if len(where) > 1 else ""
+            lines.append(f"{sentence}{times}")
+        if (more := len(self.refusals) - _MOST_LISTED) > 0:
+            lines.append(f"and {more} more")
+        if self.units:
+            lines += ["", "state these units; what else is refused shows then"]
+        elif self.final or not self.changed:
+            lines += ["", "no key accepts all of this"]
+        if self.changed:
+            what = "the rest" if self.final else "the record"
+            lines += ["", f"stated as follows, these sections of the specification accept {what}:"]
+            lines += ["", dumped({key: self.tree[key] for key in self.changed}), ""]
+        return "\n".join([*lines, self.summary])

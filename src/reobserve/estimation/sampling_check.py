@@ -1,0 +1,179 @@
+"""Policies of sampling that accept the rows of a record, for a check."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.validation import parse
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.findings import Findings
+from reobserve.estimation.report_table import as_table
+from reobserve.estimation.specification import Specification
+from reobserve.estimation.suggestion import suggest
+from reobserve.estimation.text_rows import RowError
+from reobserve.estimation.timestamps import UnevenError, least_jitter
+
+Array = NDArray[np.float64]
+
+_MOST_TRIES = 20
+_LATE = 0.25  # periods by which a sample that is taken on time may be stamped late
+
+
+def sample(found: Findings, made: Estimation, cells: list[Array], lines: list[int]) -> bool:
+    """Find policies of sampling that accept the rows, and run the observer by them.
+
+    Return whether the rows are to be read again, as their times mean something else.
+    """
+    read = copy.copy(made.report)
+    for _ in range(_MOST_TRIES):
+        made.specification = parse(Specification, found.tree)
+        _prepare(made, read)
+        try:
+            for block in cells:
+                made.gaps.feed(made.slots(block.copy()), False)
+            *waiting, last = made.last_slots()
+            for rows in waiting:
+                made.gaps.feed(rows, False)
+            made.gaps.feed(last, True)
+        except RowError as error:
+            row = error.row
+            back = "goes back" in str(error)
+            error.at_line(lines[row - 1] if lines else None)
+            if _accept_clock(found, made, error):
+                found.refuse(error)
+                return True
+            if _accept(found, made, error, cells):
+                found.refuse(error)
+                continue
+            for left_out in _leave_out(found, cells, lines, row, back):
+                found.refuse(error, str(error), left_out)
+        except InputError as error:
+            found.refuse(error)
+            if not _accept(found, made, error, cells):
+                break
+        else:
+            _run(found, made, cells, read)
+            return False
+    found.final = True
+    return False
+
+
+def _prepare(made: Estimation, read: Any) -> None:
+    """Begin with a report that knows what reading the rows has found."""
+    made.prepare()
+    made.report.origin, made.report.zone = read.origin, read.zone
+    made.report.shift, made.report.left_out = read.shift, read.left_out
+
+
+def _leave_out(
+    found: Findings, cells: list[Array], lines: list[int], row: int, back: bool
+) -> list[int]:
+    """Leave out a row that no key accepts, or all that go back, and return which."""
+    found.final = True
+    every = np.concatenate(cells)
+    wrong = np.zeros(len(every), bool)
+    wrong[row - 1] = True
+    if back:
+        times = np.nan_to_num(every[:, 0], nan=-np.inf)
+        wrong = times < np.maximum.accumulate(times)
+        wrong &= ~np.isnan(every[:, 0])
+    where = np.flatnonzero(wrong).tolist()
+    cells[:] = [every[~wrong]]
+    numbers = [lines[k] for k in where] if lines else [k + 1 for k in where]
+    lines[:] = [one for one, left_out in zip(lines, wrong, strict=False) if not left_out]
+    return numbers
+
+
+def _accept(found: Findings, made: Estimation, error: InputError, cells: list[Array]) -> bool:
+    """State the policy by which a refused row is accepted, and return whether there is one."""
+    said, can_skip = str(error), made.can_skip
+    stated, keys = made.specification.sampling, dict[str, Any]()
+    if isinstance(error, UnevenError) or error.parameter == "sampling.period":
+        keys = _period(made, cells, isinstance(error, UnevenError))
+    elif "has no timestamp" in said:
+        keys = {"uneven": "linear"}
+    elif "sampling.repeated" in said:
+        times = np.concatenate([block[:, 0] for block in cells])
+        shared = np.count_nonzero(np.diff(times) == 0) > 0.5 * len(times)
+        keys = {"repeated": "spread" if shared else "first"}
+    elif "sampling.at_gap is" in said:
+        keys = {"at_gap": "coast" if can_skip else "restart"}
+    elif "sampling.missing is" in said:
+        keys = {"missing": "skip" if can_skip else "interpolate"}
+    elif "are coasted over" in said or error.parameter == "sampling.at_gap":
+        keys = {"at_gap": "restart"}
+    elif error.parameter == "sampling.gap":
+        keys = {"gap": 10.0 * stated.period if stated.longest > 20.0 * stated.period else (
+            2.0 * stated.period
+        )}  # fmt: skip
+    return bool(keys) and found.state("sampling", **keys)
+
+
+def _accept_clock(found: Findings, made: Estimation, error: InputError) -> bool:
+    """State what the time of a refused row means, and return whether that may mend it."""
+    time, clock = found.tree["columns"].get("time", {}), made.layout.clock
+    if error.parameter == "columns.time.zone":
+        zone = re.search(r"put forward in (\S+);", str(error))
+        return zone is not None and found.state("columns", time={**time, "zone": zone[1]})
+    if clock is None or clock.dates is None or "sampling.repeated" not in str(error):
+        return False
+    if "%H" in clock.dates.format or "%I" in clock.dates.format or len(clock.titles) > 1:
+        return False
+    try:
+        guess = suggest(Path(made.place)).columns.get("time", {})
+    except InputError:
+        return False
+    both = isinstance(guess.get("column"), list) and time.get("column") in guess["column"]
+    return both and found.state("columns", time=guess)
+
+
+def _period(made: Estimation, cells: list[Array], uneven: bool) -> dict[str, Any]:
+    """The jitter, the period or the resampling that accepts the timestamps."""
+    way = made.layout.conversions[0]
+    stated = made.specification.sampling
+    time = np.concatenate([np.asarray(way.of(block[:, 0])) for block in cells])
+    times = [time[np.isfinite(time)]]
+    if stated.repeated == "first":
+        times = [times[0][np.diff(times[0], prepend=-np.inf) > 0]]
+    steps = np.diff(times[0])
+    median = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    begun = made.timestamps.begun
+    early = float(np.median(begun)) if begun else median
+    if stated.uneven == "refuse":
+        first, mean = least_jitter(iter(times), stated.period)
+        periods = {stated.period: first} if uneven else {}
+        for one in (mean, median, early):
+            if one:
+                period = float(f"{one:.6g}")
+                periods[period] = least_jitter(iter(times), period)[0]
+        for period, least in periods.items():
+            if least is not None and least <= _LATE:
+                keys: dict[str, Any] = {} if period == stated.period else {"period": period}
+                return {**keys, **({"jitter": least} if least > stated.jitter else {})}
+    fits = [one for one in (stated.period, median) if 0.2 * early <= one <= 5.0 * early]
+    fits = [one for one in fits if 0.2 * median <= one <= 5.0 * median] or [early]
+    keys = {} if fits[0] == stated.period else {"period": float(f"{fits[0]:.6g}")}
+    return {**keys, "uneven": "linear" if stated.uneven == "refuse" else stated.uneven}
+
+
+def _run(found: Findings, made: Estimation, cells: list[Array], read: Any) -> None:
+    """Run the observer over the rows, for the summary of what `estimate` would do."""
+    _prepare(made, read)
+    made.alarms.clear()
+    try:
+        for block in cells:
+            made.feed(block)
+        made.finish()
+        if not made.report.estimates:
+            raise InputError(made.place, "has no row from which the observer could start")
+    except (DivergenceError, InputError) as error:
+        found.refuse(InputError(made.place, str(error).removeprefix(f"{made.place}: ")))
+        found.final = True
+    found.summary = as_table(made.report, made.specification.sampling.period)
