@@ -46,7 +46,9 @@ def heat_map(results: Results) -> PaperFigure:
     wide = max(56 // len(task.table), 8)
     titles = [
         textwrap.fill(
-            task.conditions[one].title.replace(" %", "\u00a0%").replace("× ", "×\u00a0"), wide
+            task.conditions[one].title.replace(" %", "\u00a0%").replace("× ", "×\u00a0"),
+            wide,
+            break_long_words=False,
         )
         for one in task.table
     ]
