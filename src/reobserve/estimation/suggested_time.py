@@ -16,6 +16,7 @@ from reobserve.estimation.quantities import conversion
 DAY = re.compile(r"\d{1,4}([-./])\d\d?\1\d{1,4}|\d\d?([-./ ])[A-Z][a-z]{2}\2\d{2,4}")
 HOUR = re.compile(r"\d\d?:\d\d?(:\d\d?([.,]\d+)?)?( ?[AaPp][Mm])?")
 DATE = re.compile(rf"(?:{DAY.pattern})[T ,_]{{1,2}}(?:{HOUR.pattern})(Z| ?[+-]\d\d:?\d\d)?")
+_HALF = re.compile(r"[AaPp][Mm]")  # of a day
 _DASHED = re.compile(r"\d{4}-\d\d-\d\d([-_T ])\d\d-\d\d-\d\d")
 _COMPACT = re.compile(r"(19|20)\d\d[01]\d[0-3]\d([0-2]\d){0,1}([0-5]\d){0,2}")
 _TITLE = re.compile(
@@ -57,9 +58,10 @@ def find_time(
         if not _all(DAY, cells):
             continue
         if k + 1 < len(some) and _all(HOUR, some[k + 1]):
-            both = [f"{a} {b}" for a, b in zip(cells, some[k + 1], strict=True)]
-            if found := _dated("", both, notes):
-                return {**found, "column": [titles[k], titles[k + 1]]}
+            parts = 3 if k + 2 < len(some) and _all(_HALF, some[k + 2]) else 2
+            joined = list(map(" ".join, zip(*some[k : k + parts], strict=True)))
+            if found := _dated("", joined, notes):
+                return {**found, "column": list(titles[k : k + parts])}
         elif found := _dated(titles[k], cells, notes):
             return found
     return _in_parts(titles, some, number) or _numbered(titles, some, number, notes)

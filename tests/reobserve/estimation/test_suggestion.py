@@ -69,6 +69,15 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
         "t,y\n" + rows("03/25/2024 10:{m:02d}:{s:02d} PM", "{v:.2f}"),
         {"time": {"column": "t", "format": "%m/%d/%Y %I:%M:%S %p"}}, {},
     ),
+    "AM and PM after a blank": (
+        "day hour half y\n"
+        + rows("03/25/2024", "10:{m:02d}:{s:02d}", "PM", "{v:.2f}", delimiter=" "),
+        {
+            "time": {"format": "%m/%d/%Y %I:%M:%S %p", "column": ["day", "hour", "half"]},
+            "delimiter": "whitespace",
+        },
+        {},
+    ),
     "names of months": (
         "t,y\n" + rows("23-Feb-2022 06:{m:02d}:{s:02d}.250", "{v:.2f}"),
         {"time": {"column": "t", "format": "%d-%b-%Y %H:%M:%S.%f"}}, {},
