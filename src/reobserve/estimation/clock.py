@@ -14,13 +14,21 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from typing import Any
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import SECOND, moment, offset_of, since_1970, spelled, time_zone
+from reobserve.estimation.dates import (
+    SECOND,
+    moment,
+    of_nanoseconds,
+    offset_of,
+    since_1970,
+    spelled,
+    time_zone,
+)
 from reobserve.estimation.quantities import Conversion
 
 _LARGE = 1e6  # [s], of which seconds have 10 digits behind the point
@@ -44,6 +52,8 @@ class Dates:
         The time zone of dates without an offset, or nothing for UTC.
     period
         The sampling period [s].
+    day
+        Of the first row, if the format has times of day alone.
     floating
         True once a date without an offset was read as one of UTC, though nobody stated it.
     """
@@ -52,6 +62,7 @@ class Dates:
     format: str = ""
     zone: str = ""
     period: float = 0.0
+    day: str = ""
     floating: bool = False
 
     def seconds(self, text: str, where: str, place: str, report: DataReport) -> float:
@@ -79,6 +90,8 @@ class Dates:
     def nanoseconds(self, text: str, report: DataReport) -> int:
         """Nanoseconds since 1970 of a date (raises ValueError if it is none)."""
         date = moment(text, self.format)
+        if self.day:
+            date = self._on_its_day(date, report)
         if date.tzinfo is None:
             return self.local(date, report)
         if report.origin is None:
@@ -96,7 +109,7 @@ class Dates:
         """
         if not isinstance(stated, str):
             return stated
-        for form in dict.fromkeys([self.format, ""]):
+        for form in dict.fromkeys(["" if self.day else self.format, ""]):
             with suppress(ValueError):
                 date = moment(stated, form)
                 zone = time_zone(self.zone or "UTC")
@@ -105,6 +118,15 @@ class Dates:
                 ))  # fmt: skip
         problem = f"{shown(stated)} must be a date, as {spelled(0, report.zone)}, or seconds"
         raise InputError(place, problem)
+
+    def _on_its_day(self, time: datetime, report: DataReport) -> datetime:
+        """A time of day after the rows of the report, on the next day if it goes back far."""
+        if report.latest is None:
+            return datetime.combine(datetime.fromisoformat(self.day), time.time())
+        last = of_nanoseconds(report.latest * 1000).astimezone(time_zone(self.zone or "UTC"))
+        last = last.replace(tzinfo=None)
+        found = datetime.combine(last, time.time())
+        return found + timedelta(days=last - found > timedelta(hours=12))
 
     def local(self, date: datetime, report: DataReport) -> int:
         """Nanoseconds since 1970 of a date without an offset, after the rows of the report.

@@ -16,7 +16,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, check_replaceable, write_text
 from reobserve.core.progress import progress
 from reobserve.estimation import state_file
-from reobserve.estimation.data_report import as_json
+from reobserve.estimation.data_report import DataReport, as_json
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
@@ -184,7 +184,8 @@ def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputEr
     """The same, with what the whole record says of the jitter and the sampling period."""
     layout, period = estimation.layout, estimation.specification.sampling.period
     blocks = file.blocks(layout.titles[:1], layout.clock)
-    times = (layout.conversions[0].of(block[:, 0]) for block in blocks)
+    report = DataReport()
+    times = (layout.times(block, report) for block in blocks)
     least, interval = least_jitter(times, period)
     if interval is not None:
         return InputError(

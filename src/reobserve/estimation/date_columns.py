@@ -40,9 +40,13 @@ def read(
 
     missing = pa.array(sorted(nothing))
     columns = [column.cast(pa.string()) for column in columns]
-    if not len(columns[0]) or any(
-        column.null_count or compute.any(compute.is_in(column, missing)).as_py()
-        for column in columns
+    if (
+        dates.day
+        or not len(columns[0])
+        or any(
+            column.null_count or compute.any(compute.is_in(column, missing)).as_py()
+            for column in columns
+        )
     ):
         return None
     written = compute.binary_join_element_wise(*columns, " ") if columns[1:] else columns[0]

@@ -7,7 +7,7 @@ near the first of them, so that no digit is lost. In text, digits beyond a micro
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime, timedelta, tzinfo
+from datetime import UTC, date, datetime, timedelta, tzinfo
 from functools import cache
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -111,8 +111,25 @@ def skipping_zone(before: datetime, after: datetime) -> str:
     return ""
 
 
-def check_format(place: str, form: str) -> None:
-    """Refuse a format that does not have the day, and may have more.
+def check_day(place: str, day: str, form: str) -> None:
+    """Refuse what is no day, and a day where there is no format of times of day.
+
+    Raises
+    ------
+    InputError
+        If it does not spell a day as 2026-03-29, or the format has the day.
+    """
+    try:
+        date.fromisoformat(day)
+    except ValueError:
+        raise InputError(place, f"{shown(day)} must be a day, as 2026-03-29") from None
+    if not form or re.search(r"%[-a-zA-Z]*[djyYcxuUwWGVmbBz]", form):
+        problem = "is for a format of times of day alone, as %H:%M:%S, and else to be left out"
+        raise InputError(place, problem)
+
+
+def check_format(place: str, form: str, of_day: bool = False) -> None:
+    """Refuse a format that does not have the day, and may have more, or just times ``of_day``.
 
     Raises
     ------
@@ -124,12 +141,15 @@ def check_format(place: str, form: str) -> None:
     others.append(datetime(2026, 3, 29, tzinfo=UTC))
     try:
         read = datetime.strptime(stamp.strftime(form), form)
+        if of_day:
+            read = datetime.combine(stamp, read.timetz())
         same = read.replace(tzinfo=read.tzinfo or UTC) in (stamp, *others) and "%Z" not in form
     except (ValueError, re.error):
         same = False
     if not same:
         problem = "must have the day, and hours before minutes, as %d.%m.%Y %H:%M:%S, and no %Z"
-        raise InputError(place, f"{shown(form)} {problem}")
+        hint = "; of times of day alone, columns.time.day states the first day" * (not of_day)
+        raise InputError(place, f"{shown(form)} {problem}{hint}")
 
 
 def spelled(timestamp: int, zone: str = "UTC", digits: int | None = None) -> str:
@@ -137,12 +157,12 @@ def spelled(timestamp: int, zone: str = "UTC", digits: int | None = None) -> str
 
     Of seconds there are 0, 6 or 9 ``digits`` behind the point, or as many as there are not zero.
     """
-    date = of_nanoseconds(timestamp)
-    date = date.astimezone(time_zone(zone)) if zone else date.replace(tzinfo=None)
+    moment = of_nanoseconds(timestamp)
+    moment = moment.astimezone(time_zone(zone)) if zone else moment.replace(tzinfo=None)
     fraction = f".{timestamp % SECOND:09d}"
     fraction = fraction.rstrip("0").rstrip(".") if digits is None else fraction[: digits + 1]
-    offset = "Z" if zone == "UTC" else offset_of(date)
-    return date.isoformat()[:19] + ("" if digits == 0 else fraction) + offset
+    offset = "Z" if zone == "UTC" else offset_of(moment)
+    return moment.isoformat()[:19] + ("" if digits == 0 else fraction) + offset
 
 
 def offset_of(date: datetime) -> str:

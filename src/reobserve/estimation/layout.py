@@ -68,6 +68,10 @@ class Layout:
         """True if timestamps are dates."""
         return self.clock is not None and self.clock.dates is not None
 
+    def times(self, raw: Array, report: DataReport) -> Array:
+        """Times [s] from the cells of rows, as `values` has them."""
+        return self._column(raw[:, 0].copy(), 0, report)
+
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
 
@@ -149,7 +153,7 @@ def lay_out(
     every = [column for _, column, _ in wanted]
     if clock is not None:
         parts.insert(0, (clock.titles[0], clock.way, "s"))
-        every.insert(0, Column(clock.titles[0]))
+        every.insert(0, Column(clock.titles[0], wrap=columns.time.wrap))
     for title in (*(part[0] for part in parts), *(() if clock is None else clock.titles)):
         if list(header).count(title) > 1:
             problem = f"has the column {shown(title)} twice"
@@ -225,7 +229,7 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
     ]
     titles, units = tuple(title for title, _ in found), [unit for _, unit in found]
     if ISO in units:
-        return Clock(titles, SAME, Dates(titles, time.format, time.zone, period))
+        return Clock(titles, SAME, Dates(titles, time.format, time.zone, period, time.day))
     for key, is_set in (("column", len(titles) > 1), ("zone", time.zone)):
         if is_set:
             problem = "several columns are" if key == "column" else f"{time.zone} is"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.validation import parse
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.findings import Findings
 from reobserve.estimation.report_table import as_table
@@ -136,9 +137,8 @@ def _accept_clock(found: Findings, made: Estimation, error: InputError) -> bool:
 
 def _period(made: Estimation, cells: list[Array], uneven: bool) -> dict[str, Any]:
     """The jitter, the period or the resampling that accepts the timestamps."""
-    way = made.layout.conversions[0]
-    stated = made.specification.sampling
-    time = np.concatenate([np.asarray(way.of(block[:, 0])) for block in cells])
+    stated, report = made.specification.sampling, DataReport()
+    time = np.concatenate([made.layout.times(block, report) for block in cells])
     times = [time[np.isfinite(time)]]
     if stated.repeated == "first":
         times = [times[0][np.diff(times[0], prepend=-np.inf) > 0]]

@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, items, parse
-from reobserve.estimation.dates import ISO, check_format, check_zone
+from reobserve.estimation.dates import ISO, check_day, check_format, check_zone
 from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.stated import DesignFile, stated
 from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
@@ -58,18 +58,27 @@ class TimeColumn:
     its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S". Dates without an offset are those
     of the time ``zone``, as Europe/Berlin, or else of UTC. A list of columns, as of dates and
     times of day, is read as one, with a blank between their cells.
+    Where the format has times of day alone, ``day`` is that of the first row, as 2026-03-29, and
+    the next one begins with a time that goes back by more than half a day. ``wrap`` is the number
+    at which a counter begins again, in ``unit``.
     """
 
     column: str | Annotated[tuple[Name, ...], items(2, 7)] = ""
     unit: str = ""
     format: str = ""
     zone: str = ""
+    day: str = ""
+    wrap: Positive | None = None
 
     def __post_init__(self) -> None:
         if self.zone:
             check_zone("zone", self.zone)
+        if self.day:
+            check_day("day", self.day, self.format)
+        if self.wrap is not None and self.dated == ISO:
+            raise InputError("wrap", "is for counters, and must be left out where there are dates")
         if self.format:
-            check_format("format", self.format)
+            check_format("format", self.format, bool(self.day))
             if self.unit:
                 raise InputError("unit", "must be left out where there is a format")
         elif self.unit != ISO:

@@ -216,6 +216,8 @@ class Timestamps:
     def _refuse(self, wrong: Flags, said: str, time: Array, rows: int) -> None:
         at, dates = int(np.argmax(wrong)) + len(time) - len(wrong), self.dates
         hint = "; sampling.repeated may be spread or first" if said == "stands still" else ""
+        if said == "goes back" and dates is None:
+            hint = "; where a counter begins again, columns.time.wrap states its period"
         if said == "goes back" and dates is not None and dates.floating:
             hint = (
                 "; a date without an offset is one of UTC unless columns.time.zone is stated, as "

@@ -368,3 +368,46 @@ def test_disagreeing_period_names_resampling(period: float, rows: int, tmp_path:
         estimated(chosen({"column": "t"}, period=period), times, tmp_path)
     stated = chosen({"column": "t"}, period=period, uneven="linear")
     assert estimated(stated, times, tmp_path).statuses == {"measured": rows}
+
+
+@pytest.mark.parametrize("zone", ["", "Europe/Berlin"])
+@pytest.mark.parametrize("form", ["%H:%M:%S", "%I:%M:%S %p"])
+def test_times_of_day_go_on_after_midnight(form: str, zone: str, tmp_path: Path) -> None:
+    """As the dates of the same record, also over the night in which clocks are put forward."""
+    start = datetime(2024, 3, 30, 22, 0)
+    ticks = [start + timedelta(minutes=20 * k) for k in range(200)]
+    if zone:
+        utc = start.replace(tzinfo=ZoneInfo(zone)).astimezone(UTC)
+        ticks = [(utc + timedelta(minutes=20 * k)).astimezone(ZoneInfo(zone)) for k in range(200)]
+    stated = {"column": "t", "format": form, "day": "2024-03-30", "zone": zone}
+    found = estimated(chosen(stated, period=1200), [t.strftime(form) for t in ticks], tmp_path)
+    dates = {"column": "t", "format": "%Y-%m-%d %H:%M:%S", "zone": zone}
+    texts = [t.strftime("%Y-%m-%d %H:%M:%S") for t in ticks]
+    wanted = estimated(chosen(dates, period=1200), texts, tmp_path)
+    assert (found.origin, found.last, found.statuses) == (
+        wanted.origin, wanted.last, {"measured": 200},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("wrap", "unit", "tick"), [(65536, "ms", 100), (2**32, "us", 100_000)])
+def test_counter_that_begins_again_goes_on(wrap: int, unit: str, tick: int, tmp_path: Path) -> None:
+    stated = {"column": "t", "unit": unit, "wrap": wrap}
+    times = [str((wrap - 1500 * tick // 100 + tick * k) % wrap) for k in range(3000)]
+    report = estimated(chosen(stated, period=0.1), times, tmp_path)
+    assert report.statuses == {"measured": 3000}
+    assert report.first is not None
+    assert report.last == pytest.approx(report.first + 299.9, abs=1e-9)
+    with pytest.raises(InputError, match=r"goes back.*columns\.time\.wrap states its period"):
+        estimated(chosen({"column": "t", "unit": unit}, period=0.1), times, tmp_path)
+
+
+def test_days_and_wraps_are_refused_where_they_mean_nothing() -> None:
+    for key, stated in {
+        "day: '2024-13-01' must be a day": {"format": "%H:%M", "day": "2024-13-01"},
+        "day: is for a format of times": {"format": "%d.%m.%Y %H:%M", "day": "2024-03-01"},
+        "day: is for a format": {"unit": "iso8601", "day": "2024-03-01"},
+        "format: .* columns.time.day states the first day": {"format": "%H:%M:%S"},
+        "wrap: is for counters": {"unit": "iso8601", "wrap": 100},
+    }.items():
+        with pytest.raises(InputError, match=rf"columns\.time\.{key}"):
+            chosen({"column": "t", **stated}, period=1)
