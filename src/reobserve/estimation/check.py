@@ -89,7 +89,7 @@ def _lay_out(found: Findings, error: InputError, data: Path) -> bool:
         same = guess.get("column") == time.get("column")
         return same and found.state("columns", time={**time, **guess})
     if error.parameter.endswith(".unit"):
-        found.units = "is missing" in error.problem
+        found.units = True
         return False
     return _guess(found, data)
 

@@ -120,13 +120,13 @@ class Dates:
         raise InputError(place, problem)
 
     def _on_its_day(self, time: datetime, report: DataReport) -> datetime:
-        """A time of day after the rows of the report, on the next day if it goes back far."""
+        """A time of day on the day on which it is nearest to the rows of the report."""
         if report.latest is None:
             return datetime.combine(datetime.fromisoformat(self.day), time.time())
         last = of_nanoseconds(report.latest * 1000).astimezone(time_zone(self.zone or "UTC"))
         last = last.replace(tzinfo=None)
-        found = datetime.combine(last, time.time())
-        return found + timedelta(days=last - found > timedelta(hours=12))
+        found, half = datetime.combine(last, time.time()), timedelta(hours=12)
+        return found + timedelta(days=(last - found > half) - (found - last > half))
 
     def local(self, date: datetime, report: DataReport) -> int:
         """Nanoseconds since 1970 of a date without an offset, after the rows of the report.

@@ -105,7 +105,11 @@ class Estimation:
         self.report = DataReport(period=sampling.period)
         clock = self.layout.clock
         self.timestamps = Timestamps(
-            sampling, self.report, place, None if clock is None else clock.dates
+            sampling,
+            self.report,
+            place,
+            None if clock is None else clock.dates,
+            self.specification.columns.time.wrap is not None,
         )
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]

@@ -68,6 +68,18 @@ class Layout:
         """True if timestamps are dates."""
         return self.clock is not None and self.clock.dates is not None
 
+    def _check_counter(self, raw: Array, report: DataReport) -> None:
+        """Refuse a counter that is not below the number at which it begins again."""
+        if self.clock is None or not self.periods[0]:
+            return
+        wrap = self.periods[0] / abs(self.conversions[0].factor)
+        numbers = raw[:, 0] + self.clock.epoch(report)
+        beyond = (numbers < 0.0) | (numbers >= wrap)
+        if beyond.any():
+            row = int(beyond.argmax())
+            problem = f"{wrap:.15g} must be above {numbers[row]:.15g}, as {{at}} has"
+            raise RowError("columns.time.wrap", problem, report.rows + row + 1)
+
     def times(self, raw: Array, report: DataReport) -> Array:
         """Times [s] from the cells of rows, as `values` has them."""
         return self._column(raw[:, 0].copy(), 0, report)
@@ -87,6 +99,7 @@ class Layout:
                 f"{{at}} is {raw[row, column]}, must be a number, or empty if it is missing",
                 report.rows + int(row) + 1,
             )
+        self._check_counter(raw, report)
         columns = [self._column(raw[:, c].copy(), c, report) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
         values = np.column_stack(columns[self.timed :])
@@ -300,7 +313,7 @@ def _title(
             raise InputError(
                 f"{at}.unit",
                 f"is missing: the title {shown(title)} of {place} ends in {shown(said)}, which is "
-                "no unit that is known; it is 1 for a number without a unit",
+                "no unit that is known; it is '1', in quotes, for a number without a unit",
             )
     return title, said
 

@@ -59,8 +59,8 @@ class TimeColumn:
     of the time ``zone``, as Europe/Berlin, or else of UTC. A list of columns, as of dates and
     times of day, is read as one, with a blank between their cells.
     Where the format has times of day alone, ``day`` is that of the first row, as 2026-03-29, and
-    the next one begins with a time that goes back by more than half a day. ``wrap`` is the number
-    at which a counter begins again, in ``unit``.
+    those of other rows are on the day on which they are nearest to the row before. ``wrap`` is the
+    number at which a counter begins again, in ``unit``.
     """
 
     column: str | Annotated[tuple[Name, ...], items(2, 7)] = ""

@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from reobserve.core.errors import InputError
+from reobserve.core.extras import package
 from reobserve.core.units import readings
 from reobserve.estimation.dialect import Dialect
 from reobserve.estimation.file_format import NOTHING
@@ -62,23 +61,24 @@ class Suggestion:
         return "\n".join(lines)
 
 
-class _Quoting(yaml.SafeDumper):
-    """Puts texts that begin as numbers do in quotes, since 1e9 is one to some readers of YAML."""
-
-
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    style = "'" if re.match(r"[-+.]?\d|[-+]?\.?(inf|nan)", text, re.IGNORECASE) else None
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
-
-
-_Quoting.add_representer(str, _text)
-
-
 def dumped(tree: dict[str, Any]) -> str:
-    """A mapping as YAML, each section in a line."""
+    """A mapping as YAML, each section in a line.
+
+    Texts that begin as numbers do are in quotes, since 1e9 is one to some readers of YAML.
+    """
+    yaml = package("yaml", "write a specification")
+
+    class Quoting(yaml.SafeDumper):  # type: ignore[misc, name-defined]
+        pass
+
+    def text(dumper: Any, value: str) -> Any:
+        style = "'" if re.match(r"[-+.]?\d|[-+]?\.?(inf|nan)", value, re.IGNORECASE) else None
+        return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
+
+    Quoting.add_representer(str, text)
     return "\n".join(
         f"{key}: " + yaml.dump(
-            keys, Dumper=_Quoting, default_flow_style=True, sort_keys=False, allow_unicode=True,
+            keys, Dumper=Quoting, default_flow_style=True, sort_keys=False, allow_unicode=True,
             width=1_000_000,
         ).strip()
         for key, keys in tree.items()

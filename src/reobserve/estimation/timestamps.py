@@ -42,6 +42,7 @@ class Timestamps:
     report: DataReport
     place: str
     dates: Dates | None = None
+    counts: bool = False  # by a counter whose period is stated
     begun: list[float] = field(default_factory=list)  # the first intervals
     grid: Array = field(default_factory=lambda: np.full(2, np.nan))
     # Rows with the last timestamp: all that wait for the next one where they are spread, or one.
@@ -216,7 +217,7 @@ class Timestamps:
     def _refuse(self, wrong: Flags, said: str, time: Array, rows: int) -> None:
         at, dates = int(np.argmax(wrong)) + len(time) - len(wrong), self.dates
         hint = "; sampling.repeated may be spread or first" if said == "stands still" else ""
-        if said == "goes back" and dates is None:
+        if said == "goes back" and dates is None and not self.counts:
             hint = "; where a counter begins again, columns.time.wrap states its period"
         if said == "goes back" and dates is not None and dates.floating:
             hint = (

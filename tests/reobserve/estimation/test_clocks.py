@@ -411,3 +411,17 @@ def test_days_and_wraps_are_refused_where_they_mean_nothing() -> None:
     }.items():
         with pytest.raises(InputError, match=rf"columns\.time\.{key}"):
             chosen({"column": "t", **stated}, period=1)
+
+
+def test_time_shortly_before_midnight_is_not_a_day_later(tmp_path: Path) -> None:
+    times = ["23:59:58", "23:59:59", "00:00:00", "00:00:01", "23:59:59", "00:00:03"]
+    stated = {"column": "t", "format": "%H:%M:%S", "day": "2024-03-30"}
+    policies = {"period": 1, "missing": "skip", "at_gap": "coast"}
+    with pytest.raises(InputError, match=r"line 6.*goes back, at 2024-03-30T23:59:59"):
+        estimated(chosen(stated, **policies), times, tmp_path)
+
+
+def test_counter_beyond_its_period_is_refused(tmp_path: Path) -> None:
+    stated = chosen({"column": "t", "unit": "ms", "wrap": 300}, period=0.1)
+    with pytest.raises(InputError, match=r"wrap: 300 must be above 300, as line 5 has"):
+        estimated(stated, ["0", "100", "200", "300", "400", "500"], tmp_path)

@@ -15,7 +15,7 @@ from reobserve_papers.figure_diff.pixels import read_pixels
 from reobserve_papers.golden import bench
 from tests.reobserve.tuning.toy import cell, toy
 
-MOVED = ("share", "first in noise, training nominal, given noise no")
+MOVED = ("share", "error in noise, training nominal, given noise no")
 
 
 def stated(project: Path) -> None:
@@ -28,9 +28,9 @@ def stated(project: Path) -> None:
         TunedMethod(kept, Cost(1.0, 1.0)).write(folder / f"tuned/toy/{name}.json")
 
 
-def number(path: Path, first: float) -> None:
+def number(path: Path, error: float) -> None:
     path.parent.mkdir(parents=True)
-    cells = [cell("nominal", "share"), cell("noise", "share", first=first)]
+    cells = [cell("nominal", "share"), cell("noise", "share", error=error, first=0.2)]
     write_table(path, cells, CELLS)
 
 
@@ -60,8 +60,8 @@ def test_figure_agrees_if_it_is_that_of_numbers_that_agree(
     built = bench.built_table(tmp_path / "results", "toy")
     old, new = tmp_path / "tests/reference/bench/toy/levels.png", built.with_name("levels.png")
     old.parent.mkdir(parents=True)
-    for table, first, image in ((golden, 0.5, old), (built, 0.501, new)):
-        number(table, first)
+    for table, error, image in ((golden, 0.5, old), (built, 0.501, new)):
+        number(table, error)
         task, tuned = tmp_path / "config/bench/toy.yaml", tmp_path / "config/bench/tuned/toy"
         options = ("--table", table, "--tuned", tuned, "--outputs", image)
         called("toy", "reobserve_papers", "bench", "plot", task, *options)
