@@ -13,20 +13,21 @@ def _bullets(*sentences: str) -> str:
 def of_body(body: Bench) -> str:
     """Fault torque of a rigid body."""
     for one in body.results.task.table:
-        assert all(label.startswith("FaultBank") for label in body.near(one)), one
+        found = body.near(one)
+        assert one == "drifts" or all(label.startswith("FaultBank") for label in found), one
     rest, poor = body.rest("nominal", *BANKS), ("filtered_difference", "levant")
     assert {one["method"] for one in rest[-2:]} == set(poor)
-    worst = [one["method"] for one in body.rest("noise")[-2:]]
-    assert worst == ["fault_bank", "filtered_difference"], worst
+    assert body.rest("noise")[-1]["method"] == "fault_bank"
     blind = body.rest("noise_10", "fault_bank_R", "random_walk_R", given=False)
     assert blind[0]["method"] == "levant"
     return _bullets(
-        "**In every column, of causal rows, only banks are within 5 % of the best or undecided.** "
+        "**In every column but drifts, of causal rows, only banks are within 5 % of the best or "
+        "undecided.** "
         f"As tuned others have {extent((one['error'] for one in rest[:-2]), 3)}, a filtered "
         "difference and a "
         f"differentiator {extent(map(body, poor), 3)}.",
         "**A bank takes noise for jumps**: with three times the noise it has "
-        f"{body('fault_bank', 'noise'):.3f}, only the filtered difference is worse; given R "
+        f"{body('fault_bank', 'noise'):.3f}, the largest error; given R "
         f"{body('fault_bank', 'noise', given=True):.3f}, estimating it "
         f"{body('fault_bank_R', 'noise'):.3f} (how it starts was chosen with such errors known). "
         "At ten times, of rows that do neither, the differentiator is best, "

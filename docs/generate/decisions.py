@@ -42,16 +42,17 @@ def wrapped(text: str, mark: str) -> str:
 
 
 def _jumps(body: Bench, motor: Bench) -> list[str]:
-    best = motor.rest("drifts", *BANKS)[0]
-    assert best["within"] == "undecided"
+    others = [b.rest("drifts", *BANKS)[0] for b in (body, motor)]
+    assert all(one["within"] == "undecided" for one in others)
     return [
         "**Can the fault jump?**",
         "Yes: a [`FaultBank`][reobserve.observers.fault_bank.FaultBank]. Where all faults jump it "
         f"has {body.against('jumps', *BANKS)} of all others but banks on a rigid body, "
         f"{motor.against('jumps', *BANKS)} on a motor.",
-        f"No, it drifts: a bank on the body, too, {body.against('drifts', *BANKS)}. On the motor "
-        f"this is undecided: {motor('fault_bank_R', 'drifts'):.3f} if it estimates R, "
-        f"{motor('fault_bank', 'drifts'):.3f} if not, {best['error']:.3f} the best other.",
+        "No, it drifts: this is undecided. On the body a bank has "
+        f"{body('fault_bank', 'drifts'):.3f}, the best other {others[0]['error']:.3f}; on the motor "
+        f"{motor('fault_bank_R', 'drifts'):.3f} if it estimates R, "
+        f"{motor('fault_bank', 'drifts'):.3f} if not, and {others[1]['error']:.3f}.",
     ]
 
 
