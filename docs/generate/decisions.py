@@ -50,8 +50,8 @@ def _jumps(body: Bench, motor: Bench) -> list[str]:
         f"has {body.against('jumps', *BANKS)} of all others but banks on a rigid body, "
         f"{motor.against('jumps', *BANKS)} on a motor.",
         "No, it drifts: this is undecided. On the body a bank has "
-        f"{body('fault_bank', 'drifts'):.3f}, the best other {others[0]['error']:.3f}; on the motor "
-        f"{motor('fault_bank_R', 'drifts'):.3f} if it estimates R, "
+        f"{body('fault_bank', 'drifts'):.3f}, the best other {others[0]['error']:.3f}; on the "
+        f"motor {motor('fault_bank_R', 'drifts'):.3f} if it estimates R, "
         f"{motor('fault_bank', 'drifts'):.3f} if not, and {others[1]['error']:.3f}.",
     ]
 
