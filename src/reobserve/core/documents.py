@@ -225,3 +225,27 @@ def _mapping(tree: Any, path: str | Path) -> Tree:
     if not isinstance(tree, dict):
         raise InputError(str(path), "must be a mapping of keys to values")
     return tree
+
+
+def dumped(tree: dict[str, Any]) -> str:
+    """A mapping as YAML, each section in a line.
+
+    Texts that begin as numbers do are in quotes, since 1e9 is one to some readers of YAML.
+    """
+    yaml = package("yaml", "write a specification")
+
+    class Quoting(yaml.SafeDumper):  # type: ignore[misc, name-defined]
+        pass
+
+    def text(dumper: Any, value: str) -> Any:
+        style = "'" if re.match(r"[-+.]?\d|[-+]?\.?(inf|nan)", value, re.IGNORECASE) else None
+        return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
+
+    Quoting.add_representer(str, text)
+    return "\n".join(
+        f"{key}: " + yaml.dump(
+            keys, Dumper=Quoting, default_flow_style=True, sort_keys=False, allow_unicode=True,
+            width=1_000_000,
+        ).strip()
+        for key, keys in tree.items()
+    )  # fmt: skip

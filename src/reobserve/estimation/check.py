@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +16,15 @@ from numpy.typing import NDArray
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.dialect import Dialect
+from reobserve.estimation.dialect import Dialect, bare
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.findings import Findings
 from reobserve.estimation.layout import ColumnsError
 from reobserve.estimation.reading import BLOCK, File, lines_of
 from reobserve.estimation.sampling_check import sample
 from reobserve.estimation.specification import Specification, read_specification
-from reobserve.estimation.suggestion import Suggestion, kind_of_line, sign_of, suggest
+from reobserve.estimation.suggested_time import HOUR
+from reobserve.estimation.suggestion import kind_of_line, sign_of
 from reobserve.estimation.text_rows import TextRows
 
 Array = NDArray[np.float64]
@@ -42,10 +42,9 @@ def check(specification: Path, data: Path) -> Findings:
     InputError
         If the specification is refused whatever the record is, or the file cannot be read.
     """
-    _suggestion.cache_clear()
     read_specification(specification)
     tree = read_yaml(specification)
-    found = Findings(copy.deepcopy(tree), stated=tree)
+    found = Findings(copy.deepcopy(tree), data, stated=tree)
     for _ in range(_MOST_TRIES):
         made = _made(found, data)
         if made is None:
@@ -70,42 +69,31 @@ def _made(found: Findings, data: Path) -> Estimation | None:
                 raise
             for problem in error.problems if isinstance(error, ColumnsError) else [error]:
                 found.refuse(problem)
-            if not _lay_out(found, error, data):
+            if not _lay_out(found, error):
                 found.final = True
                 return None
     return None
 
 
-def _lay_out(found: Findings, error: InputError, data: Path) -> bool:
+def _lay_out(found: Findings, error: InputError) -> bool:
     """State what may mend a layout, and return whether that is anything new."""
     if error.parameter in ("sampling.missing", "sampling.at_gap"):
         key = error.parameter.partition(".")[2]
         return found.state("sampling", **{key: "interpolate" if key == "missing" else "restart"})
     if error.parameter == "columns.time.unit":
-        time, guess = (
-            found.tree["columns"].get("time", {}),
-            _suggestion(data).columns.get("time", {}),
-        )
+        time = found.tree["columns"].get("time", {})
+        guess = found.suggestion.columns.get("time", {})
         same = guess.get("column") == time.get("column")
         return same and found.state("columns", time={**time, **guess})
     if error.parameter.endswith(".unit"):
-        found.units = True
+        found.asked = "these units"
         return False
-    return _guess(found, data)
+    return _guess(found)
 
 
-@lru_cache(1)
-def _suggestion(data: Path) -> Suggestion:
-    """The layout that a text seems to have, nothing if it has none."""
-    try:
-        return suggest(data)
-    except InputError:
-        return Suggestion()
-
-
-def _guess(found: Findings, data: Path) -> bool:
+def _guess(found: Findings) -> bool:
     """State the layout that the text seems to have, and return whether it is another one."""
-    guess, usual = _suggestion(data), vars(Dialect())
+    guess, usual = found.suggestion, vars(Dialect())
     if not guess.titles:
         return False
     columns = {key: guess.columns.get(key, usual[key]) for key in _DIALECT}
@@ -156,7 +144,7 @@ def _read(found: Findings, made: Estimation, data: Path) -> tuple[bool, list[Arr
     if odd and not again:
         alone = odd == [rows.line]
         many = len(odd) > len(lines)
-        again = found.state("file", tail="drop") if alone else many and _guess(found, data)
+        again = found.state("file", tail="drop") if alone else many and _guess(found)
     found.final = found.final or (not again and (stuck or bool(odd)))
     return again, blocks + ([np.array(numbers)] if numbers else []), lines
 
@@ -218,8 +206,9 @@ def _refuse_cell(
     found: Findings, rows: TextRows, column: int, cells: list[str], error: InputError
 ) -> bool:
     """Take a cell that is no number, and return whether a key reads on."""
-    at = rows.clocks if column == 0 and rows.clock is not None else [rows.places[column]]
-    cell = next(filter(None, (cells[k].strip().strip('"').strip() for k in at)), "")
+    timed = column == 0 and rows.clock is not None
+    at = rows.clocks if timed else [rows.places[column]]
+    cell = next(filter(None, (bare(cells[k]) for k in at)), "")
     found.refuse(error, f"{column} {cell}" if not cell[:1].isdigit() else f"{column}", rows.line)
     stated = found.tree.get("file", {})
     if rows.repeats:
@@ -230,14 +219,16 @@ def _refuse_cell(
     if first and "below_header" not in stated and not stated.get("names"):
         kind = kind_of_line([one.strip() for one in cells])
         return found.state("file", below_header=[kind])
-    if (cell[:1].isdigit() or at is rows.clocks) and _guess_marks(found, rows, column):
+    if (cell[:1].isdigit() or timed) and _guess_marks(found, rows, column):
         return True
-    return not (cell[:1].isdigit() and at is rows.clocks) and found.state_missing(cell)
+    if timed and HOUR.fullmatch(cell):
+        found.asked = "columns.time.format and columns.time.day"
+    return not timed and found.state_missing(cell)
 
 
 def _guess_marks(found: Findings, rows: TextRows, column: int) -> bool:
     """State the marks, and the way dates are written, that the text seems to have."""
-    guess = _suggestion(Path(rows.place))
+    guess = found.suggestion
     keys = {key: guess.columns[key] for key in _DIALECT if key in guess.columns}
     time, stated = guess.columns.get("time", {}), found.tree["columns"].get("time", {})
     if column == 0 and rows.clock is not None and time.get("column") == stated.get("column"):

@@ -161,7 +161,7 @@ def follow(
         if on and one is None:
             one = found.current = Interval(now, now)
             found.first = now if found.first is None else found.first
-        if one is not None and not np.isnan(values[k]):
+        if one is not None and not (np.isnan(values[k]) or np.isnan(raised[k])):
             sigma = None if deviations is None else float(deviations[k])
             found.waiting.append([float(values[k]), sigma])
         if on and one is not None:

@@ -20,6 +20,7 @@ _SEPARATOR = re.compile(r"sep=([,;\t|])[\r\n]*")
 _BLANKS = re.compile(r"[ \t]+")
 UNDECODED = re.compile("[\udc80-\udcff]")
 
+SIGNS = ("#", "%", "//", "!", "*", "~")  # with which comments often begin
 COMMENTS = "comments"
 _SKIPPED, _BELOW = "above the header", "below the header"
 
@@ -125,7 +126,7 @@ class Dialect:
         ValueError
             If its marks are not those of the dialect.
         """
-        text = cell.strip().strip('"').strip()
+        text = bare(cell)
         if text in self.nothing:
             return None
         if self.thousands and self.thousands in text:
@@ -148,6 +149,11 @@ class Dialect:
         if groups and not (three and first.isdigit() and len(first) <= 3):
             raise ValueError
         return whole.replace(self.thousands, "") + mark + rest
+
+
+def bare(cell: str) -> str:
+    """The text in a cell, without quotes and the blanks inside and outside of them."""
+    return cell.strip().strip('"').strip()
 
 
 def _number(text: str) -> bool:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+from reobserve.core.documents import dumped
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.estimation.specification import Specification
-from reobserve.estimation.suggestion import dumped
+from reobserve.estimation.suggestion import Suggestion, suggest
 
 _MOST_LISTED = 20
 _MOST_TEXTS = 20  # in a record, that may mean missing values
@@ -22,14 +25,23 @@ class Findings:
     """
 
     tree: dict[str, Any]
+    data: Path
     refusals: dict[str, tuple[str, set[int]]] = field(default_factory=dict)
     final: bool = False  # something is wrong that no key accepts
     changed: list[str] = field(default_factory=list)  # sections of the tree
-    units: bool = False  # only the user can know them
+    asked: str = ""  # what only the user can know
     summary: str = ""
     stated: dict[str, Any] = field(default_factory=dict)  # the specification as it is
     texts: dict[str, None] | None = field(default_factory=dict)  # that mean missing values
     refused: set[str] = field(default_factory=set)  # keys that do not go with others
+
+    @cached_property
+    def suggestion(self) -> Suggestion:
+        """The layout that a text seems to have, nothing if it has none."""
+        try:
+            return suggest(self.data)
+        except InputError:
+            return Suggestion()
 
     def refuse(self, error: InputError, key: str = "", line: int = 0) -> None:
         """Take a refusal, which counts with all that have the same ``key``."""
@@ -83,8 +95,8 @@ class Findings:
             lines.append(f"{sentence}{times}")
         if (more := len(self.refusals) - _MOST_LISTED) > 0:
             lines.append(f"and {more} more")
-        if self.units:
-            lines += ["", "state these units; what else is refused shows then"]
+        if self.asked:
+            lines += ["", f"state {self.asked}; what else is refused shows then"]
         elif self.final or not self.changed:
             lines += ["", "no key accepts all of this"]
         if self.changed:

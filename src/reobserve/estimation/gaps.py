@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.interpolation import Settled
 from reobserve.estimation.specification import Sampling
+from reobserve.estimation.text_rows import PolicyError
 
 Array = NDArray[np.float64]
 
@@ -156,19 +156,16 @@ class Gaps:
         sampling, said = self.sampling, self.report.said
         lost = np.flatnonzero(np.isnan(rows.values[k]))
         listed = ", ".join(self.columns[c] for c in lost[:4])
-        if sampling.missing == "refuse":
+        key = "missing" if sampling.missing == "refuse" else "at_gap"
+        if key == "missing":
             others = "interpolate or skip" if self.reads_missing else "interpolate"
-            problem = (
-                f"at {said(float(rows.time[k]))}; sampling.missing is refuse, set it to {others}"
-            )
+            when = f"at {said(float(rows.time[k]))}"
         else:
             others = "restart or coast" if self.reads_missing else "restart"
             since = "the start" if self.last is None else said(self.last, 14)
-            problem = (
-                f"from {since} on for longer than sampling.gap, {sampling.longest:g} s; "
-                f"sampling.at_gap is refuse, set it to {others}"
-            )
-        raise InputError(self.place, f"{listed} missing {problem}")
+            when = f"from {since} on for longer than sampling.gap, {sampling.longest:g} s"
+        problem = f"{listed} missing {when}; sampling.{key} is refuse, set it to {others}"
+        raise PolicyError(self.place, problem, f"sampling.{key}")
 
     def _count(self, rows: Settled, there: NDArray[np.bool_]) -> None:
         for c, name in enumerate(self.columns):

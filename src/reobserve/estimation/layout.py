@@ -14,6 +14,7 @@ from reobserve.core.units import readings
 from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
+from reobserve.estimation.dialect import SIGNS
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, check_unit, conversion
 from reobserve.estimation.specification import Column, Columns, Constant, TimeColumn
@@ -21,7 +22,6 @@ from reobserve.estimation.text_rows import RowError
 
 Array = NDArray[np.float64]
 
-_SIGNS = ("#", "%", "//", "!", "*")  # with which comments often begin
 _NUMBER = re.compile(r"[+-]?[\d.,]+([eE][+-]?\d+)?")
 # Titles that end in a unit: name [unit], name (unit), name, unit and name / unit.
 _BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*")
@@ -332,7 +332,7 @@ def _numbers(cells: Sequence[str]) -> bool:
 
 def _no_header(header: Sequence[str]) -> str:
     """The end of a sentence on a header that does not look like one."""
-    if header[0].startswith(_SIGNS):
+    if header[0].startswith(SIGNS):
         return (
             "; file.skip or file.comment leaves out lines above the header, and file.header: "
             "commented takes the last comment for it"

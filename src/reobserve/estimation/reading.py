@@ -25,7 +25,7 @@ from reobserve.estimation import date_columns
 from reobserve.estimation.clock import Clock
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO
-from reobserve.estimation.dialect import Dialect, Head, read_head
+from reobserve.estimation.dialect import Dialect, Head, bare, read_head
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.streaming import LONGEST
 from reobserve.estimation.text_rows import RowError, TextRows
@@ -119,6 +119,16 @@ class File:
                 ]
                 yield np.column_stack(read)
                 rows += batch.num_rows
+
+    def first_rows(self, count: int) -> dict[str, list[Any]]:
+        """The first cells of all columns of a Parquet file, by title."""
+        with self.located():
+            import pyarrow.parquet as parquet
+
+            batches = parquet.ParquetFile(self.path).iter_batches(batch_size=count)
+            first = next(batches, None)
+            titles = self.header()
+            return {title: [] for title in titles} if first is None else first.to_pydict()
 
     def _batches(self, columns: list[str], tell: Tell | None) -> Iterator[Any]:
         import pyarrow.parquet as parquet
@@ -299,7 +309,7 @@ class File:
         for row, cells in enumerate(
             zip(*(column.to_pylist() for column in columns), strict=True), rows + 1
         ):
-            texts = [(cell or "").strip().strip('"').strip() for cell in cells]
+            texts = [bare(cell or "") for cell in cells]
             found.append(
                 math.nan if any(text in NOTHING for text in texts) else
                 dates.seconds(" ".join(texts), f"row {row} {where}", str(self.path), report)

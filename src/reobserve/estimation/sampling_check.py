@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,8 @@ from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.findings import Findings
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.specification import Specification
-from reobserve.estimation.suggestion import suggest
 from reobserve.estimation.text_rows import RowError
-from reobserve.estimation.timestamps import UnevenError, least_jitter
+from reobserve.estimation.timestamps import least_jitter
 
 Array = NDArray[np.float64]
 
@@ -53,6 +51,10 @@ def sample(found: Findings, made: Estimation, cells: list[Array], lines: list[in
             if _accept(found, made, error, cells):
                 found.refuse(error)
                 continue
+            if back and made.layout.clock is not None and made.layout.clock.dates is None:
+                found.asked = found.asked or (
+                    "columns.time.wrap, if this is a counter that begins again"
+                )
             for left_out in _leave_out(found, cells, lines, row, back):
                 found.refuse(error, str(error), left_out)
         except InputError as error:
@@ -94,27 +96,31 @@ def _leave_out(
 
 def _accept(found: Findings, made: Estimation, error: InputError, cells: list[Array]) -> bool:
     """State the policy by which a refused row is accepted, and return whether there is one."""
-    said, can_skip = str(error), made.can_skip
+    key = _key(error)
     stated, keys = made.specification.sampling, dict[str, Any]()
-    if isinstance(error, UnevenError) or error.parameter == "sampling.period":
-        keys = _period(made, cells, isinstance(error, UnevenError))
-    elif "has no timestamp" in said:
+    if key in ("sampling.jitter", "sampling.period"):
+        keys = _period(made, cells, key == "sampling.jitter")
+    elif key == "sampling.uneven":
         keys = {"uneven": "linear"}
-    elif "sampling.repeated" in said:
+    elif key == "sampling.repeated":
         times = np.concatenate([block[:, 0] for block in cells])
         shared = np.count_nonzero(np.diff(times) == 0) > 0.5 * len(times)
         keys = {"repeated": "spread" if shared else "first"}
-    elif "sampling.at_gap is" in said:
-        keys = {"at_gap": "coast" if can_skip else "restart"}
-    elif "sampling.missing is" in said:
-        keys = {"missing": "skip" if can_skip else "interpolate"}
-    elif "are coasted over" in said or error.parameter == "sampling.at_gap":
-        keys = {"at_gap": "restart"}
-    elif error.parameter == "sampling.gap":
+    elif key == "sampling.at_gap":
+        coast = made.can_skip and stated.at_gap == "refuse"
+        keys = {"at_gap": "coast" if coast else "restart"}
+    elif key == "sampling.missing":
+        keys = {"missing": "skip" if made.can_skip else "interpolate"}
+    elif key == "sampling.gap":
         keys = {"gap": 10.0 * stated.period if stated.longest > 20.0 * stated.period else (
             2.0 * stated.period
         )}  # fmt: skip
     return bool(keys) and found.state("sampling", **keys)
+
+
+def _key(error: InputError) -> str:
+    """The key that states the policy which refuses a row."""
+    return getattr(error, "key", "") or error.parameter
 
 
 def _accept_clock(found: Findings, made: Estimation, error: InputError) -> bool:
@@ -123,14 +129,11 @@ def _accept_clock(found: Findings, made: Estimation, error: InputError) -> bool:
     if error.parameter == "columns.time.zone":
         zone = re.search(r"put forward in (\S+);", str(error))
         return zone is not None and found.state("columns", time={**time, "zone": zone[1]})
-    if clock is None or clock.dates is None or "sampling.repeated" not in str(error):
+    if clock is None or clock.dates is None or _key(error) != "sampling.repeated":
         return False
     if "%H" in clock.dates.format or "%I" in clock.dates.format or len(clock.titles) > 1:
         return False
-    try:
-        guess = suggest(Path(made.place)).columns.get("time", {})
-    except InputError:
-        return False
+    guess = found.suggestion.columns.get("time", {})
     both = isinstance(guess.get("column"), list) and time.get("column") in guess["column"]
     return both and found.state("columns", time=guess)
 

@@ -9,6 +9,7 @@ from itertools import pairwise, product
 from typing import Any
 
 from reobserve.core.errors import InputError
+from reobserve.core.units import readings
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.layout import split_title
 from reobserve.estimation.quantities import conversion
@@ -24,6 +25,10 @@ _TITLE = re.compile(
 )
 _EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 _PARTS = ((1, 12), (1, 31), (0, 23), (0, 59), (0, 59))  # month, day, hour, minute, second
+_HOURS = (
+    "%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H:%M:%S,%f", "%I:%M %p", "%I:%M:%S %p", "%I:%M%p",
+    "%I:%M:%S%p",
+)  # fmt: skip
 _FORMS = ("%Y", "%m", "%d", "%H", "%M", "%S")
 _FEW = 9  # cells that rise by chance
 _LOOKED_AT = 2000  # cells of a column
@@ -64,7 +69,23 @@ def find_time(
                 return {**found, "column": list(titles[k : k + parts])}
         elif found := _dated(titles[k], cells, notes):
             return found
-    return _in_parts(titles, some, number) or _numbered(titles, some, number, notes)
+    return (
+        _in_parts(titles, some, number)
+        or _of_day(titles, some, notes)
+        or _numbered(titles, some, number, notes)
+    )
+
+
+def _of_day(titles: Sequence[str], columns: Sequence[Column], notes: list[str]) -> dict[str, Any]:
+    """The first column of times of day, if there is no day beside it."""
+    for title, cells in zip(titles, columns, strict=True):
+        known = [cell for cell in cells if cell]
+        if _all(HOUR, cells):
+            form = next((f for f in _HOURS if all(_read(f, cell) for cell in known)), "")
+            if form:
+                notes.append(f"{title!r} has times of day; columns.time.day states the first day")
+                return {"column": title, "format": form}
+    return {}
 
 
 def _all(form: re.Pattern[str], cells: Column) -> bool:
@@ -100,6 +121,7 @@ def _numbered(
     names = [_TITLE.search(re.sub(r"[^\w ].*", "", title).strip()) for title in titles]
     rising = [k for k, one in enumerate(columns) if _rises(one, number, names[k] is not None)]
     rising = [k for k in rising if not _is_clock(columns[k], number)]
+    rising = [k for k in rising if not _is_quantity(titles[k])]
     named = [k for k in rising if names[k] is not None]
     largest = [k for k in rising if (number(columns[k][0]) or 0.0) > 1e8]
     chosen = next(iter([*(k for k in named if k in largest), *named, *largest, *rising]), None)
@@ -118,6 +140,12 @@ def _numbered(
     if not said and first <= 1e8:
         notes.append(f"{titles[chosen]!r} is in seconds unless columns.time.unit states another")
     return {"column": titles[chosen], **({"unit": unit} if unit else {})}
+
+
+def _is_quantity(title: str) -> bool:
+    """True if a title ends in a unit that is none of time."""
+    unit = split_title(title)[1]
+    return bool(unit and readings(unit)) and not is_time(unit)
 
 
 def is_time(unit: str) -> bool:
@@ -226,11 +254,7 @@ def _forms(cell: str) -> list[str]:
     if not rest:
         return days
     between = rest[: len(rest) - len(rest.lstrip("T ,_"))]
-    hours = (
-        "%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H:%M:%S,%f", "%I:%M %p", "%I:%M:%S %p", "%I:%M%p",
-        "%I:%M:%S%p",
-    )  # fmt: skip
-    ends = product(hours, ("", "%z", " %z"))
+    ends = product(_HOURS, ("", "%z", " %z"))
     found_forms = [f"{one}{between}{hour}{zone}" for one, (hour, zone) in product(days, ends)]
     return [form for form in found_forms if _read(form, cell) is not None]
 

@@ -11,20 +11,21 @@ import codecs
 import csv
 import re
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from reobserve.core.documents import dumped
 from reobserve.core.errors import InputError
-from reobserve.core.extras import package
 from reobserve.core.units import readings
-from reobserve.estimation.dialect import Dialect
+from reobserve.estimation.dialect import SIGNS, Dialect, bare
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.reading import File
 from reobserve.estimation.suggested_time import DATE, DAY, HOUR, find_time
 
 _LOOKED_AT = 2**18  # bytes
-SIGNS = ("#", "%", "//", "!", "*", "~", '"#')
+_ROWS = 1000  # of a Parquet file
 _DELIMITERS = (";", "\t", "|", ",", "whitespace")
 _NUMBERS = {
     ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
@@ -61,30 +62,6 @@ class Suggestion:
         return "\n".join(lines)
 
 
-def dumped(tree: dict[str, Any]) -> str:
-    """A mapping as YAML, each section in a line.
-
-    Texts that begin as numbers do are in quotes, since 1e9 is one to some readers of YAML.
-    """
-    yaml = package("yaml", "write a specification")
-
-    class Quoting(yaml.SafeDumper):  # type: ignore[misc, name-defined]
-        pass
-
-    def text(dumper: Any, value: str) -> Any:
-        style = "'" if re.match(r"[-+.]?\d|[-+]?\.?(inf|nan)", value, re.IGNORECASE) else None
-        return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
-
-    Quoting.add_representer(str, text)
-    return "\n".join(
-        f"{key}: " + yaml.dump(
-            keys, Dumper=Quoting, default_flow_style=True, sort_keys=False, allow_unicode=True,
-            width=1_000_000,
-        ).strip()
-        for key, keys in tree.items()
-    )  # fmt: skip
-
-
 def suggest(path: Path) -> Suggestion:
     """The layout of a text, as far as its first rows show it.
 
@@ -95,7 +72,7 @@ def suggest(path: Path) -> Suggestion:
     """
     file = File(path)
     if file.columnar:
-        return Suggestion(titles=file.header())
+        return _of_parquet(file)
     with file.located(), file.opened() as stream:
         raw = stream.read(_LOOKED_AT)
         whole = not stream.read(1)
@@ -108,6 +85,22 @@ def suggest(path: Path) -> Suggestion:
     if not best.score:
         raise InputError(str(path), "has no lines that look like rows of numbers")
     return best.suggestion(encoding, ended or not whole)
+
+
+def _of_parquet(file: File) -> Suggestion:
+    """The columns of a Parquet file, with the times among them."""
+    rows = file.first_rows(_ROWS)
+    texts = [["" if cell is None else str(cell) for cell in column] for column in rows.values()]
+    notes = list[str]()
+    time = find_time(list(rows), texts, _float, notes)
+    first = [column[0] if column else "" for column in texts]
+    return Suggestion({"time": time} if time else {}, {}, list(rows), first, notes)
+
+
+def _float(cell: str) -> float | None:
+    with suppress(ValueError):
+        return float(cell)
+    return None
 
 
 def _decoded(raw: bytes) -> tuple[str, str]:
@@ -123,7 +116,9 @@ def _decoded(raw: bytes) -> tuple[str, str]:
 
 def sign_of(line: str) -> str:
     """The sign of comments with which a line begins, or nothing."""
-    return "" if line.startswith('"#"') else next((s for s in SIGNS if line.startswith(s)), "")
+    if line.startswith('"#"'):
+        return ""
+    return next((sign for sign in (*SIGNS, '"#') if line.startswith(sign)), "")
 
 
 def kind_of_line(cells: list[str]) -> str:
@@ -175,7 +170,7 @@ class _Grid:
 
     def _cells(self, line: str) -> list[str]:
         try:
-            return [cell.strip().strip('"').strip() for cell in self.dialect.cells(line)]
+            return list(map(bare, self.dialect.cells(line)))
         except csv.Error:
             return []
 

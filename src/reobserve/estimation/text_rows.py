@@ -16,15 +16,24 @@ from reobserve.core.errors import InputError, shown
 from reobserve.estimation.clock import Clock
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
-from reobserve.estimation.dialect import COMMENTS, UNDECODED, Dialect, Head
+from reobserve.estimation.dialect import COMMENTS, UNDECODED, Dialect, Head, bare
 
 _DATED = re.compile(r"\d{1,4}[./-]\d\d?[./-]\d{2,4} \d")
+_HOUR = re.compile(r"\d\d?:\d\d")
 _DECIMAL = re.compile(r"[+-]?\d*([.,])(\d+)([eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,'’ \u00a0\u202f])\d{3})(?:\1\d{3})*(?:([.,])\d*)?")
 _REPEATED, _TAIL = "repeated headers", "last line"
 
 
-class RowError(InputError):
+class PolicyError(InputError):
+    """A refusal by a policy of a specification, and the ``key`` that states the policy."""
+
+    def __init__(self, parameter: str, problem: str, key: str = "") -> None:
+        self.key = key
+        super().__init__(parameter, problem)
+
+
+class RowError(PolicyError):
     """A problem in a row, which counts from 1.
 
     Parameters
@@ -33,11 +42,13 @@ class RowError(InputError):
         What is wrong, as in `InputError`.
     problem
         The rest of the sentence, with ``{at}`` for the row.
+    key
+        That of a policy which refuses it, if there is one.
     """
 
-    def __init__(self, parameter: str, problem: str, row: int) -> None:
+    def __init__(self, parameter: str, problem: str, row: int, key: str = "") -> None:
         self.template, self.row = problem, row
-        super().__init__(parameter, problem.replace("{at}", f"row {row}", 1))
+        super().__init__(parameter, problem.replace("{at}", f"row {row}", 1), key)
 
     def at_line(self, line: int | None) -> RowError:
         """The same by the line of the file, if it has lines."""
@@ -224,7 +235,7 @@ class TextRows:
         clock, dialect, report = self.clock, self.dialect, self.report
         assert clock is not None
         if clock.dates is not None:
-            texts = [cell.strip().strip('"').strip() for cell in cells]
+            texts = list(map(bare, cells))
             if any(text in dialect.nothing for text in texts):
                 return math.nan
             return clock.dates.seconds(" ".join(texts), self._where(0), self.place, report)
@@ -283,11 +294,13 @@ class TextRows:
 
 def _hint(cell: str, decimal: str) -> str:
     """The key that would read a cell as a number."""
-    text = cell.strip().strip('"')
+    text = bare(cell)
     if looks_dated(text):
         return f"; of dates the unit is {ISO}"
     if _DATED.match(text):
         return '; of dates state columns.time.format, as "%d.%m.%Y %H:%M:%S"'
+    if _HOUR.match(text):
+        return '; of times of day state columns.time.format, as "%H:%M:%S", and columns.time.day'
     keys = []
     if (found := _DECIMAL.fullmatch(text)) and found[1] != decimal:
         keys.append(f'columns.decimal: "{found[1]}"')

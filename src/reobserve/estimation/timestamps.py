@@ -13,7 +13,7 @@ from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import SECOND, of_nanoseconds, skipping_zone
 from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter, placed
 from reobserve.estimation.specification import Sampling
-from reobserve.estimation.text_rows import RowError
+from reobserve.estimation.text_rows import PolicyError, RowError
 
 __all__ = ["Timestamps", "UnevenError", "least_jitter"]
 
@@ -72,7 +72,7 @@ class Timestamps:
             known = ~np.isnan(time)
             if even:
                 row = rows + int(np.argmin(known)) + 1
-                raise RowError(self.place, "{at} has no timestamp", row)
+                raise RowError(self.place, "{at} has no timestamp", row, "sampling.uneven")
             report.unstamped += int((~known).sum())
             time, values = time[known], values[known]
         if sampling.repeated == "spread":
@@ -225,7 +225,9 @@ class Timestamps:
                 "Europe/Berlin"
             )
         now = self.report.said(float(time[at]))
-        raise RowError(self.place, f"{{at}}: the timestamp {said}, at {now}{hint}", rows + at + 1)
+        key = "sampling.repeated" if said == "stands still" else ""
+        problem = f"{{at}}: the timestamp {said}, at {now}{hint}"
+        raise RowError(self.place, problem, rows + at + 1, key)
 
     def _check_hour(self, steps: Array, time: Array, rows: int) -> None:
         """Refuse an hour that is missing where clocks are put forward, if dates may be local.
@@ -337,7 +339,7 @@ class Timestamps:
         if self.sampling.at_gap == "coast" and count > MOST_SLOTS:
             slots = f"{count:.0f} sampling periods, no more than {MOST_SLOTS} are coasted over"
             problem = f"the gap after {self.report.said(start)} is of {slots}"
-            raise InputError(self.place, problem)
+            raise PolicyError(self.place, problem, "sampling.at_gap")
 
     def _regular(self, time: Array, steps: Array) -> Array:
         """The times t0 + k T up to the last timestamp."""

@@ -15,12 +15,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reobserve.cli.main import main
-from reobserve.core.documents import parse_yaml, read_yaml
+from reobserve.core.documents import dumped, parse_yaml, read_yaml
 from reobserve.estimation.check import check
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.findings import Findings
 from reobserve.estimation.specification import read_specification
-from reobserve.estimation.suggestion import dumped
 from tests.reobserve.estimation.test_suggestion import LAYOUTS, suggested
 
 KALMAN: dict[str, Any] = {
@@ -53,7 +52,7 @@ def accepted(folder: Path, chosen: Path, data: Path) -> Findings:
         if re.match(r"(columns|file|sampling): ", line):
             tree.update(parse_yaml(line, "printed"))
     assert ("is accepted" in text) == (not found.refusals)
-    if "no key accepts all of this" in text or "state these units" in text:
+    if "no key accepts all of this" in text or "what else is refused shows then" in text:
         return found
     merged = folder / "merged.yaml"
     merged.write_text(dumped(tree), encoding="utf-8")
@@ -122,11 +121,39 @@ def test_observers_that_cannot_predict_fill_and_restart(tmp_path: Path) -> None:
     assert found.tree["sampling"]["at_gap"] == "restart"
 
 
-def test_rows_that_go_back_are_counted_and_accepted_by_no_key(tmp_path: Path) -> None:
+def test_rows_that_go_back_are_counted_and_accepted_by_no_guess(tmp_path: Path) -> None:
     lines = [*plain(), *plain()[1:]]
     found = check(specified(tmp_path), written(tmp_path, *lines))
-    assert re.search(r"line 62: the timestamp goes back, at 0 s \(59 times\)", found.text("r"))
+    assert re.search(r"line 62: the timestamp goes back, at 0 s; .* \(59 times\)", found.text("r"))
+    assert found.final
+    assert "state columns.time.wrap, if this is a counter that begins again" in found.text("r")
+    wrap = {"time": {"column": "t", "wrap": 60.0}}
+    assert not check(specified(tmp_path, columns=wrap), tmp_path / "r.csv").refusals
+    dates = ["t,y", *(f"2024-03-0{1 + k % 2},1.0" for k in range(60))]
+    iso = {"time": {"column": "t", "unit": "iso8601"}}
+    found = check(specified(tmp_path, columns=iso), written(tmp_path, *dates))
     assert "no key accepts all of this" in found.text("r")
+
+
+def test_day_of_times_of_day_is_asked_for(tmp_path: Path) -> None:
+    lines = ["t,y", *(f"23:59:{k:02d},1.0" for k in range(60))]
+    found = check(specified(tmp_path), written(tmp_path, *lines))
+    assert re.search(r"line 2 .*'23:59:00', .*state columns.time.format, .*columns.time.day", (
+        found.text("r")
+    ))  # fmt: skip
+    assert "state columns.time.format and columns.time.day" in found.text("r")
+    time = {"time": {"column": "t", "format": "%H:%M:%S", "day": "2024-03-01"}}
+    assert not check(specified(tmp_path, columns=time), tmp_path / "r.csv").refusals
+
+
+def test_row_without_a_time_is_left_out_and_not_resampled(tmp_path: Path) -> None:
+    lines = plain()
+    lines[7] = "x,1.0"
+    found = check(specified(tmp_path), written(tmp_path, *lines))
+    (sentence,) = (one for one, _ in found.refusals.values() if "must be a number" in one)
+    assert "line 8 of column 't' is 'x'" in sentence
+    assert found.final
+    assert "uneven" not in found.tree["sampling"]
 
 
 def test_many_texts_are_no_missing_values(tmp_path: Path) -> None:

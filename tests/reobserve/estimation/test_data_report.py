@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+
 from reobserve.estimation.data_report import (
     MOST_LISTED,
     AlarmReport,
     DataReport,
     Interval,
+    follow,
 )
 from reobserve.estimation.report_table import as_table
 
@@ -66,3 +70,14 @@ def test_epoch_timestamps_are_reported_in_milliseconds() -> None:
     reported = as_table(report, 0.1)
     assert "1774749598.250 to 1774749599.750 s" in reported
     assert "1774749598.500 s to the end" in reported
+
+
+def test_rows_of_which_an_alarm_is_unknown_are_not_in_its_interval() -> None:
+    found = AlarmReport("m", 0.0)
+    values, raised = np.array([50.0, 500.0, 45.0, 60.0]), np.array([1.0, np.nan, 0.0, 1.0])
+    follow(np.arange(4.0), values, np.array([1.0, 1e3, 1.0, 1.0]), raised, found, 1.0)
+    assert found.current is not None
+    assert found.current.summary() == {
+        "start": 0.0, "end": 3.0, "mean": pytest.approx(155.0 / 3.0), "peak": 60.0,
+        "standard_deviation": pytest.approx(np.std([50.0, 45.0, 60.0], ddof=1)), "sigma": 1.0,
+    }  # fmt: skip

@@ -6,6 +6,7 @@ import gzip
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from reobserve.core.errors import InputError
@@ -164,6 +165,23 @@ def test_doubts_are_noted(tmp_path: Path) -> None:
     assert "3 lines have another number of cells than rows, 2; the first one is line 42" in (
         found.text("r")
     )
+
+
+def test_times_of_day_are_times_and_quantities_are_not(tmp_path: Path) -> None:
+    text = rows("23:59:{s:02d}", "{k}", delimiter=";")
+    found = suggested(tmp_path, "time;Druck [bar]\n" + text)
+    assert found.columns["time"] == {"column": "time", "format": "%H:%M:%S"}
+    assert "columns.time.day states the first day" in found.text("r")
+    found = suggested(tmp_path, "a,Druck [bar]\n" + rows("{v:.2f}", "{k}"))
+    assert "time" not in found.columns
+
+
+def test_times_of_a_parquet_file_are_found(tmp_path: Path) -> None:
+    dates = pd.date_range("2024-03-01", periods=5, freq="s", tz="UTC")
+    pd.DataFrame({"y": [1.0] * 5, "when": dates}).to_parquet(tmp_path / "r.parquet")
+    found = suggest(tmp_path / "r.parquet")
+    assert found.columns == {"time": {"column": "when", "unit": "iso8601"}}
+    assert (found.titles, found.first) == (["y", "when"], ["1.0", "2024-03-01 00:00:00+00:00"])
 
 
 def test_ambiguous_dates_are_read_as_the_record_goes_on(tmp_path: Path) -> None:
