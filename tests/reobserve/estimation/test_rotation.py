@@ -162,8 +162,8 @@ def test_closed_terminal_ends_a_stream_with_its_state_unless_it_is_ignored(
     state = tmp_path / "state.json"
     words = ["estimate", str(tmp_path / "s.yaml"), "--stream", "--state", str(state)]
     before = signal.getsignal(signal.SIGHUP)
-    if ignored:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    # A child inherits what is ignored: as of nohup, which may have started these tests, too.
+    signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
     try:
         one = subprocess.Popen(
             [sys.executable, "-m", "reobserve", *words],
