@@ -41,13 +41,14 @@ def held_normal(
     Raises
     ------
     InputError
-        If ``samples``, ``hold`` or ``columns`` is not a whole number, or the first is below 0 or
-        above `MOST_SAMPLES`, or another below 1.
+        If ``samples``, ``hold`` or ``columns`` is not a whole number, the first is below 0, another
+        is below 1, or more than `MOST_SAMPLES` numbers would be drawn.
     """
     samples, hold = as_whole("samples", samples, 0, MOST_SAMPLES), as_whole("hold", hold, 1)
-    if columns is not None:
-        columns = as_whole("columns", columns, 1)
+    hold = min(hold, samples + 1)  # a longer one is the same, and need not be an index
     count = samples // hold + 1
+    if columns is not None:
+        columns = as_whole("columns", columns, 1, MOST_SAMPLES // count)
     drawn = stream.standard_normal(count if columns is None else (count, columns))
     index = np.arange(samples)
     return drawn[index // hold], drawn[np.maximum(index - 1, 0) // hold]

@@ -158,7 +158,7 @@ class NonlinearModel:
             given, least = getattr(self, f"{kind}s"), 0 if kind == "input" else 1
             if given is None and found is None and kind != "input":
                 raise InputError(f"{kind}s", "is left out, must be the number of them")
-            size = (found or 0) if given is None else as_whole(f"{kind}s", given, least)
+            size = (found or 0) if given is None else as_whole(f"{kind}s", given, least, 10_000)
             if names is not None and len(names) != size:
                 raise InputError(f"{kind}_names", f"are {len(names)}, must be {size}")
             if length is not None and length != size:

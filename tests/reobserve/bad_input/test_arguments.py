@@ -161,6 +161,16 @@ def test_arguments_of_odd_type_shape_or_value_are_accepted_or_refused(data: st.D
     check_odd_arguments(data, calls())
 
 
+@pytest.mark.parametrize("call", calls().values(), ids=list(calls()))
+def test_every_number_may_be_huge(call: Call) -> None:
+    for at, valid in enumerate(call.arguments):
+        if is_numeric(valid) and np.ndim(valid) == 0:
+            for huge in (2**31, 2**63 - 1, 2**63, 2**64, 10**400, -(2**63), -(2**64)):
+                arguments = [one.copy() if type(one) is np.ndarray else one for one in call.arguments]
+                arguments[at] = huge
+                is_accepted(lambda given=arguments: call.function(*given))
+
+
 def test_every_public_name_has_a_call() -> None:
     called = {name.partition(",")[0].rpartition(".")[2] for name in calls()}
     results = {"DivergenceError", "Estimate", "InputError", "Run"}  # not constructed by users
