@@ -246,6 +246,7 @@ def _method(name: str, stated: Candidate, specification: TunedSpecification) -> 
     return Method(
         " ".join(stated.label.split()) or name, "", "", dict(stated.ranges),
         paper=Own(own, stated.specification), fails={_RECORDED: "which the table shows"},
+        causal=not specification.stated.smooth,
     )  # fmt: skip
 
 
