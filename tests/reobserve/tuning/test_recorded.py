@@ -339,6 +339,19 @@ def test_settings_that_are_not_better_than_as_specified_are_reported(
     assert "walk: not better than as specified; raise the budget" in capsys.readouterr().err
 
 
+def test_smoothed_candidate_is_not_what_others_are_compared_with(
+    tmp_path: Path, logged: Path
+) -> None:
+    other = {**TUNE["candidates"]["walk"], "specification": "smoothed.yaml"}
+    file = folder(tmp_path, logged, {**changed("candidates/smoothed", other), "budget": 5})
+    (tmp_path / "smoothed.yaml").write_text(SPECIFICATION + "smooth: true\n")
+    assert main(["tune", str(file), "--output", str(tmp_path / "out")]) == 0
+    found = {(row["method"], row["training"]): row for row in rows(tmp_path / "out/table.csv")}
+    filtered, smoothed = (found[name, "paper"] for name in ("walk", "smoothed"))
+    assert (filtered["within"], smoothed["within"]) == ("yes", "late")
+    assert float(smoothed["error"]) < 0.9 * float(filtered["error"])
+
+
 def test_candidates_state_one_sampling_where_predictions_are_compared(
     tmp_path: Path, logged: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
