@@ -136,6 +136,15 @@ class Bench:
         column = self.column(condition, given=given)
         return {label: 100 * float(cell[key]) for label, cell in column.items()}
 
+    def tuned_again(self, key: str, condition: str, training: str) -> dict[str, float]:
+        """A number of all methods that another training set tuned, by label; shares in per cent."""
+        found = {}
+        for name, method in self.results.task.methods.items():
+            cell = self.results.cell(condition, name, training, method.given_noise)
+            if cell is not None:
+                found[method.label] = float(cell[key]) * (1 if key == "error" else 100)
+        return found
+
     def noises(self) -> list[tuple[dict[str, float], dict[str, float]]]:
         """At each other noise, the errors of all methods, and of those that are given it."""
         conditions = self.results.task.conditions
