@@ -166,9 +166,9 @@ def test_every_number_may_be_huge(call: Call) -> None:
     for at, valid in enumerate(call.arguments):
         if is_numeric(valid) and np.ndim(valid) == 0:
             for huge in (2**31, 2**63 - 1, 2**63, 2**64, 10**400, -(2**63), -(2**64)):
-                arguments = [one.copy() if type(one) is np.ndarray else one for one in call.arguments]
-                arguments[at] = huge
-                is_accepted(lambda given=arguments: call.function(*given))
+                given = [one.copy() if type(one) is np.ndarray else one for one in call.arguments]
+                given[at] = huge
+                is_accepted(lambda given=given: call.function(*given))
 
 
 def test_every_public_name_has_a_call() -> None:
