@@ -296,11 +296,16 @@ class File:
             return np.array([
                 math.nan if cell is None else clock.exact(cell, report) for cell in cells
             ])  # fmt: skip
-        if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
+        if not columns[1:] and (pa.types.is_timestamp(kind) or pa.types.is_date(kind)):
             return date_columns.of_timestamps(columns[0], dates, report)
-        if not all(pa.types.is_string(c.type) or pa.types.is_large_string(c.type) for c in columns):
-            problem = f"column {shown(clock.titles[0])} is of the type {kind}, must be dates"
-            raise InputError(str(self.path), problem)
+        for k, title in enumerate(clock.titles):
+            kind = columns[k].type
+            if pa.types.is_time(kind) or pa.types.is_date(kind):
+                columns[k] = columns[k].cast(pa.string())
+            elif not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+                wanted = "texts, dates or times of day" if columns[1:] else "dates"
+                problem = f"column {shown(title)} is of the type {kind}, must be {wanted}"
+                raise InputError(str(self.path), problem)
         times = date_columns.read(columns, dates, NOTHING, report)
         if times is not None:
             return times

@@ -189,6 +189,34 @@ def test_skipped_local_times_are_refused(tmp_path: Path) -> None:
     assert report.zone == "Europe/Berlin"
 
 
+NIGHT = [datetime(2026, 3, 2, 23, 59, 58) + k * timedelta(seconds=0.25) for k in range(12)]
+DAYS, CLOCKS = [t.date() for t in NIGHT], [t.time() for t in NIGHT]
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+@pytest.mark.parametrize("days", [pa.array(DAYS), pa.array([str(day) for day in DAYS])])
+def test_dates_and_times_of_day_of_a_parquet_file_are_joined(
+    days: Any, unit: str, tmp_path: Path
+) -> None:
+    clocks = pa.array(CLOCKS).cast(pa.time32(unit) if unit == "ms" else pa.time64(unit))
+    table = pa.table({"d": days, "t": clocks, "y": np.zeros(len(NIGHT))})
+    parquet.write_table(table, tmp_path / "r.parquet")
+    clock, report = Clock(("d", "t"), SAME, Dates(("d", "t"), "", "UTC", 0.25)), DataReport()
+    (rows,) = File(tmp_path / "r.parquet").blocks(["d", "y"], clock, report)
+    assert rows[:, 0].tolist() == [0.25 * k for k in range(len(NIGHT))]
+    assert report.origin == 1_772_495_998
+
+
+def test_times_of_day_of_a_parquet_file_go_on_after_midnight(tmp_path: Path) -> None:
+    table = pa.table({"t": pa.array(CLOCKS), "y": np.zeros(len(NIGHT))})
+    parquet.write_table(table, tmp_path / "r.parquet")
+    dates = Dates(("t",), "%H:%M:%S.%f", "UTC", 0.25, "2026-03-02")
+    (rows,) = File(tmp_path / "r.parquet").blocks(
+        ["t", "y"], Clock(("t",), SAME, dates), DataReport()
+    )
+    assert rows[:, 0].tolist() == [0.25 * k for k in range(len(NIGHT))]
+
+
 TIMES = st.lists(
     st.one_of(
         st.floats(0.0, 1e8), st.integers(0, 10**9).map(lambda k: k / 1e6),
