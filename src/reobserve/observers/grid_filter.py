@@ -224,15 +224,17 @@ class GridFilter(IMM):
         past = np.repeat(rows[:1], deepest, axis=0) if state.past is None else state.past
         whole = np.concatenate([past, rows])
         # u(k-d) and u(k-d-1), of which the latter was held in the first part of the period
-        at = deepest + np.arange(len(rows))[:, None] - self.periods_late
-        return np.concatenate([whole[at], whole[at - 1]], axis=2), whole[-1 - deepest : -1]
+        pairs = np.concatenate([whole[1:], whole[:-1]], axis=1)
+        at = deepest - 1 + np.arange(len(rows))[:, None] - self.periods_late
+        return np.take(pairs, at, axis=0), whole[-1 - deepest : -1]
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
         rows = super()._fill(state, record)
         probability = rows.estimates["probability"]
         # sum_i p_i theta_i, and sum_i p_i (theta_i - theta)^2
         mean = (probability * self.grid).sum(axis=1)
-        spread = (probability * (self.grid - mean[:, None]) ** 2).sum(axis=1)
+        apart = self.grid - mean[:, None]
+        spread = np.einsum("kr,kr,kr->k", probability, apart, apart)
         found = {"parameter": mean, "parameter_variance": spread}
         return rows._replace(estimates={**rows.estimates, **found})
 
