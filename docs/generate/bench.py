@@ -6,6 +6,7 @@ settings: `Bench.column`, `Bench.within`, `Bench.best` and `Bench.check_all` tak
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -155,7 +156,14 @@ class Bench:
         """Its ratio to the best in the condition, with the interval of 95 %."""
         cell = self.results.cell(condition, method, given=given)
         assert cell is not None, (method, condition, given)
-        return f"{cell['ratio']:.2f} [{cell['ratio_low']:.2f}, {cell['ratio_high']:.2f}]"
+        low, high = math.floor(100 * cell["ratio_low"]), math.ceil(100 * cell["ratio_high"])
+        return f"{cell['ratio']:.2f} [{low / 100:.2f}, {high / 100:.2f}]"
+
+    def late(self, *methods: str) -> str:
+        """By how many milliseconds estimates of tuned methods are late, as tuned."""
+        cells = [self.results.cell("nominal", one) for one in methods]
+        found = {round(1000 * float(cell["lag"])) for cell in cells if cell is not None}
+        return " to ".join(str(one) for one in sorted({min(found), max(found)}))
 
     def spread(self, condition: str, *methods: str) -> float:
         """The largest error of methods, or of all, over the smallest, minus one, in per cent."""
