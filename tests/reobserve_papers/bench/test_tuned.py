@@ -205,7 +205,9 @@ def false_alarms(results: Results, condition: str, method: str, given: bool) -> 
 
 
 def test_thresholds_transfer_only_with_a_normalised_statistic(scored: Any) -> None:
-    """59 records leave 1.1 to 11.7 % false alarms; 144 more per condition count them."""
+    """59 records leave 1.1 to 11.7 % false alarms; of 120 more per condition, which count them, three
+    standard deviations are 8.8 %.
+    """
     found = scored("leak")
     for method in task("leak").methods:
         for renewed in ("nominal", "noise", "model", "period"):
@@ -213,7 +215,7 @@ def test_thresholds_transfer_only_with_a_normalised_statistic(scored: Any) -> No
         assert false_alarms(found, "kept_noise", method, False) == 1.0
         assert false_alarms(found, "kept_model", method, False) > 0.6
     for normalised in ("glr", "power", "cusum", "cusum_alone"):
-        assert false_alarms(found, "kept_noise", normalised, True) < 0.1
+        assert false_alarms(found, "kept_noise", normalised, True) < 0.2
     assert false_alarms(found, "kept_noise", "augmented", True) > 0.2
 
 
