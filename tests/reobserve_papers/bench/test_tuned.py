@@ -205,8 +205,8 @@ def false_alarms(results: Results, condition: str, method: str, given: bool) -> 
 
 
 def test_thresholds_transfer_only_with_a_normalised_statistic(scored: Any) -> None:
-    """59 records leave 1.1 to 11.7 % false alarms; of 120 more per condition, which count them, three
-    standard deviations are 8.8 %.
+    """59 records leave 1.1 to 11.7 % false alarms; 120 more per condition count them, with three
+    standard deviations of 8.8 %.
     """
     found = scored("leak")
     for method in task("leak").methods:
