@@ -50,10 +50,10 @@ quick: $(STAMP)  ## style, types and the tests of the changed modules; SINCE=mai
 
 # As many processes as cores: while one waits for the build, that takes its place. Each imports
 # all tests first, which takes a quarter of a minute.
-TESTS := pytest --numprocesses $(CORES)
+TESTS := pytest --numprocesses $(CORES) $(if $(CPU_LIMIT),--cpu-limit=$(CPU_LIMIT))
 
-# With NIGHTLY=yes also the tests of `nightly`, in the same run and with the same build.
-test: check  ## `check`, unit tests, one build of the papers, their golden numbers; a quarter of an hour
+# With NIGHTLY=yes also the tests of `nightly`, in the same run. CPU_LIMIT, see tests/cpu_budget.py.
+test: check  ## `check`, unit tests, golden numbers of the results, which are brought up to date; seven minutes after `make`
 	$(TESTS) $(if $(NIGHTLY),-m "" --hypothesis-profile=nightly)
 
 nightly: $(STAMP)  ## all other tests: the bench, second builds, kills, other processors, a browser, Slurm; half an hour
@@ -77,12 +77,15 @@ OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
 MIXED := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=
 BENCH := tests/reobserve_papers/bench/test_tuned.py::test_numbers_and_figures_agree_with_the_accepted_ones
 
+# Each with a build of its own: `results` are of this processor.
+APART := pytest --build-apart tests/reobserve_papers/golden/test_golden.py
+
 elsewhere: $(STAMP)  ## compare the golden numbers with builds with the settings of a newer and an older processor
-	$(NEWER) pytest tests/reobserve_papers/golden/test_golden.py
-	$(OLDER) pytest tests/reobserve_papers/golden/test_golden.py
+	$(NEWER) $(APART)
+	$(OLDER) $(APART)
 
 mixed: $(STAMP)  ## the same, and the bench, with compiled loops of the older processor and other libraries of this one
-	$(MIXED) pytest -m "" tests/reobserve_papers/golden/test_golden.py $(BENCH)
+	$(MIXED) $(APART) -m "" $(BENCH)
 
 benchmarks: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks

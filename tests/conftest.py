@@ -33,6 +33,8 @@ hypothesis.settings.register_profile("thorough", max_examples=1000, deadline=60_
 hypothesis.settings.load_profile("few")
 
 
+pytest_plugins = ["tests.cpu_budget"]
+
 # Fixtures that start a browser, Slurm or the build of the documentation or of the bench.
 NIGHTLY = {"browser", "slurm", "site", "built_bench"}
 
@@ -54,6 +56,14 @@ FIRST = {
     *(file for file, folder in SHARED.items() if folder == "reobserve_papers/pipeline"),
     "tests/reobserve_papers/pipeline/test_determinism.py",
 }
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option by which golden numbers are compared with a build in a copy."""
+    parser.addoption(
+        "--build-apart", action="store_true",
+        help="compare golden numbers with a build in a copy, not with results of this checkout",
+    )  # fmt: skip
 
 
 @pytest.hookimpl(optionalhook=True)

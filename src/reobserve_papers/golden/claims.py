@@ -1,8 +1,4 @@
-"""Golden verdicts: what was accepted of each claim, compared with a build.
-
-A verdict needs many Monte Carlo samples. A build with few samples can compare ``holds`` alone:
-whether a claim holds with the parameters as they are.
-"""
+"""Golden verdicts: what was accepted of each claim, compared with a build."""
 
 from __future__ import annotations
 
@@ -43,13 +39,11 @@ def _read(path: Path, header: Sequence[str]) -> Verdicts:
     return verdicts
 
 
-def compare(
-    golden: Verdicts, found: Verdicts, paper: str, columns: Sequence[str] = _COMPARED
-) -> Iterator[Moved]:
-    """The claims of a paper that differ in one of these columns, that are new, or that are gone."""
+def compare(golden: Verdicts, found: Verdicts, paper: str) -> Iterator[Moved]:
+    """The claims of a paper that differ, that are new, or that are gone."""
     before, now = golden.get(paper, {}), found.get(paper, {})
     for claim in dict.fromkeys([*before, *now]):
-        for column in columns:
+        for column in _COMPARED:
             old, new = (side.get(claim, {}).get(column, "none") for side in (before, now))
             if old != new:
                 yield Moved(f"{paper} {claim}, {column}", old, new)

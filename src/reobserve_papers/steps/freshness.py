@@ -6,9 +6,11 @@ versions of packages. Its summary compares them with those that are there, witho
 
 from __future__ import annotations
 
+import base64
+import json
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from reobserve.core.errors import ReobserveError
@@ -17,6 +19,8 @@ _PENDING = "update pending"
 
 # Of a file that would be made again for its inputs alone.
 FOR_INPUTS = ("updated input files", "its inputs are")
+EDITED = "changed since its job ended, or copied without its time"
+_SAME_TIME = 1e-3  # seconds, of the same time stored in two ways
 _COLUMNS = ("output_file", "date", "rule", "log-file(s)", "status", "plan")
 
 
@@ -28,7 +32,7 @@ def can_tell(project: Path, results: Path) -> bool:
 
 
 def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Path, str]:
-    """Files that a build would make again, with the reason.
+    """Files that a build would make again, or that were edited, with the reason.
 
     Raises
     ------
@@ -37,23 +41,40 @@ def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Pa
     """
     chosen = ["--config", f"papers=[{','.join(papers)}]"]
     found: dict[Path, str] = {}
-    for asked in (chosen, ["bench"]) if bench else (chosen,):
-        command = [sys.executable, "-m", "snakemake", "--summary", "--nolock", *asked]
-        done = subprocess.run(command, cwd=project, check=False, capture_output=True, text=True)
-        if done.returncode:
-            said = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-            raise ReobserveError(f"Snakemake cannot say what is up to date: {said}")
-        found |= _pending(project, done.stdout)
-    return found
+    for asked in (chosen, ["bench"])[: 1 + bench]:
+        found |= states(project, *asked)
+    return {path: why for path, why in found.items() if why}
 
 
-def _pending(project: Path, summary: str) -> dict[Path, str]:
-    lines = [line.split("\t") for line in summary.splitlines()]
+def states(project: Path, *asked: str) -> dict[Path, str]:
+    """All files of a build, with why each is out of date; empty for those that are up to date.
+
+    Raises
+    ------
+    ReobserveError
+        If Snakemake cannot say.
+    """
+    command = [sys.executable, "-m", "snakemake", "--summary", "--nolock", *asked]
+    done = subprocess.run(command, cwd=project, check=False, capture_output=True, text=True)
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+        raise ReobserveError(f"Snakemake cannot say what is up to date: {said}")
+    lines = [line.split("\t") for line in done.stdout.splitlines()]
     if not lines or tuple(lines[0]) != _COLUMNS:
         raise ReobserveError("Snakemake's summary has other columns than are known")
     rows = [dict(zip(_COLUMNS, line, strict=True)) for line in lines[1:]]
-    return {
-        project / row["output_file"]: row["status"].replace("ok", "its inputs are")
-        for row in rows
-        if row["plan"] == _PENDING
-    }
+    return {project / row["output_file"]: _state(project, row) for row in rows}
+
+
+def _state(project: Path, row: Mapping[str, str]) -> str:
+    """Why the file of a row of the summary is out of date, if it is."""
+    if row["plan"] == _PENDING:
+        return row["status"].replace("ok", "its inputs are")
+    # Snakemake takes a file as it is, and notes its time when the job that made it has ended.
+    name = base64.b64encode(row["output_file"].encode()).decode()
+    record = project / ".snakemake/metadata" / name
+    if record.is_file():
+        ended = json.loads(record.read_text(encoding="utf-8"))["endtime"]
+        if abs((project / row["output_file"]).stat().st_mtime - ended) > _SAME_TIME:
+            return EDITED
+    return ""

@@ -15,11 +15,10 @@ from tests.reobserve_papers.pipeline.conftest import (
     ROOT,
     Project,
     as_built,
-    built,
     compared,
 )
 
-__all__ = ["as_built", "built", "compared"]
+__all__ = ["as_built", "compared"]
 
 PARTS = [(paper, part) for paper in PAPERS for part in part_names(PARAMETER_FILES[paper].tree)]
 

@@ -1,4 +1,4 @@
-"""Builds in copies of the project: user commands, run outside this checkout."""
+"""The results of this checkout, brought up to date, and builds in copies of the project."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from reobserve.core.documents import read_yaml
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.steps.freshness import states
 from tests import ROOT, project_copy
 from tests.forks import Forks, forking
 
@@ -49,11 +50,6 @@ def with_few_levels(parameters: Parameters) -> Parameters:
         for name, levels in FEW_LEVELS[study].items():
             tree["studies"][study][name]["value"] = levels
     return Parameters(parameters.paper, tree, parameters.seed)
-
-
-# Samples give verdicts, which are compared every night; a build in a test needs only one, and no
-# search for reversals, which takes longer than all figures.
-FEW_SAMPLES = ("samples=1", "cached=false")
 
 
 # What Snakemake imports before it reads a workflow takes longer than a dry run.
@@ -151,43 +147,92 @@ def copy_toy(target: Path) -> Project:
     return project
 
 
-def build_once(factory: pytest.TempPathFactory, name: str, *asked: str) -> Project:
-    """A copy in a folder ``name``, built by the first process that needs it for all of them."""
+def shared_folder(
+    factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]
+) -> Project:
+    """A folder that the first process that needs it makes for all of them."""
     shared = factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         shared = shared.parent
-    folder, whole = shared / name, shared / f"{name}.whole"
+    folder, made = shared / name, shared / f"{name}.made"
     with (shared / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not whole.exists():
-            copy = copy_project(folder)
-            # The package of this checkout, whose compiled kernels the unit tests share.
-            environment = project_copy.copy_environment(ROOT)
-            copy.snakemake(*asked, environment=environment)
-            shutil.copytree(folder / "results", whole / "results")
+        if not made.exists():
+            make(folder)
+            made.touch()
     return Project(folder)
 
 
-@pytest.fixture(scope="session")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """A copy with all papers built on two cores; tests must restore what they change.
+def build(folder: Path, *asked: str) -> None:
+    """Build in a copy of the project, with this checkout's package and its compiled kernels."""
+    copy_project(folder).snakemake(*asked, environment=project_copy.copy_environment(ROOT))
 
-    Each claim has a single sample, see `FEW_SAMPLES`. Tests in the same process may run jobs in
-    it; tests in other processes compare with `as_built`.
+
+def limits(config: Mapping[str, Any]) -> str:
+    """Why a build with this `config.yaml` has not all results that tests compare, or nothing."""
+    if "papers" in config:
+        return f"it builds {', '.join(config['papers'])} only: remove `papers`"
+    if changed := [paper for paper in PAPERS if paper in config]:
+        return f"it changes parameters of {', '.join(changed)}: remove these keys"
+    if missing := [kind for kind in ("pdf", "svg", "png") if kind not in config["formats"]]:
+        return f"it builds no {', '.join(missing)}: add to `formats`"
+    return ""
+
+
+def take_results(checkout: Path, folder: Path) -> None:
+    """Bring the results of a checkout up to date, and copy them with what Snakemake knows of them.
+
+    Tests need these results whole: what hinders that fails in a sentence.
     """
-    return build_once(tmp_path_factory, "built", "--config", *FEW_SAMPLES)
+    if why := limits(read_yaml(checkout / "config/config.yaml")):
+        pytest.fail(f"config/config.yaml: {why}; tests compare all results", pytrace=False)
+    done = Project(checkout).snakemake(check=False)
+    if "cannot be locked" in done.stderr:
+        pytest.fail(
+            "the folder is locked: another build runs, wait for it; or one was killed: make unlock",
+            pytrace=False,
+        )
+    if done.returncode:
+        pytest.fail(f"the build failed, see `make`:\n{done.stderr[-2000:]}", pytrace=False)
+    made = states(checkout)
+    odd = {path.relative_to(checkout).as_posix(): why for path, why in made.items() if why}
+    if odd:
+        first, why = next(iter(odd.items()))
+        rest = f" and {len(odd) - 1} more" if len(odd) > 1 else ""
+        pytest.fail(f"{first}{rest}: {why}; remove them and `make` again", pytrace=False)
+    parameters = (checkout / f"results/{paper}/parameters.json" for paper in PAPERS)
+    for path in (*made, *parameters):
+        copied = folder / path.relative_to(checkout)
+        copied.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(path, copied)
+    for name in (".snakemake/metadata", "logs"):
+        shutil.copytree(checkout / name, folder / name)
+
+
+@pytest.fixture(scope="session")
+def as_built(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """The results of this checkout, up to date, and nothing else. For reading only."""
+    return shared_folder(tmp_path_factory, "results", lambda folder: take_results(ROOT, folder))
+
+
+@pytest.fixture(scope="session")
+def built(as_built: Project, tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """A copy of the project with these results; tests must restore what they change.
+
+    Tests in the same process may run jobs in it; tests in other processes compare with `as_built`.
+    """
+
+    def make(folder: Path) -> None:
+        copy_project(folder)
+        shutil.copytree(as_built.folder, folder, dirs_exist_ok=True)
+
+    return shared_folder(tmp_path_factory, "built", make)
 
 
 @pytest.fixture(scope="session")
 def built_bench(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Another copy, with the bench: in `built` it would make the report stale. For reading only."""
-    return build_once(tmp_path_factory, "built_bench", "bench")
-
-
-@pytest.fixture(scope="session")
-def as_built(built: Project) -> Project:
-    """The results of `built` right after its build, and nothing else."""
-    return Project(built.folder.with_name("built.whole"))
+    return shared_folder(tmp_path_factory, "built_bench", lambda folder: build(folder, "bench"))
 
 
 # What `compared` needs of a build, in the format in which figures are compared.
@@ -201,15 +246,15 @@ COMPARED = (
 
 @pytest.fixture(scope="session")
 def compared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """What is compared with golden numbers and accepted figures: of `as_built`, if a test takes it.
+    """What is compared with golden numbers and accepted figures: `as_built`, or a build apart.
 
-    On another processor none does: then neither claims nor other formats are built.
+    With `--build-apart` this process has the settings of another processor than the checkout's
+    results.
     """
-    names = [set(getattr(item, "fixturenames", ())) for item in request.session.items]
-    if any({"built", "as_built"} & taken for taken in names):
-        whole: Project = request.getfixturevalue("as_built")
-        return whole
-    return build_once(tmp_path_factory, "compared", *COMPARED)
+    if request.config.getoption("build_apart"):
+        return shared_folder(tmp_path_factory, "compared", lambda folder: build(folder, *COMPARED))
+    whole: Project = request.getfixturevalue("as_built")
+    return whole
 
 
 @pytest.fixture(scope="session")

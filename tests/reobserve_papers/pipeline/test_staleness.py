@@ -15,7 +15,7 @@ import pytest
 
 from reobserve_papers.steps.provenance import import_closure, stage_modules
 
-from .conftest import FEW_SAMPLES, PAPERS, PARAMETER_FILES, Project
+from .conftest import PAPERS, PARAMETER_FILES, Project, take_results
 
 # Stages that a paper has if its parameter file has the section.
 OPTIONAL = {"design": "designs", "study": "studies", "table": "tables", "theory": "theory"}
@@ -97,7 +97,7 @@ def test_touching_a_file_makes_nothing_stale(built: Project) -> None:
         path.touch()
     for path in (built.folder / "config").rglob("*.yaml"):
         path.touch()
-    assert built.stale(config=FEW_SAMPLES) == {}
+    assert built.stale() == {}
 
 
 @pytest.mark.nightly
@@ -126,7 +126,7 @@ def test_new_package_version_makes_dependent_jobs_stale(built: Project) -> None:
 def test_samples_are_stale_after_changes_of_figures_and_observers(
     built: Project, override: str
 ) -> None:
-    stale = built.stale(config=[*FEW_SAMPLES, override])
+    stale = built.stale(config=[override])
     assert stale["robustness"] == stale["sensitivity"] == 1
 
 
@@ -151,7 +151,7 @@ def test_changed_title_makes_only_the_plot_stale(built: Project, section: str, n
 @pytest.mark.nightly
 def test_changed_caption_makes_its_plot_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
-        assert built.stale(config=FEW_SAMPLES) == {"plot": 1, **REPORTED}
+        assert built.stale() == {"plot": 1, **REPORTED}
 
 
 # Jobs made stale by the wording of a claim, and by its checks.
@@ -194,7 +194,7 @@ def test_evidence_is_stale_after_its_inputs_change(
     built: Project, file: str, old: str, new: str, stale: dict[str, int]
 ) -> None:
     with edited(built.folder / file, old, new):
-        assert built.stale(config=FEW_SAMPLES) == stale
+        assert built.stale() == stale
 
 
 def test_bench_renews_the_report_and_is_built_by_its_own_target_only(built: Project) -> None:
@@ -205,11 +205,11 @@ def test_bench_renews_the_report_and_is_built_by_its_own_target_only(built: Proj
     try:
         table.write_text("condition,method\n")
         with edited(module):
-            assert built.stale(config=FEW_SAMPLES) == REPORTED
+            assert built.stale() == REPORTED
     finally:
         shutil.rmtree(table.parents[1])
     with edited(module):
-        assert built.stale(config=FEW_SAMPLES) == {}
+        assert built.stale() == {}
 
 
 @pytest.mark.nightly
@@ -275,6 +275,45 @@ def test_edited_kernel_is_not_loaded_from_an_old_cache(fresh: Project) -> None:
     assert abs(series[0] - json.loads(again)[0]) > 1e-6
 
 
+@pytest.mark.parametrize(
+    ("key", "text", "said"),
+    [
+        ("papers", "[ilo]", "it builds ilo only: remove `papers`"),
+        ("ilo", "{}", "it changes parameters of ilo: remove these keys"),
+        ("formats", "[svg, pdf]", "it builds no png: add to `formats`"),
+    ],
+)
+def test_config_that_leaves_out_results_is_refused(
+    tmp_path: Path, key: str, text: str, said: str
+) -> None:
+    (tmp_path / "config").mkdir()
+    values = {"formats": "[pdf, svg, png]", key: text}
+    config = "".join(f"{name}: {value}\n" for name, value in values.items())
+    (tmp_path / "config/config.yaml").write_text(config)
+    with pytest.raises(pytest.fail.Exception, match=re.escape(f"config/config.yaml: {said}; ")):
+        take_results(tmp_path, tmp_path / "taken")
+
+
+@pytest.mark.nightly
+def test_edited_results_and_a_locked_folder_are_refused(built: Project, tmp_path: Path) -> None:
+    take_results(built.folder, tmp_path / "whole")
+    assert Project(tmp_path / "whole").results() == built.results()
+    path = built.folder / "results/ilo/fig1.svg"
+    with edited(path):
+        said = r"results/ilo/fig1\.svg: changed since its job ended, .*; remove them and `make`"
+        with pytest.raises(pytest.fail.Exception, match=said):
+            take_results(built.folder, tmp_path / "taken")
+    locks = built.folder / ".snakemake/locks"
+    locks.mkdir(exist_ok=True)
+    lock = locks / "0.output.lock"
+    try:
+        lock.write_text("results/ilo/fig1.svg\n")
+        with pytest.raises(pytest.fail.Exception, match=r"the folder is locked: .*make unlock"):
+            take_results(built.folder, tmp_path / "taken")
+    finally:
+        lock.unlink()
+
+
 # Each in a process that has imported only third-party packages common to all.
 LOADED = """
 import json, os, sys
@@ -325,7 +364,7 @@ OF_NULLS = {
 @pytest.fixture(scope="module")
 def commands(built: Project) -> list[list[str]]:
     """The arguments of all stage jobs, after the name of the stage."""
-    asked = ("--dry-run", "--forceall", "--printshellcmds", "--config", *FEW_SAMPLES)
+    asked = ("--dry-run", "--forceall", "--printshellcmds")
     output = built.snakemake(*asked).stdout
     found = re.findall(r"\(set -x; reobserve-papers stage (.*?)\) ", output)
     return [command.split() for command in found]

@@ -12,11 +12,11 @@ from playwright.sync_api import Browser
 from reobserve_papers.report import report_command
 from reobserve_papers.steps import meanings
 from tests.browser import browser
-from tests.reobserve_papers.pipeline.conftest import Project, as_built, built
+from tests.reobserve_papers.pipeline.conftest import Project, as_built
 
 from .project import BROKEN, CLAIMS, MEANINGS, make_project, write_claims
 
-__all__ = ["as_built", "browser", "built"]
+__all__ = ["as_built", "browser"]
 
 
 @pytest.fixture(autouse=True)

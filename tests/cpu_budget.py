@@ -1,0 +1,162 @@
+"""A pytest plug-in that measures the CPU seconds of tests and holds them to a budget.
+
+A case may take `CASE` seconds and the cases of one function `FUNCTION` in all, where the first case
+stays whatever it takes. Tests beyond that are for `make nightly`: shorten them, or mark them with
+`nightly`, or the function with `nightly_after(n)`, which keeps its first n cases. Measured are this
+process and its children that have ended, without fixtures that tests share.
+"""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pytest
+
+CASE, FUNCTION = 3.0, 2.0
+COLD = 30.0  # of a case that compiles all that it needs, as on a clean checkout
+SMALL = 0.2  # what further cases of a function may take after an expensive first one
+
+_USED = pytest.StashKey[float]()
+
+
+def cpu_seconds() -> float:
+    """CPU seconds of this process and of its children that have ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def beyond(cases: Mapping[str, float], factor: float = 1.0) -> list[str]:
+    """A line for each case and each function beyond ``factor`` times the budget.
+
+    ``cases`` are the CPU seconds by test, in the order of collection.
+    """
+    found = [
+        f"{name}: {used:.1f} CPU s, a case may take {CASE:g}"
+        for name, used in cases.items()
+        if used > factor * CASE
+    ]
+    functions: dict[str, list[float]] = defaultdict(list)
+    for name, used in cases.items():
+        functions[_function(name)].append(used)
+    for name, (first, *further) in functions.items():
+        if further and sum(further) > max(factor * FUNCTION - first, SMALL):
+            kept = 1 + sum(first + sum(further[: n + 1]) <= FUNCTION for n in range(len(further)))
+            found.append(
+                f"{name}: {first + sum(further):.1f} CPU s in {1 + len(further)} cases, a function "
+                f"may take {FUNCTION:g}: nightly_after({kept})"
+            )
+    return found
+
+
+def _function(name: str) -> str:
+    """The function of a case."""
+    return name.partition("[")[0]
+
+
+class CpuBudget:
+    """Measurement of each test, and the report at the end of a run."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.config = config
+        self.cases: dict[str, float] = {}
+        self.workers = 0.0
+        self._shared, self._depth = 0.0, 0
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Mark the late cases of functions that say how many they keep."""
+        cases = Counter[str]()
+        for item in items:
+            cases[_function(item.nodeid)] += 1
+            kept = item.get_closest_marker("nightly_after")
+            if kept is not None and cases[_function(item.nodeid)] > kept.args[0]:
+                item.add_marker("nightly")
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
+        """Take the time of shared fixtures apart."""
+        shared = fixturedef.scope != "function"
+        self._depth += shared
+        start = cpu_seconds()
+        try:
+            return (yield)
+        finally:
+            self._depth -= shared
+            if shared and not self._depth:
+                self._shared += cpu_seconds() - start
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        """Begin to measure a test."""
+        self._shared = 0.0
+        item.stash[_USED] = cpu_seconds()
+        return (yield)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self, item: pytest.Item, call: Any) -> Iterator[Any]:
+        """Note in the last report of a test what it took."""
+        report = yield
+        if call.when == "teardown" and item.get_closest_marker("nightly") is None:
+            used = cpu_seconds() - item.stash[_USED] - self._shared
+            report.user_properties.append(("cpu_seconds", used))
+        return report
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Collect what tests took, those of other processes included."""
+        if report.when == "teardown":
+            for name, used in report.user_properties:
+                if name == "cpu_seconds":
+                    self.cases[report.nodeid] = used
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Add what a process of pytest-xdist took."""
+        self.workers += node.workeroutput.get("cpu_seconds", 0.0)
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Fail beyond the limit asked for."""
+        if hasattr(self.config, "workeroutput"):
+            self.config.workeroutput["cpu_seconds"] = cpu_seconds()
+        elif self._failures() and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        """Print the sum, and what is beyond the budget."""
+        lines, failures = beyond(self.cases), self._failures()
+        total = cpu_seconds() + self.workers
+        terminalreporter.write_line(
+            f"{total:.0f} CPU s, {sum(self.cases.values()):.0f} of them in {len(self.cases)} cases "
+            f"that are not nightly; {len(lines)} beyond the budget"
+        )
+        for line in failures or lines:
+            terminalreporter.write_line(f"{'FAILED ' if failures else ''}{line}")
+
+    def _failures(self) -> list[str]:
+        limit = self.config.getoption("cpu_limit")
+        if limit == "twice":
+            return beyond(self.cases, 2.0)
+        if limit == "cold":
+            return [
+                f"{name}: {used:.1f} CPU s, a case that is not nightly may take {COLD:g}"
+                for name, used in self.cases.items()
+                if used > COLD
+            ]
+        return []
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that makes a run fail."""
+    parser.addoption(
+        "--cpu-limit", choices=("none", "cold", "twice"), default="none",
+        help="fail where tests that are not nightly take over twice their CPU seconds (twice), "
+        f"or a case over {COLD:g} (cold: kernels are compiled)",
+    )  # fmt: skip
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Measure, in each process."""
+    config.pluginmanager.register(CpuBudget(config), "cpu-budget")
