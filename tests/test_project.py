@@ -15,11 +15,11 @@ import pytest
 import yaml
 
 from reobserve.core.errors import InputError
+from reobserve.core.import_closure import import_closure
 from reobserve_papers.golden.values import part_names
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.meanings import LISTS, meanings, write_lists
-from reobserve_papers.steps.provenance import import_closure
 from tests import ROOT
 
 from . import FIVE

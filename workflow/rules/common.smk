@@ -7,6 +7,7 @@ from pathlib import Path
 
 from reobserve.__main__ import collect_rarely
 from reobserve.core.documents import read_yaml
+from reobserve.core.import_closure import closure_digest
 from reobserve_papers.claims.claims_digest import claims_digest
 from reobserve_papers.claims.evidence import checked_papers
 from reobserve_papers.cli.own_modules import refused_in_one_sentence
@@ -16,7 +17,7 @@ from reobserve_papers.parameters.names import samples_path, style_sheet
 from reobserve_papers.parameters.prepare import check_metadata, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
 from reobserve_papers.parameters.step_kinds import SECTIONS
-from reobserve_papers.steps.provenance import closure_digest, code_digest, files_digest
+from reobserve_papers.steps.provenance import code_digest, files_digest
 from reobserve_papers.steps.provenance import shared_digest, versions
 from reobserve_papers.signals.inputs import sample_files
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, cached_property, update_wrapper
@@ -14,10 +12,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from reobserve.core.import_closure import closure_digest, source
 from reobserve.core.kernel_cache import cache_in, compiling, own_folder
-
-# In modules that hold compiled code.
-_MARKS = (b"@kernel", b"@inlined_kernel", b"@allocating_kernel", b"intrinsic(_")
 
 # Division by zero gives inf or nan, as in numpy. Sums are never reordered and products never fused
 # (no ``fastmath``), so that stepping and batch runs are bitwise identical.
@@ -129,7 +125,7 @@ class FunctionPointer:
 
 def _cached(function: Callable[..., Any], decorator: Any, *arguments: Any, **options: Any) -> Any:
     """Apply a decorator of numba, with its cache in `_cache_folder` if that can be written."""
-    with cache_in(_cache_folder(_packages_behind(function))) as cached:
+    with cache_in(_cache_folder(_modules_behind(function))) as cached:
         try:
             return decorator(*arguments, cache=cached, **options)(function)
         except RuntimeError as error:  # numba found no folder for the module of this function
@@ -138,8 +134,8 @@ def _cached(function: Callable[..., Any], decorator: Any, *arguments: Any, **opt
     return decorator(*arguments, **options)(function)
 
 
-def _packages_behind(function: Callable[..., Any]) -> frozenset[str]:
-    """The top-level packages of a function and of the kernels that it calls, also indirectly."""
+def _modules_behind(function: Callable[..., Any]) -> frozenset[str]:
+    """The modules of a function and of the kernels that it calls, also indirectly."""
     seen: dict[Any, None] = {}
     waiting: list[Any] = [function]
     while waiting:
@@ -158,34 +154,26 @@ def _packages_behind(function: Callable[..., Any]) -> frozenset[str]:
         with suppress(ValueError):  # a cell that is still empty
             used += [cell.cell_contents for cell in one.__closure__ or ()]
         waiting += [getattr(each, "py_func", getattr(each, "_function", None)) for each in used]
-    return frozenset((one.__module__ or "").partition(".")[0] for one in seen)
+    return frozenset(one.__module__ or "" for one in seen)
 
 
 @cache
-def _cache_folder(packages: frozenset[str]) -> Path | None:
-    """The folder for the machine code of packages, or None if no place can be written.
+def _cache_folder(modules: frozenset[str]) -> Path | None:
+    """The folder for the machine code of functions in modules, or None if there can be none.
 
-    numba looks at the file that defines a function, not at the functions it calls in other files.
-    So the name of the folder is a digest of all modules with kernels, of the library and of the
-    packages: an edit begins a new one.
+    numba looks at the file that defines a function, not at the functions it calls in other files,
+    nor at constants from there. So the name of the folder is a digest of all that the modules
+    import: an edit of any of it begins a new one.
     """
-    library = Path(__file__).parents[1]
-    folders = [library]
-    for package in sorted(packages):
-        folders += map(Path, getattr(sys.modules.get(package), "__path__", ()))
-    whole = hashlib.sha256(numba.__version__.encode())
-    for path in (
-        path for folder in dict.fromkeys(folders) for path in sorted(folder.rglob("*.py"))
-    ):
-        source = path.read_bytes()
-        if any(mark in source for mark in _MARKS):
-            whole.update(source)
+    if None in map(source, modules):
+        return None
     chosen: Any = numba.config
     if chosen.CACHE_DIR:
         places = [Path(chosen.CACHE_DIR).absolute()]
     else:
-        places = [library / "__pycache__", *_caches_of_user()]
-    name = f"reobserve-kernels-{whole.hexdigest()[:16]}"
+        places = [Path(__file__).parents[1] / "__pycache__", *_caches_of_user()]
+    digest = closure_digest([__name__, *modules])
+    name = f"reobserve-kernels-{numba.__version__}-{digest}"
     return next(filter(None, (own_folder(place, name) for place in places)), None)
 
 

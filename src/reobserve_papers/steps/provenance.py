@@ -7,17 +7,12 @@ so that it can be known before anything runs and hashed into the decision what i
 from __future__ import annotations
 
 import hashlib
-import re
-from collections.abc import Iterable, Iterator
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 
+from reobserve.core.import_closure import closure_digest, source
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.step_kinds import KINDS
-
-# The library and the papers: the top-level packages of this project.
-_OURS = ("reobserve", "reobserve_papers")
 
 # Packages whose version can move a number or a figure.
 _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
@@ -46,36 +41,8 @@ def stage_modules(stage: str, package: str) -> list[str]:
         "reobserve_papers.cli.stage_commands",
         f"reobserve_papers.cli.stages.{stage}",
         *(paper_part(package, part) for part in needed),
-        *(module for module in found if _source(module) is not None),
+        *(module for module in found if source(module) is not None),
     ]
-
-
-def import_closure(modules: Iterable[str]) -> list[str]:
-    """All modules of this project that ``modules`` import, directly or not, themselves included.
-
-    Of other packages, only those count that one of ``modules`` belongs to: a paper's own. Names
-    under ``if TYPE_CHECKING`` are left out: they are not imported when the code runs.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If one of ``modules`` does not exist: a digest without it would never change.
-    """
-    waiting = list(modules)
-    ours = {*_OURS, *(module.partition(".")[0] for module in waiting)}
-    for module in waiting:
-        if _source(module) is None:
-            raise ModuleNotFoundError(f"there is no module {module}", name=module)
-    found: set[str] = set()
-    while waiting:
-        module = waiting.pop()
-        if module in found or module.partition(".")[0] not in ours or _source(module) is None:
-            continue
-        found.add(module)
-        if "." in module:
-            waiting.append(module.rpartition(".")[0])
-        waiting.extend(_imports(module))
-    return sorted(found)
 
 
 @cache
@@ -91,17 +58,6 @@ def code_digest(stage: str, package: str) -> str:
 def shared_digest(module: str) -> str:
     """The same of a module that serves all papers."""
     return closure_digest(["reobserve_papers.__main__", module])
-
-
-def closure_digest(modules: Iterable[str]) -> str:
-    """A short hash of the source of ``modules`` and of everything that they import from here."""
-    whole = hashlib.sha256()
-    for module in import_closure(modules):
-        path = _source(module)
-        assert path is not None
-        whole.update(module.encode())
-        whole.update(hashlib.sha256(path.read_bytes()).digest())
-    return whole.hexdigest()[:16]
 
 
 def files_digest(*places: str) -> str:
@@ -121,54 +77,3 @@ def versions() -> dict[str, str]:
     from importlib import metadata
 
     return {name: metadata.version(name) for name in _PACKAGES}
-
-
-@cache
-def _source(module: str) -> Path | None:
-    """The file of a module, found without importing it, or None if there is none."""
-    top, *rest = module.split(".")
-    spec = find_spec(top)
-    if spec is None:
-        return None
-    if not spec.submodule_search_locations:
-        return Path(spec.origin) if spec.origin and not rest else None
-    for folder in spec.submodule_search_locations:
-        base = Path(folder, *rest)
-        for path in (base / "__init__.py", base.with_name(f"{base.name}.py")):
-            if path.is_file():
-                return path
-    return None
-
-
-# Found in the text of a module, ten times faster than by parsing it: each job does this for all
-# that it imports. A test compares what they find with what Python's own parser does.
-_TYPES_ONLY = re.compile(
-    r"^([ \t]*)if TYPE_CHECKING:.*\n(?:(?:\1[ \t]+.*|[ \t]*)\n)*", re.MULTILINE
-)
-_IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(\.*[\w.]*)[ \t]+)?import[ \t]+(\([^)]*\)|[^#\n]+)", re.MULTILINE
-)
-
-
-@cache
-def _imports(module: str) -> tuple[str, ...]:
-    path = _source(module)
-    assert path is not None
-    return tuple(_names(path.read_text(encoding="utf-8"), module, path))
-
-
-def _names(text: str, module: str, path: Path) -> Iterator[str]:
-    """The names that a module imports when it runs, without those under ``if TYPE_CHECKING``."""
-    for origin, listed in _IMPORT.findall(_TYPES_ONLY.sub("", text)):
-        parts = re.sub(r"#.*", "", listed).strip("()").split(",")
-        names = [name for part in parts if (name := part.split(" as ")[0].strip())]
-        if not origin:
-            yield from names
-            continue
-        base = origin.lstrip(".")
-        if level := len(origin) - len(base):
-            parents = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
-            kept = parents[: len(parents) - level + 1]
-            base = ".".join((*kept, base) if base else kept)
-        yield base
-        yield from (f"{base}.{name}" for name in names)

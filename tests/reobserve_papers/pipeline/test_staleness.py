@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from reobserve_papers.steps.provenance import import_closure, stage_modules
+from reobserve.core.import_closure import import_closure
+from reobserve_papers.steps.provenance import stage_modules
 
 from .conftest import PAPERS, PARAMETER_FILES, Project, take_results
 
