@@ -87,8 +87,9 @@ _IMPORT = re.compile(
 
 @cache
 def _imports(module: str, packages: frozenset[str]) -> tuple[str, ...]:
-    """The modules of packages that a module imports, and the package that it is in."""
-    names = {module.rpartition(".")[0], *_read(module)[1]}
+    """The modules of packages that a module imports, and the packages that it is in."""
+    parents = {module[:k] for k, letter in enumerate(module) if letter == "."}
+    names = parents.union(_read(module)[1])
     return tuple(name for name in names if _package(name) in packages and source(name))
 
 

@@ -87,7 +87,12 @@ def cache_in(folder: Path | None) -> Iterator[bool]:
     def checked(self: Any, function: Any) -> None:
         _INIT(self, function)
         self.used = Path(self.cache_path).is_relative_to(folder)
-        self._cache_file = _CheckedFile(self._cache_file)
+        file = self._cache_file
+        if self.used:  # whose path has the folder of the source in it
+            self._cache_path = str(folder)
+            name = f"{function.__module__}.{self._impl.filename_base}"
+            file = type(file)(self._cache_path, name, self._impl.locator.get_source_stamp())
+        self._cache_file = _CheckedFile(file)
         self.__class__ = _CheckedCache
 
     config: Any = numba.config

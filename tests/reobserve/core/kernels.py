@@ -64,8 +64,8 @@ def machine_code(kernel: Any) -> list[bytes]:
     calls, the process has nothing to show where the kernel came from the cache.
     """
     function = kernel.py_func
-    module, line = function.__module__.rpartition(".")[2], function.__code__.co_firstlineno
-    name = f"{module}.{function.__qualname__}-{line}.py*.nbc"
+    line = function.__code__.co_firstlineno
+    name = f"{function.__module__}.*.{function.__qualname__}-{line}.py*.nbc"
     return [path.read_bytes() for path in Path(kernel.stats.cache_path).glob(name)]
 
 

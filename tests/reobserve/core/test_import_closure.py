@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import ast
+import shutil
 from collections.abc import Iterator
+from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
 
+import numba
 import pytest
 
+import reobserve
+from reobserve.core import import_closure as closures
+from reobserve.core import kernel
 from reobserve.core.import_closure import _names, _read, import_closure
 from tests import ROOT
 
@@ -55,16 +61,26 @@ def test_imported_names_are_found(statement: str, path: Path, names: list[str]) 
     assert list(_names(statement, MODULE, path)) == names
 
 
+SOURCE = ROOT / "src"
+FILES = {
+    ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in SOURCE.rglob("*.py")
+    if path.name != "__main__.py"
+}
+
+
 def test_imports_are_those_that_python_parses() -> None:
     """In all modules of the project, inside functions and in parentheses, too."""
-    files = [path for path in (ROOT / "src").rglob("*.py") if path.name != "__main__.py"]
-    assert len(files) > 400
-    for path in files:
-        module = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
-        module = module.removesuffix(".__init__")
-        tree = ast.parse(path.read_bytes())
-        wanted = {name for node in running(tree) for name in imported(node, module, path)}
-        assert set(_read(module)[1]) == wanted, module
+    assert len(FILES) > 400
+    for module in FILES:
+        assert set(_read(module)[1]) == parsed(module), module
+
+
+@cache
+def parsed(module: str) -> set[str]:
+    """All names that a module imports, by Python's own parser."""
+    tree = ast.parse(FILES[module].read_bytes())
+    return {name for node in running(tree) for name in imported(node, module, FILES[module])}
 
 
 def running(node: ast.AST) -> Iterator[ast.stmt]:
@@ -106,3 +122,64 @@ def test_closure_contains_direct_and_indirect_imports() -> None:
 def test_unknown_start_of_a_closure_is_refused() -> None:
     with pytest.raises(ModuleNotFoundError, match=r"there is no module reobserve\.core\.no"):
         import_closure(["reobserve.core", "reobserve.core.no"])
+
+
+WITH_KERNELS = {
+    module
+    for module, path in FILES.items()
+    if module.startswith("reobserve.") and "kernel\ndef " in path.read_text(encoding="utf-8")
+}
+
+
+@pytest.fixture
+def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A copy of the library, in which its modules are found."""
+    copy = tmp_path / "reobserve"
+    shutil.copytree(SOURCE / "reobserve", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(reobserve, "__path__", [str(copy)])
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    closures.source.cache_clear()
+    forget()
+    yield copy
+    closures.source.cache_clear()
+    forget()
+
+
+def forget() -> None:
+    """Forget what files held."""
+    _read.cache_clear()
+    closures._imports.cache_clear()
+
+
+def folders() -> dict[str, Path | None]:
+    """The folder for the machine code of each module with kernels."""
+    forget()
+    return {one: kernel._cache_folder.__wrapped__(frozenset([one])) for one in WITH_KERNELS}
+
+
+def test_edit_begins_a_new_folder_for_the_kernels_that_import_the_module_and_no_others(
+    copy: Path,
+) -> None:
+    assert len(WITH_KERNELS) > 30
+    always = expected("reobserve.core.kernel")  # which compiles them
+    behind = {one: expected(one) | always for one in WITH_KERNELS}
+    library = sorted(one for one in FILES if one.startswith("reobserve."))
+    before = folders()
+    for edited in ("reobserve.detection.restarted_cusum", *library[::9]):
+        path = copy.parent / FILES[edited].relative_to(SOURCE)
+        path.write_text(f"{path.read_text(encoding='utf-8')}# edited\n", encoding="utf-8")
+        after = folders()
+        moved = {one for one in WITH_KERNELS if after[one] != before[one]}
+        assert moved == {one for one in WITH_KERNELS if edited in behind[one]}, edited
+        before = after
+
+
+def expected(module: str) -> set[str]:
+    """The import closure by Python's own parser."""
+    found: set[str] = set()
+    waiting = {module}
+    while waiting:
+        one = waiting.pop()
+        found.add(one)
+        waiting |= ({one.rpartition(".")[0], *parsed(one)} & {*FILES}) - found
+    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -99,6 +100,72 @@ def test_second_process_loads_machine_code_until_a_called_kernel_is_edited(
     for divisor, answer in ((2, "2.0 0\n"), (2, "2.0 1\n"), (4, "1.0 0\n")):
         (halves / "halves.py").write_text(HALF.format(divisor=divisor))
         assert run(program) == answer
+
+
+CONSTANT = """
+from reobserve.core.kernel import kernel
+from reobserve.core.constants import FACTOR
+
+@kernel
+def twice(x):
+    return FACTOR * x
+"""
+
+
+def test_edited_constant_of_another_module_is_compiled_in(run: Run, package: Path) -> None:
+    (package / "reobserve/core/sums.py").write_text(CONSTANT)
+    for factor, answer in ((2, "2.0 0\n"), (2, "2.0 1\n"), (3, "3.0 0\n"), (2, "2.0 1\n")):
+        (package / "reobserve/core/constants.py").write_text(f"FACTOR = {factor}.0")
+        assert run() == answer
+
+
+def test_files_alike_of_modules_that_import_each_other_keep_code_of_their_own(
+    run: Run, package: Path
+) -> None:
+    modules = {"papers.one": 2, "papers.two": 3}
+    for module, factor in modules.items():
+        folder = package / module.replace(".", "/")
+        folder.mkdir(parents=True)
+        (folder / "constants.py").write_text(f"FACTOR = {factor}.0")
+        (folder / "sums.py").write_text(CONSTANT.replace("reobserve.core.const", ".const"))
+    (package / "papers/__init__.py").write_text("import papers.one.sums, papers.two.sums")
+    program = "".join(RUN.replace("reobserve.core", module) + "\n" for module in modules)
+    assert run(program) == "2.0 0\n3.0 0\n"
+    assert run(program) == "2.0 1\n3.0 1\n"
+
+
+FILTER = """
+import sys, numpy as np
+from numba.core import event
+with event.install_recorder("numba:compile") as compiled:
+    from reobserve.observers import linear_loop
+    from reobserve.observers.kalman import KalmanFilter
+    from reobserve.systems.linear import LinearModel
+    one = np.eye(1)
+    kalman = KalmanFilter(LinearModel(one, one, one, Q=1.0, R=1.0, sampling_period=1.0))
+    kalman.run(np.ones((3, 1)), np.ones((3, 1)), state=kalman.init([0.0], 1.0))
+print(linear_loop.__file__)
+print(sum(linear_loop.run_linear.stats.cache_hits.values()), len(compiled.buffer))
+"""
+
+
+def test_filter_is_loaded_in_a_copy_with_edits_that_it_does_not_import(
+    forks: Forks, tmp_path: Path
+) -> None:
+    """Another folder, and other times of its files, as a fresh checkout has."""
+    import reobserve
+
+    root, copy = Path(reobserve.__file__).parent, tmp_path / "reobserve"
+    cache = {"NUMBA_CACHE_DIR": str(root / "__pycache__")}  # where the tests before this compiled
+    hidden = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(root, copy, ignore=hidden, copy_function=shutil.copyfile)
+    assert forks.run(root.parent, RELOAD + FILTER, **cache).returncode == 0
+    for name in ("detection/restarted_cusum.py", "observers/ilo.py"):
+        with (copy / name).open("a", encoding="utf-8") as stream:
+            stream.write("# edited\n")
+    done = forks.run(tmp_path, RELOAD + FILTER, **cache)
+    assert done.stderr == ""
+    assert done.stdout == f"{copy / 'observers/linear_loop.py'}\n1 0\n"
 
 
 def test_unwritable_cache_folder_only_costs_time(run: Run, package: Path) -> None:
@@ -227,6 +294,9 @@ BOTH = (
 )
 
 
+NAMES = "reobserve.core.function.function"  # the module, and its file as numba names it
+
+
 def cached_files(folder: Path, ending: str) -> list[Path]:
     return sorted(folder.rglob(f"reobserve-kernels-*/**/*.{ending}"))
 
@@ -260,7 +330,9 @@ def test_damaged_machine_code_is_compiled_again(run: Run, cached: Path, ending: 
 
 def test_machine_code_of_another_function_is_not_taken_for_its_own(run: Run, cached: Path) -> None:
     files = {path.name.split("-")[0]: path for path in cached_files(cached, "nbc")}
-    one, other = files["function.called"], files["function.eightfold"]
+    one, other = (
+        files[f"reobserve.core.function.function.{name}"] for name in ("called", "eightfold")
+    )
     one.write_bytes(other.read_bytes())
     assert run(BOTH) == "9.0 8.0 0 1\n"
 
