@@ -20,8 +20,9 @@ from pathlib import Path
 def import_closure(modules: Iterable[str]) -> list[str]:
     """All modules that ``modules`` import, directly or not, themselves included.
 
-    Of other packages than this one, only those count that one of ``modules`` belongs to. Names
-    under ``if TYPE_CHECKING`` are left out: they are not imported when the code runs.
+    Of other packages than this one, only those count that one of ``modules`` belongs to, and those
+    beside them unless they are installed. Names under ``if TYPE_CHECKING`` are left out: they are
+    not imported when the code runs.
 
     Raises
     ------
@@ -90,7 +91,20 @@ def _imports(module: str, packages: frozenset[str]) -> tuple[str, ...]:
     """The modules of packages that a module imports, and the packages that it is in."""
     parents = {module[:k] for k, letter in enumerate(module) if letter == "."}
     names = parents.union(_read(module)[1])
-    return tuple(name for name in names if _package(name) in packages and source(name))
+    return tuple(name for name in names if _counts(_package(name), packages) and source(name))
+
+
+@cache
+def _counts(package: str, packages: frozenset[str]) -> bool:
+    """True if a package is one of ``packages``, or beside one in a folder of source."""
+    place = _place(package)
+    beside = place is not None and place.name not in ("site-packages", "dist-packages")
+    return package in packages or (beside and place in map(_place, packages))
+
+
+def _place(package: str) -> Path | None:
+    path = source(package)
+    return path and path.parents[path.name == "__init__.py"]
 
 
 @cache

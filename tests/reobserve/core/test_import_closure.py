@@ -124,6 +124,20 @@ def test_unknown_start_of_a_closure_is_refused() -> None:
         import_closure(["reobserve.core", "reobserve.core.no"])
 
 
+@pytest.mark.parametrize(
+    ("folder", "counted"), [("mine", ["one", "two"]), ("site-packages", ["one"])]
+)
+def test_modules_beside_count_unless_they_are_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, counted: list[str]
+) -> None:
+    (tmp_path / folder).mkdir()
+    names = {name: f"{folder[:4]}_{name}" for name in ("one", "two")}
+    for name in names.values():
+        (tmp_path / folder / f"{name}.py").write_text(f"import numpy, {names['two']}")
+    monkeypatch.syspath_prepend(tmp_path / folder)
+    assert import_closure([names["one"]]) == [names[name] for name in counted]
+
+
 WITH_KERNELS = {
     module
     for module, path in FILES.items()

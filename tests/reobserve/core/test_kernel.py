@@ -112,11 +112,17 @@ def twice(x):
 """
 
 
-def test_edited_constant_of_another_module_is_compiled_in(run: Run, package: Path) -> None:
-    (package / "reobserve/core/sums.py").write_text(CONSTANT)
+@pytest.mark.parametrize("place", ["reobserve.core.", ""])
+def test_edited_constant_of_another_module_is_compiled_in(
+    run: Run, package: Path, place: str
+) -> None:
+    """In the package of the kernel, or in a file beside the one of the kernel."""
+    folder = package / place.replace(".", "/")
+    (folder / "sums.py").write_text(CONSTANT.replace("reobserve.core.const", f"{place}const"))
+    program = RUN.replace("reobserve.core.", place)
     for factor, answer in ((2, "2.0 0\n"), (2, "2.0 1\n"), (3, "3.0 0\n"), (2, "2.0 1\n")):
-        (package / "reobserve/core/constants.py").write_text(f"FACTOR = {factor}.0")
-        assert run() == answer
+        (folder / "constants.py").write_text(f"FACTOR = {factor}.0")
+        assert run(program) == answer
 
 
 def test_files_alike_of_modules_that_import_each_other_keep_code_of_their_own(
