@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.core.units import readings
+from reobserve.core.units import check_unit, readings
 from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.dialect import SIGNS
 from reobserve.estimation.families.design import Design
-from reobserve.estimation.quantities import SAME, Conversion, agree, check_unit, conversion
+from reobserve.estimation.quantities import SAME, Conversion, agree, conversion
 from reobserve.estimation.specification import Column, Columns, Constant, TimeColumn
 from reobserve.estimation.text_rows import RowError
 

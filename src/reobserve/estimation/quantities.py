@@ -10,8 +10,6 @@ from typing import Any, NamedTuple
 from reobserve.core.errors import InputError, shown
 from reobserve.core.units import check_unit, readings, registry
 
-__all__ = ["SAME", "Conversion", "agree", "check_unit", "conversion"]
-
 # In which rates are stated, of events as well as of turns and radians.
 _COUNTING = {"minute", "hour", "hertz", "count", "bit", "percent"}
 

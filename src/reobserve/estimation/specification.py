@@ -21,12 +21,13 @@ from typing import Annotated, Any, Literal
 
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
+from reobserve.core.units import check_unit
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, items, parse
 from reobserve.estimation.dates import ISO, check_day, check_format, check_zone
 from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.stated import DesignFile, stated
 from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
-from reobserve.estimation.quantities import check_unit, conversion
+from reobserve.estimation.quantities import conversion
 
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
 Missing = Literal["refuse", "interpolate", "skip"]

@@ -16,7 +16,7 @@ from typing import Any
 
 from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError, ReobserveError, located
-from reobserve.estimation.quantities import check_unit
+from reobserve.core.units import check_unit
 from reobserve_papers.parameters.job import AnyJob, StudyFigure, named, read_parameters
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
