@@ -12,7 +12,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
 from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.examples import examples, specification_text
-from reobserve_papers.cli.schemas import KINDS as KINDS_OF_FILES
+from reobserve_papers.cli.schemas import KINDS, schema_of
 from reobserve_papers.parameters.parameter_file import Configuration
 
 
@@ -73,8 +73,8 @@ def _allowed(part: Mapping[str, Any]) -> str:
 def schemas() -> str:
     """The keys of all kinds of files in `config`."""
     parts = []
-    for name, (path, kind) in KINDS_OF_FILES.items():
-        found = schema(kind)
+    for name, (path, _) in KINDS.items():
+        found = schema_of(name)
         about = f"{code(path)}, as `reobserve-papers schema {name}` prints it for an editor."
         parts.append(f"{heading(2, code(name), name)}\n\n{about}\n\n{_keys(found)}")
         parts += [

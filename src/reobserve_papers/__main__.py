@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NoReturn
 
-from reobserve.__main__ import leave
+from reobserve.core.command_line import leave
 
 
 def run() -> NoReturn:

@@ -5,7 +5,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from reobserve.__main__ import collect_rarely
+from reobserve.core.command_line import collect_rarely
 from reobserve.core.documents import read_yaml
 from reobserve.core.import_closure import closure_digest
 from reobserve_papers.claims.claims_digest import claims_digest

@@ -9,7 +9,9 @@ from pathlib import Path
 from types import ModuleType
 
 from reobserve.core.errors import InputError
-from reobserve.tuning.task import Task
+from reobserve.tuning.task import Task, TaskFile
+
+MODEL = TaskFile  # of a task file, for its JSON schema
 
 
 @dataclass(frozen=True)

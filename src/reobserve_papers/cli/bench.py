@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from reobserve.cli.parts import Command, CommandTable
+from reobserve.core.command_line import Command, CommandTable
 from reobserve_papers.cli.options import FORMATS, add_output
 
 _EXAMPLES = """\

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from reobserve.cli.main import command_parser as parser_of
-from reobserve.cli.main import run_command
-from reobserve.cli.parts import Command, CommandTable
+from reobserve.core import command_line
+from reobserve.core.command_line import Command, CommandTable, run_command
 from reobserve_papers.cli.options import check_project
 from reobserve_papers.cli.own_modules import explained
 
@@ -87,10 +86,10 @@ COMMANDS = CommandTable(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one sub-command of `reobserve-papers` (see `reobserve.cli.main.run_command`)."""
+    """Run one sub-command of `reobserve-papers` (see `run_command`)."""
     return run_command(PROGRAM, COMMANDS, arguments, check_project, explained)
 
 
-def command_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
-    """The parser of a command line (see `reobserve.cli.main.command_parser`)."""
-    return parser_of(PROGRAM, COMMANDS, words)
+def command_parser() -> argparse.ArgumentParser:
+    """The parser of all sub-commands."""
+    return command_line.command_parser(PROGRAM, COMMANDS)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from reobserve_papers.cli.options import add_output, add_project
+from reobserve_papers.cli.schemas import KINDS
 from reobserve_papers.cli.types import tree, whole
 
 
@@ -62,6 +63,4 @@ def check_options(command: argparse.ArgumentParser) -> None:
 
 def schema_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `schema`."""
-    command.add_argument(
-        "kind", choices=("config", "parameters", "claims", "conventions", "errata", "bench")
-    )
+    command.add_argument("kind", choices=KINDS)

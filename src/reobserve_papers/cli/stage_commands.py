@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-from reobserve.cli.parts import Command, CommandTable
+from reobserve.core.command_line import Command, CommandTable
 from reobserve_papers.cli.options import FORMATS, add_output, add_project
 from reobserve_papers.cli.types import tree, whole
 from reobserve_papers.parameters.step_kinds import KINDS

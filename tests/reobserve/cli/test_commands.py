@@ -6,8 +6,8 @@ import argparse
 
 import pytest
 
-from reobserve.cli.main import COMMANDS, command_parser
-from tests.reobserve.cli.cases import (
+from reobserve.cli.main import COMMANDS, PROGRAM, command_parser
+from tests.reobserve.core.commands import (
     check_arguments,
     check_help,
     check_only_the_typed_is_built,
@@ -15,8 +15,7 @@ from tests.reobserve.cli.cases import (
     commands,
 )
 
-PROGRAM = "reobserve"
-ALL = list(commands(command_parser(PROGRAM, COMMANDS)))
+ALL = list(commands(command_parser()))
 
 
 @pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)

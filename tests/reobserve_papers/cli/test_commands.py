@@ -6,9 +6,8 @@ import argparse
 
 import pytest
 
-from reobserve.cli.main import command_parser
-from reobserve_papers.cli.main import COMMANDS
-from tests.reobserve.cli.cases import (
+from reobserve_papers.cli.main import COMMANDS, PROGRAM, command_parser
+from tests.reobserve.core.commands import (
     check_arguments,
     check_help,
     check_only_the_typed_is_built,
@@ -16,8 +15,7 @@ from tests.reobserve.cli.cases import (
     commands,
 )
 
-PROGRAM = "reobserve-papers"
-ALL = list(commands(command_parser(PROGRAM, COMMANDS)))
+ALL = list(commands(command_parser()))
 
 
 @pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)

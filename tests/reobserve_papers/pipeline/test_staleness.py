@@ -332,8 +332,7 @@ for line in sys.stdin:
 
 
 LATE = {
-    "reobserve.__main__",  # of `python -m reobserve_papers`, which this test does not use
-    "reobserve_papers.__main__",
+    "reobserve_papers.__main__",  # of `python -m reobserve_papers`, which this test does not use
     "reobserve.core.yaml_loader",
     "reobserve.core.documents",  # imported for reading YAML, which few stages do
     "reobserve_papers.plotting.apart",  # when a figure is plotted in another process

@@ -1,4 +1,4 @@
-"""What holds for the sub-commands of any program."""
+"""Checks of the sub-commands of any program."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from reobserve.cli.main import command_parser
-from reobserve.cli.parts import CommandTable
+from reobserve.core.command_line import CommandTable, command_parser
 
 
 def commands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
