@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reobserve import _HOME
 from reobserve.core.errors import InputError
 from reobserve.core.import_closure import import_closure
 from reobserve_papers.golden.values import part_names
@@ -90,6 +91,23 @@ def test_library_and_its_tests_import_nothing_of_the_papers() -> None:
         assert not inside(imports(path), *others), path
         if path.name != "main.py":  # whose help names the other command
             assert not re.search("reobserve[-_]papers", path.read_text(encoding="utf-8")), path
+
+
+def test_papers_import_the_library_up_to_its_observers() -> None:
+    """All modules and tests but those of the bench, which tunes."""
+    upper = LAYERS[LAYERS.index("reobserve.detection") : LAYERS.index("reobserve_papers.signals")]
+    names = {f"reobserve.{name}": f"reobserve.{module}" for name, module in _HOME.items()}
+    bench = set()
+    for top in (SOURCE, ROOT / "tests"):
+        for path in sorted((top / "reobserve_papers").rglob("*.py")):
+            found = imports(path)
+            found |= {names[name] for name in found & set(names)}
+            reached = inside(found, *upper, *(f"tests.{part}" for part in upper))
+            if path.relative_to(top).parts[1] == "bench":
+                bench |= reached
+            else:
+                assert not reached, path
+    assert {"reobserve.tuning.task", "tests.reobserve.tuning.toy"} <= bench
 
 
 def test_no_module_is_deeper_than_a_part_of_a_part() -> None:
