@@ -170,11 +170,6 @@ def test_short_job_imports_no_heavy_packages() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_files_have_at_most_400_lines() -> None:
-    long = {p.name: n for p in files(".") if (n := len(p.read_text().splitlines())) > 400}
-    assert long == {}
-
-
 @pytest.mark.parametrize(
     "name",
     [f"requirements{kind}.lock" for kind in ("", "-build", "-docs", "-mutation", "-package")],
