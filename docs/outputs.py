@@ -72,8 +72,10 @@ class Session:
 
     def references(self) -> None:
         """Print where the code is to which the text above refers; the site leads to its pages."""
+        from docs.generate.api import source
+
         for name in sorted(set(re.findall(r"\]\[(reobserve[\w.]*)\]", self.written.getvalue()))):
-            print(f"[{name}]: {os.path.relpath(_source(name), self.path.parent)}")
+            print(f"[{name}]: {os.path.relpath(source(ROOT, name), self.path.parent)}")
 
 
 class _Cog(Cog):
@@ -118,15 +120,6 @@ def with_outputs() -> Iterator[Path]:
     for path in sorted(PAGES.rglob("*.md")):
         if _SNIPPET.search(path.read_text(encoding="utf-8")):
             yield path
-
-
-def _source(name: str) -> Path:
-    """The file of a module, or of the module that a name is in."""
-    base = ROOT / "src" / Path(*name.split("."))
-    for file in (base / "__init__.py", base.with_suffix(".py")):
-        if file.is_file():
-            return file
-    return _source(name.rpartition(".")[0])
 
 
 def main() -> None:

@@ -443,7 +443,7 @@ _ESO_FAULTS = ("actuator", "sensor")
 # Digits that are part of names: figures, equations, remarks, gains, orders, licences.
 NAMES = re.compile(
     r"Figs?\. \d|\(\d+\)|Remark \d(?:\.\d)?|Theorem \d|\bK[12]\b|\bm = \d|\border \d|BSD 3-Clause"
-    r"|\[1/s\]|`[^`]*`|!\[.*?\]\(.*?\)|\]\((?:tests|\.\.)/reference/.*?\)",
+    r"|\[1/s\]|`[^`]*`|!\[.*?\]\(.*?\)|\]\((?:tests/reference/|#claim-).*?\)",
     re.IGNORECASE,
 )
 

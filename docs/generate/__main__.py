@@ -16,6 +16,6 @@ ROOT = Path(__file__).parents[2]
 
 if __name__ == "__main__":
     try:
-        write(ROOT, ROOT / "build")
+        write(ROOT, ROOT / "build", ROOT / "results/report.html")
     except ReobserveError as error:
         sys.exit(f"docs: {error}")

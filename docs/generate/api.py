@@ -1,9 +1,11 @@
-"""Reference pages of both packages: one for each module that has public names."""
+"""Reference pages of both packages: one for each module that users meet."""
 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import reobserve
@@ -35,12 +37,40 @@ PARTS = {
 # Where the reference has their pages.
 FOLDERS = {"reobserve": "library", "reobserve_papers": "papers"}
 
+# A name that a page refers to, or a module that it imports from.
+_NAMED = re.compile(r"(?:\]\[|^ *from )(reobserve[\w.]*)", re.MULTILINE)
 
-def pages(sources: Path) -> Iterator[Page]:
-    """The pages of all parts of the packages in the folder ``sources``."""
+
+def pages(root: Path) -> Iterator[Page]:
+    """The pages of all parts of the packages of the project at ``root``."""
     for package, parts in PARTS.items():
         for part, text in parts.items():
-            yield from _pages_of(sources / package, part, text)
+            yield from _pages_of(root, root / "src" / package, part, text)
+
+
+def is_shown(root: Path, name: str) -> bool:
+    """Whether a module, or the module that defines a name, has a page."""
+    package, part, *_ = [*name.split("."), ""]
+    return part in PARTS.get(package, ()) and source(root, name) in _shown(root)
+
+
+@cache
+def _shown(root: Path) -> frozenset[Path]:
+    """Modules that define public names, and those that pages of the repository name."""
+    written = "\n".join(
+        page.read_text(encoding="utf-8") for page in (root / "docs/pages").rglob("*.md")
+    )
+    public = {f"reobserve.{home}" for home in reobserve._HOME.values()}
+    return frozenset(source(root, name) for name in public.union(_NAMED.findall(written)))
+
+
+def source(root: Path, name: str) -> Path:
+    """The file of a module, or of the module that a name is in."""
+    base = root / "src" / Path(*name.split("."))
+    for file in (base / "__init__.py", base.with_suffix(".py")):
+        if file.is_file():
+            return file
+    return source(root, name.rpartition(".")[0])
 
 
 def parts(package: str) -> str:
@@ -48,7 +78,7 @@ def parts(package: str) -> str:
     return table(
         ("package", "contents"),
         [
-            (f"[`{package}.{name}`](../../../../src/{package}/{name})", plain(text))
+            (f"[`{package}.{name}`]({name}/index.md)", plain(text))
             for name, text in PARTS[package].items()
         ],
     )
@@ -71,12 +101,6 @@ def public_names(source: Path) -> str:
     return table(("name", "description"), rows)
 
 
-def is_shown(name: str) -> bool:
-    """Whether a module, or what it defines, is in a part with pages."""
-    package, part, *_ = [*name.split("."), ""]
-    return part in PARTS.get(package, ())
-
-
 def first_sentence(docstring: str | None) -> str:
     """The summary of a docstring, on one line."""
     return " ".join((docstring or "").partition("\n\n")[0].split())
@@ -93,22 +117,22 @@ def modules(source: Path, part: str) -> list[tuple[str, ast.Module]]:
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _pages_of(source: Path, part: str, text: str) -> Iterator[Page]:
-    """The page of a part of the package at ``source``, and those of its modules."""
-    whole, folder = f"{source.name}.{part}", f"reference/{FOLDERS[source.name]}"
+def _pages_of(root: Path, package: Path, part: str, text: str) -> Iterator[Page]:
+    """The page of a part of a package, which lists its modules, and those of modules shown."""
+    whole, folder = f"{package.name}.{part}", f"reference/{FOLDERS[package.name]}"
     listed = []
-    for name, tree in modules(source, part):
+    for name, tree in modules(package, part):
         if name == whole or not _public_names(tree):
             continue
-        page = f"{folder}/{'/'.join(name.split('.')[1:])}"
-        short = ".".join(name.split(".")[2:])
+        short = name.removeprefix(f"{whole}.")
         summary = ticks(first_sentence(ast.get_docstring(tree)))
-        path = f"{page}.md"
-        if (source / Path(*name.split(".")[1:])).is_dir():
-            path = f"{page}/index.md"
-        target = path.removeprefix(f"{folder}/{part}/")
-        listed.append((f"[{code(short)}]({target})", summary))
-        yield Page(path, short.rpartition(".")[2], f"::: {name}\n")
+        if not is_shown(root, name):
+            listed.append((code(short), summary))
+            continue
+        page = "/".join(short.split("."))
+        path = f"{page}/index.md" if (package / part / page).is_dir() else f"{page}.md"
+        listed.append((f"[{code(short)}]({path})", summary))
+        yield Page(f"{folder}/{part}/{path}", short.rpartition(".")[2], f"::: {name}\n")
     body = f"# {code(whole)}\n\n{text}.\n\n{table(('module', 'description'), listed)}"
     yield Page(f"{folder}/{part}/index.md", part, body)
 

@@ -50,7 +50,7 @@ def equations(papers: Iterable[Paper]) -> str:
         title = f"[*{plain(paper.about['title'])}*](../findings/{paper.name}.md)"
         cited = f"{title}, cited in the code as {code(found.name)}."
         ordered = sorted({*found.code, *found.reasons}, key=_order)
-        rows = table(("equation", "where"), [_row(paper.name, one, found) for one in ordered])
+        rows = table(("equation", "where"), [_row(paper, one, found) for one in ordered])
         parts.append(f"{heading(2, code(paper.name), paper.name)}\n\n{cited}\n\n{rows}")
     return "\n".join(parts)
 
@@ -140,11 +140,11 @@ def _order(place: str) -> tuple[bool, str]:
     return False, numbered[2] + {"before ": "0", "": "1", "after ": "2"}[numbered[1]]
 
 
-def _row(paper: str, place: str, found: Citations) -> tuple[str, str]:
+def _row(paper: Paper, place: str, found: Citations) -> tuple[str, str]:
     where = [
-        f"[{code(name)}][{name}]" if is_shown(name) and "._" not in name else code(name)
+        f"[{code(name)}][{name}]" if "._" not in name and is_shown(paper.root, name) else code(name)
         for name in found.code.get(place, ())
     ]
     if place in found.reasons:
         where.append(f"*none*: {ticks(found.reasons[place])}")
-    return f'<a id="{anchor(paper, place)}"></a>{plain(place)}', "<br>".join(where)
+    return f'<a id="{anchor(paper.name, place)}"></a>{plain(place)}', "<br>".join(where)

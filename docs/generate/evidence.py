@@ -1,4 +1,4 @@
-"""The evidence on a paper in the repository: parameters, claims, errata, golden numbers, figures.
+"""The evidence on a paper in the repository: parameters, claims, errata, golden numbers.
 
 A claim's numbers are the golden ones, its samples those of `config/samples`, its verdict is the
 accepted one; that the first two give the third is checked here, so that no page says otherwise.
@@ -27,34 +27,11 @@ from reobserve_papers.claims.table import HEADER, row
 from reobserve_papers.golden.files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.config import known_papers
-from reobserve_papers.parameters.names import caption_template, samples_path
+from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.plotting.captions import render
-from reobserve_papers.report.assumptions import AssumptionRow, entries
 from reobserve_papers.report.claims import ReportedClaim, claim_of_row
-from reobserve_papers.report.markup import to_html, without_title
-from reobserve_papers.report.paper_figures import FigureRow, figure_rows
 
 GOLDEN = "tests/golden"
-REFERENCES = "tests/reference"
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A figure of a paper: what it is called, its caption in HTML, and its command."""
-
-    paper: str
-    name: str
-    title: str
-    source: str
-    caption: str
-    picture: Path
-    claims: tuple[ReportedClaim, ...]
-
-    @property
-    def command(self) -> str:
-        """What builds it."""
-        return f"snakemake --cores 2 results/{self.paper}/{self.name}.pdf"
 
 
 @dataclass(frozen=True)
@@ -144,40 +121,6 @@ class Paper:
     def errata(self) -> tuple[Erratum, ...]:
         """Its errata."""
         return read_errata(self.root, self.name)
-
-    @cached_property
-    def entries(self) -> tuple[AssumptionRow, ...]:
-        """The entries of its parameter file, those that say the same together."""
-        return entries(self.parameters, self.claims)
-
-    @cached_property
-    def figure_rows(self) -> list[FigureRow]:
-        """The figures that the paper has, one by one."""
-        return figure_rows(
-            self.registry.figures, self.parameters, self.entries, self.numbers.__getitem__
-        )
-
-    @cached_property
-    def figures(self) -> tuple[Figure, ...]:
-        """Its figures, as accepted."""
-        return tuple(
-            self._figure(name, body) for name, body in self.parameters.tree["figures"].items()
-        )
-
-    def _figure(self, name: str, body: Mapping[str, Any]) -> Figure:
-        template = caption_template(self.root, self.name, name, "figure")
-        settings = self.parameters.settings("plot", name)
-        text = render(self.root / template, settings, self.numbers[name])
-        html, source = without_title(to_html(template, text), body["title"])
-        return Figure(
-            paper=self.name,
-            name=name,
-            title=body["title"],
-            source=source or body["source"],
-            caption=html,
-            picture=self.root / REFERENCES / self.name / f"{name}.png",
-            claims=tuple(claim for claim in self.claims if name in claim.figures),
-        )
 
 
 def papers(root: Path) -> list[Paper]:

@@ -18,7 +18,6 @@ FOLDERS = {
     "how-to": "How to",
     "explanation": "Explanation",
     "findings": "Findings",
-    "gallery": "Gallery",
     "reference": "Reference",
     "project": "Project",
 }

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
-from docs.generate import api, commands, configuration, evidence, findings, gallery, parameters
+from docs.generate import api, commands, configuration, evidence, findings
 from docs.generate.abilities import abilities
 from docs.generate.equations import equations
 from docs.generate.markdown import Page
@@ -43,9 +43,6 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         for name, make in {
             "summary": findings.summary,
             "findings": findings.findings,
-            "claims": findings.details,
-            "figures": gallery.figures,
-            "parameters": parameters.parameters,
         }.items()
     }
     return {
@@ -53,7 +50,6 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         "verdicts on the start page": lambda: findings.verdicts(papers, "findings/"),
         "papers": lambda: findings.what_it_is_about(papers),
         "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),
-        "figures": lambda: gallery.small(papers),
         "abilities": abilities,
         "public names": lambda: api.public_names(library),
         "packages of the library": lambda: api.parts("reobserve"),
@@ -64,7 +60,6 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         "schemas": configuration.schemas,
         "specifications": configuration.specifications,
         "models": configuration.models,
-        "parameters": lambda: parameters.counts(papers),
         "metrics": lambda: list_metrics({paper.name: paper.parameters.package for paper in papers}),
         "equations": lambda: equations(papers),
         "lessons": lambda: _lessons(root / "docs/pages"),

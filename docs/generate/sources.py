@@ -11,39 +11,55 @@ import yaml
 from PIL import Image
 
 from docs.generate import api
-from docs.generate.evidence import REFERENCES
 from docs.generate.navigation import hand_written, navigation
+from docs.generate.parts import part
+from reobserve.core.errors import InputError
 
 _COMMENT = re.compile(r"^<!-- \[\[\[(?:cog\b.*?|end)\]\]\] -->\n", re.MULTILINE | re.DOTALL)
 _REFERENCE = re.compile(r"^\[reobserve[\w.]*\]: .*\n", re.MULTILINE)
+_PART = re.compile(r"^<!-- part: (.+) -->\n.+\n", re.MULTILINE)
 _ANCHOR = re.compile(r'^(#+) <a id="([^"]+)"></a>(.*)$', re.MULTILINE)
-_PACKAGE = re.compile(r"\]\((?:\.\./)+src/reobserve(?:_papers)?/(\w+)\)")
 _IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+\.png)\)")
+_LINK = re.compile(r'href="([^"#:]+)["#]')
+
+# Files and folders of a paper that links lead to, and the sections of the report that show them.
+_SECTIONS = {
+    "config/claims": "claims",
+    "config/errata": "errata",
+    "config/papers": "assumptions",
+    "tests/reference": "figures",
+}
+_EVIDENCE = re.compile(rf"\.\./\.\./({'|'.join(_SECTIONS)})/(\w+)(?:\.yaml)?(?=\))")
 
 _CODE = re.compile(r"`([^`]+)`")
 
 _DENSITY = 1.6  # pixels of an image to one of the page, as in the report
 
 
-def write(root: Path, build: Path) -> None:
+def write(root: Path, build: Path, report: Path) -> None:
     """Write the sources of the site of the project at ``root`` into ``build``, emptied before.
+
+    The site has the ``report`` of a build, and the files that it links to.
 
     Raises
     ------
     InputError
-        If a page has no title or no place in the navigation.
+        If a page has no title or no place in the navigation, or a file of the report is missing.
     """
+    built = _with_linked(report)
     by_hand = root / "docs/pages"
     found = [
-        hand_written(file.relative_to(by_hand).as_posix(), _for_the_site(file))
+        hand_written(file.relative_to(by_hand).as_posix(), _for_the_site(root, file))
         for file in sorted(by_hand.rglob("*.md"))
     ]
     placed = [page for page, _ in sorted(found, key=lambda pair: pair[1])]
-    pages = [*placed, *api.pages(root / "src")]
+    pages = [*placed, *api.pages(root)]
     shutil.rmtree(build, ignore_errors=True)
     shutil.copytree(by_hand, build / "docs", ignore=shutil.ignore_patterns("*.md"))
-    pictures = shutil.ignore_patterns("*.json")
-    shutil.copytree(root / REFERENCES, build / "docs/figures", ignore=pictures)
+    for file in built:
+        path = build / "docs" / file.relative_to(report.parent)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(file, path)
     for page in pages:
         path = build / "docs" / page.path
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -58,21 +74,34 @@ def write(root: Path, build: Path) -> None:
     (build / "mkdocs.yml").write_text(text, encoding="utf-8")
 
 
-def _for_the_site(page: Path) -> str:
-    """A page without code for cog; what a code host shows of it otherwise, the site has better.
+def _with_linked(report: Path) -> list[Path]:
+    """The report and the files that it links to."""
+    text = report.read_text(encoding="utf-8") if report.is_file() else ""
+    files = [report, *(report.parent / name for name in sorted(set(_LINK.findall(text))))]
+    missing = [file for file in files if not file.is_file()]
+    if missing:
+        raise InputError(str(missing[0]), "is missing, run make first")
+    return files
 
-    References and packages lead to pages of the site instead of files, headings have anchors of
-    their own, images have a size, accepted figures are in a folder of the site, and tables are
-    broken within long names.
+
+def _for_the_site(root: Path, page: Path) -> str:
+    """A page with its generated parts, without code for cog and with links within the site.
+
+    References lead to pages of the site instead of files, evidence of a paper leads to its section
+    of the report, and accepted figures to the built ones. Headings have anchors of their own,
+    images have a size, and tables are broken within long names.
     """
     text = _REFERENCE.sub("", _COMMENT.sub("", page.read_text(encoding="utf-8")))
-    text = _PACKAGE.sub(r"](\1/index.md)", text)
+    text = _PART.sub(lambda found: f"{part(root, found[1]).rstrip()}\n", text)
+    text = _EVIDENCE.sub(lambda found: f"report.html#{found[2]}-{_SECTIONS[found[1]]}", text)
+    report = os.path.relpath(root / "docs/pages/report.html", page.parent)
+    text = text.replace("`results/report.html`", f"[`results/report.html`]({report})")
     lines = (
         _CODE.sub(_broken, line) if line.startswith("|") else _ANCHOR.sub(r"\1 \3 { #\2 }", line)
         for line in text.splitlines(keepends=True)
     )
     sized = _IMAGE.sub(lambda found: _sized(page.parent, found), "".join(lines))
-    return sized.replace(f"../../{REFERENCES}/", "figures/")
+    return sized.replace("../../tests/reference/", "")
 
 
 def _broken(found: re.Match[str]) -> str:

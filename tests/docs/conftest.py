@@ -39,7 +39,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     if importlib.util.find_spec("mkdocs") is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(MISSING)
     folder = tmp_path_factory.mktemp("documentation")
-    write(ROOT, folder / "build")
+    write(ROOT, folder / "build", ROOT / "results/report.html")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--config-file"]
     done = subprocess.run(
         [*command, str(folder / "build/mkdocs.yml")],

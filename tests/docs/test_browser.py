@@ -16,9 +16,9 @@ from .conftest import Site
 
 # One of each kind.
 KINDS = (
-    "", "start/library/", "findings/lie/", "gallery/lie/", "project/quality/",
-    "reference/library/observers/ilo_sampled/", "reference/commands/", "reference/parameters/lie/",
-    "reference/configuration/", "reference/equations/",
+    "", "start/library/", "findings/lie/", "project/quality/",
+    "reference/library/observers/ilo_sampled/", "reference/commands/", "reference/configuration/",
+    "reference/equations/",
 )  # fmt: skip
 
 WIDE = {"width": 1280, "height": 900}
@@ -89,22 +89,6 @@ def test_text_has_contrast_and_nothing_overflows(browser: Browser, address: str)
     finish(opened, address)
 
 
-def test_gallery_figures_are_visible_and_link_to_their_section(
-    browser: Browser, address: str
-) -> None:
-    opened = Watched(browser, f"{address}gallery/", viewport=WIDE)
-    page = opened.page
-    first = page.locator(".gallery img").first
-    first.scroll_into_view_if_needed()
-    first.evaluate("image => image.decode()")
-    assert first.evaluate("image => image.naturalWidth") > 500
-    assert len(first.get_attribute("alt") or "") > 20
-    first.click()
-    assert page.url.endswith("/gallery/delay/#fig1")
-    page.locator("#fig1").wait_for()  # until it is visible
-    finish(opened, address)
-
-
 def test_site_search_finds_an_observer(browser: Browser, address: str) -> None:
     opened = Watched(browser, address, viewport=WIDE)
     page = opened.page
@@ -124,6 +108,6 @@ def test_colour_scheme_follows_the_system_until_chosen(browser: Browser, address
     page = opened.page
     assert page.locator("body").get_attribute(scheme) == "slate"
     page.locator("label[for=__palette_0]").first.click()
-    page.goto(f"{address}gallery/")
+    page.goto(f"{address}findings/ilo/")
     assert page.locator("body").get_attribute(scheme) == "default"
     finish(opened, address)

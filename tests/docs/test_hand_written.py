@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib
 import re
+import subprocess
 from functools import cache
 from pathlib import Path
 
 import pytest
 import yaml
 
+from docs.generate import sources
 from reobserve.cli import main as library
 from reobserve_papers.cli import main as papers
 
@@ -26,6 +28,12 @@ LIBRARY = (
 )  # fmt: skip
 
 any_page = pytest.mark.parametrize("page", sorted(PAGES.rglob("*.md")), ids=name)
+# Links in these lead to files of the repository.
+linking_page = pytest.mark.parametrize(
+    "page",
+    [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(PAGES.rglob("*.md"))],
+    ids=lambda page: page.relative_to(ROOT).as_posix(),
+)
 every_page = pytest.mark.parametrize("page", hand_written(), ids=name)
 
 
@@ -73,16 +81,27 @@ def test_every_reference_names_an_object_where_it_is_defined(page: Path) -> None
             assert found.__module__ == home, f"{dotted} is defined in {found.__module__}"
 
 
-@any_page
-def test_every_link_resolves_in_the_repository(page: Path) -> None:
+@linking_page
+def test_every_link_leads_to_a_committed_file_and_anchor(page: Path) -> None:
     for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", prose(page)):
         there = (page.parent / target).resolve() if target else page
-        if target.startswith("http"):
+        if target.startswith(("http", "../../actions/")):  # of the code host, on its badges
             continue
-        assert there.exists(), target
-        inside = (PAGES, ROOT / "tests/reference", ROOT / "src")
-        assert any(there.is_relative_to(folder) for folder in inside), f"{target} leaves the site"
+        assert there in committed(), target
         assert not anchor or anchor in anchors(there), f"{target}#{anchor}"
+        if page.is_relative_to(PAGES):
+            inside = (PAGES, *(ROOT / folder for folder in sources._SECTIONS))
+            assert any(there.is_relative_to(folder) for folder in inside), f"{target} has no page"
+
+
+@cache
+def committed() -> set[Path]:
+    """Tracked files that exist, and their folders."""
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    files = {ROOT / name for name in listed if (ROOT / name).is_file()}
+    return files.union(*(file.parents for file in files))
 
 
 @cache

@@ -10,6 +10,7 @@ import pytest
 from docs import outputs
 from docs.generate import sources
 from docs.outputs import by_hand, renewed, with_outputs
+from reobserve.core.errors import InputError
 from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
 
 from .hand_written import name, snippets
@@ -124,15 +125,34 @@ def test_error_names_the_line_of_the_page(tmp_path: Path) -> None:
         renewed(page)
 
 
-def test_site_hides_cog_code_and_rewrites_links(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
+def test_site_has_parts_and_links_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = tmp_path / "docs/pages/findings/page.md"
+    page.parent.mkdir(parents=True)
     page.write_text(
         '## <a id="claim-a"></a>One\n\n<!-- [[[cog page.run() ]]] -->\n\nText\n\n'
         "<!-- [[[end]]] -->\n<!-- [[[cog\nprint()\n]]] -->\n"
         "[reobserve.a.B]: ../a.py\n[c]: d.md\n<!-- [[[end]]] -->\n"
         "[full](../../../tests/reference/ilo/fig1.png)\n\n| `a.b_c|d` | `e f` |\n"
+        "<!-- part: names -->\n`make docs` has them here.\n\n"
+        "[6](../../../config/errata/ilo.yaml), [all](../../../tests/reference/ilo), "
+        "`results/report.html`\n"
     )
-    assert sources._for_the_site(page) == (
-        "## One { #claim-a }\n\n\nText\n\n[c]: d.md\n[full](../figures/ilo/fig1.png)\n\n"
-        "| <code>a.<wbr>b&#95;<wbr>c&#124;d</code> | <code>e f</code> |\n"
+    monkeypatch.setattr(sources, "part", lambda _, name: f"| all {name} |\n")
+    assert sources._for_the_site(tmp_path, page) == (
+        "## One { #claim-a }\n\n\nText\n\n[c]: d.md\n[full](../ilo/fig1.png)\n\n"
+        "| <code>a.<wbr>b&#95;<wbr>c&#124;d</code> | <code>e f</code> |\n| all names |\n\n"
+        "[6](../report.html#ilo-errata), [all](../report.html#ilo-figures), "
+        "[`results/report.html`](../report.html)\n"
     )
+
+
+def test_site_without_a_built_report_is_refused(tmp_path: Path) -> None:
+    report = tmp_path / "report.html"
+    with pytest.raises(InputError, match=r"report\.html: is missing, run make first"):
+        sources.write(outputs.ROOT, tmp_path / "build", report)
+    report.write_text('<a href="#top"><a href="https://a.b"><a href="ilo/fig1.pdf">')
+    with pytest.raises(InputError, match=r"ilo/fig1\.pdf: is missing, run make first"):
+        sources.write(outputs.ROOT, tmp_path / "build", report)
+    assert not (tmp_path / "build").exists()

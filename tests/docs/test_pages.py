@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import html
+import json
 import re
 
 import pytest
 
+import reobserve
+from docs.generate import api
 from docs.generate.markdown import Page
 from docs.generate.navigation import hand_written, navigation
-from docs.generate.parts import part
+from docs.generate.parts import _parts, part
 from docs.outputs import PAGES, ROOT, by_hand
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.registry import read_claims
@@ -36,6 +40,55 @@ def test_verdicts_in_findings_agree_with_the_accepted_ones(paper: str) -> None:
     assert reported == {claim: accepted.get(claim) for claim in reported}
     promised = {name for name, one in read_claims(ROOT, paper).claims.items() if one.promised}
     assert promised <= set(reported)
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_table_in_findings_has_each_claim_in_full(paper: str) -> None:
+    """Statement and verdict; main claims are those that summary and title count."""
+    text = (PAGES / f"findings/{paper}.md").read_text(encoding="utf-8")
+    accepted = read_golden(ROOT)[paper]
+    for name, claim in read_claims(ROOT, paper).claims.items():
+        verdict = accepted[name]["verdict"]
+        row = text.partition(f'<a id="claim-{name}"></a>')[2].partition("\n")[0]
+        statement, shown, _ = (html.unescape(cell) for cell in row.split(" | "))
+        is_main = bool(claim.promised) and verdict != "not testable"
+        stated = " ".join(claim.statement.split()) + " **Main claim.**" * is_main
+        assert re.sub("</?code>|`", "", statement) == stated.replace("`", "")
+        assert f">**{verdict}**<" in shown
+
+
+def test_share_of_samples_is_that_of_the_cached_ones() -> None:
+    text = (PAGES / "findings/lie.md").read_text(encoding="utf-8")
+    samples = json.loads((ROOT / "config/samples/lie.json").read_text(encoding="utf-8"))
+    kept = samples["claims"]["nonresonance_is_easy"]
+    assert kept["metrics"][0] == "theory nonresonant share"
+    drawn = [float(draw.split()[0]) > 0.9 for draw in kept["samples"]]
+    row = text.partition('<a id="claim-nonresonance_is_easy"></a>')[2].partition("\n")[0]
+    assert f" | {100 * sum(drawn) / len(drawn):.0f} % (" in row
+
+
+def test_parts_are_on_pages_and_announced_where_the_site_has_them() -> None:
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES.rglob("*.md"))
+    announced = re.findall(r"^<!-- part: (.+) -->\n(.+)\n$", text, re.MULTILINE)
+    assert len(announced) == text.count("<!-- part:")
+    assert all("that `make docs` builds" in line for _, line in announced)
+    printed = re.findall(r'page\.part\("(.+?)"\)', text)
+    assert sorted([name for name, _ in announced] + printed) == sorted(_parts(ROOT))
+
+
+def test_modules_with_pages_are_public_or_named_on_pages() -> None:
+    texts = {page.path: page.text for page in api.pages(ROOT)}
+    modules = {text[4:].strip() for text in texts.values() if text.startswith(":::")}
+    assert {f"reobserve.{home}" for home in reobserve._HOME.values()} <= modules
+    named = {"reobserve_papers.plants.satellite", "reobserve.estimation.specification"}
+    assert named <= modules  # a link, and an import, to which no public name leads
+    assert len(modules) < 90
+    index = texts["reference/library/observers/index.md"]
+    assert "| [`ilo_sampled`](ilo_sampled.md) |" in index
+    assert "| `linear_loop` |" in index
+    assert {name for name in modules if not api.is_shown(ROOT, f"{name}.A")} == set()
+    assert not api.is_shown(ROOT, "reobserve.observers.linear_loop.A")
+    assert not api.is_shown(ROOT, "reobserve_papers.papers.ilo.plots")
 
 
 def test_list_of_packages_is_complete_and_in_dependency_order() -> None:

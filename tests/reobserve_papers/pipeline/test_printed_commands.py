@@ -124,7 +124,7 @@ ADD = {f"docs/pages/how-to/{name}.md" for name in ("add-an-observer", "add-to-th
 REPORTED = {
     page.relative_to(ROOT).as_posix(): reported
     for page in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
-    if "reference" not in page.parts  # a generated page
+    if "reference" not in page.parts  # nothing to follow
     and page.relative_to(ROOT).as_posix() not in ADD
     and (reported := printed_on(page))
 }
