@@ -126,7 +126,7 @@ mutations: $(STAMP)  ## change a module one operator at a time, list what its te
 pages: $(STAMP)  ## run the code of the pages and update its output in them; PAGE=docs/pages/index.md for one page
 	python -m docs.outputs $(PAGE)
 
-docs: $(DOCS)  ## the documentation as a site that any static host serves, build/site
+docs: $(DOCS) figures  ## the documentation and the report of the papers as a site that any static host serves, build/site
 	python -m docs.generate
 	NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --config-file build/mkdocs.yml
 	@echo "build/site/index.html: the documentation"
