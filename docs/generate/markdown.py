@@ -54,8 +54,3 @@ def block(text: str, language: str = "", title: str = "") -> str:
     named = f' title="{title}"' if title else ""
     fence = "`" * max(3, *(len(run) + 1 for run in re.findall("`+", text)), 3)
     return f"{fence}{language}{named}\n{text.rstrip()}\n{fence}\n"
-
-
-def indented(text: str, by: int = 4) -> str:
-    """A part of a list, a note or a tab."""
-    return "".join(f"{' ' * by}{line}" if line.strip() else line for line in text.splitlines(True))
