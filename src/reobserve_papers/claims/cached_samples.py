@@ -2,8 +2,8 @@
 
 Kept are the numbers that checks name, those of all alternatives included; what a sample chooses
 follows from its place in the list. They are those of a claim as long as nothing in the parameter
-file has moved that its samples depend on. Code may have: so each build makes the first of them
-again, and where one comes out otherwise the rest is not used.
+file has moved that its samples depend on. Code may have: so each build repeats some of them, see
+`repeated_samples`, and where one comes out otherwise the rest of the claim is not used.
 """
 
 from __future__ import annotations

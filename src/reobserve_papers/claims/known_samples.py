@@ -26,10 +26,6 @@ from reobserve_papers.claims.outcomes import Found
 # is where the code refuses a sample.
 MadeSamples = Mapping[str, Mapping[str, Mapping[int, Found | None]]]
 
-# Of samples that are cached so many are made again, to see whether the code still gives what it
-# gave.
-AGAIN = 2
-
 
 @dataclass
 class KnownSamples:
@@ -60,8 +56,8 @@ class KnownSamples:
         return len(self.cached.samples) if self.cached else 0
 
     def is_cached(self, number: int) -> bool:
-        """True if a sample is cached, and none of those that are made again to see."""
-        return AGAIN <= number < self.length
+        """True if a sample is cached, and was not made again."""
+        return number < self.length and number not in self.made
 
     def __contains__(self, number: int) -> bool:
         return number in self.made or self.is_cached(number)

@@ -18,6 +18,7 @@ from reobserve_papers.claims.choices import chosen, with_values
 from reobserve_papers.claims.known_samples import KnownSamples, MadeSamples
 from reobserve_papers.claims.outcomes import Found, Outcome, Outcomes, nested, outcome
 from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.repeated_samples import to_repeat
 from reobserve_papers.claims.verdicts import Counted, possible
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
@@ -140,6 +141,8 @@ class Inquiry:
     ) -> Inquiry:
         """Begin with no samples, leaving out claims that are broken or depend on nothing.
 
+        Of cached samples, those that the code does not give any more are dropped.
+
         Raises
         ------
         InputError
@@ -168,7 +171,19 @@ class Inquiry:
             )
             ahead = (made or {}).get(claim.name, {}).get(basis, {})
             known[claim.name] = KnownSamples.of(claim.wanted, past, ahead)
-        return Inquiry(evaluator.parameters, outcomes, asked, found, known, share)
+        inquiry = Inquiry(evaluator.parameters, outcomes, asked, found, known, share)
+        inquiry._verify(evaluator)
+        return inquiry
+
+    def _verify(self, evaluator: Evaluator) -> None:
+        """Repeat a cached sample of some claims, and of all others if one of these differs."""
+        cached = {name: one.cached for name, one in self.known.items() if one.cached}
+        for numbers in to_repeat(evaluator, self.claims, cached):
+            for number in sorted({*numbers.values()}):
+                named = [one for one in self.claims if numbers.get(one.name) == number]
+                self.ask(number, [one for one in named if number not in self.known[one.name].made])
+            if all(self.known[name].cached for name in numbers):
+                return
 
     def limit(self, claim: Claim, samples: Callable[[Claim], int]) -> int:
         """The number of samples of a claim at which sampling ends, decided or not."""

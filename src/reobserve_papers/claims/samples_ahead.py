@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from reobserve_papers.claims.known_samples import AGAIN
 from reobserve_papers.claims.outcomes import Found
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Inquiry
@@ -16,9 +15,6 @@ def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Found | 
     decide otherwise.
     """
     known = inquiry.known
-    again = [claim for claim in inquiry.claims if known[claim.name].cached]
-    for number in range(min(AGAIN, numbers.start)):  # to see whether the code gives what is cached
-        inquiry.ask(number, again)
     joined = {claim.name for claim in inquiry.claims if _joins(inquiry, claim, numbers.start)}
     for number in numbers:
         going = [claim for claim in inquiry.claims if not inquiry.decided(claim)]
