@@ -32,11 +32,6 @@ def test_run(
     """Measurements, inputs and the estimates of the library, one row a sample.
 
     ``columns`` are as `reobserve.estimation.families.program.program_of` has them.
-
-    Raises
-    ------
-    DivergenceError
-        If the observer diverges on this record.
     """
     p, m = columns
     make = _waves

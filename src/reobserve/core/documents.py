@@ -40,13 +40,7 @@ _LARGEST = 2**53  # up to here every integer is a float
 
 
 def check_plain(tree: Any, place: str, values: int = VALUES) -> None:
-    """Refuse what JSON cannot hold, what is nested too deep, and too many values.
-
-    Raises
-    ------
-    InputError
-        With the dotted key of the first such value.
-    """
+    """Refuse what JSON cannot hold, what is nested too deep, and too many values."""
     waiting, letters = [(tree, place, 0)], 0
     too_large = InputError(place, "holds more values or text than anything that is read here needs")
     while waiting:
@@ -182,13 +176,7 @@ def read_yaml(path: str | Path) -> Tree:
 
 
 def parse_json(text: str, place: str, values: int = VALUES) -> Any:
-    """Values from JSON text.
-
-    Raises
-    ------
-    InputError
-        If it is no JSON, names a key twice, or holds what `check_plain` refuses.
-    """
+    """Values from JSON text."""
     try:
         tree = json.loads(text, object_pairs_hook=_once)
     except InputError as error:

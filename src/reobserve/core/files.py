@@ -30,14 +30,7 @@ _AS_IT_IS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def read_bytes(path: str | Path, most: int | None = MOST_BYTES) -> bytes:
-    """The bytes of a file, opened without waiting, as a fifo would make one wait.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, cannot be read, is no regular file, has more than ``most`` bytes or
-        does not fit in memory; or the path is no path.
-    """
+    """The bytes of a file, opened without waiting, as a fifo would make one wait."""
     _check_path(path)
     try:
         handle = os.open(path, os.O_RDONLY | _AS_IT_IS)
@@ -77,12 +70,6 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
 
     A process killed half-way leaves no half-written ``path``. The file beside it has a fixed
     name, so that the next run replaces what a killed one left; those that run at once take turns.
-
-    Raises
-    ------
-    InputError
-        If ``path`` is no path, or something else than a regular file that may be written, or the
-        folder cannot be written.
     """
     _check_path(path)
     path = Path(path)
@@ -117,15 +104,7 @@ def _alone_in(folder: Path) -> Iterator[None]:
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuse to put a file where something else stands: a folder, a device, a link, a fifo.
-
-    Raises
-    ------
-    InputError
-        If there is something that is no regular file, or is read-only, also for root; if the name
-        is too long, or the folder cannot be written; or if the folder is one in which the kernel
-        shows itself as if in files.
-    """
+    """Refuse to put a file where something else stands: a folder, a device, a link, a fifo."""
     if path.name:
         _check_folder(path)
     if _of_the_kernel(path):
@@ -162,13 +141,7 @@ def _partial(path: Path) -> Path:
 
 
 def check_not_read(written: Iterable[Path], read: Iterable[Path]) -> None:
-    """Refuse to write a file that is read, by any of its names.
-
-    Raises
-    ------
-    InputError
-        If there is such a file.
-    """
+    """Refuse to write a file that is read, by any of its names."""
     names = list(read)
     for path in written:
         if any(_same(path, name) for name in names):
@@ -246,14 +219,7 @@ def cell(value: Any) -> str:
 
 
 def read_rows(path: str | Path) -> tuple[list[str], list[list[str]]]:
-    """The header of a CSV and its rows, all cells as text.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, or a row has more or fewer cells than the header; or it
-        carries a digest that is not its own.
-    """
+    """The header of a CSV and its rows, all cells as text."""
     text = read_text(path)
     try:
         header, *rows = list(csv.reader(io.StringIO(text, newline=""), strict=True)) or [[]]
@@ -281,11 +247,6 @@ def read_table(
         What the cells of a column must be, where they are not any text.
     key
         Columns whose cells together name a row: no two rows have the same.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, its columns are others, or a cell is not of its kind.
     """
     found, lines = read_rows(path)
     if found != list(header):
@@ -335,14 +296,7 @@ YES_NO = Kind(lambda cell: cell in ("yes", "no"), "yes or no")
 
 
 def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
-    """The columns of a user's CSV (with a header) or Parquet file, all of them numbers.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, of another kind or damaged, a name stands twice, or a cell is empty
-        or no number: text, complex or nothing at all.
-    """
+    """The columns of a user's CSV (with a header) or Parquet file, all of them numbers."""
     package("pyarrow", "read columns of numbers")
     import pyarrow as pa
     import pyarrow.csv as csv_reader

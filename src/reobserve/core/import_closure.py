@@ -23,11 +23,6 @@ def import_closure(modules: Iterable[str]) -> list[str]:
     Of other packages than this one, only those count that one of ``modules`` belongs to, and those
     beside them unless they are installed. Names under ``if TYPE_CHECKING`` are left out: they are
     not imported when the code runs.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If one of ``modules`` does not exist: a digest without it would never change.
     """
     waiting = list(modules)
     for module in waiting:

@@ -11,13 +11,7 @@ _WRITTEN = ("output", "outputs", "out", "caption", "plot", "report", "record", "
 
 
 def check_outputs(options: Mapping[str, Any]) -> None:
-    """Refuse a command line on which a file is both read and written.
-
-    Raises
-    ------
-    InputError
-        If there is such a file, by any of its names.
-    """
+    """Refuse a command line on which a file is both read and written."""
     written = [path for name in _WRITTEN for path in _paths(options, name)]
     if not written:
         return

@@ -47,11 +47,6 @@ def normalised(run: Run[Any]) -> tuple[Array, Array]:
     whitened
         Shape (k, m), nan for what is missing.
 
-    Raises
-    ------
-    InputError
-        If the run has no innovations, or an innovation covariance is not definite.
-
     Examples
     --------
     >>> from reobserve import KalmanFilter, LinearModel
@@ -88,11 +83,6 @@ def nees(run: Run[Any], state: ArrayLike) -> Array:
         Of a filter with ``state`` and ``covariance``.
     state
         The true states, of the shape of ``run["state"]``; nan where they are not known.
-
-    Raises
-    ------
-    InputError
-        If the shapes differ, or the run has no covariances, or one is not definite.
 
     Examples
     --------
@@ -142,13 +132,7 @@ class Consistency:
         return float(within[known].mean()) if known.any() else float("nan")
 
     def plot(self, time: ArrayLike | None = None) -> Any:
-        """A matplotlib figure of the mean over time [s], or over rows, and of the bounds.
-
-        Raises
-        ------
-        InputError
-            If ``time`` has another length, or matplotlib is not installed.
-        """
+        """A matplotlib figure of the mean over time [s], or over rows, and of the bounds."""
         rows = np.arange(len(self.mean)) if time is None else as_numbers("time", time)
         if rows.shape != self.mean.shape:
             raise InputError("time", f"has shape {rows.shape}, must be {self.mean.shape}")
@@ -175,11 +159,6 @@ def consistency(distances: ArrayLike, dimension: int, probability: float = 0.95)
         The entries of an innovation, or of a state.
     probability
         With which a mean is between the bounds, if the filter's model is the plant's.
-
-    Raises
-    ------
-    InputError
-        If a distance is negative or infinite, or a number is not in its range.
 
     Examples
     --------

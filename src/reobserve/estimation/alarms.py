@@ -304,12 +304,6 @@ def alarms(
     ``start_up`` gives that of a column [s], for alarms that state none; ``measurements`` are their
     names, ``predicts`` says that variances of their residuals are predicted, and ``skips`` that a
     gate leaves some out. ``dates`` is the way in which the record has them, if it does.
-
-    Raises
-    ------
-    InputError
-        If a column is not among those that are written, or has no standard deviation, or if there
-        are dates in an alarm and none in the record.
     """
     columns = outputs.columns
     names = [column.name for column in columns]

@@ -35,13 +35,7 @@ _DIALECT = ("delimiter", "decimal", "thousands", "encoding")
 
 
 def check(specification: Path, data: Path) -> Findings:
-    """Everything that refuses a record, and what would accept it.
-
-    Raises
-    ------
-    InputError
-        If the specification is refused whatever the record is, or the file cannot be read.
-    """
+    """Everything that refuses a record, and what would accept it."""
     read_specification(specification)
     tree = read_yaml(specification)
     found = Findings(copy.deepcopy(tree), data, stated=tree)

@@ -69,11 +69,6 @@ class Dates:
         """The time [s] of a date.
 
         Messages call the record ``place``, and the cells ``where``.
-
-        Raises
-        ------
-        InputError
-            If the text spells no date.
         """
         try:
             return report.clock(self.nanoseconds(text, report))
@@ -100,13 +95,7 @@ class Dates:
         return since_1970(date)
 
     def at(self, place: str, stated: float | str, report: DataReport) -> float:
-        """The time [s] of the record at a stated date, or a number of seconds after its beginning.
-
-        Raises
-        ------
-        InputError
-            If a text spells no date by ISO 8601 or the format, at ``place``.
-        """
+        """The time [s] of the record at a stated date, or so many seconds after its beginning."""
         if not isinstance(stated, str):
             return stated
         for form in dict.fromkeys(["" if self.day else self.format, ""]):
@@ -129,13 +118,7 @@ class Dates:
         return found + timedelta(days=(last - found > half) - (found - last > half))
 
     def local(self, date: datetime, report: DataReport) -> int:
-        """Nanoseconds since 1970 of a date without an offset, after the rows of the report.
-
-        Raises
-        ------
-        SkippedTimeError
-            If clocks skip it.
-        """
+        """Nanoseconds since 1970 of a date without an offset, after the rows of the report."""
         if not self.zone:
             self.floating = True
             return since_1970(date.replace(tzinfo=UTC))

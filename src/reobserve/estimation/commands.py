@@ -47,13 +47,7 @@ def run(
     suggest: Path | None = None,
     digits: int | None = None,
 ) -> None:
-    """The sub-command, with the options as they were typed.
-
-    Raises
-    ------
-    InputError
-        If options do not go together, or as `estimate_file` and `estimate_stream`.
-    """
+    """The sub-command, with the options as they were typed."""
     if suggest is not None:
         return print_suggestion(suggest, specification)
     if example is not None:
@@ -97,13 +91,7 @@ def run(
 
 
 def print_check(specification: Path, data: Path | None, out: Path | None = None) -> None:
-    """Print all that refuses a record, and what would accept it.
-
-    Raises
-    ------
-    InputError
-        If anything refuses it, or there is none.
-    """
+    """Print all that refuses a record, and what would accept it."""
     if data is None or out is not None:
         raise InputError("--check", "reads a specification and a record, and writes nothing")
     from reobserve.estimation.check import check
@@ -116,13 +104,7 @@ def print_check(specification: Path, data: Path | None, out: Path | None = None)
 
 
 def print_suggestion(data: Path, specification: Path | None = None) -> None:
-    """Print the columns of a record, and keys that may read it.
-
-    Raises
-    ------
-    InputError
-        If it does not look like rows of numbers, or there is a specification besides.
-    """
+    """Print the columns of a record, and keys that may read it."""
     if specification is not None:
         problem = "takes one record and no specification; --check SPEC DATA reads both"
         raise InputError("--suggest", problem)
@@ -144,13 +126,6 @@ def estimate_file(
     """Estimate a record in a file and write another, with what became of it in the report.
 
     Text has as many significant ``digits``, or the shortest that read back to the same numbers.
-
-    Raises
-    ------
-    InputError
-        If the record, or a policy for it, does not allow it; nothing is written then.
-    DivergenceError
-        If the observer diverges.
     """
     check_name(out)
     if plot is not None:
@@ -229,15 +204,7 @@ def estimate_stream(
     warm: bool = False,
     digits: int | None = None,
 ) -> None:
-    """Estimates of lines as they come, one flushed line each, on standard output.
-
-    Raises
-    ------
-    InputError
-        If a line, or a policy for it, does not allow it; what was written by then stays.
-    DivergenceError
-        If the observer diverges.
-    """
+    """Estimates of lines as they come, one flushed line each, on standard output."""
     _check_not_smoothed(specification)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8")  # as in files
@@ -323,11 +290,6 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
     """Write a specification, to standard output if no file is named, and a record for it.
 
     With the name ``list``, print the names of all examples.
-
-    Raises
-    ------
-    InputError
-        If there is no such example, or a file is there already or cannot be written.
     """
     from reobserve.estimation.families.examples import examples, simulated, specification_text
 

@@ -34,13 +34,7 @@ class AllInputs:
 
 
 def inputs(columns: Columns, design: Design) -> AllInputs:
-    """The inputs of a design, with constants in its units.
-
-    Raises
-    ------
-    InputError
-        If a unit cannot become that of the model.
-    """
+    """The inputs of a design, with constants in its units."""
     units = fixed_units(design.inputs)
     found = []
     for k, one in enumerate(columns.inputs):

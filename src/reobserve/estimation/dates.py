@@ -26,13 +26,7 @@ _FORWARD = (
 
 
 def nanoseconds(text: str, form: str = "") -> int:
-    """Nanoseconds since 1970 of a date by ISO 8601 or a format, of UTC where it states no offset.
-
-    Raises
-    ------
-    ValueError
-        If the text spells no date.
-    """
+    """Nanoseconds since 1970 of a date by ISO 8601 or a format, of UTC without an offset."""
     found = moment(text, form)
     return since_1970(found if found.tzinfo is not None else found.replace(tzinfo=UTC))
 
@@ -63,13 +57,7 @@ def looks_dated(text: str) -> bool:
 
 @cache
 def time_zone(name: str) -> tzinfo:
-    """The time zone of a name, as Europe/Berlin, or of an offset, as +01:00.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """The time zone of a name, as Europe/Berlin, or of an offset, as +01:00."""
     if re.fullmatch(r"[+-]\d\d:\d\d", name):
         found = datetime.strptime(name, "%z").tzinfo
         assert found is not None

@@ -118,13 +118,7 @@ def detector_alarm(
     rule: DetectorRule, k: int, period: float, measurements: Sequence[str], predicts: bool,
     skips: bool,
 ) -> DetectorAlarm:  # fmt: skip
-    """The alarm of a rule, the k-th of a specification.
-
-    Raises
-    ------
-    InputError
-        If the observer has no innovations with covariances, or no such measurement.
-    """
+    """The alarm of a rule, the k-th of a specification."""
     if not predicts:
         problem = f"is for filters that predict the covariance of their innovations: {PREDICTING}"
         raise InputError(f"alarms.{k}.detector", problem)

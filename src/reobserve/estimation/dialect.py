@@ -212,13 +212,7 @@ class _Above:
 
 
 def read_head(lines: Iterator[str], dialect: Dialect, place: str) -> Head:
-    """Read the lines above the rows of a text, which messages call ``place``.
-
-    Raises
-    ------
-    InputError
-        If there is no header, or it cannot be read.
-    """
+    """Read the lines above the rows of a text, which messages call ``place``."""
     file, above = dialect.file, _Above(lines, dialect)
     if states_delimiter(above.peek() or "", dialect.delimiter) and not file.skip:
         above.take()
@@ -251,13 +245,7 @@ def read_head(lines: Iterator[str], dialect: Dialect, place: str) -> Head:
 
 
 def states_delimiter(line: str, delimiter: str) -> bool:
-    """True if a file's first line is ``sep=;``, as spreadsheets write it.
-
-    Raises
-    ------
-    InputError
-        If it is another delimiter than the one of the specification.
-    """
+    """True if a file's first line is ``sep=;``, as spreadsheets write it."""
     found = _SEPARATOR.fullmatch(line)
     if found is not None and found[1] != delimiter:
         raise InputError(

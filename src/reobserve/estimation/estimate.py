@@ -277,13 +277,7 @@ def _concatenated(parts: list[Estimated]) -> Estimated:
 
 
 def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
-    """Runs of an observer whose estimates are smoothed.
-
-    Raises
-    ------
-    InputError
-        If there is no smoother for it.
-    """
+    """Runs of an observer whose estimates are smoothed."""
     from reobserve.observers.smoother import SMOOTHED, rts_smoother
 
     if not isinstance(observer, SMOOTHED):

@@ -59,13 +59,7 @@ class Gaps:
     in_gap: bool = False
 
     def feed(self, rows: Settled, final: bool = False) -> list[Stretch]:
-        """The stretches that rows make. After the ``final`` ones nothing is measured any more.
-
-        Raises
-        ------
-        InputError
-            If something is missing, or a gap too long, and the policy is to refuse it.
-        """
+        """The stretches that rows make. After the ``final`` ones nothing is measured any more."""
         if not len(rows.time):
             return []
         p = self.measurements

@@ -151,14 +151,7 @@ def _held(values: Array, report: DataReport, name: str) -> Array:
 def lay_out(
     columns: Columns, design: Design, header: Sequence[str], place: str, period: float = 0.0
 ) -> Layout:
-    """Find the columns in a header, ``name`` or ``name [unit]``, say, and settle their units.
-
-    Raises
-    ------
-    InputError
-        If there is no such column, or two; if the observer reads another number of them; or if
-        units are unknown, are not those of the header, or cannot become those of the model.
-    """
+    """Find the columns in a header, ``name`` or ``name [unit]``, say, and settle their units."""
     if len(header) == 1:
         _check_delimiter(columns, header[0], place)
     wanted = _wanted(columns, design)

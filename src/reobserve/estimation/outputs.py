@@ -89,14 +89,7 @@ def outputs(
     sample: Mapping[str, Array],
     named: Mapping[str, Mapping[str, str]],
 ) -> Outputs:
-    """The columns for an observer, from a ``sample`` of its estimates and what the user ``named``.
-
-    Raises
-    ------
-    InputError
-        If there is no such estimate, it has another number of components, two columns have one
-        name, or a unit cannot become the one that is asked for.
-    """
+    """The columns for an observer, from a ``sample`` of its estimates and the names ``named``."""
     written = {
         name: sample[name] for name in sample
         if name in design.estimates and name not in design.left_out

@@ -31,13 +31,7 @@ _FORMATS = (".png", ".pdf", ".svg")
 
 
 def check_plot(path: Path) -> None:
-    """Refuse a name that says no format of plots, before there is one to draw.
-
-    Raises
-    ------
-    InputError
-        If it ends otherwise, or matplotlib is not installed.
-    """
+    """Refuse a name that says no format of plots, before there is one to draw."""
     if path.suffix not in _FORMATS:
         raise InputError(str(path), f"must end with {', '.join(_FORMATS)}")
     package("matplotlib", "draw a plot")
@@ -81,13 +75,7 @@ class Plot:
         self.greatest = np.fmax(self.greatest[::2], self.greatest[1::2])
 
     def save(self, path: Path) -> None:
-        """Draw it.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written, or matplotlib is not installed.
-        """
+        """Draw it."""
         if len(self.rest):
             self.share, share = len(self.rest), self.share
             self._reduce(1)

@@ -170,13 +170,7 @@ class File:
         return TextRows(self.dialect, head, columns, clock, str(self.path), report)
 
     def _at_once(self, rows: TextRows, text: str) -> Array:
-        """The numbers of a block of text.
-
-        Raises
-        ------
-        ValueError
-            If pyarrow does not read it as it is meant.
-        """
+        """The numbers of a block of text."""
         import pyarrow as pa
         import pyarrow.csv as reader_of_csv
 

@@ -48,15 +48,7 @@ class RowByRow:
         self.u = np.empty((1, len(layout.names) - layout.timed - layout.measurements))
 
     def read(self, line: str) -> str:
-        """The lines of results that a line of the record settles, perhaps none.
-
-        Raises
-        ------
-        InputError
-            If it has another number of cells, one is no number, or a policy refuses it.
-        DivergenceError
-            If the observer diverges.
-        """
+        """The lines of results that a line of the record settles, perhaps none."""
         row = self.rows.row(line)
         if row is None:
             return ""
@@ -131,13 +123,7 @@ class RowByRow:
         return result(report.stamp(time), found, raised, MEASURED, self.digits)
 
     def cut_off(self, rest: str, how: str) -> None:
-        """End a file that was replaced, or truncated, with the ``rest`` of a line without an end.
-
-        Raises
-        ------
-        InputError
-            If there is such a rest, unless `file.tail` leaves it out.
-        """
+        """End a file that was replaced or truncated, with the ``rest`` of an unfinished line."""
         if rest and self.rows.dialect.file.tail != "drop":
             problem = (
                 f"was {how} after line {self.rows.line}, and the next one has no end; with "
@@ -149,13 +135,7 @@ class RowByRow:
         self.rows.finish()
 
     def go_on(self, lines: Iterator[str]) -> Iterator[str]:
-        """The rows of a file that continues another one, with or without the same header.
-
-        Raises
-        ------
-        InputError
-            If it has the columns in another way.
-        """
+        """The rows of a file that continues another one, with or without the same header."""
         rows, taken, place = self.rows, list[str](), self.estimation.place
         rows.line = 0
 

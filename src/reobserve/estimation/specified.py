@@ -62,12 +62,6 @@ def specified(
     """The design of the observer in a specification, which may lack the columns.
 
     ``kind``, if it is given, must be that of the observer, of which keys are ``changed``.
-
-    Raises
-    ------
-    InputError
-        If a key is missing, unknown or wrong; the columns or names are not those of the observer;
-        or estimates are to be smoothed, which no step can do.
     """
     chosen = _specification(tree, kind, changed or {})
     if chosen.smooth:

@@ -80,11 +80,6 @@ def save_state(
     """Write what is needed to go on. ``offset`` is the byte up to which a file was read.
 
     ``line`` is the last line before it.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
     """
     gaps, values, clock = estimation.gaps, estimation.interpolation, estimation.timestamps
     tree = {
@@ -126,12 +121,6 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> tuple[int | N
     -------
     tuple
         The offset that was saved, and the digest of the line before it.
-
-    Raises
-    ------
-    InputError
-        With the file and the key of what is missing, damaged or of another specification. Then the
-        estimation is as it was.
     """
     tree = parse_json(read_text(path), str(path), _VALUES)
     try:

@@ -213,13 +213,7 @@ class Lines:
 
 
 def open_file(path: Path, offset: int) -> Any:
-    """A file to follow, from a byte on.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is shorter than it was.
-    """
+    """A file to follow, from a byte on."""
     try:
         stream = path.open("rb")
         size = path.stat().st_size

@@ -63,13 +63,7 @@ class Suggestion:
 
 
 def suggest(path: Path) -> Suggestion:
-    """The layout of a text, as far as its first rows show it.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or no lines look like rows.
-    """
+    """The layout of a text, as far as its first rows show it."""
     file = File(path)
     if file.columnar:
         return _of_parquet(file)

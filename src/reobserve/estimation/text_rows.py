@@ -94,13 +94,7 @@ class TextRows:
         self.held: InputError | None = None
 
     def row(self, line: str) -> str | None:
-        """The line if it is a row, or None.
-
-        Raises
-        ------
-        InputError
-            If the row before was left out as the last one, which it is not.
-        """
+        """The line if it is a row, or None."""
         file = self.dialect.file
         self.line += 1
         self.ended = line.endswith("\n")
@@ -133,13 +127,7 @@ class TextRows:
             self.held = None
 
     def cells(self, row: str) -> list[str] | None:
-        """The cells of a row without empty ones beyond the header's, or None if it is left out.
-
-        Raises
-        ------
-        InputError
-            If there are more or fewer.
-        """
+        """The cells of a row without empty ones beyond the header's, or None if it is left out."""
         try:
             cells = self.dialect.cells(row)
         except csv.Error:
@@ -166,13 +154,7 @@ class TextRows:
         return None
 
     def numbers(self, cells: list[str]) -> list[float] | None:
-        """The numbers in the columns to read, nan where there are none, or None as in `cells`.
-
-        Raises
-        ------
-        InputError
-            If a cell spells something else, with the key that would read it.
-        """
+        """The numbers in the columns to read, nan where there are none, or None as in `cells`."""
         found = []
         for column in range(len(self.places)):
             try:
@@ -198,13 +180,7 @@ class TextRows:
         return None if cells is None else self.numbers(cells)
 
     def plain(self, text: str) -> tuple[str, list[str]]:
-        """A text of rows alone with cells between single delimiters, and the cells of the first.
-
-        Raises
-        ------
-        ValueError
-            If lines do not end with line feeds, or a CSV reader does not know what is in cells.
-        """
+        """A text of rows alone with cells between single delimiters, and the cells of the first."""
         dialect, file = self.dialect, self.dialect.file
         blank = dialect.delimiter == "whitespace"
         if (
@@ -223,15 +199,7 @@ class TextRows:
         return text, dialect.cells(first) if not blank else first.split("\t")
 
     def time(self, cells: Sequence[str]) -> float:
-        """The time [s] in cells of the clock, nan where one means nothing.
-
-        Raises
-        ------
-        InputError
-            If they spell no date where it has dates.
-        ValueError
-            If they spell no number where it has numbers.
-        """
+        """The time [s] in cells of the clock, nan where one means nothing."""
         clock, dialect, report = self.clock, self.dialect, self.report
         assert clock is not None
         if clock.dates is not None:

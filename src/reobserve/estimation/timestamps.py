@@ -58,13 +58,7 @@ class Timestamps:
         return int(min(self.sampling.longest / self.sampling.period, MOST_SLOTS)) + 2
 
     def read(self, time: Array, values: Array) -> tuple[Array, Array, Array]:
-        """The rows to use, their timestamps first, and the times of the slots up to the last.
-
-        Raises
-        ------
-        InputError
-            If timestamps go back or, where this is refused, are uneven, repeated or missing.
-        """
+        """The rows to use, their timestamps first, and the times of the slots up to the last."""
         report, sampling = self.report, self.sampling
         rows, report.rows = report.rows, report.rows + len(time)
         even = sampling.uneven == "refuse"
@@ -153,13 +147,7 @@ class Timestamps:
         return found
 
     def _check_filled(self, steps: Array) -> None:
-        """Refuse to fill more slots in all gaps together than rows are worth, and a million.
-
-        Raises
-        ------
-        InputError
-            If there are more, or the period is not that of the timestamps.
-        """
+        """Refuse to fill more slots in all gaps together than rows are worth, and a million."""
         sampling, report = self.sampling, self.report
         filled = self._filled(steps)
         report.filling += int(min(filled.sum(), 1e15))
@@ -230,13 +218,7 @@ class Timestamps:
         raise RowError(self.place, problem, rows + at + 1, key)
 
     def _check_hour(self, steps: Array, time: Array, rows: int) -> None:
-        """Refuse an hour that is missing where clocks are put forward, if dates may be local.
-
-        Raises
-        ------
-        InputError
-            If no zone is stated, and dates have no offset.
-        """
+        """Refuse an hour that is missing where clocks are put forward, if dates may be local."""
         period, report = self.sampling.period, self.report
         if self.dates is None or not self.dates.floating or period > _HOUR:
             return
@@ -265,14 +247,7 @@ class Timestamps:
                 self.check_period()
 
     def check_period(self) -> None:
-        """Refuse a period that is not that of the timestamps.
-
-        Raises
-        ------
-        InputError
-            If the median of the first intervals is more than a quarter shorter or longer; where
-            rows are resampled, more than ten times.
-        """
+        """Refuse a period that is not that of the timestamps."""
         if not self.begun:
             return
         median, period = float(np.median(self.begun)), self.sampling.period

@@ -35,25 +35,13 @@ _POWERS = np.array([float(f"1e{k}") for k in range(16)])
 
 
 def check_name(path: Path) -> None:
-    """Refuse a name that says no format.
-
-    Raises
-    ------
-    InputError
-        If it ends otherwise.
-    """
+    """Refuse a name that says no format."""
     if not str(path).endswith(_ENDINGS):
         raise InputError(str(path), f"must end with {', '.join(_ENDINGS)}")
 
 
 def check_digits(digits: int | None, path: Path | None) -> None:
-    """Refuse a number of digits that results cannot have.
-
-    Raises
-    ------
-    InputError
-        If it is out of range, or the file has no digits.
-    """
+    """Refuse a number of digits that results cannot have."""
     if digits is None:
         return
     if not 1 <= digits <= _MOST_DIGITS:
@@ -184,11 +172,6 @@ def write_results(
     """Write blocks as they come, in a format by `check_name`, and ask ``about`` after the last.
 
     Times are those of the ``report``, numbers in text have as many ``digits`` as `line` writes.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written; and whatever making the blocks raises. Then there is none.
     """
     if path.suffix == ".parquet":
         write_whole(path, lambda partial: _parquet(partial, titles, blocks, about, report))

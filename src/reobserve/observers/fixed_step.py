@@ -121,13 +121,6 @@ def run_on_halves(
 
     A record that starts begins with a row; one that goes on from a state with its middle. Without
     ``y_before`` and ``u_before``, limits from the left, it does not jump.
-
-    Raises
-    ------
-    InputError
-        As `Observer.run`; and if the last sample of the record is a middle.
-    DivergenceError
-        As `Observer.run`.
     """
     begun = 1 if state is None or state.sample is None else 0  # rows that no step leads to
     y_rows, y_middle, y_left = _halves("y", y, y_before, begun)
@@ -154,13 +147,7 @@ def _halves(
 
 
 def check_rate(name: str, rate: float, step: float) -> None:
-    """Refuse a rate [1/s] of the estimator's own that the Runge-Kutta method cannot follow.
-
-    Raises
-    ------
-    InputError
-        If the step is above the method's limit of stability.
-    """
+    """Refuse a rate [1/s] of the estimator's own that the Runge-Kutta method cannot follow."""
     if rate * step > STABLE_STEP:
         raise InputError(
             name,

@@ -64,13 +64,7 @@ _PLAIN = (np.ndarray, list, float, type(None))
 
 
 def timed(observer: Any, index: Any, time: Any, state: Any, record: Any) -> Any:
-    """The times of the rows, and the record: by `Observer._timed`, or counted beside an index.
-
-    Raises
-    ------
-    InputError
-        If the index does not go on from the state by the sampling period.
-    """
+    """The times of the rows, and the record: by `Observer._timed`, or counted beside an index."""
     if index is None or time is not None:
         return observer._timed(time, state, record)
     if state.time is not None:

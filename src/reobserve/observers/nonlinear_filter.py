@@ -49,12 +49,6 @@ def by_row(
     ``given`` are Q, R and parameters by name, ``held`` those that lead to the first row, where they
     are not the model's. ``periods`` [s] lead to each row, (k + 1,), from the one before the record
     on; None where all are the sampling period.
-
-    Raises
-    ------
-    InputError
-        If what is given has another shape or is no covariance; or if periods differ where f is the
-        next state, or Q is that of one period.
     """
     found: dict[str, Any] = {"Q": for_loop(model.Q)[None], "R": for_loop(model.R)[None]}
     found["steps"] = model.steps
@@ -95,13 +89,7 @@ def nonlinear_in_record(
     held: Mapping[str, Array],
     periods: Array | None,
 ) -> InRecord:
-    """The noise and steps of each row, and inputs with the parameters behind them.
-
-    Raises
-    ------
-    InputError
-        If what is given has another shape, or is no covariance.
-    """
+    """The noise and steps of each row, and inputs with the parameters behind them."""
     found, values = by_row(filter.model, given, len(y), held, periods)
     after = {}
     if "Q" in given:

@@ -20,14 +20,7 @@ _MAX_ROWS = 8  # in a column of the legend
 
 
 def plot(run: Run[Any], names: list[str], known: Mapping[str, ArrayLike]) -> Any:
-    """A figure with a panel for each name that has components, these as lines (see `Run.plot`).
-
-    Raises
-    ------
-    InputError
-        If there is no estimate of such a name, true values have another shape, or matplotlib is not
-        installed.
-    """
+    """A figure with a panel for each name that has components, these as lines (see `Run.plot`)."""
     true = {name: _as_true(run, name, value) for name, value in known.items()}
     values = {name: run[name].reshape(len(run), -1) for name in names if run[name].size}
     labels = {

@@ -25,11 +25,6 @@ def unchecked_step(
     y, u
         As `Observer.run` would take them, of shape (1, p) and (1, m). So are the estimates, which
         keep their axis of samples.
-
-    Raises
-    ------
-    DivergenceError
-        As `Observer.run`.
     """
     record = Record(y, u)
     rows = observer._fill(state, record)

@@ -45,13 +45,7 @@ _TOKEN = re.compile(
 
 
 def parse(place: str, text: str, variables: Mapping[str, Any]) -> Any:
-    """The expression that a text writes, with the symbols of ``variables`` by their names.
-
-    Raises
-    ------
-    InputError
-        That names ``place`` and where the text departs from the grammar, or what is too large.
-    """
+    """The expression that a text writes, with the symbols of ``variables`` by their names."""
     if len(text) > _LONGEST:
         raise InputError(place, f"has {len(text)} characters, must have {_LONGEST} or fewer")
     parser = _Parser(place, text, variables)
@@ -243,13 +237,7 @@ def check_number(place: str, value: Any) -> None:
 
 
 def check_size(place: str, expression: Any) -> None:
-    """Refuse an expression of too many parts, too deep, or with parts too large to work with.
-
-    Raises
-    ------
-    InputError
-        If it is one.
-    """
+    """Refuse an expression of too many parts, too deep, or with parts too large to work with."""
     parts, ahead = 0, [(expression, 0)]
     while ahead:
         part, depth = ahead.pop()

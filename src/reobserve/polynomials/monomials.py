@@ -67,13 +67,7 @@ class Monomials(NamedTuple):
 
 @lru_cache(maxsize=32)
 def monomials(variables: int, degree: int) -> Monomials:
-    """The basis of the series in so many variables up to a degree.
-
-    Raises
-    ------
-    InputError
-        If there are no variables or its tables would not fit into memory.
-    """
+    """The basis of the series in so many variables up to a degree."""
     if variables < 1 or degree < 1:
         raise InputError("degree", f"{degree} in {variables} variables; both must be 1 or more")
     check_size(variables, degree, comb(2 * variables + degree, degree), "products of monomials")
@@ -81,13 +75,7 @@ def monomials(variables: int, degree: int) -> Monomials:
 
 
 def check_size(variables: int, degree: int, entries: int, what: str, size: int = 4) -> None:
-    """Refuse a table of so many entries of ``size`` bytes if it would not fit into memory.
-
-    Raises
-    ------
-    InputError
-        With the size that is needed and the most that is allowed.
-    """
+    """Refuse a table of so many entries of ``size`` bytes if it would not fit into memory."""
     if entries * size <= MOST_BYTES:
         return
     needed = f"{entries * size / 2**30:.3g} GiB" if entries < _MOST_DIGITS else "more than memory"

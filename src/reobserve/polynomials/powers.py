@@ -28,11 +28,6 @@ class Powers:
         The monomials in k variables that m runs over.
     wanted
         Which of them are asked for: their places.
-
-    Raises
-    ------
-    InputError
-        If the products would not fit into memory.
     """
 
     def __init__(

@@ -50,13 +50,7 @@ class Proof:
 
 
 def ball_matrix(values: ArrayLike) -> arb_mat:
-    """Floats as balls of radius zero, shape (rows, columns).
-
-    Raises
-    ------
-    InputError
-        If ``values`` is no matrix of finite numbers.
-    """
+    """Floats as balls of radius zero, shape (rows, columns)."""
     package("flint", "calculate in balls")
     from flint import arb_mat
 

@@ -58,12 +58,6 @@ def lyapunov_matrix(size: int, rho: float) -> Array:
     -------
     Array
         Shape (N, N); entry (i, j) in s^(i+j+1).
-
-    Raises
-    ------
-    InputError
-        If ``size`` is not a whole number above zero, or ``rho`` is not positive or so small that
-        an entry is beyond the range of floating-point numbers.
     """
     size, rho = _as_size(size), as_positive("rho", rho)
     index = np.arange(size)

@@ -262,13 +262,7 @@ def undetectable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def unobservable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
-    """The eigenvalues of A whose modes C does not show, shape (k,).
-
-    Raises
-    ------
-    InputError
-        If the shapes do not fit, or numbers are too large to tell.
-    """
+    """The eigenvalues of A whose modes C does not show, shape (k,)."""
     A, C = _pair(A, C)
     beyond = InputError("A, C", "have entries whose products are beyond floating-point numbers")
     if not np.isfinite(np.linalg.norm(A, 1) + np.linalg.norm(A, np.inf)):

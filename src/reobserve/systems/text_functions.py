@@ -20,13 +20,7 @@ from reobserve.polynomials.grammar import check_size, parse
 def read_expression(
     place: str, text: str, symbols: Mapping[str, Any], allowed: Sequence[str]
 ) -> Any:
-    """The expression of sympy that a text writes, of the allowed names alone.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, names something else, or is no finite real number anywhere.
-    """
+    """The expression of sympy that a text writes, of the allowed names alone."""
     import sympy
 
     expression = parse(place, text, symbols)
@@ -47,11 +41,6 @@ def python_code(
     """An expression as Python writes it, and its number of operations.
 
     ``places`` says how each symbol is written, ``text`` what a message repeats.
-
-    Raises
-    ------
-    InputError
-        If it has no form that can be compiled.
     """
     import sympy
 

@@ -39,12 +39,6 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
     input_gain
         G, a text that may name the first variable.
 
-    Raises
-    ------
-    InputError
-        If one of them cannot be read or names another variable, if there are not n of them, or if
-        they have more operations than can be compiled in some seconds.
-
     Examples
     --------
     >>> from reobserve.systems.triangular_text import triangular_model

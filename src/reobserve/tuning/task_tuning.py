@@ -25,11 +25,6 @@ def tune_method(
 
     What is ``stored`` for training sets other than the main one is taken over, unless what decides
     the search has changed in the task file. With ``main_only`` the others are left out then.
-
-    Raises
-    ------
-    InputError
-        If no settings work.
     """
     found, scorer = {}, Scorer(task)
     for name, training in task.training.items():

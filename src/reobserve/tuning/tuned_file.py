@@ -86,12 +86,6 @@ def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
     """The tuned settings of all methods of a task.
 
     Training sets other than the main one may be missing.
-
-    Raises
-    ------
-    InputError
-        If a file or the main training set is missing, a file is damaged, or it was tuned for
-        something else than the task file states.
     """
     found = {}
     for method in task.methods:

@@ -30,13 +30,7 @@ Scored = Literal["all", "healthy"]  # channels
 
 
 def check_faulty(channels: int, faulty: Faulty, scored: Scored) -> None:
-    """Refuse numbers of faulty channels that there are not, or that leave none to be scored.
-
-    Raises
-    ------
-    InputError
-        If it is so.
-    """
+    """Refuse numbers of faulty channels that there are not, or that leave none to be scored."""
     most = channels if scored == "all" else channels - 1
     if not 1 <= faulty[0] <= faulty[1] <= most:
         left = "" if scored == "all" else ", as a healthy channel is scored"

@@ -327,13 +327,7 @@ def write_alternatives(path: Path, changes: Iterable[Changed], title: Title) -> 
 
 
 def read_alternatives(path: Path) -> tuple[Title, list[dict[str, str]]]:
-    """The title and the rows of `write_alternatives`.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged.
-    """
+    """The title and the rows of `write_alternatives`."""
     rows = read_table(path, HEADER, KINDS, ("alternative", "claim"))
     if not rows or rows[0]["kind"] != "title":
         raise InputError(str(path), "has no title in its first row")

@@ -109,13 +109,7 @@ class Cache:
 
 
 def read_cached(path: Path, paper: str) -> Cache:
-    """The cached samples of a paper's claims.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, or of another paper.
-    """
+    """The cached samples of a paper's claims."""
     stored = parse(_Stored, read_json(path), str(path))
     if stored.paper != paper:
         raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")

@@ -30,13 +30,7 @@ class Reference(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Reference:
-        """The reference of ``FIGURE OBSERVER METRIC``, coordinates of studies as ``NAME=LEVEL``.
-
-        Raises
-        ------
-        InputError
-            For anything else.
-        """
+        """The reference of ``FIGURE OBSERVER METRIC``, coordinates of studies as ``NAME=LEVEL``."""
         figure, observer, metric = [*text.split(maxsplit=2), "", "", ""][:3]
         try:
             name, at = parse_name(metric)
@@ -96,13 +90,7 @@ class Check:
 
     @classmethod
     def parse(cls, body: Mapping[str, Any]) -> Check:
-        """The check of an entry of a registry that its schema has accepted.
-
-        Raises
-        ------
-        InputError
-            If a reference is none, the lists differ in length, or it is not one relation.
-        """
+        """The check of an entry of a registry that its schema has accepted."""
         relations = (*RELATIONS, *_OF_LISTS)
         asked = [word for word in relations if word in body]
         if len(asked) != 1:

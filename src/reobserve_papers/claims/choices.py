@@ -106,13 +106,7 @@ class Choice:
 
 
 def find_choice(parameters: Parameters, pattern: str) -> Choice:
-    """The choice of a parameter file key, or of a pattern of keys that move together.
-
-    Raises
-    ------
-    InputError
-        If nothing matches, or what matches is no open choice: stated by the paper, or numerical.
-    """
+    """The choice of a parameter file key, or of a pattern of keys that move together."""
     if pattern == SEED:
         return Choice((SEED,), ())
     entries = parameters.by_key

@@ -94,13 +94,7 @@ class Conventions:
 
 
 def read_conventions(project: Path) -> Conventions:
-    """The conventions of a project, those of the code where it has no file.
-
-    Raises
-    ------
-    InputError
-        With the key of what is wrong.
-    """
+    """The conventions of a project, those of the code where it has no file."""
     path = project / PATH
     if not path.is_file():
         return Conventions()
@@ -151,13 +145,7 @@ def names_in(tree: Any) -> set[str]:
 
 
 def filled(tree: Any, values: Mapping[str, Any]) -> Any:
-    """A part of a claims file with values in place of the names of conventions.
-
-    Raises
-    ------
-    InputError
-        If there is no convention of a name.
-    """
+    """A part of a claims file with values in place of the names of conventions."""
     if isinstance(tree, Mapping):
         return {
             key: value if key in ("why", "statement", "place") else filled(value, values)
@@ -174,13 +162,7 @@ def filled(tree: Any, values: Mapping[str, Any]) -> Any:
 
 
 def changed(body: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """An entry of a claims file with other values of some keys, as ``checks.0.below``.
-
-    Raises
-    ------
-    InputError
-        If there is no place of a key.
-    """
+    """An entry of a claims file with other values of some keys, as ``checks.0.below``."""
     tree: Any = dict(body)
     removed = []
     for key, value in changes.items():

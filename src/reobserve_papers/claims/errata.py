@@ -54,13 +54,7 @@ def errata_file(project: Path, paper: str) -> Path:
 
 
 def read_errata(project: Path, paper: str) -> tuple[Erratum, ...]:
-    """Read the errata of a paper, in file order.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or no YAML, or with the key of what is wrong.
-    """
+    """Read the errata of a paper, in file order."""
     tree = read_yaml(errata_file(project, paper))
     found = parse_file(ErrataFile, tree, "errata", paper).errata
     for name, erratum in found.items():

@@ -37,11 +37,6 @@ def checked_papers(
     Those in ``at_once``, which have overrides, are checked here. The others are checked when a job
     of theirs is in Snakemake's graph and, unless the run is dry, before the first job; the error
     ends the run.
-
-    Raises
-    ------
-    InputError
-        If a key is unknown or a value is not allowed; as `check_evidence`.
     """
 
     def check(paper: str) -> None:
@@ -65,13 +60,7 @@ def checked_papers(
 
 
 def check_evidence(project: Path, parameters: Parameters) -> None:
-    """Check the files of a paper, those that there are, and the conventions.
-
-    Raises
-    ------
-    InputError
-        With the file and the key of the first thing that is wrong.
-    """
+    """Check the files of a paper, those that there are, and the conventions."""
     paper = parameters.paper
     _check_papers(project)
     if claims_file(project, paper).exists():

@@ -20,11 +20,6 @@ def kept_by(registry: Registry, single: SingleAlternative, seed: int) -> dict[st
     """Return tests of the samples that an alternative keeps, by claim.
 
     ``seed`` is the root of random streams.
-
-    Raises
-    ------
-    InputError
-        If no claim that it is about depends on a key, or a choice has no such range or word.
     """
     if single.ranges or single.weights:
         _check_limits(registry, single)

@@ -128,13 +128,7 @@ def write_chunk(
 
 
 def read_chunks(paths: Iterable[Path], paper: str) -> MadeSamples:
-    """The samples in chunks of a paper, in whatever order.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, or of another paper.
-    """
+    """The samples in chunks of a paper, in whatever order."""
     found: dict[str, dict[str, dict[int, Found | None]]] = {}
     for path in paths:
         stored = parse(_Stored, read_json(path), str(path))

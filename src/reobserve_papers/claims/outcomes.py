@@ -40,13 +40,7 @@ class Outcomes:
         return other
 
     def at(self, parameters: Parameters, claims: Iterable[Claim]) -> dict[str, Found]:
-        """Return the numbers that the claims want, by claim.
-
-        Raises
-        ------
-        InputError
-            If the parameter file cannot be run, or a claim names a number that does not exist.
-        """
+        """Return the numbers that the claims want, by claim."""
         evaluator = self._base.sibling(parameters)
         claims = list(claims)
         wanted = [one for claim in claims for one in claim.wanted]

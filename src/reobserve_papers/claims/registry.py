@@ -126,13 +126,7 @@ class Registry:
     def variant(
         self, name: str, conventions: Conventions, changes: Mapping[str, Any] | None = None
     ) -> Claim:
-        """A claim by other conventions, or with other values of some of its keys.
-
-        Raises
-        ------
-        InputError
-            If there is no such claim or key, or a value cannot be used.
-        """
+        """A claim by other conventions, or with other values of some of its keys."""
         assert self._read is not None
         if name not in self.bodies:
             raise InputError("claims", f"there is no {shown(name)}{nearest(name, self.bodies)}")
@@ -165,14 +159,7 @@ def _parsed(tree: Any, conventions: Conventions, paper: str) -> ClaimsFile:
 
 
 def read_registry(project: Path, parameters: Parameters) -> Registry:
-    """The claims of a paper.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or no YAML, or with the key of the first claim that is wrong: in
-        itself, or since there is no figure, metric or parameter that it names.
-    """
+    """The claims of a paper."""
     paper = parameters.paper
     tree, conventions = read_yaml(claims_file(project, paper)), read_conventions(project)
     stated = _parsed(tree, conventions, paper)
@@ -206,13 +193,7 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
 
 
 def _wanted(registry: Registry, paper: str) -> dict[str, tuple[Reference, ...]]:
-    """The numbers that checks name by these conventions or by any alternative, by claim.
-
-    Raises
-    ------
-    InputError
-        With the key of the first alternative that cannot be applied.
-    """
+    """The numbers that checks name by these conventions or by any alternative, by claim."""
     found = {claim.name: [*claim.references_of_all] for claim in registry.claims}
     conventions = registry.conventions
     for name, convention in conventions.stated.items():

@@ -70,13 +70,7 @@ class Robustness:
         return self.outcomes(claim).count("diverged")
 
     def outcomes(self, claim: Claim) -> list[Outcome]:
-        """The outcome of a claim in each sample, as it is or as an alternative reads it.
-
-        Raises
-        ------
-        InputError
-            If a check names a number that was not sampled.
-        """
+        """The outcome of a claim in each sample, as it is or as an alternative reads it."""
         return [
             outcome(claim, None if trial.found is None else nested(trial.found))
             for trial in self.trials
@@ -142,11 +136,6 @@ class Inquiry:
         """Begin with no samples, leaving out claims that are broken or depend on nothing.
 
         Of cached samples, those that the code does not give any more are dropped.
-
-        Raises
-        ------
-        InputError
-            If an alternative names a number that nobody has.
         """
         cached = cached or Cache()
         outcomes = Outcomes(
@@ -259,13 +248,6 @@ def assess(
         Samples that need not be made again.
     made
         Samples that were made ahead, see `known_samples.read_chunks`.
-
-    Raises
-    ------
-    InputError
-        If the parameter file as it is cannot be run.
-    DivergenceError
-        If something diverges with the parameter file as it is.
     """
     inquiry = Inquiry.begin(evaluator, claims, share, cached, made)
     longest = max((inquiry.limit(claim, samples) for claim in inquiry.claims), default=0)

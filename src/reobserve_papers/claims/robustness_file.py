@@ -77,13 +77,7 @@ class _Stored:
 
 
 def read_robustness(path: Path, paper: str) -> dict[str, Robustness]:
-    """The samples of a paper's claims by name, from the file that their stage wrote.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, or of another paper.
-    """
+    """The samples of a paper's claims by name, from the file that their stage wrote."""
     stored = parse(_Stored, read_json(path), str(path))
     if stored.paper != paper:
         raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")

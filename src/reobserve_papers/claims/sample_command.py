@@ -35,11 +35,6 @@ def sample_command(
     With ``check`` nothing is written: the cached samples are recomputed and compared.
     ``max_samples`` limits the samples of each claim (None: the convention `samples`, or what the
     claim says itself), ``claim`` says which claims are sampled (none: all).
-
-    Raises
-    ------
-    ReobserveError
-        If a recomputed sample differs from the cached one.
     """
     known = [one for one in known_papers(project) if claims_file(project, one).is_file()]
     differing = []

@@ -62,11 +62,6 @@ def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
 
     With ``papers``, all that there are, rows of the README on papers that the verdicts are not
     about stay.
-
-    Raises
-    ------
-    InputError
-        If the README has no such place, or a file cannot be read.
     """
     text, table = read_text(readme), read_text(verdicts).partition("\n\n")[0].rstrip() + "\n"
     before, begin, rest = text.partition(_BEGIN)

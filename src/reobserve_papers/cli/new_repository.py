@@ -23,13 +23,7 @@ _BUILT = shutil.ignore_patterns("results", "logs", "figdiff", "build", ".snakema
 
 
 def new_command(name: str) -> None:
-    """Write the repository into a new folder of the paper's name, and print what to do there.
-
-    Raises
-    ------
-    InputError
-        If the name is none of a module, or is taken, or the folder cannot be written.
-    """
+    """Write the repository into a new folder of the paper's name, and print what to do there."""
     parse(Name, name, "NAME")
     if name in (*Configuration.model_fields, "bench"):
         raise InputError("NAME", f"{shown(name)} is a key of config/config.yaml")

@@ -26,13 +26,7 @@ def add_project(command: argparse.ArgumentParser) -> None:
 
 
 def check_project(options: Mapping[str, Any]) -> None:
-    """Refuse the folder of ``--project`` if it is no project.
-
-    Raises
-    ------
-    InputError
-        If it has no parameter files.
-    """
+    """Refuse the folder of ``--project`` if it is no project."""
     folder = options.get("project")
     if folder is not None and not (folder / "config" / "papers").is_dir():
         where = "this folder" if folder == Path() else shown(str(folder))

@@ -99,13 +99,7 @@ class Chosen:
 
     @classmethod
     def read(cls, project: Path, named: Sequence[str]) -> Chosen:
-        """Parts that are named, PAPER or PAPER/FIGURE, or all that the configuration builds.
-
-        Raises
-        ------
-        InputError
-            If there is no such paper or figure.
-        """
+        """Parts that are named, PAPER or PAPER/FIGURE, or all that the configuration builds."""
         if not named:
             stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
             tasks = [] if stated else known_tasks(project)
@@ -132,13 +126,6 @@ def compare_all(
     """An item for each figure, table and theory that is ``named``, and for the claims of papers.
 
     If nothing is, those of all papers to build, and each task of the bench.
-
-    Raises
-    ------
-    InputError
-        If there is no such paper or figure.
-    ReobserveError
-        If Snakemake cannot say what is up to date.
     """
     chosen = Chosen.read(project, named)
     items = [

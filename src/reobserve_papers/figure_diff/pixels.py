@@ -38,13 +38,7 @@ _MAX_PIXELS = 20_000_000  # 80 megabytes; the largest figure has 1.6 million
 
 
 def read_pixels(path: Path) -> Pixels:
-    """The image of a PNG on white paper, shape (rows, columns, 3).
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, no PNG, or of more than `_MAX_PIXELS`.
-    """
+    """The image of a PNG on white paper, shape (rows, columns, 3)."""
     from PIL import Image
 
     content = io.BytesIO(read_bytes(path))
@@ -72,13 +66,7 @@ def panel_share(path: Path) -> float:
 
 
 def compare_images(reference: Path, new: Path, name: str) -> tuple[float, float]:
-    """Root mean squares of the differences of the panels, and of the note below them.
-
-    Raises
-    ------
-    InputError
-        If one is no image, or they differ in size.
-    """
+    """Root mean squares of the differences of the panels, and of the note below them."""
     old, found = map(read_pixels, (reference, new))
     if old.shape != found.shape:
         return rms_difference(old, found, name), 0.0

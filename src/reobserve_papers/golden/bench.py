@@ -67,13 +67,7 @@ def renew(project: Path, results: Path, task: str) -> Iterator[str]:
 
 
 def measure(project: Path, task: str) -> Tolerances:
-    """The tolerances of what rounding errors in the records move by more than is allowed.
-
-    Raises
-    ------
-    ReobserveError
-        If the task cannot be scored.
-    """
+    """The tolerances of what rounding errors in the records move by more than is allowed."""
     golden = _read(golden_table(project, task), task)
     with tempfile.TemporaryDirectory(prefix="reobserve-") as folder:
         tables = []

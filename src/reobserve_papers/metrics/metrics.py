@@ -23,13 +23,7 @@ def name_at(metric: str, /, **at: Level) -> str:
 
 
 def parse_name(text: str) -> tuple[str, dict[str, Level]]:
-    """The metric and its coordinates from what `name_at` gives, or what a person writes for it.
-
-    Raises
-    ------
-    InputError
-        If a word after the first is not ``NAME=LEVEL``, or names a coordinate again.
-    """
+    """The metric and its coordinates from what `name_at` gives, or what a person writes for it."""
     metric, *words = text.split() or [""]
     at: dict[str, Level] = {}
     for word in words:

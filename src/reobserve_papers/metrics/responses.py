@@ -37,13 +37,7 @@ def window(
 def scored(
     key: str, time: Array, start: float, end: float, *, closed: Literal["left", "right"] = "left"
 ) -> NDArray[np.bool_]:
-    """The samples of a `window` that are to be scored.
-
-    Raises
-    ------
-    InputError
-        That names ``key``, if the window holds no sample.
-    """
+    """The samples of a `window` that are to be scored."""
     chosen = window(time, start, end, closed=closed)
     if not chosen.any():
         raise InputError(key, _empty(start, end, float(time[-1]), 1, float(time[-1] - time[-2])))
@@ -61,11 +55,6 @@ def check_windows(
     """Refuse windows by their keys among the metrics, before anything runs.
 
     Of samples ``period`` [s] apart from 0 to ``horizon`` [s] each must hold ``least``.
-
-    Raises
-    ------
-    InputError
-        With the key of the first that does not.
     """
     slack = -1e-9 if closed == "left" else 1e-9  # as in `window`
     with located("metrics"):

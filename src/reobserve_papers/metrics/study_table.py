@@ -58,13 +58,7 @@ class StudyTable:
         return self._rows(chosen)
 
     def value(self, column: str = "value", **at: Level) -> float:
-        """The number in the one row at these coordinates.
-
-        Raises
-        ------
-        LookupError
-            If there is no such row, or more than one.
-        """
+        """The number in the one row at these coordinates."""
         found = self.where(**at)[column]
         if len(found) != 1:
             place = ", ".join(f"{name} {shown(level)}" for name, level in at.items())

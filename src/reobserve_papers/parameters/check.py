@@ -47,13 +47,7 @@ class Checks:
 
 
 def check_parameters(parameters: Parameters) -> None:
-    """Read the parameter file as what its paper declares, build what it states, and run nothing.
-
-    Raises
-    ------
-    InputError
-        With the dotted key of what no stage could use.
-    """
+    """Read the parameter file as what its paper declares, build what it states, and run nothing."""
     stated = read_parameters(parameters)
     module = importlib.import_module(paper_part(parameters.package, "checks"))
     with building(parameters.paper):
@@ -71,11 +65,6 @@ def check_units(parameters: Parameters) -> None:
     """Check the units of all entries, several with commas or ``to`` between, as pint reads them.
 
     The letters y and u stand for units of an output and an input that a paper does not state.
-
-    Raises
-    ------
-    InputError
-        With the key of the first entry whose unit is none.
     """
     for key, entry in parameters.entries():
         for unit in re.split(r", | to ", entry["unit"]):

@@ -13,13 +13,7 @@ from reobserve_papers.parameters.names import DEFAULT_STYLE, own_project
 
 
 def known_papers(project: Path) -> list[str]:
-    """The papers that have a parameter file.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be read, or a parameter file's file has a name that is none of a paper.
-    """
+    """The papers that have a parameter file."""
     folder = project / "config" / "papers"
     try:
         papers = sorted(path.stem for path in folder.glob("*.yaml"))
@@ -53,13 +47,7 @@ def known_styles(project: Path) -> list[str]:
 
 
 def check_config_files(*paths: str | Path) -> None:
-    """Check what Snakemake's own reader would not: every key once, and plain values only.
-
-    Raises
-    ------
-    InputError
-        As `read_yaml`; files that end in ``.json`` are read as JSON.
-    """
+    """Check what Snakemake's own reader would not: every key once, and plain values only."""
     for path in map(Path, paths):
         if path.suffix == ".json":
             read_json(path)
@@ -75,13 +63,7 @@ def take_truths(config: Tree) -> None:
 
 
 def check_config(project: Path, config: Tree, papers: list[str]) -> None:
-    """Check what `config/config.yaml` and the command line say is to be built.
-
-    Raises
-    ------
-    InputError
-        If a key is neither of `Configuration` nor a paper, or a value is not allowed.
-    """
+    """Check what `config/config.yaml` and the command line say is to be built."""
     from reobserve_papers.parameters.parameter_file import Configuration
 
     check_plain(config, "config")

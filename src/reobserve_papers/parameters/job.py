@@ -117,13 +117,7 @@ AnyFigure = Annotated[
 
 
 def read_job(keys: type, settings: Settings) -> AnyJob:
-    """The settings of a job, checked and as types (see `Parameters.settings`).
-
-    Raises
-    ------
-    InputError
-        With the key of what is missing, unknown or wrong, by the job's own name of the branch.
-    """
+    """The settings of a job, checked and as types (see `Parameters.settings`)."""
     kinds = _sections(keys)
     subject = next((name for name in _SUBJECTS if name in settings), None)
     branches = {}
@@ -146,25 +140,13 @@ def _sections(keys: type) -> dict[str, Any]:
 
 
 def read_parameters(parameters: Parameters) -> Any:
-    """The whole parameter file as the ``Parameters`` of its paper.
-
-    Raises
-    ------
-    InputError
-        With the dotted key of what is missing, unknown or wrong, or if no package is the paper's.
-    """
+    """The whole parameter file as the ``Parameters`` of its paper."""
     sections = {name: parameters.section(name) for name in parameters.tree if name != "about"}
     return parse(declared_keys(parameters), sections, parameters.paper)
 
 
 def declared_keys(parameters: Parameters) -> type:
-    """The declaration of a paper's parameter file.
-
-    Raises
-    ------
-    InputError
-        If the package that the file names, or its module with the keys, is not there.
-    """
+    """The declaration of a paper's parameter file."""
     package = parameters.package
     module = paper_part(package, "keys")
     try:
@@ -186,13 +168,7 @@ def named(observers: Mapping[str, Kind], name: str, kind: UnionType) -> Kind: ..
 
 
 def named(observers: Mapping[str, Any], name: str, kind: Any) -> Any:
-    """The observer of a name that a study or the theory is about.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it is of another form than ``kind``.
-    """
+    """The observer of a name that a study or the theory is about."""
     found = observers.get(name)
     if found is None:
         raise InputError("observers", f"must have {name!r}{nearest(name, observers)}")

@@ -28,11 +28,6 @@ def resolve(tree: Tree, overrides: Tree, paper: str) -> Tree:
 
     A bare value replaces the value of an entry. A linked entry, ``same_as: plant.initial_rate``,
     follows the other one, also where that is overridden, until it is overridden itself.
-
-    Raises
-    ------
-    InputError
-        If an override has no place in the file, or ``like`` or ``same_as`` names nothing.
     """
     merged = _merge(tree, _numbers(overrides), paper, paper, tree)
     return {

@@ -29,13 +29,7 @@ FileKind = TypeVar("FileKind", bound=Model)
 
 
 def parse_file(kind: type[FileKind], tree: object, folder: str, paper: str) -> FileKind:
-    """Check a file of a paper whose main part is named after its folder, as ``claims``.
-
-    Raises
-    ------
-    InputError
-        With ``claims.PAPER.NAME`` for what is wrong with an entry of that name.
-    """
+    """Check a file of a paper whose main part is named after its folder, as ``claims``."""
     try:
         return parse(kind, tree, f"{folder}.{paper}")
     except InputError as error:

@@ -49,13 +49,7 @@ class Parameters:
     def load(
         cls, project: Path, paper: str, overrides: Tree | None = None, seed: int = 0
     ) -> Parameters:
-        """The parameters of ``config/papers/<paper>.yaml`` with ``overrides`` merged in, checked.
-
-        Raises
-        ------
-        InputError
-            If there is no such paper, or an entry breaks the schema or its own range.
-        """
+        """The checked parameters of ``config/papers/<paper>.yaml`` with ``overrides``."""
         papers = known_papers(project)
         if paper not in papers:
             raise InputError("paper", f"there is no {paper!r}{nearest(paper, papers)}")
@@ -73,13 +67,7 @@ class Parameters:
 
     @classmethod
     def read(cls, path: str | Path) -> Parameters:
-        """Read what `text` was written to, which had been checked then.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, or has not the digest of what it holds.
-        """
+        """Read what `text` was written to, which had been checked then."""
         kept = read_json(path, must_be_sealed=True)
         file = Path(path).absolute()  # results/PAPER/parameters.json
         add_sources(file.parent.parent.parent)
@@ -97,13 +85,7 @@ class Parameters:
         return found
 
     def section(self, *path: str) -> Tree:
-        """The plain values below ``path``, entries replaced by their values.
-
-        Raises
-        ------
-        InputError
-            If there is no such branch; the message lists those that there are.
-        """
+        """The plain values below ``path``, entries replaced by their values."""
         branch: Any = self.tree
         for depth, key in enumerate(path):
             if key not in branch:

@@ -30,13 +30,7 @@ _DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
 
 
 def check_metadata(project: Path) -> None:
-    """Check the files in which Snakemake remembers how results were made, and their folder.
-
-    Raises
-    ------
-    InputError
-        If one of them is damaged, or a folder has braces, which Snakemake answers with tracebacks.
-    """
+    """Check the files in which Snakemake remembers how results were made, and their folder."""
     for folder in (str(project.absolute()), str(Path(sys.executable).parent)):
         if "{" in folder or "}" in folder:
             raise InputError(folder, "has braces, which Snakemake takes for wildcards; rename it")
@@ -63,11 +57,6 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
     Their form is checked, the keys and values of each paper by
     `reobserve_papers.claims.evidence.checked_papers`; `write_parameters` also constructs plants and
     observers.
-
-    Raises
-    ------
-    InputError
-        If a key is unknown or a value is not allowed.
     """
     if os.name != "posix":
         raise InputError("the workflow", PLATFORMS)
@@ -90,13 +79,7 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
 def write_parameters(
     project: Path, parameters: Mapping[str, Parameters], config: Mapping[str, Any]
 ) -> None:
-    """Write the parameters that have changed, once plants and observers could be constructed.
-
-    Raises
-    ------
-    SystemExit
-        With one sentence, if they cannot, or a file cannot be written.
-    """
+    """Write the parameters that have changed, once plants and observers could be constructed."""
     try:
         changed = [
             paper
@@ -115,11 +98,6 @@ def refuse_beside_another_build(project: Path, parameters: Mapping[str, Paramete
     """Refuse to change parameters that the jobs of another build may still have to read.
 
     Snakemake lets two builds run in one folder if they write different files.
-
-    Raises
-    ------
-    ReobserveError
-        If there is a lock of Snakemake's, and the stored parameters are not these.
     """
     if any((project / ".snakemake" / "locks").glob("*.lock")):
         changed = [one for one in parameters if _stored(project, one) != parameters[one].text()]

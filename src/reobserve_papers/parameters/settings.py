@@ -26,11 +26,6 @@ def settings(parameters: Parameters, step: str, name: str = "") -> dict[str, Any
     name
         The scenario, design, observer, study, search, table or figure; the theory has none. An
         observer depends on its scenario through the record of the plant alone.
-
-    Raises
-    ------
-    InputError
-        If there is nothing of that name.
     """
     kind, section = KINDS[step], parameters.section
     if not kind.about:

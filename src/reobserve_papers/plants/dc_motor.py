@@ -47,11 +47,6 @@ class DCMotor:
         R [Ohm] and L [H].
     printed
         Take Ke/L with the sign that the paper prints.
-
-    Raises
-    ------
-    InputError
-        If one of the constants is not positive or ``printed`` is no flag.
     """
 
     inertia: float
@@ -92,11 +87,6 @@ class SpeedControl:
         Kc, of speed [V s/rad] and current [V/A], shape (2,).
     integral
         Ki [V/rad].
-
-    Raises
-    ------
-    InputError
-        If they are not two numbers and one.
     """
 
     feedback: Array
@@ -110,13 +100,7 @@ class SpeedControl:
     def placed(
         cls, motor: DCMotor, poles: Sequence[complex] | NDArray[np.complex128]
     ) -> SpeedControl:
-        """The law that gives the loop three poles [1/s], by Ackermann's formula.
-
-        Raises
-        ------
-        InputError
-            If they are not three, in the left half plane, the complex ones in conjugate pairs.
-        """
+        """The law that gives the loop three poles [1/s], by Ackermann's formula."""
         as_kind("motor", motor, DCMotor)
         chosen = as_poles("poles", poles)
         if chosen.shape != (3,) or not chosen.real.max() < 0 or np.any(np.poly(chosen).imag):
@@ -136,11 +120,6 @@ def poles_for(settling_time: float, overshoot: float) -> NDArray[np.complex128]:
         After which the response is within 2 % [s]: by the envelope of the pair, an upper bound.
     overshoot
         Of the pair alone, as a fraction of the step: an upper bound, too.
-
-    Raises
-    ------
-    InputError
-        If the time is not positive, or the overshoot is not between 0 and 1.
     """
     as_positive("settling_time", settling_time)
     if not 0 < as_scalar("overshoot", overshoot) < 1:
@@ -187,11 +166,6 @@ class ControlledMotor:
         How noise and sensor faults enter the output, shapes (2, kw) and (2, q).
     state_feedback
         Whether the law takes x for Kc and not y.
-
-    Raises
-    ------
-    InputError
-        If a matrix does not have two rows, or ``state_feedback`` is no flag.
     """
 
     motor: DCMotor
@@ -236,13 +210,6 @@ class ControlledMotor:
             d, shape (steps, kd), and w, shape (steps, kw): a row a step.
         step, initial_state
             [s], and x(0), two numbers.
-
-        Raises
-        ------
-        InputError
-            If a shape is wrong or the step is not positive.
-        DivergenceError
-            If the state leaves the range of floating-point numbers.
         """
         as_function("reference", reference)
         as_function("actuator_fault", actuator_fault)

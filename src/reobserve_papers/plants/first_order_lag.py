@@ -22,11 +22,6 @@ def first_order_lag(rate: float = 1.0, gain: float = 1.0) -> TriangularModel:
         a [1/s], one over the time constant.
     gain
         b [units of x per second and unit of u], not zero: the delay could not be seen.
-
-    Raises
-    ------
-    InputError
-        If the rate is not greater than zero or the gain is zero.
     """
     rate, gain = as_positive("rate", rate), as_scalar("gain", gain)
     if gain == 0:

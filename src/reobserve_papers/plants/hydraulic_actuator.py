@@ -70,11 +70,6 @@ class ActuatorModel:
         Coefficients of s^3 to 1, shape (4,).
     denominator
         Those of s^3 to 1, shape (4,); that of s^4 is 1.
-
-    Raises
-    ------
-    InputError
-        If there are not four of each, or a pole is not in the left half plane.
     """
 
     numerator: ArrayLike
@@ -113,13 +108,7 @@ class ActuatorModel:
         return float(b[-1] / a[-1])
 
     def blended(self, other: ActuatorModel, share: float) -> ActuatorModel:
-        """The model whose coefficients lie ``share`` of the way to another's.
-
-        Raises
-        ------
-        InputError
-            If the share is not from 0 to 1, or the model in between is not stable.
-        """
+        """The model whose coefficients lie ``share`` of the way to another's."""
         as_kind("other", other, ActuatorModel)
         if not 0 <= (share := as_scalar("share", share)) <= 1:
             raise InputError("share", f"{share:g} must be from 0 to 1")
@@ -141,11 +130,6 @@ class ActuatorModel:
             Between samples [s].
         frequency
             By whose powers states are divided [rad/s].
-
-        Raises
-        ------
-        InputError
-            If there is no such realisation, or a number is not positive.
         """
         if not isinstance(realisation, str) or realisation not in REALISATIONS:
             raise InputError(
@@ -211,12 +195,6 @@ def simulate(
         that the states x1 to x4 jump by what the input has a share in them; the ``states``, so that
         acceleration and jerk jump; or neither: all models run from the start on, and the
         ``outputs`` are switched, so that all but the position jumps.
-
-    Raises
-    ------
-    InputError
-        If the period is not positive, a control is not finite, the modes are not as many
-        indices of models as there are controls, or there is no such way to hand over.
     """
     if hand_over not in HAND_OVERS:
         raise InputError("hand_over", f"{shown(hand_over)} must be one of {', '.join(HAND_OVERS)}")

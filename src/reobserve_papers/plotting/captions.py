@@ -19,11 +19,6 @@ def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric
     coordinates of a number in a study by name (``order=4``), and the filters ``digits``
     (significant ones), ``percent`` and ``milli``. Titles, labels and all other text of the
     settings is text: it is shown as it stands, whatever it would mean as markup.
-
-    Raises
-    ------
-    InputError
-        If the template is missing, is no template or asks for what does not exist.
     """
     import jinja2
 
@@ -69,13 +64,7 @@ _ALLOWED = {
 
 
 def parse(path: str, text: str) -> Any:
-    """Return the docutils document of a caption in reStructuredText, without classes and names.
-
-    Raises
-    ------
-    InputError
-        If it is no reStructuredText, or holds more than paragraphs, lists and inline markup.
-    """
+    """Return the docutils document of a caption in reStructuredText, without classes and names."""
     from docutils import nodes
     from docutils.core import publish_doctree
     from docutils.utils import SystemMessage

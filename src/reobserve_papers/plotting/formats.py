@@ -34,13 +34,7 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write the format of the path's suffix, whole or not at all, without dates or versions.
-
-    Raises
-    ------
-    InputError
-        If the format is none of ours or cannot hold the figure, or the folder cannot be written.
-    """
+    """Write the format of the path's suffix, whole or not at all, without dates or versions."""
     kind = path.suffix.removeprefix(".")
     if kind not in _METADATA:
         raise InputError(str(path), f"must end in one of .{', .'.join(_METADATA)}")

@@ -26,11 +26,6 @@ def caption_in_latex(path: str, text: str) -> str:
     r"""Return the command ``\caption``, whose first sentence is that of a list of figures.
 
     Lists become paragraphs: LaTeX takes no others in a caption.
-
-    Raises
-    ------
-    InputError
-        As `reobserve_papers.plotting.captions.parse`.
     """
     document = parse(path, text)
     plain = " ".join(document.children[0].astext().split()) if document.children else ""

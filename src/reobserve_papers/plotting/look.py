@@ -93,27 +93,14 @@ def laid_out() -> AbstractContextManager[None]:
 
 
 def use_sheet(path: Path | None) -> None:
-    """Lay a sheet over the default style, in place of any other.
-
-    Raises
-    ------
-    InputError
-        As `read_sheet`.
-    """
+    """Lay a sheet over the default style, in place of any other."""
     sheet = read_sheet(path) if path else {}
     _PARAMETERS.update({**_DEFAULT, **sheet})
     font_manager.fontManager.ttflist = _FONTS
 
 
 def read_sheet(path: Path) -> dict[str, Any]:
-    """The statements of a sheet, by the names of matplotlib's parameters.
-
-    Raises
-    ------
-    InputError
-        With the line, if there is no such parameter, it cannot have that value or is no matter of
-        looks, or a font does not come with matplotlib; or if the file cannot be read.
-    """
+    """The statements of a sheet, by the names of matplotlib's parameters."""
     found: dict[str, Any] = {}
     for number, key, text in _lines(path):
         place = f"line {number}: {key}"

@@ -24,13 +24,7 @@ _TAIL = r"""\end{pgfpicture}%
 
 
 def pgf(figure: Figure, path: str) -> str:
-    """The picture, as large as the figure.
-
-    Raises
-    ------
-    InputError
-        If there is an image in it, which PGF could only read from another file; it names ``path``.
-    """
+    """The picture, as large as the figure."""
     stream = io.StringIO()
     figure.draw(_Renderer(figure, stream, path))
     wide, high = figure.get_size_inches()

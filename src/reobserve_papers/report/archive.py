@@ -43,12 +43,6 @@ def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
 
     ``products`` are the files below ``results`` that somebody looks at; the logs say what they
     were made from. `manifest-sha256.txt` in the file is what `sha256sum --check` takes.
-
-    Raises
-    ------
-    InputError
-        If a file of the build or the log of a job is missing, `CITATION.cff` cannot be read,
-        rocrate is not installed or the file cannot be written.
     """
     jobs = jobs_behind(project, products)
     for path in (*products, *(path for job in jobs for path in job.outputs)):

@@ -35,11 +35,6 @@ def image(path: Path) -> dict[str, Any]:
 
     Coordinates of an SVG are cut to hundredths of a point. One that is long all the same, of
     thousands of markers, gives way to the PNG beside it, if there is one.
-
-    Raises
-    ------
-    InputError
-        If it is no SVG as matplotlib writes it, and no PNG.
     """
     content = read_bytes(path)
     drawn = path.with_suffix(".png")
@@ -90,11 +85,6 @@ def metrics_table(path: Path, known: Meanings, most: int | None) -> dict[str, An
     """Return metrics: a row a metric, a column an observer where that makes a good table.
 
     Rows after the first ``most`` are counted and left out.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or no table of metrics.
     """
     rows = read_metrics(path)
     observers = {row.observer for row in rows}

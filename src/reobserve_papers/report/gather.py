@@ -80,11 +80,6 @@ def gather(
     ``papers``, the ``formats`` of their figures and the tasks of the ``bench`` are those of
     `config/config.yaml` if not given. A task without a table was not built, and is left out.
     Unless all is known to be ``fresh``, what a build would make again is marked.
-
-    Raises
-    ------
-    InputError
-        If `config/config.yaml` cannot be read, or a paper has no parameters, built or not.
     """
     path = folder / "config/config.yaml"
     config = parse(Configuration, read_yaml(path), str(path))

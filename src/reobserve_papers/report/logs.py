@@ -36,13 +36,7 @@ class LoggedJob:
 
 
 def read_log(project: Path, log: str) -> LoggedJob:
-    """The job of a log.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or does not begin with a command.
-    """
+    """The job of a log."""
     try:
         first = read_text(project / log).partition("\n")[0]
     except InputError as error:
@@ -61,13 +55,7 @@ def read_log(project: Path, log: str) -> LoggedJob:
 
 
 def jobs_behind(project: Path, targets: Iterable[str]) -> list[LoggedJob]:
-    """The jobs that made these files and all that they read, each after those it reads from.
-
-    Raises
-    ------
-    InputError
-        If no log names the job that made a file below ``results``.
-    """
+    """The jobs that made these files and all that they read, each after those it reads from."""
     makers: dict[str, LoggedJob] = {}
     for path in sorted((project / "logs").rglob("*.log")):
         try:

@@ -12,13 +12,7 @@ _LINKS = ("http", "https")
 
 
 def to_html(path: str, text: str) -> str:
-    """Return a caption as HTML, with links that lead to the web, and others as plain text.
-
-    Raises
-    ------
-    InputError
-        As `reobserve_papers.plotting.captions.parse`.
-    """
+    """Return a caption as HTML, with links that lead to the web, and others as plain text."""
     from docutils import nodes
     from docutils.core import publish_from_doctree
     from docutils.writers.html5_polyglot import Writer

@@ -45,11 +45,6 @@ def figure_rows(
     """A row for each figure of a paper, in its order.
 
     ``metrics`` gives those of one of our figures, or of the theory, or None if these are missing.
-
-    Raises
-    ------
-    InputError
-        If a number that a row names is not among them.
     """
     known = list(entries)
     return [_row(name, one, parameters, known, metrics) for name, one in stated.items()]

@@ -12,13 +12,7 @@ from typing import Any
 
 
 def inline(path: Path) -> str:
-    """Read a style or script as it stands in a page.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    """
+    """Read a style or script as it stands in a page."""
     return path.read_text(encoding="utf-8").strip()
 
 

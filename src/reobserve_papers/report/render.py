@@ -29,11 +29,6 @@ def report_command(
 
     ``papers``, ``formats`` and ``bench`` are what was built, if other than `config/config.yaml`
     says. What a build would make again is marked, unless all is known to be ``fresh``.
-
-    Raises
-    ------
-    InputError
-        If the project has no config or no templates, or the page cannot be written.
     """
     report = gather(project, output, papers, formats, bench, fresh=fresh)
     write_text(output, render(report, shared_texts(project) / "replication"))
@@ -44,13 +39,7 @@ def report_command(
 
 
 def render(report: dict[str, Any], templates: Path) -> str:
-    """Fill the templates with what `gather` found.
-
-    Raises
-    ------
-    InputError
-        If a template is missing or asks for what does not exist.
-    """
+    """Fill the templates with what `gather` found."""
     import jinja2
     from markupsafe import Markup
 

@@ -44,13 +44,7 @@ def multiple(name: str, interval: float, step: float, what: str) -> int:
 
 
 def plant_grid(plant: Recorded, max_steps: int) -> tuple[int, float]:
-    """The number of plant steps and the step [s].
-
-    Raises
-    ------
-    InputError
-        If horizon or step are not positive, do not fit, or make more than ``max_steps``.
-    """
+    """The number of plant steps and the step [s]."""
     with located("plant"):
         step = as_positive("step", plant.step)
         horizon = as_positive("horizon", plant.horizon)
@@ -70,13 +64,7 @@ def stride(plant: Recorded, sampling_period: Any) -> int:
 
 
 def noise_hold(plant: Noisy) -> int:
-    """The number of plant samples for which noise is held, even, so that it jumps between steps.
-
-    Raises
-    ------
-    InputError
-        If the period is not positive or no multiple of two plant steps.
-    """
+    """The number of plant samples for which noise is held, even, so that it jumps between steps."""
     period = as_positive("plant.noise_period", plant.noise_period)
     step = plant.step
     hold = round(period / step)

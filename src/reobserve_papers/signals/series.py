@@ -54,11 +54,6 @@ class Series:
         Named times [s], such as fault onsets, that belong to the record.
     provenance
         What made the series: plain JSON values.
-
-    Raises
-    ------
-    InputError
-        If the time does not increase or a channel has another number of rows.
     """
 
     time: Array
@@ -88,13 +83,7 @@ class Series:
 
     @property
     def step(self) -> float:
-        """The sampling period [s] of an evenly sampled series.
-
-        Raises
-        ------
-        InputError
-            If the samples are not evenly spaced, or there is one only.
-        """
+        """The sampling period [s] of an evenly sampled series."""
         if len(self.time) < 2:
             raise InputError("time", "must have two samples or more for a period")
         step = float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
@@ -126,13 +115,7 @@ class Series:
         return frame
 
     def write(self, path: str | Path) -> None:
-        """Write to Parquet, whole or not at all, the same bytes for the same series.
-
-        Raises
-        ------
-        InputError
-            If the folder cannot be written.
-        """
+        """Write to Parquet, whole or not at all, the same bytes for the same series."""
         package("pyarrow", "write Parquet files")
         import pyarrow as pa
         import pyarrow.parquet as parquet
@@ -162,13 +145,7 @@ class Series:
 
     @classmethod
     def read(cls, path: str | Path) -> Series:
-        """Read what `write` wrote, and nothing else: the file carries a digest of its content.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, cut short, damaged or not one of ours.
-        """
+        """Read what `write` wrote, and nothing else: the file carries a digest of its content."""
         # Of any size: a record that one step could write, the next must be able to read.
         about, columns = _read(str(path), read_bytes(path, None))
         with located(str(path)):

@@ -31,13 +31,7 @@ Rows = Iterable[Mapping[str, Any]]  # of a study
 
 
 def paper_module(package: str, part: str) -> Any:
-    """The module in which the package of a paper has a part: its own, or that of the whole paper.
-
-    Raises
-    ------
-    InputError
-        If there is no such package, or it has no such part.
-    """
+    """The module of a part in the package of a paper: its own, or that of the whole paper."""
     module = paper_part(package, part)
     try:
         return importlib.import_module(module)
@@ -52,13 +46,6 @@ def compute(parameters: Parameters, stage: str, name: str, settings: Settings, *
     """The result of a job: the paper's own function of typed settings and of inputs.
 
     ``name`` is that of the branch that the job is about, ``inputs`` are records and designs.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
-    DivergenceError
-        If a simulation leaves the range of floating-point numbers.
     """
     kind = KINDS[stage]
     # What is wrong with a plant, a study or a search, it says of which section itself.
@@ -73,13 +60,7 @@ def signed(
     series: Series, parameters: Parameters, stage: str, job: str, settings: Any,
     record: Series | None = None,
 ) -> Series:  # fmt: skip
-    """``series`` with its provenance: what made it, from which settings and record, by which code.
-
-    Raises
-    ------
-    InputError
-        If a value is not finite, which no other stage could use.
-    """
+    """``series`` with its provenance: step, settings, record and digest of the code."""
     for name, channel in series.channels.items():
         finite = np.isfinite(channel.values.reshape(len(series.time), -1)).all(axis=1)
         if not finite.all():
@@ -106,13 +87,7 @@ def provenance(parameters: Parameters, stage: str, job: str, settings: Any) -> d
 
 
 def compute_design(parameters: Parameters, design: str) -> dict[str, Any]:
-    """A design as the steps that read it get it: what the paper computes, by way of JSON.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used or a number of the design is not finite.
-    """
+    """A design as the steps that read it get it: what the paper computes, by way of JSON."""
     computed = compute(parameters, "design", design, parameters.settings("design", design))
     try:
         read_back: dict[str, Any] = json.loads(json.dumps(computed, allow_nan=False))
@@ -146,11 +121,6 @@ def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, 
     """A design from the file that its stage wrote. ``wanted`` are the paper and the name it has.
 
     Its own keys are those of its paper, which checks them where it takes the design.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, no design, or another than ``wanted``.
     """
     stored = parse(_StoredDesign, read_json(path), str(path))
     made = stored.provenance
@@ -166,13 +136,7 @@ def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, 
 def named_design(
     parameters: Parameters, body: dict[str, Any], path: Path | None
 ) -> list[dict[str, Any]]:
-    """The design that an observer, a study or a table names, from its file, or empty without one.
-
-    Raises
-    ------
-    InputError
-        If there is a file and no name, a name and no file, or the file holds another design.
-    """
+    """The design that an observer, a study or a table names, from its file, or an empty one."""
     wanted = body.get("design")
     if wanted is None and path is None:
         return []
@@ -190,11 +154,6 @@ def rows_from(study: Path | None) -> Iterator[None]:
     """Blame a study's file for what a figure misses among its rows.
 
     Each row has been checked by itself; which rows there must be, only who asks for them knows.
-
-    Raises
-    ------
-    InputError
-        With the name of the file, in place of what says that something is not there.
     """
     try:
         yield
@@ -220,13 +179,7 @@ def figure_data(
     estimates: Mapping[str, Series],
     rows: Rows | None = None,
 ) -> FigureData[AnyJob]:
-    """The data of a figure of a paper. ``rows`` are those of its study, if it has one.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
-    """
+    """The data of a figure of a paper. ``rows`` are those of its study, if it has one."""
     with located(parameters.paper):
         job = read_job(declared_keys(parameters), settings)
     data = FigureData(job, plant, estimates)

@@ -82,11 +82,6 @@ class Replication:
         """The figure as the workflow draws it, a `matplotlib.figure.Figure` in the default style.
 
         ``notes`` says whether the remarks below the panels are drawn.
-
-        Raises
-        ------
-        InputError
-            If matplotlib is not installed.
         """
         from reobserve_papers.plotting.apart import own_style
 
@@ -134,16 +129,7 @@ class Evaluator:
     _keys: dict[Step, str] = field(default_factory=dict, init=False, repr=False)
 
     def figure(self, figure: str) -> Replication:
-        """The results behind one figure.
-
-        Raises
-        ------
-        InputError
-            If there is no such figure, a value cannot be used, or the file of its study lacks
-            rows.
-        DivergenceError
-            If the plant or an observer diverges.
-        """
+        """The results behind one figure."""
         settings = self.parameters.settings("metrics", figure)
         needs = reads(self.parameters, "metrics", figure)
         results = {need: self.result(*need) for need in needs}
@@ -161,11 +147,6 @@ class Evaluator:
         """The metrics of the paper's theory, or none if it has no such section.
 
         Metrics whose names are not in ``asked`` may be left out.
-
-        Raises
-        ------
-        InputError
-            If a value cannot be used.
         """
         if "theory" not in self.parameters.tree:
             return []
@@ -219,13 +200,7 @@ class Evaluator:
         return Evaluator(self.parameters, dict(self._done), self._files)
 
     def take_studies(self, files: Sequence[Path]) -> None:
-        """Read the studies from files, one for each study in the order of the parameter file.
-
-        Raises
-        ------
-        InputError
-            If files are missing, damaged or of another study.
-        """
+        """Read the studies from files, one for each study in the order of the parameter file."""
         studies = list(self.parameters.tree.get("studies", {}))
         if len(files) != len(studies):
             raise InputError("--study-files", f"{len(files)} must be one for each of {studies}")

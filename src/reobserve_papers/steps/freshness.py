@@ -32,13 +32,7 @@ def can_tell(project: Path, results: Path) -> bool:
 
 
 def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Path, str]:
-    """Files that a build would make again, or that were edited, with the reason.
-
-    Raises
-    ------
-    ReobserveError
-        If Snakemake cannot say.
-    """
+    """Files that a build would make again, or that were edited, with the reason."""
     chosen = ["--config", f"papers=[{','.join(papers)}]"]
     found: dict[Path, str] = {}
     for asked in (chosen, ["bench"])[: 1 + bench]:
@@ -47,13 +41,7 @@ def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Pa
 
 
 def states(project: Path, *asked: str) -> dict[Path, str]:
-    """All files of a build, with why each is out of date; empty for those that are up to date.
-
-    Raises
-    ------
-    ReobserveError
-        If Snakemake cannot say.
-    """
+    """All files of a build, with why each is out of date; empty for those that are up to date."""
     command = [sys.executable, "-m", "snakemake", "--summary", "--nolock", *asked]
     done = subprocess.run(command, cwd=project, check=False, capture_output=True, text=True)
     if done.returncode:

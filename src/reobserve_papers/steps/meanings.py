@@ -45,13 +45,7 @@ def pattern(name: str) -> re.Pattern[str]:
 
 
 def check_meanings(package: str, metrics: Iterable[Metric]) -> None:
-    """Refuse metrics of a paper that no entry of its ``MEANINGS`` explains.
-
-    Raises
-    ------
-    InputError
-        With the first of them.
-    """
+    """Refuse metrics of a paper that no entry of its ``MEANINGS`` explains."""
     known = meanings(package)
     for one in metrics:
         if not any(fits.fullmatch(one.metric) for fits, _ in known):
@@ -70,13 +64,7 @@ def list_metrics(packages: Mapping[str, str]) -> str:
 
 
 def write_lists(project: Path) -> None:
-    """Put the lists of all papers in their place in ``results/README.md``.
-
-    Raises
-    ------
-    InputError
-        If the file has no such place, or cannot be read.
-    """
+    """Put the lists of all papers in their place in ``results/README.md``."""
     path = project / LISTS
     before, begin, rest = read_text(path).partition(_BEGIN)
     _, end, after = rest.partition(_END)

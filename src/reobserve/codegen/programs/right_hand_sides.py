@@ -24,13 +24,7 @@ _SIGNS: dict[type, Any] = {
 
 
 def right_hand_sides(program: Program, model: TriangularModel) -> None:
-    """The functions ``drift``, of the state, and ``input_gain``, of the output, of a program.
-
-    Raises
-    ------
-    InputError
-        If the model holds compiled functions alone, or text with cases.
-    """
+    """The functions ``drift``, of the state, and ``input_gain``, of the output, of a program."""
     if not isinstance(model, TextModel):
         raise InputError(
             "observer",
@@ -47,13 +41,7 @@ def right_hand_sides(program: Program, model: TriangularModel) -> None:
 
 
 def expression(code: str, x: Name | Entry) -> Expression:
-    """An expression of Python in arrays and functions of ``math``, for a vector or by `Entry`.
-
-    Raises
-    ------
-    InputError
-        If it has cases, as ``sinc`` has.
-    """
+    """An expression of Python in arrays and functions of ``math``, for a vector or by `Entry`."""
     entry = (lambda _, index: x[index]) if isinstance(x, Name) else x
     return _made(ast.parse(code, mode="eval").body, entry)
 

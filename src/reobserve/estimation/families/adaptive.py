@@ -75,13 +75,7 @@ class AdaptiveDesign(BodyDesign):
         )  # fmt: skip
 
     def certify(self) -> Certificate:
-        """Poles of the errors of rate and fault, linearised at rest.
-
-        Raises
-        ------
-        InputError
-            If one of them does not decay, or the step cannot follow it.
-        """
+        """Poles of the errors of rate and fault, linearised at rest."""
         observer, body = self.observer, self.system.body
         injection = observer.observer_gain + body.fault_matrix @ observer.proportional_gain
         upper = np.hstack([-body.inverse @ injection, -body.inverse @ body.fault_matrix])

@@ -151,13 +151,7 @@ class AugmentedKalmanDesign(FilterDesign):
         return ()
 
     def certify(self) -> Certificate:
-        """Poles of the error of state and unknown inputs, with the gain that the filter comes to.
-
-        Raises
-        ------
-        InputError
-            If it comes to none.
-        """
+        """Poles of the error of state and unknown inputs, with the gain of the filter at rest."""
         whole = self.observer.whole
         resting = FixedGainObserver(whole, steady_kalman_gain(whole))
         return {"poles": pairs(resting.poles), "spectral_radius": float(np.abs(resting.poles[0]))}

@@ -23,11 +23,6 @@ def run(
     The model may be a specification of `reobserve estimate`, or one without columns; as it has a
     kind, its path may stand in the place of ``kind``. ``changed`` are texts KEY=VALUE that replace
     or add keys of the observer, values in YAML.
-
-    Raises
-    ------
-    InputError
-        If a file or a key cannot be used, or no observer is certified.
     """
     package("yaml", "read a model", extra="design")
     path = Path(kind)

@@ -160,13 +160,7 @@ class EsoDesign(Design):
 
     @classmethod
     def find_gains(cls, system: FaultySystem) -> EsoGains:
-        """Gains by linear matrix inequalities.
-
-        Raises
-        ------
-        InputError
-            If the solver fails, or the certificate does not hold.
-        """
+        """Gains by linear matrix inequalities."""
         found: Found
         augmented, derivative = system.augmented, system.structure == "pd_pi"
         if system.decay is not None:
@@ -230,13 +224,7 @@ class EsoDesign(Design):
         return found
 
     def certify(self) -> Certificate:
-        """Poles, and bounds of the H-infinity norm, proved.
-
-        Raises
-        ------
-        InputError
-            If the observer is not stable, or its norm not below the promised gamma.
-        """
+        """Poles, and bounds of the H-infinity norm, proved."""
         gains = self.observer.gains
         found = certify(self.system.augmented, gains, self.gains.gamma)
         if not found.holds:

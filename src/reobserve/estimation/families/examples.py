@@ -78,24 +78,12 @@ def _example(name: str) -> Example:
 
 
 def specification_text(name: str) -> str:
-    """The specification of an example, with comments.
-
-    Raises
-    ------
-    InputError
-        If there is no such example.
-    """
+    """The specification of an example, with comments."""
     found = _example(name)
     alarms = f"alarms:\n{found.alarms}" if found.alarms else ""
     return f"{found.observer}{_RECORDS[found.plant]}{alarms}"
 
 
 def simulated(name: str) -> Simulated:
-    """The plant of an example, followed over its record.
-
-    Raises
-    ------
-    InputError
-        If there is no such example.
-    """
+    """The plant of an example, followed over its record."""
     return followed(_example(name).plant)

@@ -32,12 +32,6 @@ def run(design: Path, to: str, out: Path) -> None:
     """Write a design as code into a folder, and print what was written. ``to`` is "c".
 
     The design may be a specification of `reobserve estimate` that states it, .yaml or .yml.
-
-    Raises
-    ------
-    InputError
-        If the file is no design, or states none; its observer has no fixed steps; or a file is the
-        design itself or cannot be written.
     """
     if to != "c":
         raise InputError("to", f"{shown(to)} must be c")
@@ -77,11 +71,6 @@ def exported(design: Design, name: str, specified: SpecifiedDesign | None = None
         What functions and files are called: an identifier of C.
     specified
         What a specification says of its signals.
-
-    Raises
-    ------
-    InputError
-        If the observer has no fixed steps, or the name is none.
     """
     if not _is_identifier(name):
         raise InputError("name", f"{shown(name)} must be an identifier of C")

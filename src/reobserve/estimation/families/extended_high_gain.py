@@ -134,13 +134,7 @@ class ExtendedHighGainDesign(Design):
         return super().widths if self.system.inputs else ((1,), (1, self.gains.order + 1))
 
     def certify(self) -> Certificate:
-        """Poles of the linear part, and what a step leaves of its errors.
-
-        Raises
-        ------
-        InputError
-            If rho is more than the step can follow.
-        """
+        """Poles of the linear part, and what a step leaves of its errors."""
         rho, step = self.observer.rho, self.observer.sampling_period
         poles = [[-rho, 0.0] for _ in range(len(self.states) + 1)]
         return {"poles": poles, "step_growth": step_growth(rho, step)}

@@ -83,13 +83,7 @@ class HighGainDesign(Design):
         return listed(self.system.measurements) or self.states[:1]
 
     def certify(self) -> Certificate:
-        """Poles of the linear part, what a step leaves of its errors, and the decay proved.
-
-        Raises
-        ------
-        InputError
-            If rho is more than the step can follow, or too low for the bounds that are stated.
-        """
+        """Poles of the linear part, what a step leaves of its errors, and the decay proved."""
         rho, step = self.observer.rho, self.observer.sampling_period
         certificate: Certificate = {
             "poles": [[-rho, 0.0] for _ in self.states], "step_growth": step_growth(rho, step),

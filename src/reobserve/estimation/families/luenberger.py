@@ -71,14 +71,7 @@ class LuenbergerDesign(FilterDesign):
 
     @classmethod
     def find_gains(cls, system: PlacedSystem) -> LuenbergerGains:
-        """The gain that gives the error the poles that the system states.
-
-        Raises
-        ------
-        InputError
-            If the poles cannot be placed, `reobserve.synthesis.linear.place`, are not stable, or
-            are not stated.
-        """
+        """The gain that gives the error the poles that the system states."""
         if system.poles is None:
             raise InputError("poles", "are missing, and so are gains; one of them must be stated")
         period = system.sampling_period if system.time == "continuous" else None

@@ -157,14 +157,7 @@ class NormalFormDesign(Design):
 
     @classmethod
     def find_gains(cls, system: NonlinearSystem) -> NormalFormGains:
-        """The injection that gives the error in z the poles [1/s] that the system states.
-
-        Raises
-        ------
-        InputError
-            As `reobserve.observers.normal_form.normal_form_observer`, or if poles are not stated
-            or not stable.
-        """
+        """The injection that gives the error in z the poles [1/s] that the system states."""
         if system.poles is None:
             raise InputError("poles", "are missing, and so are gains; one of them must be stated")
         built = system.built(poles=stable_poles("poles", system.poles))
@@ -194,13 +187,7 @@ class NormalFormDesign(Design):
         return found
 
     def certify(self) -> Certificate:
-        """Poles of the error in z, the smallest divisor of the series, the size of S beyond x.
-
-        Raises
-        ------
-        InputError
-            If A is not stable or resonant, or an input leaves no linear error dynamics.
-        """
+        """Poles of the error in z, the smallest divisor of the series, the size of S beyond x."""
         form = self.observer.normal_form
         poles = np.linalg.eigvals(np.asarray(form.problem.A, dtype=np.float64))
         poles = poles[np.lexsort((poles.imag, -poles.real))]

@@ -17,13 +17,7 @@ _POLE = re.compile(rf"[+-]?(?:{_NUMBER})(?:[+-](?:{_NUMBER})[ij])?", re.ASCII)
 
 
 def as_pole_list(place: str, value: list[Any]) -> list[complex]:
-    """Poles as complex numbers.
-
-    Raises
-    ------
-    InputError
-        If one is neither a number nor written like ``-1+2j``.
-    """
+    """Poles as complex numbers."""
     if not isinstance(value, list | tuple):
         raise InputError(place, f"{shown(value)} must be a list of poles, as [-2, -3]")
     return [_pole(f"{place}.{index}", one) for index, one in enumerate(value)]
@@ -33,13 +27,7 @@ Poles = Annotated[list[Any], checked(as_pole_list)]
 
 
 def stable_poles(name: str, value: list[Any]) -> list[complex]:
-    """Poles of continuous time [1/s], all to the left of the imaginary axis.
-
-    Raises
-    ------
-    InputError
-        If one is not, with its value.
-    """
+    """Poles of continuous time [1/s], all to the left of the imaginary axis."""
     found = as_pole_list(name, value)
     for index, pole in enumerate(found):
         if not pole.real < 0:
@@ -49,13 +37,7 @@ def stable_poles(name: str, value: list[Any]) -> list[complex]:
 
 
 def sampled_poles(name: str, value: list[Any], period: float | None) -> NDArray[np.complex128]:
-    """Poles of a sample, from stable ones [1/s] where a period [s] is given.
-
-    Raises
-    ------
-    InputError
-        If one is not stable.
-    """
+    """Poles of a sample, from stable ones [1/s] where a period [s] is given."""
     if period is not None:  # z = exp(s T)
         return np.exp(as_poles(name, stable_poles(name, value)) * period)
     found = as_poles(name, as_pole_list(name, value))

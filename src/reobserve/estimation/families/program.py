@@ -33,12 +33,6 @@ def program_of(
         the observer takes. One that finds them by itself takes 1, too.
     kind
         The family of the observer; left out, all of this package are looked through.
-
-    Raises
-    ------
-    InputError
-        If it is no observer, its steps are no fixed sequence, which is said, it has to be given
-        a state, or it takes no such columns.
     """
     if not isinstance(observer, Observer):
         raise InputError("observer", f"{shown(observer)} must be an observer")

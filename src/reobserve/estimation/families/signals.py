@@ -27,13 +27,7 @@ class NamedSignal(NamedTuple):
 
 
 def check_signals(place: str, value: Mapping[str, str]) -> None:
-    """Names of letters, digits and ``_``, each with a unit that `check_unit` accepts.
-
-    Raises
-    ------
-    InputError
-        If one is not so.
-    """
+    """Names of letters, digits and ``_``, each with a unit that `check_unit` accepts."""
     if len(value) > _MOST:
         raise InputError(place, f"names {len(value)} signals, must be {_MOST} or fewer")
     for name, unit in value.items():

@@ -105,13 +105,7 @@ class TriangularSystem(System):
 
 
 def step_growth(rho: float, step: float) -> float:
-    """The factor by which a step of the classical method changes an error with e' = -rho e.
-
-    Raises
-    ------
-    InputError
-        If it is 1 or more: then the step does not follow it.
-    """
+    """The factor by which a step of the classical method changes an error with e' = -rho e."""
     check_rate("rho", rho, step)
     z = -rho * step
     return abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0))))

@@ -191,11 +191,6 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
     ----------
     problem, start
         All constraints must be positive definite at the start, and the squares below the radius.
-
-    Raises
-    ------
-    InputError
-        If the start is not inside, or no minimiser is found.
     """
     if not np.isfinite(_value(problem, start, 1.0)):
         raise InputError("solver", "found matrices that do not meet the inequalities strictly")
@@ -213,13 +208,7 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
 
 
 def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vector], Vector]:
-    """The map from a gradient to Newton's step, with the Hessian at ``x`` factored once.
-
-    Raises
-    ------
-    LinAlgError
-        If the Hessian is not positive definite to rounding.
-    """
+    """The map from a gradient to Newton's step, with the Hessian at ``x`` factored once."""
     from scipy.linalg import cho_factor, cho_solve
 
     hessian = _hessian(problem, x, mu)

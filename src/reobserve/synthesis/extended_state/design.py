@@ -77,13 +77,7 @@ def accepted(
     decay: float = 0.0,
     bound: float = inf,
 ) -> CertifiedGains:
-    """The design of what a solver returned, arrays of floats, if its certificate holds.
-
-    Raises
-    ------
-    InputError
-        If it does not, with the reason.
-    """
+    """The design of what a solver returned, arrays of floats, if its certificate holds."""
     package("flint", "prove a design")
     try:
         gains = variables.gains()

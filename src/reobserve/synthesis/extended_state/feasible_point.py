@@ -26,12 +26,6 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     """The smallest matrices, and gamma if it is unknown, as to the sum of all squares.
 
     With them comes the status of the solver.
-
-    Raises
-    ------
-    InputError
-        If the solver is unknown, fails or ends with another status than "optimal", or the smallest
-        matrices are outside the radius.
     """
     cvxpy = package("cvxpy", "solve matrix inequalities")
     if solver not in SOLVERS:

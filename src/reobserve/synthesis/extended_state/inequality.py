@@ -160,13 +160,7 @@ Variables = TypeVar("Variables", bound=PdPiVariables | PiVariables)
 
 
 def _solved(matrix: Matrix, right: Matrix) -> Matrix:
-    """matrix^-1 right in balls, rounded once: the same on every processor.
-
-    Raises
-    ------
-    LinAlgError
-        If the matrix is not proved to have an inverse.
-    """
+    """matrix^-1 right in balls, rounded once: the same on every processor."""
     from flint import arb_mat, ctx
 
     with ctx.workprec(_BITS):

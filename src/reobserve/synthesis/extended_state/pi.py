@@ -87,12 +87,6 @@ def design_feasible(
     solution
         One of `SOLUTIONS`, each of which is unique. That of minimum norm is within 1e-5 of its
         optimum, and none is below the design's ``lower``.
-
-    Raises
-    ------
-    InputError
-        If ``decay`` is below zero, the solution is none of these, the solver does not end with
-        "optimal", or the certificate does not hold.
     """
     decay = as_scalar("decay", decay)
     if decay < 0:

@@ -49,13 +49,7 @@ class _BallConstraint(NamedTuple):
 
 @np.errstate(all="ignore")  # of what is not finite no step becomes small
 def polished(problem: Problem, start: Vector) -> Minimum:
-    """The minimiser to all digits of a float and more, from one to some digits.
-
-    Raises
-    ------
-    InputError
-        If the steps do not become small, as the Hessian is too close to singular.
-    """
+    """The minimiser to all digits of a float and more, from one to some digits."""
     flint = package("flint", "polish a design")
     arb, ctx = flint.arb, flint.ctx
     too_flat = InputError(

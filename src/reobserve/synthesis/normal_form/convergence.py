@@ -69,14 +69,7 @@ class Convergence:
 
 
 def convergence(series: PolynomialMap) -> Convergence:
-    """Estimate where a series converges.
-
-    Raises
-    ------
-    InputError
-        If it goes on, but has too few parts in the upper half of its degrees for an estimate, or
-        estimates from fewer of them differ.
-    """
+    """Estimate where a series converges."""
     sizes = part_norms(series)
     degrees = _degrees(sizes)
     if not degrees:
@@ -122,13 +115,7 @@ def _fit(degrees: list[int], sizes: Array) -> tuple[float, float, float]:
 
 
 def part_norms(series: PolynomialMap) -> Array:
-    """Bombieri's norm of each homogeneous part, shape (degree + 1,).
-
-    Raises
-    ------
-    InputError
-        If it is no series.
-    """
+    """Bombieri's norm of each homogeneous part, shape (degree + 1,)."""
     basis = as_kind("series", series, PolynomialMap).basis
     table = np.abs(series.coefficients.astype(np.float64)) ** 2
     norms = []

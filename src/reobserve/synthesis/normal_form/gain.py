@@ -55,11 +55,6 @@ def gain_at(
     Thomas, Kwatny & Chang, Remark 4.23.
 
     ``series`` is `gain_series` of S; the result has shape (k, n, n).
-
-    Raises
-    ------
-    InputError
-        If there is no such way.
     """
     if gain not in GAINS:
         raise InputError("gain", f"{gain!r} must be one of {', '.join(GAINS)}")

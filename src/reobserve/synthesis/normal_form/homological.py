@@ -71,13 +71,7 @@ class SchurSolver:
 
 
 def _schur(matrix: Array) -> tuple[Complex, Complex]:
-    """The triangular and the unitary factor, by LAPACK itself, as faster for small matrices.
-
-    Raises
-    ------
-    LinAlgError
-        If the eigenvalues are not found.
-    """
+    """The triangular and the unitary factor, by LAPACK itself, as faster for small matrices."""
     from scipy.linalg.lapack import zgees
 
     triangular, _, _, unitary, _, info = zgees(lambda _: None, matrix)

@@ -24,14 +24,7 @@ class RationalSolver:
         self._F, self._A = F, A
 
     def __call__(self, basis: Monomials, right: Coefficients, degree: int) -> Coefficients:
-        """The P for a homogeneous R of ``degree``, both of shape (n, monomials of that degree).
-
-        Raises
-        ------
-        InputError
-            If the equation has no unique solution: an eigenvalue of A is a sum of ``degree``
-            eigenvalues of F.
-        """
+        """The P for a homogeneous R of ``degree``, both of shape (n, monomials of that degree)."""
         QQ = package("sympy", "solve equations of fractions").QQ
         DomainMatrix = package("sympy.polys.matrices", "solve equations of fractions").DomainMatrix
         n, width = right.shape

@@ -56,11 +56,6 @@ def input_injection(
         b(x, u), in n + m variables.
     names
         Of states and inputs, for the message.
-
-    Raises
-    ------
-    InputError
-        If S'(x) b(x, u) is no function of y and u, with the term that is none.
     """
     n, m = S.variables, effect.variables - S.variables
     known, powers = S.degree - 1, effect.basis.exponents

@@ -20,14 +20,7 @@ _REACHED = 1e-6  # relative distance at which a pole counts as placed
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray[np.float64]:
-    """L0, shape (n, p), that gives A = F + L0 H the ``poles`` [1/s].
-
-    Raises
-    ------
-    InputError
-        If there are not n poles, closed under conjugation, all stable, none repeated more often
-        than there are outputs; or the pair (F, H) is not detectable or not observable.
-    """
+    """L0, shape (n, p), that gives A = F + L0 H the ``poles`` [1/s]."""
     from scipy.signal import place_poles
 
     as_kind("system", system, PolynomialSystem)

@@ -46,12 +46,6 @@ class NormalFormProblem:
         l, n components in p variables; `PolynomialMap.linear` of L0 for a linear one.
     degree
         The highest degree of S and T.
-
-    Raises
-    ------
-    InputError
-        If the sizes do not fit, the injection is not zero for y = 0, A is not stable (with the
-        mode that no injection can reach if there is one), or the degree is below 1.
     """
 
     system: PolynomialSystem
@@ -104,13 +98,7 @@ class NormalFormProblem:
 
 
 def check_stable(system: PolynomialSystem, A: NDArray[np.float64]) -> None:
-    """Refuse an A that is not stable, and say so if no gain could make it so.
-
-    Raises
-    ------
-    InputError
-        With the eigenvalues of A, or with the undetectable mode of the system.
-    """
+    """Refuse an A that is not stable, and say so if no gain could make it so."""
     eigenvalues = np.linalg.eigvals(A)
     if np.max(eigenvalues.real) < 0:
         return
@@ -126,11 +114,6 @@ def refuse_undetectable(system: PolynomialSystem) -> None:
     """Refuse a system with a mode that does not decay and that the output does not show.
 
     Thomas, Kwatny & Chang, Remark 3.11.
-
-    Raises
-    ------
-    InputError
-        With the mode.
     """
     F, H = system.F.astype(np.float64), system.H.astype(np.float64)
     rounding = 1e-12 * max(1.0, spectral_radius(F))

@@ -60,11 +60,6 @@ def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
     """`resonance` of a problem, or None for degree 1, which has no divisors.
 
     Thomas, Kwatny & Chang, Proposition 3.10.
-
-    Raises
-    ------
-    InputError
-        If the smallest divisor is too small, with m, lambda and the eigenvalues of F.
     """
     if problem.degree < 2:
         return None

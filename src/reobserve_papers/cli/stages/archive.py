@@ -9,12 +9,6 @@ from reobserve_papers.report.archive import write_archive
 
 
 def run(products: Sequence[str], output: Path, project: Path) -> None:
-    """Write the crate of a build's products, and print how many files it holds.
-
-    Raises
-    ------
-    InputError
-        If a file or the log of a job behind it is missing, or the crate cannot be written.
-    """
+    """Write the crate of a build's products, and print how many files it holds."""
     count = write_archive(project, output, products)
     print(f"{output}: {count} files, described in its ro-crate-metadata.json")

@@ -27,11 +27,6 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
         The papers to check; all if there are none, and then the tasks and the style sheets, too.
     overrides
         Overrides of each paper by its name.
-
-    Raises
-    ------
-    InputError
-        For the first thing that is wrong.
     """
     check_plain(overrides, "config")
     for name in paper or known_papers(project):

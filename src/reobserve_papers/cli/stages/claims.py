@@ -21,11 +21,6 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
     """Decide and write: from the numbers of each figure, the theory's and the robustness.
 
     A claim or a registry that is wrong gets a row that says what is wrong with it.
-
-    Raises
-    ------
-    InputError
-        If there is no paper of a name.
     """
     rows: list[dict[str, Any]] = []
     known = known_papers(project)

@@ -19,11 +19,6 @@ def run(source: Path, output: Path, digits: int | None = None) -> None:
 
     The metrics of a figure have a column for each observer. Of other tables, cells are as they
     stand unless ``digits`` says how many are significant.
-
-    Raises
-    ------
-    InputError
-        If the file is neither, or damaged.
     """
     if source.suffix == ".rst":
         write_text(output, caption_in_latex(str(source), read_text(source)))

@@ -18,13 +18,7 @@ from reobserve_papers.steps.compute import Provenance
 
 
 def read_record(path: Path, parameters: Parameters, scenario: str | None = None) -> Series:
-    """A plant's record, of ``scenario`` or of whichever scenario of the parameter file it is.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, or the record is another or of other parameters.
-    """
+    """A plant's record, of ``scenario`` or of whichever scenario of the parameter file it is."""
     series, _ = _read(path, parameters, "plant", scenario)
     return series
 
@@ -32,14 +26,7 @@ def read_record(path: Path, parameters: Parameters, scenario: str | None = None)
 def read_estimates(
     observers: Sequence[str], paths: list[Path], parameters: Parameters, plant: Series
 ) -> dict[str, Series]:
-    """The estimates of a figure by observer, from the files in the same order.
-
-    Raises
-    ------
-    InputError
-        If there are more or fewer files than observers, or one is not that observer's on the record
-        ``plant``; as `read_record`.
-    """
+    """The estimates of a figure by observer, from the files in the same order."""
     if len(paths) != len(observers):
         wanted = ", ".join(observers)
         raise InputError("--estimate-files", f"{len(paths)} given, must be one each for {wanted}")

@@ -36,13 +36,7 @@ def run(
 
 
 def numbers_of(chunk: str) -> range:
-    """The numbers of the samples in a chunk, which is named by its ends, as ``50-99``.
-
-    Raises
-    ------
-    InputError
-        If it is not the name of a chunk.
-    """
+    """The numbers of the samples in a chunk, which is named by its ends, as ``50-99``."""
     ends = re.fullmatch(r"(\d{1,9})-(\d{1,9})", chunk, re.ASCII)
     if ends is None or int(ends[1]) > int(ends[2]):
         raise InputError("chunk", f"{shown(chunk)} must be two rising numbers, as 50-99")

@@ -11,13 +11,7 @@ from reobserve_papers.steps.compute import compute, read_design
 
 
 def run(parameter_file: Path, design_files: list[Path], output: Path) -> None:
-    """Compute and write. The designs come in the order of the parameter file.
-
-    Raises
-    ------
-    InputError
-        If a design is another than the parameter file names, or a value cannot be used.
-    """
+    """Compute and write. The designs come in the order of the parameter file."""
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("theory")
     names = list(settings["designs"])

@@ -14,13 +14,7 @@ from reobserve_papers.claims.verdicts import BROKEN
 
 
 def run(claims_file: Path, alternatives_files: Sequence[Path], output: Path) -> None:
-    """Count and write a table with titles and their reasons, in Markdown.
-
-    Raises
-    ------
-    ReobserveError
-        If claims are broken: a sentence for each, and no table.
-    """
+    """Count and write a table with titles and their reasons, in Markdown."""
     rows = read_table(claims_file, HEADER, KINDS, ("paper", "claim"))
     broken = [row["problem"] for row in rows if row["verdict"] == BROKEN]
     if broken:

@@ -64,11 +64,6 @@ class DelayEstimator(ABC):
             before the start, and from the start on.
         start
             The result of `start`.
-
-        Raises
-        ------
-        DivergenceError
-            If a value leaves the range of floating-point numbers.
         """
         inputs = np.ascontiguousarray(np.concatenate([past[:-1], control]))
         rows = np.empty((len(control) // 2 + 1, len(start)))

@@ -59,11 +59,6 @@ class AdaptiveDelayEstimator(DelayEstimator):
         l [1/s], greater than zero.
     adaptation_gain
         Gamma [s^2 per squared x], greater than zero.
-
-    Raises
-    ------
-    InputError
-        If 1 / k or l is too fast for the step.
     """
 
     filter_time: float

@@ -60,11 +60,6 @@ class LeastSquaresDelayEstimator(DelayEstimator):
         P(0) [s per squared x], greater than zero: the uncertainty of the initial estimate.
     forgetting
         f [1/s], zero or more.
-
-    Raises
-    ------
-    InputError
-        If the decay or the forgetting is too fast for the step.
     """
 
     initial_covariance: float

@@ -73,13 +73,7 @@ class VariableStructureDelayEstimator(DelayEstimator):
     measurements: ClassVar[int] = 2
 
     def start(self, x: float, delay: float) -> Array:
-        """The delay alone.
-
-        Raises
-        ------
-        InputError
-            For the relay on the inverse if the delay is zero.
-        """
+        """The delay alone."""
         if self.relay_on == "inverse" and delay == 0:
             raise InputError(
                 "initial_delay", "0 s must be greater than zero for a relay on its inverse"

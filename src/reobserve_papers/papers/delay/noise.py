@@ -37,11 +37,6 @@ def drawn(
 
     Noise that changes faster than every second sample, the shortest step of an observer, is
     replaced by its mean over two samples. The single values are for a differentiator.
-
-    Raises
-    ------
-    InputError
-        If the period is longer than two samples and no multiple of them.
     """
     pair, period = 2 * plant.step, plant.noise_period
     if period >= pair:

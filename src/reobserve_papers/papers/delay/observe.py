@@ -27,13 +27,6 @@ def estimate(job: keys.Job, plant: Series) -> Series:
     """Estimates of state and delay [s] at the ends of the observer's steps, if it has them.
 
     ``off`` is the share of each step for which the gain is switched off, up to the row's time.
-
-    Raises
-    ------
-    InputError
-        If a parameter of the observer cannot be used.
-    DivergenceError
-        If the estimate leaves the range of floating-point numbers.
     """
     every = stride(job.plant, job.observer.sampling_period)
     match job.observer:
@@ -72,13 +65,7 @@ def build_standard(job: keys.Job, observer: keys.Standard) -> HighGainObserver:
 
 
 def build_estimator(job: keys.Job, observer: keys.Estimator) -> DelayEstimator:
-    """The estimator of the delay alone that an ``observers`` branch states, for the scalar plant.
-
-    Raises
-    ------
-    InputError
-        If a parameter is out of bounds.
-    """
+    """The estimator of the delay alone of an ``observers`` branch, for the scalar plant."""
     rate, gain = map(float, build_model(job.plant, "lag").parameters)
     common = (rate, gain, delay_bounds(job.plant), observer.sampling_period)
     match observer:

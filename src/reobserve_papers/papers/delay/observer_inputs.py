@@ -20,11 +20,6 @@ def inputs(job: keys.Job, observer: keys.Extended, plant: Series) -> Pair:
     """The measured u with its derivatives up to the observer's order, shape (k, m + 1).
 
     The derivatives are exact, or come from a differentiator on the measured u.
-
-    Raises
-    ------
-    InputError
-        As `check_derivatives`.
     """
     check_derivatives(job, observer)
     order, source = observer.order, observer.derivatives
@@ -62,13 +57,7 @@ def _differentiated(job: keys.Job, observer: keys.Extended, u: Array, plant: Ser
 
 
 def differentiator(job: keys.Job, observer: keys.Extended) -> LevantDifferentiator:
-    """The differentiator (37) of an observer.
-
-    Raises
-    ------
-    InputError
-        If a parameter is missing or cannot be used.
-    """
+    """The differentiator (37) of an observer."""
     L, period, lambdas = observer.levant()
     multiple("sampling", period, job.plant.step, "plant.step")
     return LevantDifferentiator(
@@ -85,13 +74,7 @@ def check_mean_delay(job: keys.Job, mean: float) -> None:
 
 
 def delayed_input(job: keys.Job, plant: Series, delay: float) -> Pair:
-    """The measured u a fixed delay [s] ago, before the start the input itself, without noise.
-
-    Raises
-    ------
-    InputError
-        If the delay is above the maximum or no multiple of the plant's step.
-    """
+    """The measured u a fixed delay [s] ago, before the start the input itself, without noise."""
     check_mean_delay(job, delay)
     longest = delay_bounds(job.plant)[1]
     shift = multiple("mean_delay", delay, plant.step, "plant.step")
@@ -105,13 +88,7 @@ def delayed_input(job: keys.Job, plant: Series, delay: float) -> Pair:
 
 
 def past_and_present(job: keys.Job, plant: Series, every: int) -> Pair:
-    """Arrays (k, 2) of u and u' over the maximum delay before the start, and from the start on.
-
-    Raises
-    ------
-    InputError
-        If the maximum delay is no multiple of the step of the observer, ``2 every`` samples.
-    """
+    """Arrays (k, 2) of u and u' over the maximum delay before the start, and from the start on."""
     longest = delay_bounds(job.plant)[1]
     first = multiple("sampling_period", longest, 2 * every * plant.step, "the step") * 2 * every
     past = np.column_stack([plant["past_input"], plant["past_derivatives"][:, 0]])

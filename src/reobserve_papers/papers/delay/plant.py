@@ -37,13 +37,7 @@ class Setup:
 
 
 def build(job: keys.Job) -> Setup:
-    """The contents of a scenario, checked against the grid.
-
-    Raises
-    ------
-    InputError
-        If a parameter or a signal cannot be used.
-    """
+    """The contents of a scenario, checked against the grid."""
     plant, scenario = job.plant, job.scenario
     steps, step = grid(plant)
     if plant.noise_period >= 2 * step:
@@ -76,13 +70,6 @@ def simulate(job: keys.Job) -> Series:
     ``measured_input`` are y and u with their noise, held; ``_before`` marks limits from the left.
     ``read_input`` is u at single samples, if its noise is faster than the steps of observers. The
     event ``jumps`` lists the times at which the delay jumps.
-
-    Raises
-    ------
-    InputError
-        If a parameter or a signal cannot be used.
-    DivergenceError
-        If the state leaves the range of floating-point numbers.
     """
     setup = build(job)
     plant, (steps, step) = job.plant, grid(job.plant)

@@ -35,13 +35,7 @@ def delay_bounds(plant: keys.Plant) -> tuple[float, float]:
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:
-    """The number of plant steps and the step [s], of which the maximum delay is a multiple, too.
-
-    Raises
-    ------
-    InputError
-        If horizon, step and maximum delay are not positive or do not fit.
-    """
+    """The number of plant steps and the step [s], of which the maximum delay is a multiple, too."""
     longest = delay_bounds(plant)[1]
     steps, step = plant_grid(plant, MAX_STEPS)
     if longest > plant.horizon:
@@ -54,13 +48,7 @@ def grid(plant: keys.Plant) -> tuple[int, float]:
 
 
 def input_and_derivatives(name: str, signal: Signal, order: int) -> list[Signal]:
-    """u, u', ..., up to an order.
-
-    Raises
-    ------
-    InputError
-        If a term has no derivative in closed form.
-    """
+    """u, u', ..., up to an order."""
     found = [signal]
     for _ in range(order):
         found.append(found[-1].derivative(name))

@@ -30,13 +30,7 @@ Row = tuple[str, str, float, int, str, float, str]
 
 
 def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
-    """The rows of the study's method, with the columns of `HEADER`.
-
-    Raises
-    ------
-    InputError
-        If there is no such method or a setting cannot be used.
-    """
+    """The rows of the study's method, with the columns of `HEADER`."""
     match job.study:
         case keys.Tradeoff() as study:
             rows = tradeoff(job, study, plant)
@@ -49,11 +43,6 @@ def tradeoff(job: keys.Job, study: keys.Tradeoff, plant: Series) -> Iterator[Row
     """RMS errors of delay and states for each observer, rho and run, where run 0 has no noise.
 
     Run 1 has the noise of ``plant``.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
     """
     observers = {k: v for k, v in job.observers.items() if isinstance(v, keys.HighGain)}
     for number in range(study.runs + 1):
@@ -84,13 +73,7 @@ TUNED: dict[str, type] = {
 
 
 def tuning(job: keys.Job, study: keys.Tuning, plant: Series) -> Iterator[Row]:
-    """RMS errors of the delay at rest (before each jump) and varying, by method and level.
-
-    Raises
-    ------
-    InputError
-        If an observer or a level cannot be used.
-    """
+    """RMS errors of the delay at rest (before each jump) and varying, by method and level."""
     for name, parameter, levels, observers in _tuned(job, study):
         for level, observer in observers:
             with located(f"studies.tuning.{levels}, {name}"):

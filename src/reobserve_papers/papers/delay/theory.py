@@ -17,15 +17,7 @@ from reobserve_papers.papers.delay import (
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the theory (see `MEANINGS` of `metrics`).
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
-    DivergenceError
-        If the plant or an observer diverges.
-    """
+    """The numbers of the theory (see `MEANINGS` of `metrics`)."""
     ramp, sine = (theory_runs.record(job, terms) for terms in (job.theory.ramp, job.theory.sine))
     return [
         *theory_conditions.measure(job, ramp, sine),

@@ -27,13 +27,7 @@ from reobserve_papers.papers.eso.setup import augmented
 
 
 def compute(job: keys.Job) -> dict[str, Any]:
-    """Compute gains, solver, status, gamma, certificate and filter rate, as plain JSON values.
-
-    Raises
-    ------
-    InputError
-        If a value cannot be used, the solver fails, or the certificate does not hold.
-    """
+    """Compute gains, solver, status, gamma, certificate and filter rate, as plain JSON values."""
     body = job.design
     return {"filter_rate": body.filter_rate, **design(job.plant, body).to_dict()}
 
@@ -64,13 +58,7 @@ def _designed(matrices: Any, stated: keys.Design) -> CertifiedGains:
 def stored_design(
     plant: keys.Plant, values: Mapping[str, Any]
 ) -> tuple[AugmentedSystem, CertifiedGains]:
-    """The system of a stored design, and the design.
-
-    Raises
-    ------
-    InputError
-        If a key is missing, unknown or of another type, or the gains have wrong shapes.
-    """
+    """The system of a stored design, and the design."""
     rest = {name: value for name, value in values.items() if name != "filter_rate"}
     found = CertifiedGains.from_dict(rest)
     if "filter_rate" not in values:

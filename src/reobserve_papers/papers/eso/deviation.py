@@ -49,11 +49,6 @@ def held_deviation(
         (kd + kw,).
     period
         Time for which they are held [s].
-
-    Raises
-    ------
-    InputError
-        If the number of deviations is wrong, or the observer is not stable.
     """
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 

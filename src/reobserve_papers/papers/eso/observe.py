@@ -14,27 +14,13 @@ from reobserve_papers.signals.series import Channel, Series
 
 
 def build(job: keys.Job, design: Mapping[str, Any]) -> ExtendedStateObserver:
-    """Construct the observer with the gains of a design, its period two steps of the plant.
-
-    Raises
-    ------
-    InputError
-        If a setting or the design cannot be used.
-    """
+    """Construct the observer with the gains of a design, its period two steps of the plant."""
     system, found = stored_design(job.plant, design)
     return ExtendedStateObserver(system, found.gains, sampling_period=2.0 * job.plant.step)
 
 
 def estimate(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> Series:
-    """Estimate state and faults at every second sample of the record.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
-    DivergenceError
-        If the observer leaves the range of floating-point numbers.
-    """
+    """Estimate state and faults at every second sample of the record."""
     return estimates_on(build(job, design), plant, job.observer.initial_estimate)
 
 

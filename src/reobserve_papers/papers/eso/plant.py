@@ -24,13 +24,6 @@ def simulate(job: keys.Job) -> Series:
     ``state`` is speed and current, ``output`` y, ``control`` u and ``reference`` r;
     ``actuator_fault`` and ``sensor_fault`` are the true faults. ``_before`` marks limits from the
     left. The event ``faults`` lists the times at which a fault jumps.
-
-    Raises
-    ------
-    InputError
-        If a value cannot be used.
-    DivergenceError
-        If the state leaves the range of floating-point numbers.
     """
     setup = build(job)
     disturbance, noise = _drawn(setup, job.seed)

@@ -28,13 +28,7 @@ class Drawn(NamedTuple):
 
 
 def random_gains(system: AugmentedSystem) -> list[Gains]:
-    """Gains of stable PI observers, of any sign and with sizes that are log-uniform.
-
-    Raises
-    ------
-    InputError
-        If too few of the gains that are drawn are stable.
-    """
+    """Gains of stable PI observers, of any sign and with sizes that are log-uniform."""
     stream = random_stream(_SEED, "eso", "random gains")
     shape = _TRIALS, system.size, system.outputs
     sizes = np.exp(stream.uniform(log(_RANGE[0]), log(_RANGE[1]), shape))

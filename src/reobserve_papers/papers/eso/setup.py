@@ -96,13 +96,7 @@ class MotorExperiment:
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> MotorExperiment:
-    """Construct a scenario (Indriawati, Agustinah & Jazidie, Section IV, faults).
-
-    Raises
-    ------
-    InputError
-        If a value cannot be used; it names the key.
-    """
+    """Construct a scenario (Indriawati, Agustinah & Jazidie, Section IV, faults)."""
     steps, step = plant_grid(plant, MOST_STEPS)
     driven = controlled_motor(plant)
     with located("plant"):

@@ -29,13 +29,7 @@ Row = dict[str, Any]
 
 
 def run(job: keys.Job, plant: Series) -> list[Row]:
-    """Compute lags, errors and standard deviations of each design.
-
-    Raises
-    ------
-    InputError
-        If a level cannot be used, or one of the designs fails.
-    """
+    """Compute lags, errors and standard deviations of each design."""
     undisturbed = replace(job.scenario, disturbance=[[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
     clean = plant_stage.simulate(replace(job, scenario=undisturbed))
     return [row for one in _designs(job.study) for row in _rows(job, clean, *one)]

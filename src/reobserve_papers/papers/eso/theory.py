@@ -36,13 +36,7 @@ _BAND = 0.02  # of the step, within which the speed counts as settled
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """Compute the numbers of the theory (see `MEANINGS` of `metrics`).
-
-    Raises
-    ------
-    InputError
-        If a parameter cannot be used.
-    """
+    """Compute the numbers of the theory (see `MEANINGS` of `metrics`)."""
     plant, theory = job.plant, job.theory
     system = augmented(plant, 1.0)
     noise = plant.noise_deviation(theory.noise_power)

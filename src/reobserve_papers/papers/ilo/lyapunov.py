@@ -30,11 +30,6 @@ def gyroscopic_eta(inertia: ArrayLike, rate_bound: float) -> float:
         J [kg m2], 3 x 3.
     rate_bound
         Supremum of |w(t)| [rad/s].
-
-    Raises
-    ------
-    InputError
-        If ``inertia`` is not symmetric positive definite or ``rate_bound`` is below zero.
     """
     moments = np.linalg.eigvalsh(as_positive_definite("inertia", inertia, 3))
     if as_scalar("rate_bound", rate_bound) < 0:
@@ -74,11 +69,6 @@ def repaired_weights(
         B_f [-], K1 [-] and K2 [N m s]; see `LearningLaw`.
     size
         The number of axes.
-
-    Raises
-    ------
-    InputError
-        If K2 is singular, B_f^T K2^-1 is not symmetric positive definite or K1^T P K1 <= P fails.
     """
     first, second = as_matrix("K1", K1, size), as_matrix("K2", K2, size)
     if np.linalg.matrix_rank(second) < size:
@@ -115,12 +105,6 @@ def lyapunov_values(
     rule over the last ``samples`` steps of a uniform grid, one ``interval`` [s] long. It is of
     second order where e is smooth, and of first order in a step in which e jumps. ``rate_error`` w~
     [rad/s] and ``error`` e [N m] have shape (len, n), len > ``samples``.
-
-    Raises
-    ------
-    InputError
-        If a shape is wrong, ``inertia`` is not symmetric positive definite, or ``samples`` is no
-        whole number from 1 to len - 1.
     """
     rates = as_rows("rate_error", rate_error)
     errors = as_rows("error", error, rates)

@@ -15,13 +15,6 @@ def estimate(job: keys.Job, plant: Series) -> Series:
     """Estimated rate [rad/s] and fault torque [N m] at the observer's samples.
 
     ``fault_before`` holds the limits from the left, which differ where the estimate jumps.
-
-    Raises
-    ------
-    InputError
-        If a parameter of the observer cannot be used.
-    DivergenceError
-        If the estimate leaves the range of floating-point numbers.
     """
     return observe(build_observer(job.plant, job.observer), job, plant)
 

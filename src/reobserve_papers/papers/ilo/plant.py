@@ -14,13 +14,7 @@ from reobserve_papers.signals.series import Channel, Series
 
 
 def build(job: keys.Job) -> tuple[Satellite, Signal, Signal]:
-    """Construct satellite, control and fault of a scenario, and check them against the grid.
-
-    Raises
-    ------
-    InputError
-        If a parameter or a signal cannot be used.
-    """
+    """Construct satellite, control and fault of a scenario, and check them against the grid."""
     plant = job.plant
     steps, step = grid(plant)
     with located("plant"):
@@ -38,13 +32,6 @@ def simulate(job: keys.Job) -> Series:
 
     Channels ``rate`` [rad/s], ``control`` and ``fault`` [N m]; limits from the left of a
     channel with jumps are in ``<name>_before``. ``measured`` [rad/s] is the rate with noise.
-
-    Raises
-    ------
-    InputError
-        If a parameter or a signal cannot be used.
-    DivergenceError
-        If the rate leaves the range of floating-point numbers.
     """
     plant = job.plant
     satellite, control, fault = build(job)

@@ -23,13 +23,7 @@ MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 
 
 def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:
-    """Construct the observer that an entry of ``observers`` in the parameter file specifies.
-
-    Raises
-    ------
-    InputError
-        If a parameter is out of bounds.
-    """
+    """Construct the observer that an entry of ``observers`` in the parameter file specifies."""
     body, period = known_body(plant, observer.inertia_factor), observer.sampling_period
     built: RigidBodyObserver
     if isinstance(observer, keys.Adaptive):
@@ -85,10 +79,5 @@ def held_noise(stream: np.random.Generator, plant: keys.Plant, samples: int) -> 
     """Unit normal noise held for ``plant.noise_period``: values and their limits from the left.
 
     Both have shape (samples, 3).
-
-    Raises
-    ------
-    InputError
-        If the period is not a multiple of two plant steps.
     """
     return held_normal(stream, samples, noise_hold(plant), 3)

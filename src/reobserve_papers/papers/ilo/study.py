@@ -38,11 +38,6 @@ def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
 
     ``level`` is Gamma, the noise, or the end of a second [s]. The error of a second is divided by
     the fault in the window of the metrics, as all errors are.
-
-    Raises
-    ------
-    InputError
-        If an observer or a level cannot be used.
     """
     return [*_gain_rows(job, plant), *_noise_rows(job, plant)]
 

@@ -34,15 +34,7 @@ _PEAKS = 1000  # of the mismatch that refutes the end of the proof
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """Compute the numbers of the theory (see `MEANINGS` of `metrics`).
-
-    Raises
-    ------
-    InputError
-        If a parameter value cannot be used.
-    DivergenceError
-        If the plant or an observer diverges.
-    """
+    """Compute the numbers of the theory (see `MEANINGS` of `metrics`)."""
     body = (job.plant.inertia, job.plant.input_matrix, job.plant.fault_matrix)
     return [
         *_without_observers(json.dumps([asdict(job.theory), *body])),

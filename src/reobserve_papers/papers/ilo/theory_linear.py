@@ -37,13 +37,7 @@ _HIGHEST = 30.0  # times the minimum frequency of a disturbance; above it the bo
 
 
 def measure(job: keys.Job) -> Iterator[Metric]:
-    """Compute the numbers of `reobserve_papers.papers.ilo.theory` that need no run.
-
-    Raises
-    ------
-    InputError
-        If a parameter value cannot be used.
-    """
+    """Compute the numbers of `reobserve_papers.papers.ilo.theory` that need no run."""
     axis = job.metrics.axis - 1
     laws = {name: _law(job, name) for name in keys.VARIANTS}
     yield from _sampled(laws["sampled"], job.theory, axis)

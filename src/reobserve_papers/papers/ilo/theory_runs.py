@@ -108,15 +108,7 @@ def _simulated(stated: str) -> Series:
 
 
 def measure(job: keys.Job) -> Iterator[Metric]:
-    """Compute the numbers of `reobserve_papers.papers.ilo.theory` that need runs.
-
-    Raises
-    ------
-    InputError
-        If a parameter value cannot be used.
-    DivergenceError
-        If the plant or an observer diverges.
-    """
+    """Compute the numbers of `reobserve_papers.papers.ilo.theory` that need runs."""
     runs = Runs.of(job)
     yield from _stuck(runs)
     yield from _other_start(runs)

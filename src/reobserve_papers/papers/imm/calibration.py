@@ -74,13 +74,7 @@ class Calibration:
     record: Series
 
     def stated(self) -> Array:
-        """The tuned numbers of the parameter file, in the order of `TUNED`.
-
-        Raises
-        ------
-        InputError
-            If the observers do not share them, or have a realisation other than ``motion``.
-        """
+        """The tuned numbers of the parameter file, in the order of `TUNED`."""
         found = []
         for name, body in self.observers.items():
             if body.realisation != "motion":
@@ -162,11 +156,6 @@ def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -
 
     Between the last factor with which all quoted values stay in their band and the next one the
     interval is bisected.
-
-    Raises
-    ------
-    InputError
-        If the stored result of the search cannot be read.
     """
     kept = read_kept(Path(study.kept))
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
@@ -248,13 +237,7 @@ class _Stored:
 
 
 def read_kept(path: Path) -> KeptSearch:
-    """Read the stored result of a search.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged or not the result of a search.
-    """
+    """Read the stored result of a search."""
     kept = parse(_Stored, read_json(path), str(path)).search
     if set(kept.found) != set(TUNED):
         raise InputError(str(path), "holds other numbers than the search tunes; rerun it")
@@ -262,13 +245,7 @@ def read_kept(path: Path) -> KeptSearch:
 
 
 def run_changes(job: keys.Job, study: keys.Changes, plant: Series) -> list[Row]:
-    """Mean probabilities of all banks for each change of the scenario or of the observers.
-
-    Raises
-    ------
-    InputError
-        If a changed value cannot be used.
-    """
+    """Mean probabilities of all banks for each change of the scenario or of the observers."""
     found = list(_changes(study))
     with ThreadPoolExecutor(THREADS) as pool:
         parts = pool.map(lambda change: _rows(job, plant, change), found)
@@ -299,13 +276,7 @@ def _changes(study: keys.Changes) -> Iterator[Change]:
 
 
 def check_changes(job: keys.Job, study: keys.Changes) -> None:
-    """Build the plant of each change without running it.
-
-    Raises
-    ------
-    InputError
-        With the key of the study whose value cannot be used.
-    """
+    """Build the plant of each change without running it."""
     for sweep, _, scenario, _ in _changes(study):
         for changed in scenario:
             try:

@@ -88,13 +88,7 @@ MEANINGS = {
 
 
 def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
-    """The numbers of a figure (see `MEANINGS`).
-
-    Raises
-    ------
-    InputError
-        If a setting of the metrics cannot be used.
-    """
+    """The numbers of a figure (see `MEANINGS`)."""
     job = data.job
     check_rules(job.metrics, job.plant.horizon, job.scenario.period)
     for name in data.estimates:

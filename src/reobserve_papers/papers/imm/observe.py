@@ -32,13 +32,6 @@ def estimate(job: keys.Job, plant: Series) -> Series:
     is the share of the innovations outside the boundary layer, and ``chattering`` the share that is
     outside and has changed its sign since the sample before. ``chattering_correction`` is how far
     the latter move the estimate of the velocity.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
-    DivergenceError
-        If a filter leaves the range of floating-point numbers.
     """
     observer = job.observer
     chosen = build(job, plant.step)

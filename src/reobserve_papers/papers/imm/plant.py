@@ -23,11 +23,6 @@ def simulate(job: keys.Job) -> Series:
 
     ``motion`` has the components of `MOTION`, ``measured`` the same with noise. ``input`` is held
     from each sample on. ``mode`` is 0 or 1, and the event ``fault`` is the time of its change.
-
-    Raises
-    ------
-    InputError
-        If a value cannot be used.
     """
     setup = build(job)
     motion = move(setup.models, setup.mode, setup.control, setup.period, setup.switching_condition)

@@ -39,11 +39,6 @@ def run(job: keys.Job, plant: Series, progress: Callable[[str], None]) -> dict[s
     """Run the search: the numbers found, the remaining distance, and its history.
 
     ``progress`` is called with a line whenever a generation is over.
-
-    Raises
-    ------
-    InputError
-        If a bound cannot be used.
     """
     body = job.search
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)

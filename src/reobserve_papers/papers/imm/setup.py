@@ -80,13 +80,7 @@ class ActuatorExperiment:
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> ActuatorExperiment:
-    """The input, modes and noise of a scenario.
-
-    Raises
-    ------
-    InputError
-        If one of its values cannot be used, with its key.
-    """
+    """The input, modes and noise of a scenario."""
     known = modes(plant)
     horizon, period, onset = plant.horizon, scenario.period, scenario.onset
     with located("scenario"):
@@ -118,13 +112,7 @@ def bank(
     period: float,
     models: list[ActuatorModel] | None = None,
 ) -> IMM:
-    """The bank of filters on all modes, or on ``models``, with its Markov chain.
-
-    Raises
-    ------
-    InputError
-        If a value of the observer cannot be used.
-    """
+    """The bank of filters on all modes, or on ``models``, with its Markov chain."""
     known = modes(plant) if models is None else models
     with _parameter_keys():
         filters = [_filter(observer, mode, period) for mode in known]
@@ -217,11 +205,6 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> ImmState:
     """The bank at rest, one step before the first row, with ``held`` the input over this step.
 
     By the observer's initial mode, all modes are equally probable or the normal mode is certain.
-
-    Raises
-    ------
-    InputError
-        If the covariance is invalid.
     """
     with _parameter_keys():
         rest = np.zeros(chosen.filters[0].model.states)

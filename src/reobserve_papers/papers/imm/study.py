@@ -19,13 +19,7 @@ from reobserve_papers.signals.series import Series
 
 
 def run(job: keys.Job, plant: Series) -> list[dict[str, Any]]:
-    """The rows of the study's method, with the columns of `HEADER`.
-
-    Raises
-    ------
-    InputError
-        If there is no such method or a setting cannot be used.
-    """
+    """The rows of the study's method, with the columns of `HEADER`."""
     with located("study"):
         check_study(job)
     match job.study:

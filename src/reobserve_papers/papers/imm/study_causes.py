@@ -52,13 +52,7 @@ _FROZEN = INTACT, FROZEN, WEIGHTED
 
 
 def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
-    """Rows by SVSF and scale: mean probabilities after the fault by variant, and the saturation.
-
-    Raises
-    ------
-    InputError
-        If there is no SVSF, or one has an inverse other than the pseudo-inverse.
-    """
+    """Rows by SVSF and scale: mean probabilities after the fault by variant, and the saturation."""
 
     def rows(name: str, body: keys.SmoothVariableStructure, number: int) -> list[Row]:
         banks = variants(bank(job.plant, body, plant.step))
@@ -71,13 +65,7 @@ def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
 
 
 def run_frozen(job: keys.Job, plant: Series) -> list[Row]:
-    """Rows of each SVSF and of random gains with its layers, free to switch and frozen.
-
-    Raises
-    ------
-    InputError
-        As `run`.
-    """
+    """Rows of each SVSF and of random gains with its layers, free to switch and frozen."""
     found: list[Row] = []
     for name, body in _svsfs(job):
         whole = bank(job.plant, body, plant.step)

@@ -43,15 +43,7 @@ Observers = dict[str, keys.Observer]
 
 
 def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the paper's theory (see `MEANINGS` of `metrics`).
-
-    Raises
-    ------
-    InputError
-        If a value of the parameter file cannot be used.
-    DivergenceError
-        If a filter leaves the range of floating-point numbers.
-    """
+    """The numbers of the paper's theory (see `MEANINGS` of `metrics`)."""
     chosen = check(job.theory, job.observers)
     return [
         *_corrections(job, chosen),

@@ -13,11 +13,6 @@ def compute(job: keys.Job) -> dict[str, Any]:
     """Coefficients of S, T and the gain, one row per component.
 
     The order of the monomials is that of `reobserve.polynomials.monomials`.
-
-    Raises
-    ------
-    InputError
-        If the injection cannot be used: unstable, resonant, or of the wrong size.
     """
     problem = build_problem(job.plant, job.design)
     form = normal_form(problem.system, problem.degree, injection=problem.injection)

@@ -110,13 +110,7 @@ class EnsembleRecord:
 def records(
     plant: PolynomialPlant, axis: Array, estimate: ArrayLike, steps: int, step: float
 ) -> Iterator[EnsembleRecord]:
-    """Records from all states with coordinates on ``axis``, except the estimate itself.
-
-    Raises
-    ------
-    DivergenceError
-        If the plant leaves the range of floating-point numbers from one of them.
-    """
+    """Records from all states with coordinates on ``axis``, except the estimate itself."""
     for point in product(axis, repeat=plant.system.states):
         start = np.array(point)
         if np.array_equal(start, estimate):
@@ -140,11 +134,6 @@ def run(job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]) -> 
 
     The name of a row is the kind of gain of the identity form, ``transformed``, or the name of an
     observer of the study. The plant's own record is not used.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
     """
     built = _observers(job, study, design)
     estimate = _estimate(job)
@@ -171,11 +160,6 @@ def run_injections(
     ``share_better`` is the share of initial states with an integral of the squared error below that
     of the constant gain. ``median_ise_ratio`` is over all of them, nan if most runs diverge. There
     are also rows of the observers of the study. Order and gain are those of ``cubic4``.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
     """
     step = study.sampling_period
     cubic = named(job.observers, "cubic4", keys.Identity)

@@ -43,14 +43,7 @@ class LimitCycle:
 
 @np.errstate(over="ignore", invalid="ignore")  # a state that is not finite leads to none
 def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: float) -> LimitCycle:
-    """The limit cycle that a trajectory has reached after ``settle`` seconds.
-
-    Raises
-    ------
-    InputError
-        If the trajectory comes to rest, or does not return to the same point within another
-        ``settle`` seconds.
-    """
+    """The limit cycle that a trajectory has reached after ``settle`` seconds."""
     from scipy.integrate import solve_ivp
 
     slope = _slope(as_kind("system", system, PolynomialSystem))
@@ -89,12 +82,6 @@ def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
     jacobians
         J at an even number of `LimitCycle.points`, shape (2 m, n, n). The fundamental matrix is
         integrated by the classical Runge-Kutta method in m steps.
-
-    Raises
-    ------
-    InputError
-        If the jacobians are not an even number of square matrices, or so large that the
-        fundamental matrix is not finite.
     """
     as_kind("cycle", cycle, LimitCycle)
     jacobians = as_floats("jacobians", jacobians)

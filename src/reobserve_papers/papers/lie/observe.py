@@ -16,15 +16,7 @@ from reobserve_papers.signals.series import Channel, Series
 
 
 def estimate(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> Series:
-    """Estimated state x^ at the ends of the observer's steps, and z of the transformed form.
-
-    Raises
-    ------
-    InputError
-        If a parameter of the observer cannot be used.
-    DivergenceError
-        If the estimate leaves the range of floating-point numbers.
-    """
+    """Estimated state x^ at the ends of the observer's steps, and z of the transformed form."""
     mine = job.observer
     form = stored_form(job.plant, job.design, design)
     observer = build_observer(mine, form)

@@ -22,15 +22,7 @@ def build(job: keys.Job) -> PolynomialPlant:
 
 
 def simulate(job: keys.Job) -> Series:
-    """Channels ``state``, x, and ``output``, y = h(x), over the horizon.
-
-    Raises
-    ------
-    InputError
-        If a parameter cannot be used.
-    DivergenceError
-        If the state leaves the range of floating-point numbers.
-    """
+    """Channels ``state``, x, and ``output``, y = h(x), over the horizon."""
     plant = build(job)
     steps, step = grid(job.plant)
     states = plant.simulate(job.scenario.initial_state, step, steps)

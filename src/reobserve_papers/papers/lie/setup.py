@@ -27,13 +27,7 @@ MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
 
 
 def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
-    """The plant's system, whose size is that of the first list of powers.
-
-    Raises
-    ------
-    InputError
-        If a term cannot be read or the origin is no equilibrium.
-    """
+    """The plant's system, whose size is that of the first list of powers."""
     with located("plant"):
         states, outputs = plant.states, plant.outputs
         return PolynomialSystem(
@@ -49,13 +43,7 @@ def build_problem(
     degree: int | None = None,
     exact: bool = False,
 ) -> NormalFormProblem:
-    """The normal-form problem of a design, of its own degree or another.
-
-    Raises
-    ------
-    InputError
-        If a term cannot be read, the degree is no whole number, or the problem has no solution.
-    """
+    """The normal-form problem of a design, of its own degree or another."""
     system = build_system(plant, exact=exact)
     terms = design.injection
     injection = PolynomialMap.from_terms(
@@ -77,13 +65,7 @@ class StoredSeries:
 def stored_form(
     plant: keys.Plant, design: keys.InjectionDesign, series: Mapping[str, Any]
 ) -> NormalForm:
-    """The normal form whose series the stage design has computed.
-
-    Raises
-    ------
-    InputError
-        If they are not series, or not those of this plant and this design.
-    """
+    """The normal form whose series the stage design has computed."""
     stored, problem = parse(StoredSeries, series, "design"), build_problem(plant, design)
     basis = problem.basis
     if not np.array_equal(stored.monomials, basis.exponents):
@@ -112,13 +94,7 @@ def forms(job: keys.Job, own: str, design: Mapping[str, Any]) -> dict[str, Norma
 
 
 def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObserver:
-    """The observer of an entry of ``observers``.
-
-    Raises
-    ------
-    InputError
-        If a parameter is out of bounds.
-    """
+    """The observer of an entry of ``observers``."""
     as_vector("initial_estimate", observer.initial_estimate, form.problem.system.states)
     if isinstance(observer, keys.Identity):
         return IdentityObserver(

@@ -22,13 +22,7 @@ from reobserve_papers.signals.series import Series
 
 
 def run(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The rows of the study's method, with the columns of `Row`.
-
-    Raises
-    ------
-    InputError
-        If there is no such method or a setting cannot be used.
-    """
+    """The rows of the study's method, with the columns of `Row`."""
     return [row._asdict() for row in _rows(job, plant, design)]
 
 

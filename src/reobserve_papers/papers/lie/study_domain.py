@@ -32,13 +32,7 @@ _FORGOTTEN = 1e-15  # share of the initial z that is left when the true z is tak
 def run(
     job: keys.Job, study: keys.DomainStudy, plant: Series, design: Mapping[str, Any]
 ) -> list[Row]:
-    """Rows: the boundary of the domain, radii by degree, errors of the series on the cycle.
-
-    Raises
-    ------
-    InputError
-        If a setting cannot be used.
-    """
+    """Rows: the boundary of the domain, radii by degree, errors of the series on the cycle."""
     form = forms(job, study.design, design)[study.design]
     with located("studies.domain"):
         cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)

@@ -30,11 +30,6 @@ def rows(job: keys.Job, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     ``exact`` is the rational coefficient, ``decimal`` its value to nine digits, ``computed`` the
     floating-point one that the observers use. ``agrees`` says whether the exact value rounds to
     the printed digits; it is empty for what the paper does not print.
-
-    Raises
-    ------
-    InputError
-        If the injection is resonant, or the design does not belong to this plant.
     """
     degree = job.table.degree
     with located(f"designs.{job.table.design}"):

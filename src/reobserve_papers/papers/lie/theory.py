@@ -65,13 +65,7 @@ _COUNTED = (3, 5, 7)  # degrees of T at which operations are counted
 
 
 def measure(job: keys.Job, designs: Mapping[str, Any]) -> list[Metric]:
-    """The numbers of the paper's theory (see `MEANINGS` of `metrics`).
-
-    Raises
-    ------
-    InputError
-        If a parameter cannot be used.
-    """
+    """The numbers of the paper's theory (see `MEANINGS` of `metrics`)."""
     theory = job.theory
     return [
         *_example(job, designs["linear"]),
