@@ -55,7 +55,7 @@ def states(project: Path, *asked: str) -> dict[Path, str]:
 
 
 def _state(project: Path, row: Mapping[str, str]) -> str:
-    """Why the file of a row of the summary is out of date, if it is."""
+    """The reason for which the file of a row of the summary is out of date, or nothing."""
     if row["plan"] == _PENDING:
         return row["status"].replace("ok", "its inputs are")
     # Snakemake takes a file as it is, and notes its time when the job that made it has ended.
