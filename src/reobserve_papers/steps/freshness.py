@@ -41,7 +41,7 @@ def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Pa
 
 
 def states(project: Path, *asked: str) -> dict[Path, str]:
-    """All files of a build, with why each is out of date; empty for those that are up to date."""
+    """All files of a build with the reason for which each is out of date, empty if it is not."""
     command = [sys.executable, "-m", "snakemake", "--summary", "--nolock", *asked]
     done = subprocess.run(command, cwd=project, check=False, capture_output=True, text=True)
     if done.returncode:
