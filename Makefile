@@ -7,7 +7,7 @@ DOCS    := $(VENV)/.docs
 TOOLS   := $(VENV)/.package
 CORES   ?= 2
 MODULE  ?= src/reobserve/core/chandrupatla.py
-LOCKS   := requirements-build.lock requirements.lock
+LOCKS   := requirements-uv.lock requirements-build.lock requirements.lock
 
 # The first Python on the PATH for which the lock has wheels; `make PYTHON=...` overrides it.
 PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
@@ -154,8 +154,8 @@ $(TOOLS): $(STAMP) requirements-package.lock
 $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
 	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 on the PATH; install one or say make PYTHON=/path/to/python" >&2; exit 1; }
 	@test ! -L $(VENV) || { echo "make: $(VENV) is a link, and what it links to would be cleared; remove the link" >&2; exit 1; }
-	$(PYTHON) -m venv --clear $(VENV)
-	PYTHON=$(BIN)/python sh workflow/envs/install.sh
+	@$(PYTHON) -m venv --clear $(VENV)
+	@PYTHON=$(BIN)/python sh workflow/envs/install.sh
 	@touch $@
 
 # The locks name versions and hashes and no package index, and hold for every
@@ -167,6 +167,7 @@ lock:  ## update the lock files from pyproject.toml
 	$(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet uv
 	.venv-lock/bin/$(LOCK) --all-extras --group pyproject.toml:dev pyproject.toml -o requirements.lock
+	.venv-lock/bin/$(LOCK) --group pyproject.toml:uv -o requirements-uv.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:build -c requirements.lock -o requirements-build.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:package -c requirements.lock -o requirements-package.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:cluster --no-deps -o requirements-cluster.lock

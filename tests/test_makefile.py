@@ -31,7 +31,12 @@ def folder(tmp_path: Path) -> Path:
     project = tmp_path / "project"
     (project / "workflow/envs").mkdir(parents=True)
     shutil.copy(ROOT / "Makefile", project)
-    for name in ("requirements.lock", "requirements-build.lock", "pyproject.toml"):
+    for name in (
+        "requirements.lock",
+        "requirements-build.lock",
+        "requirements-uv.lock",
+        "pyproject.toml",
+    ):
         (project / name).touch()
     (project / "workflow/envs/install.sh").write_text("exit 0\n")
     stub = tmp_path / "python"
@@ -83,3 +88,61 @@ def test_other_processors_have_builds_of_their_own() -> None:
         for line in lines:
             assert line.startswith("OPENBLAS_CORETYPE=")
             assert "pytest --build-apart tests/" in line
+
+
+# Python with pip and uv that note what they are called with; uv fails if there is a file UV_FAILS,
+# and cannot be installed if there is a file NO_UV.
+INSTALLERS = """#!/bin/sh
+echo "$UV_DEFAULT_INDEX $*" >> "$NOTES/calls"
+case "$*" in
+*"config get"*) exit 1 ;;
+*requirements-uv.lock) test ! -e "$NOTES/NO_UV" ;;
+"-m uv "*) test ! -e "$NOTES/UV_FAILS" || { printf 'error: no\\n  route\\n' >&2; exit 2; } ;;
+esac
+"""
+
+
+def install(folder: Path, *files: str, **variables: str) -> tuple[list[str], str]:
+    """Run the script with these stubs: what it installs, with what, and what it reports."""
+    stub = folder / "python"
+    stub.write_text(INSTALLERS)
+    stub.chmod(0o755)
+    for name in files:
+        (folder / name).touch()
+    script = ["sh", "workflow/envs/install.sh"]
+    known = {name: text for name, text in os.environ.items() if not name.startswith(("PIP", "UV"))}
+    environment = known | {"PYTHON": str(stub), "NOTES": str(folder)} | variables
+    done = subprocess.run(
+        script, cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    )
+    called = (folder / "calls").read_text().splitlines()
+    return [one for one in called if "config get" not in one], done.stderr
+
+
+LAST = {"requirements-build.lock", "requirements.lock", "."}
+
+
+def test_uv_installs_the_locks_and_pip_only_uv(tmp_path: Path) -> None:
+    (first, *others), reported = install(tmp_path)
+    assert " -m pip install --require-hashes" in first
+    assert first.endswith("-r requirements-uv.lock")
+    assert {one.split()[-1] for one in others} == LAST
+    assert all(one.startswith(" -m uv pip install") for one in others)
+    assert not reported
+
+
+@pytest.mark.parametrize(
+    ("file", "why"), [("UV_FAILS", "error: no route"), ("NO_UV", "it could not be installed")]
+)
+def test_pip_takes_over_where_uv_fails(tmp_path: Path, file: str, why: str) -> None:
+    called, reported = install(tmp_path, file)
+    assert reported.splitlines() == [f"pip installs in place of uv, which failed: {why}"]
+    by_pip = [one.split() for one in called[-3:]]
+    assert {one[-1] for one in by_pip} == LAST
+    assert all(one[:3] == ["-m", "pip", "install"] for one in by_pip)
+    assert all("--require-hashes" in one for one in by_pip[:2])
+
+
+def test_index_of_pip_is_that_of_uv(tmp_path: Path) -> None:
+    called, _ = install(tmp_path, PIP_INDEX_URL="file:///index")
+    assert {one.split()[0] for one in called} == {"file:///index"}
