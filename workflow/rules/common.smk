@@ -10,6 +10,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.import_closure import closure_digest
 from reobserve_papers.claims.claims_digest import claims_digest
 from reobserve_papers.claims.evidence import checked_papers
+from reobserve_papers.cli.job_lines import print_job_lines
 from reobserve_papers.cli.own_modules import refused_in_one_sentence
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
@@ -20,8 +21,10 @@ from reobserve_papers.parameters.step_kinds import SECTIONS
 from reobserve_papers.steps.provenance import code_digest, files_digest
 from reobserve_papers.steps.provenance import shared_digest, versions
 from reobserve_papers.signals.inputs import sample_files
+from snakemake.logging import logger
 
 collect_rarely()
+print_job_lines(workflow, logger)
 
 # Jobs use the environment that runs Snakemake, activated or not; with conda, that of their rule.
 if not workflow.deployment_settings.deployment_method:

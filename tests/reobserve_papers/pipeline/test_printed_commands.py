@@ -175,7 +175,7 @@ def test_printed_commands_cover_all_kinds() -> None:
 @pytest.mark.nightly
 def test_build_ends_with_the_documented_sentence(fresh: Project) -> None:
     text = (ROOT / "docs/pages/start/two-commands.md").read_text(encoding="utf-8")
-    (line,) = re.findall(r"^Job 0: (.*)$", text, re.MULTILINE)
+    (line,) = re.findall(r"^\[\d+ of \d+\] (all .*)$", text, re.MULTILINE)
     assert f"Job 0: {line}" in fresh.snakemake("--dry-run").stdout
 
 

@@ -2,25 +2,53 @@
 
 from __future__ import annotations
 
+import logging
+from types import SimpleNamespace
+
 import pytest
 
+from reobserve_papers.cli.job_lines import JobLines
 from tests import ROOT
 from tests.project_copy import copy_environment
 
 from .conftest import Project
 
 
-def test_build_prints_its_jobs_and_the_failure(fresh: Project) -> None:
+def test_build_prints_a_line_for_each_job_and_the_failure(fresh: Project) -> None:
     target = "results/ilo/constant/plant.parquet"
     # The package of this checkout, whose kernels are compiled.
     said = fresh.snakemake(target, environment=copy_environment(ROOT)).stderr
-    assert "ilo: simulate the plant, scenario constant\n" in said
-    assert "\n1 of 1 steps (100%) done\n" in said
-    assert "reobserve-papers stage plant" not in said, "commands stand in the logs"
+    assert said.endswith("\n\n[1 of 1] ilo: simulate the plant, scenario constant\n")
+    assert len(said.splitlines()) <= 4, said
+    (log,) = (fresh.folder / ".snakemake/log").iterdir()
+    assert "1 of 1 steps (100%) done" in log.read_text()
+    assert fresh.snakemake(target).stderr.splitlines()[-1].startswith("Nothing to be done")
+    more = fresh.snakemake(
+        target, "--forcerun", "plant", "--quiet", "host", environment=copy_environment(ROOT)
+    ).stderr
+    assert "Job stats:" in more
+    assert "Reason: Forced execution" in more
     (fresh.folder / target).write_bytes(b"no record")
     failed = fresh.snakemake("results/ilo/constant/sampled.parquet", check=False)
     assert failed.returncode != 0
+    assert "Error in rule observe:" in failed.stderr
+    assert "log: logs/ilo/constant/sampled.log" in failed.stderr
     assert "reobserve-papers: results/ilo/constant/plant.parquet: " in failed.stderr
+
+
+def test_numbers_of_jobs_are_aligned_and_those_of_a_retry_kept() -> None:
+    formatter = JobLines(logging.Formatter(), SimpleNamespace(dag=range(10)))
+    jobs = [
+        logging.makeLogRecord(
+            {"event": "job_info", "jobid": jobid, "rule_msg": None, "rule_name": "a"}
+        )
+        for jobid in (7, 3, 3)
+    ]
+    assert [formatter.format(job) for job in jobs] == [
+        "[ 1 of 10] a",
+        "[ 2 of 10] a",
+        "[ 2 of 10] a",
+    ]
 
 
 @pytest.mark.nightly
