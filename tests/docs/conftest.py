@@ -14,8 +14,9 @@ import pytest
 from docs.generate.sources import write
 from tests import ROOT
 from tests.browser import browser
+from tests.reobserve_papers.pipeline.conftest import Project, as_built
 
-__all__ = ["browser"]
+__all__ = ["as_built", "browser"]
 
 
 MISSING = "no mkdocs to build the site with: make docs installs it"
@@ -34,12 +35,12 @@ class Site:
 
 
 @pytest.fixture(scope="session")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
+def site(as_built: Project, tmp_path_factory: pytest.TempPathFactory) -> Site:
     """Build as `make docs` does. Without mkdocs tests are skipped; in CI they fail."""
     if importlib.util.find_spec("mkdocs") is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(MISSING)
     folder = tmp_path_factory.mktemp("documentation")
-    write(ROOT, folder / "build", ROOT / "results/report.html")
+    write(ROOT, folder / "build", as_built.folder / "results/report.html")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--config-file"]
     done = subprocess.run(
         [*command, str(folder / "build/mkdocs.yml")],
