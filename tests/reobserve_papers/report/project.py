@@ -133,7 +133,7 @@ def make_project(folder: Path) -> Path:
         "samples": ["0.4"] * 30 + ["1.5"] * 7 + ["-"] * 2 + [None],
         "whole": None, "basis": "", "cached": 38,
     }  # fmt: skip
-    drawn_of = {"placed_is_better": drawn, "tuned": drawn}
+    drawn_of = {"placed_is_better": drawn, "tuned": {**drawn, "cached": 40}}
     stored = {"paper": "toy", "seed": 1, "samples": 40, "claims": drawn_of}
     (built / "robustness.json").write_text(json.dumps(stored))
     for name in ("fig1.plot", "theory"):
