@@ -9,7 +9,8 @@
 # pip installs the same lock.
 set -eu
 python="${PYTHON:-python}"
-export PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1 UV_HTTP_RETRIES=1 UV_HTTP_CONNECT_TIMEOUT=5
+export PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+export UV_HTTP_RETRIES=1 UV_HTTP_CONNECT_TIMEOUT=5 UV_HTTP_TIMEOUT=15
 
 install() {
     "$@" --require-hashes -r requirements-build.lock &&
@@ -18,7 +19,8 @@ install() {
         "$@" --no-deps --no-build-isolation --editable .
 }
 
-echo "installing $(sed -n 's/==.*//p' requirements.lock | sort -u | wc -l) packages: ten seconds with uv, a minute or two with pip"
+count=$(sed -n 's/==.*//p' requirements.lock | sort -u | wc -l)
+echo "installing $count packages: ten seconds with uv, a minute or two with pip"
 index="${PIP_INDEX_URL:-$("$python" -m pip config get global.index-url 2>/dev/null || true)}"
 [ -z "$index" ] || export UV_DEFAULT_INDEX="${UV_DEFAULT_INDEX:-$index}"
 why="it could not be installed"

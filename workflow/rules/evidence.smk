@@ -223,7 +223,7 @@ rule verdicts:
     message:
         "count the verdicts"
     shell:
-        "(set -x; reobserve-papers stage verdicts {input.claims} --alternatives-files {input.alternatives} --output {output}) 2>&1 | tee {log} | sed '/^+ /d' >&2"
+        "(set -x; reobserve-papers stage verdicts {input.claims} --alternatives-files {input.alternatives} --output {output}) 2>&1 | tee {log} | sed '\\,^+ ,d' >&2"
 
 
 # On demand: the build as an RO-Crate, with the bench if built, to be deposited and cited.

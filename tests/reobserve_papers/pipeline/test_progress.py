@@ -23,6 +23,7 @@ def test_build_prints_a_line_for_each_job_and_the_failure(fresh: Project) -> Non
     (log,) = (fresh.folder / ".snakemake/log").iterdir()
     assert "1 of 1 steps (100%) done" in log.read_text()
     assert fresh.snakemake(target).stderr.splitlines()[-1].startswith("Nothing to be done")
+    assert "Job stats:" in fresh.snakemake(target, "--forcerun", "plant", "--dry-run").stdout
     more = fresh.snakemake(
         target, "--forcerun", "plant", "--quiet", "host", environment=copy_environment(ROOT)
     ).stderr
