@@ -2,8 +2,9 @@
 
 A case may take `CASE` seconds and the cases of one function `FUNCTION` in all, where the first case
 stays whatever it takes. Tests beyond that are for `make nightly`: shorten them, or mark them with
-`nightly`, or the function with `nightly_after(n)`, which keeps its first n cases. Measured are this
-process and its children that have ended, without fixtures that tests share.
+`nightly`, or the function with `nightly_cases(names)`, or with `nightly_after(n)`, which keeps its
+first n cases. Measured are this process and its children that have ended, without fixtures that
+tests share.
 """
 
 from __future__ import annotations
@@ -41,20 +42,14 @@ def beyond(cases: Mapping[str, float], factor: float = 1.0) -> list[str]:
     ]
     functions: dict[str, list[float]] = defaultdict(list)
     for name, used in cases.items():
-        functions[_function(name)].append(used)
+        functions[name.partition("[")[0]].append(used)
     for name, (first, *further) in functions.items():
         if further and sum(further) > max(factor * FUNCTION - first, SMALL):
-            kept = 1 + sum(first + sum(further[: n + 1]) <= FUNCTION for n in range(len(further)))
             found.append(
                 f"{name}: {first + sum(further):.1f} CPU s in {1 + len(further)} cases, a function "
-                f"may take {FUNCTION:g}: nightly_after({kept})"
+                f"may take {FUNCTION:g}"
             )
     return found
-
-
-def _function(name: str) -> str:
-    """The function of a case."""
-    return name.partition("[")[0]
 
 
 class CpuBudget:
@@ -63,17 +58,19 @@ class CpuBudget:
     def __init__(self, config: pytest.Config) -> None:
         self.config = config
         self.cases: dict[str, float] = {}
-        self.workers = 0.0
         self._shared, self._depth = 0.0, 0
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Mark the late cases of functions that say how many they keep."""
+        """Mark the cases that functions leave to the night."""
         cases = Counter[str]()
         for item in items:
-            cases[_function(item.nodeid)] += 1
+            function, _, case = item.nodeid.partition("[")
+            cases[function] += 1
             kept = item.get_closest_marker("nightly_after")
-            if kept is not None and cases[_function(item.nodeid)] > kept.args[0]:
+            named = item.get_closest_marker("nightly_cases")
+            is_late = kept is not None and cases[function] > kept.args[0]
+            if is_late or (named is not None and case[:-1] in named.args):
                 item.add_marker("nightly")
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -112,24 +109,18 @@ class CpuBudget:
                 if name == "cpu_seconds":
                     self.cases[report.nodeid] = used
 
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_testnodedown(self, node: Any) -> None:
-        """Add what a process of pytest-xdist took."""
-        self.workers += node.workeroutput.get("cpu_seconds", 0.0)
-
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Fail beyond the limit asked for."""
-        if hasattr(self.config, "workeroutput"):
-            self.config.workeroutput["cpu_seconds"] = cpu_seconds()
-        elif self._failures() and session.exitstatus == pytest.ExitCode.OK:
+        is_worker = hasattr(self.config, "workerinput")
+        if not is_worker and self._failures() and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         """Print the sum, and what is beyond the budget."""
         lines, failures = beyond(self.cases), self._failures()
-        total = cpu_seconds() + self.workers
+        used = sum(self.cases.values())
         terminalreporter.write_line(
-            f"{total:.0f} CPU s, {sum(self.cases.values()):.0f} of them in {len(self.cases)} cases "
+            f"{cpu_seconds():.0f} CPU s, {used:.0f} of them in {len(self.cases)} cases "
             f"that are not nightly; {len(lines)} beyond the budget"
         )
         for line in failures or lines:

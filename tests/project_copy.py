@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from . import ROOT
+
 
 def copy_project(project: Path, target: Path) -> None:
     """Copy what git tracks or would track, without build results."""
@@ -22,9 +24,13 @@ def copy_project(project: Path, target: Path) -> None:
 
 
 def copy_environment(folder: Path) -> dict[str, str]:
-    """The environment variables with which commands run the package in the ``src`` of a folder."""
+    """The environment variables with which commands run the package in the ``src`` of a folder.
+
+    It shares the compiled kernels of this checkout, as far as the code behind them is the same.
+    """
     return {
         **os.environ,
+        "NUMBA_CACHE_DIR": str(ROOT / "src/reobserve/__pycache__"),
         # otherwise each of many processes would compile the package again
         "PYTHONDONTWRITEBYTECODE": "",
         "PYTHONPATH": str(folder / "src"),

@@ -258,6 +258,7 @@ def test_every_public_observer_has_a_record() -> None:
     assert set(cases()) == set(observers())
 
 
+@pytest.mark.nightly_cases("AdaptiveObserver-C")
 @pytest.mark.parametrize("ability", ABILITIES)
 @pytest.mark.parametrize("name", observers())
 def test_cell(name: str, ability: str) -> None:

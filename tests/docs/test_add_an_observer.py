@@ -36,7 +36,10 @@ PUBLIC, TABLE = "src/reobserve/__init__.pyi", "src/reobserve/estimation/families
 TYPED = [line[2:] for block in blocks(PAGE) if block.language == "console"
          for line in block.text.splitlines()]  # fmt: skip
 # Of the tests and the documentation, what is run in the copy, with few of the other cases.
-COPIED = ("src", "tests/__init__.py", "tests/conftest.py", "tests/reobserve", "docs/generate")
+COPIED = (
+    "src", "tests/__init__.py", "tests/conftest.py", "tests/cpu_budget.py", "tests/reobserve",
+    "docs/generate",
+)  # fmt: skip
 
 
 def copied(folder: Path) -> Path:
@@ -91,6 +94,7 @@ def test_the_page_states_all_files_and_lines() -> None:
     assert len(TYPED) == 5
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("place", [copied, installed])
 def test_following_the_page_adds_an_observer_to_all_commands(
     place: Callable[[Path], Path], tmp_path: Path
@@ -155,6 +159,7 @@ def by_numpy(y: np.ndarray, u: np.ndarray) -> np.ndarray:
     return np.array(rows)
 
 
+@pytest.mark.nightly
 def test_following_the_page_adds_an_observer_to_the_tests(tmp_path: Path) -> None:
     source = copied(tmp_path)
     folder = tmp_path / "tests/reobserve/observers"

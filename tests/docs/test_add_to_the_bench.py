@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.docs.hand_written import PAGES, ROOT, blocks
 
 PAGE = PAGES / "how-to" / "add-to-the-bench.md"
@@ -18,6 +20,7 @@ TYPED = [line[2:] for block in blocks(PAGE) if block.language == "console"
          for line in block.text.splitlines()]  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_following_the_page_adds_a_task_and_a_method(tmp_path: Path) -> None:
     path = os.pathsep.join([str(tmp_path), str(ROOT / "src")])
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_OPT": "1"}

@@ -46,6 +46,7 @@ def runs(page: Path) -> bool:
     return any(re.search(r"page\.(run|show)\(|console\.", code) for code in snippets(page))
 
 
+@pytest.mark.nightly_cases("findings/imm.md", "findings/eso.md")
 @pytest.mark.parametrize(
     "page",
     [

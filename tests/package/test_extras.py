@@ -82,12 +82,14 @@ def run_with(extras: str, program: Path, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.nightly_after(1)
 @pytest.mark.parametrize("extra", ["core", *sorted({*OPTIONAL} - {"all"})])
 def test_extra_brings_what_its_program_takes(extra: str, tmp_path: Path) -> None:
     program = ROOT / f"tests/package/extras/{extra}.py"
     run_with("" if extra == "core" else extra, program, tmp_path)
 
 
+@pytest.mark.nightly_cases("page")
 @pytest.mark.parametrize(("text", "blocks"), [(README, 1), (LIBRARY, None)], ids=["README", "page"])
 def test_page_names_the_extras_that_its_code_takes(
     text: str, blocks: int | None, tmp_path: Path

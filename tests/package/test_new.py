@@ -89,6 +89,7 @@ def edit(path: Path, old: str, new: str) -> None:
 MODULE, PARAMETERS = Path("src/mine.py"), Path("config/papers/mine.yaml")
 
 
+@pytest.mark.nightly_cases("library", "name", "import")
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

@@ -30,7 +30,9 @@ DRY = {
     r"\.venv/bin/pytest .*": "{} --collect-only --quiet",
     r"\.venv/bin/reobserve-papers (\w+) .*": ".venv/bin/reobserve-papers {1} --help",
     r"\.venv/bin/python -m benchmarks .*": ".venv/bin/python -m benchmarks --help",
-    r"cat \S+ >> \"\$GITHUB_STEP_SUMMARY\"": "{}",
+    r"\.venv/bin/python -m tests\.budget .*": ".venv/bin/python -m tests.budget",
+    r"find src (.*) -exec rm -r \{\} \+": "find src {1} -print",
+    r"(?:cat|tail -n 40) \S+ >> \"\$GITHUB_STEP_SUMMARY\"": "{}",
     r"if \[ -f figdiff/summary.md \]; then\n.*\nfi": "{}",
 }
 
@@ -54,7 +56,12 @@ def lines() -> Iterator[tuple[str, str]]:
         yield "Containerfile", line
 
 
-LINES = sorted(set(lines()))
+# To collect tests, or to find the jobs of a build, takes seconds.
+SLOW = re.compile(r"\.venv/bin/(?:pytest|snakemake) ")
+LINES = [
+    pytest.param(*one, marks=pytest.mark.nightly if SLOW.match(one[1]) else ())
+    for one in sorted(set(lines()))
+]
 
 
 @pytest.mark.parametrize(("file", "line"), LINES)
@@ -70,7 +77,7 @@ def test_every_line_runs_or_says_why_not(
     folder = ROOT
     if "GITHUB_STEP_SUMMARY" in line:
         folder = tmp_path
-        for name in re.findall(r"[\w/]+\.md", line):
+        for name in re.findall(r"[\w/]+\.(?:md|txt)", line):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_text("what moved\n", encoding="utf-8")
         monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "summary"))

@@ -161,6 +161,7 @@ def test_arguments_of_odd_type_shape_or_value_are_accepted_or_refused(data: st.D
     check_odd_arguments(data, calls())
 
 
+@pytest.mark.nightly_cases("synthesis.extended_state.pd_pi.design")
 @pytest.mark.parametrize("call", calls().values(), ids=list(calls()))
 def test_every_number_may_be_huge(call: Call) -> None:
     for at, valid in enumerate(call.arguments):

@@ -94,6 +94,7 @@ def test_output_to_anything_but_a_regular_file_is_refused(
     assert (places / "file").read_bytes() == b"x\n"
 
 
+@pytest.mark.nightly_after(1)
 @pytest.mark.parametrize(
     "name", ["ü\u202ename".encode(), b"\xff\xfe", b"a\nb; touch $HOME", b"\xf0\x9f\x98\x80"]
 )

@@ -77,11 +77,13 @@ READERS: dict[Callable[..., Reader], list[Any]] = {
 }
 
 
+@pytest.mark.nightly_cases("smoothed", "specification")
 @pytest.mark.parametrize("reader", READERS)
 def test_changed_files_are_accepted_or_refused(reader: Callable[..., Reader]) -> None:
     check_changed_files(made(reader, READERS[reader]))
 
 
+@pytest.mark.nightly_cases("token52", "token53")
 @pytest.mark.parametrize("token", ONCE_OTHER_ERRORS)
 def test_yaml_that_once_raised_other_errors_is_refused(token: bytes) -> None:
     check_token(token, [specification("kalman"), user_model("kalman")])

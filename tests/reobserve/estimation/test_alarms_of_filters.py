@@ -77,6 +77,7 @@ def estimated(chosen: Specification, values: Array, folder: Path, block: int = 1
 LEARNED = {"of": "residual T", "sigma": 6, "since": 20, "until": 140}
 
 
+@pytest.mark.nightly_cases("rule1-kalman-steady", "rule0-kalman-steady", "rule0-augmented-kalman")
 @pytest.mark.parametrize("name", ["kalman", "kalman-steady", "augmented-kalman"])
 @pytest.mark.parametrize("rule", [LEARNED, {"of": "residual T", "beyond": 6.0}])
 def test_no_alarm_after_a_gap_of_what_the_filter_predicts(
@@ -318,6 +319,7 @@ def test_start_up_that_hides_an_alarm_is_reported(tmp_path: Path) -> None:
         assert f"in which {found.hidden} rows are beyond it" in as_table(made.report, 1.0)
 
 
+@pytest.mark.nightly_cases("0.3")
 @pytest.mark.parametrize("covariance", [1e-6, 0.3, 100.0])
 def test_start_that_is_off_raises_no_alarm(covariance: float, tmp_path: Path) -> None:
     """Of a filter that starts 15 K off, however certain it is of that."""

@@ -74,6 +74,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.nightly_cases("spring-30.0", "spring in New York-30.0", "autumn in New York-30.0")
 @pytest.mark.parametrize("step", [1800.0, 600.0, 60.0, 30.0])
 @pytest.mark.parametrize("change", CHANGES)
 def test_clock_changes_lose_no_row(change: str, step: float, tmp_path: Path) -> None:
@@ -321,6 +322,7 @@ def test_pause_is_not_filled_by_spreading(tmp_path: Path) -> None:
     assert report.last == pytest.approx(61.4)
 
 
+@pytest.mark.nightly_after(4)
 @pytest.mark.parametrize("method", ["linear", "pchip", "previous"])
 @pytest.mark.parametrize(
     ("rate", "period"),
@@ -389,6 +391,7 @@ def test_times_of_day_go_on_after_midnight(form: str, zone: str, tmp_path: Path)
     )  # fmt: skip
 
 
+@pytest.mark.nightly_cases("4294967296-us-100000")
 @pytest.mark.parametrize(("wrap", "unit", "tick"), [(65536, "ms", 100), (2**32, "us", 100_000)])
 def test_counter_that_begins_again_goes_on(wrap: int, unit: str, tick: int, tmp_path: Path) -> None:
     stated = {"column": "t", "unit": unit, "wrap": wrap}

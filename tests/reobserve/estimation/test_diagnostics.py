@@ -67,6 +67,7 @@ def warned(
     return [re.sub(numbers, "", one) for one in made.report.warnings]
 
 
+@pytest.mark.nightly_cases("slow luenberger-rest", "slow luenberger-step", "luenberger-step")
 @pytest.mark.parametrize("record", RECORDS)
 @pytest.mark.parametrize("name", OBSERVERS)
 def test_warnings_do_not_depend_on_the_zero_of_a_scale(

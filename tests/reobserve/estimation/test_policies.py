@@ -137,6 +137,7 @@ def test_uneven_timestamps_are_resampled_by_the_specified_method(
     assert report.intervals == 599
 
 
+@pytest.mark.nightly_cases("imm-svsf-sampling4", "kalman-sampling2")
 @pytest.mark.parametrize(
     ("name", "sampling"),
     [

@@ -63,6 +63,7 @@ def compiled(header: Path, y: Any, u: Any) -> dict[str, Any]:
     return dict(zip(sizes, parts, strict=True))
 
 
+@pytest.mark.nightly_after(7)
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 @pytest.mark.parametrize("name", examples())
 def test_exported_specification_gives_the_numbers_of_estimate(name: str, empty: Path) -> None:

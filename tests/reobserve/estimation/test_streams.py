@@ -37,6 +37,7 @@ def record(path: Path, name: str, rows: int = 240) -> Path:
     return write_record(path, {title: values[kept] for title, values in columns.items()})
 
 
+@pytest.mark.nightly_after(18)
 @pytest.mark.parametrize("name", examples())
 def test_streams_and_files_give_identical_bits_also_after_a_stop(name: str, tmp_path: Path) -> None:
     chosen = specification(name)

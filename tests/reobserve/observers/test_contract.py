@@ -529,6 +529,7 @@ def worst_error(case: Case, **changed: Any) -> float:
     )
 
 
+@pytest.mark.nightly_cases("IMM of extended Kalman filters")
 def test_only_correctly_aligned_rows_give_the_true_values(case: Case) -> None:
     aligned = worst_error(case)
     assert aligned < 1.0

@@ -226,6 +226,7 @@ CASES = {
 }
 
 
+@pytest.mark.nightly_after(1)
 @pytest.mark.parametrize("name", CASES)
 def test_agrees_with_an_independent_integration(name: str) -> None:
     case, end, events = CASES[name]

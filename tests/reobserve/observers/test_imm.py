@@ -254,6 +254,7 @@ def bank_of(kind: str, *, mixing: bool = True) -> IMM:
     return IMM(filters, STICKY, mixing)
 
 
+@pytest.mark.nightly_cases("mixed-mixing", "SVSF-mixing")
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
 @pytest.mark.parametrize("kind", LAWS)
 def test_three_models_with_three_outputs_agree_with_50_digits(kind: str, mixing: bool) -> None:

@@ -151,6 +151,7 @@ def errors_under_a_sine(
     return rms, sine + 1j * cosine
 
 
+@pytest.mark.nightly_after(11)
 @pytest.mark.parametrize(("K1", "observer_gain"), [(1.0, 100.0), (0.9, 100.0), (0.9, 10.0)])
 @pytest.mark.parametrize("interval", INTERVALS)
 def test_error_of_the_continuous_observer_is_as_predicted(

@@ -177,11 +177,11 @@ def gains(design: CertifiedGains) -> Array:
 @pytest.mark.parametrize(
     "name",
     [
-        *(ORDINARY := ["PI", "PD/PI", "minimum gamma, 50"]),
+        (FIRST := "minimum gamma, 50"),
         *(
             pytest.param(name, marks=pytest.mark.nightly)
             for name in DESIGNS
-            if name not in (*ORDINARY, "PD/PI, 1.02")
+            if name not in (FIRST, "PD/PI, 1.02")
         ),
     ],
 )
@@ -196,6 +196,7 @@ def test_gains_do_not_depend_on_the_initial_solver(name: str) -> None:
         assert one.lower == pytest.approx(other.lower, rel=1e-12)
 
 
+@pytest.mark.nightly_after(11)
 @pytest.mark.parametrize("name", DESIGNS)
 def test_rounding_of_the_data_changes_no_gain(name: str) -> None:
     rng, system = np.random.default_rng(4), dc_motor()

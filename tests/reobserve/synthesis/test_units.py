@@ -258,6 +258,7 @@ def two_masses(**changed: Any) -> AugmentedSystem:
     return AugmentedSystem(**given)
 
 
+@pytest.mark.nightly_cases("1.2", "1.1")
 @pytest.mark.parametrize("factor", [1.05, 1.1, 1.2, 2.0, 20.0])
 def test_design_of_another_plant_works_or_says_what_to_do(factor: float) -> None:
     try:

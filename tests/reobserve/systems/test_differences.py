@@ -22,6 +22,7 @@ CASES: dict[str, tuple[Callable[[Any], Any], float, float]] = {
 }
 
 
+@pytest.mark.nightly_cases("0.001-offset beside a small slope", "0.001-logarithm")
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("deviation", [1e-3, 1e3])
 def test_derivative_fits_the_size_of_the_state(case: str, deviation: float) -> None:

@@ -67,6 +67,7 @@ class Uncompiled:
         return self.f(x)
 
 
+@pytest.mark.nightly_cases("<lambda>2-ExtendedKalmanFilter")
 @pytest.mark.parametrize("kind", FILTERS)
 @pytest.mark.parametrize(
     "f",

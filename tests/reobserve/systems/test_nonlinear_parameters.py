@@ -151,6 +151,7 @@ def called(x: Array, u: Array, p: Array) -> list[float]:
     return [x[0] + p[1] * x[1], x[1] - p[1] * p[0] * sine(x[0]) + p[1] * u[0]]
 
 
+@pytest.mark.nightly_cases("compiled-fhFH-ExtendedKalmanFilter")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("names", ["fh", "fhFH"])
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ def record(rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
     return y, u
 
 
+@pytest.mark.nightly_cases("UnscentedKalmanFilter")
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
 def test_length_of_a_pendulum_is_found(kind: type) -> None:
     y, u = record()

@@ -129,12 +129,12 @@ def test_length_of_a_pendulum_is_found_and_nothing_is_compiled_for_it() -> None:
 
 def test_standard_errors_cover_the_truth_as_often_as_they_say() -> None:
     rng, inside = np.random.default_rng(6), 0
-    for _ in range(40):
+    for _ in range(30):
         y = np.cumsum(0.5 * rng.standard_normal(300)) + rng.standard_normal(300)
         found = fit(local_level, RANGES, [y])
         off = np.log(found.values["noise"])  # nearly normal in the logarithm
         inside += abs(off) < 1.96 * found.standard_errors["noise"] / found.values["noise"]
-    assert inside >= stats.binom.ppf(0.001, 40, 0.95)
+    assert inside >= stats.binom.ppf(0.001, 30, 0.95)
 
 
 def test_value_at_an_end_of_its_range_has_no_error() -> None:

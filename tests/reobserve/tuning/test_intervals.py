@@ -38,6 +38,7 @@ def sequence(logs: Array) -> tuple[list[tuple[float, ...]], int]:
     return found, count
 
 
+@pytest.mark.nightly_after(8)
 @pytest.mark.parametrize("shape", list(SHAPES))
 @pytest.mark.parametrize(("rows", "deviation"), [(2, 0.3), (6, 0.05), (6, 1.0)])
 def test_equal_methods_are_rarely_said_to_differ(shape: str, rows: int, deviation: float) -> None:
@@ -50,6 +51,7 @@ def test_equal_methods_are_rarely_said_to_differ(shape: str, rows: int, deviatio
     assert differ / (rows * repeats) <= 0.05
 
 
+@pytest.mark.nightly_cases("skewed")
 @pytest.mark.parametrize("shape", ["normal", "skewed"])
 def test_five_percent_question_is_rarely_answered_wrongly(shape: str) -> None:
     """At its worst: a row that is 5 % worse than the best, among equal ones and bad ones."""

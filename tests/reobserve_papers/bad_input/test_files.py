@@ -154,11 +154,13 @@ READERS: dict[Callable[..., readers.Reader], list[Any]] = {
 }
 
 
+@pytest.mark.nightly_after(4)
 @pytest.mark.parametrize("reader", READERS)
 def test_changed_files_are_accepted_or_refused(reader: Callable[..., readers.Reader]) -> None:
     check_changed_files(made(reader, READERS[reader]))
 
 
+@pytest.mark.nightly_after(42)
 @pytest.mark.parametrize("token", ONCE_OTHER_ERRORS)
 def test_yaml_that_once_raised_other_errors_is_refused(token: bytes) -> None:
     check_token(token, [parameter_file("ilo")])

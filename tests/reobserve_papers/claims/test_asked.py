@@ -17,11 +17,9 @@ from tests import ROOT
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
-# The theory of lie takes 17 s of CPU time; what it guards, the computation of parts, is shared by
-# all papers.
-@pytest.mark.parametrize(
-    "paper", ["delay", "ilo", "imm", pytest.param("lie", marks=pytest.mark.nightly)]
-)
+# The computation of parts is shared by all papers.
+@pytest.mark.nightly_after(1)
+@pytest.mark.parametrize("paper", ["imm", "delay", "ilo", "lie"])
 def test_theory_computed_in_parts_agrees_with_the_whole(paper: str) -> None:
     """For a few claims, each at a sample of all its choices."""
     parameters = Parameters.load(ROOT, paper, seed=SEED)

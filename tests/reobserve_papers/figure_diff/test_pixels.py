@@ -79,6 +79,7 @@ def test_changed_sign_in_a_label_is_detected(reference: Path, changed: dict[str,
     assert difference(reference, drawing(**changed)) > TOLERANCE
 
 
+@pytest.mark.nightly_after(17)
 @pytest.mark.parametrize("path", ACCEPTED, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_any_erased_sign_of_an_accepted_figure_is_detected(path: Path) -> None:
     """The sign with the least ink: what is on white, not connected, and of a letter's size."""

@@ -163,9 +163,9 @@ def shared_folder(
     return Project(folder)
 
 
-def build(folder: Path, *asked: str) -> None:
-    """Build in a copy of the project, with this checkout's package and its compiled kernels."""
-    copy_project(folder).snakemake(*asked, environment=project_copy.copy_environment(ROOT))
+def built_by(*asked: str) -> Callable[[Path], object]:
+    """A function that copies the project into a folder and builds there what is asked for."""
+    return lambda folder: copy_project(folder).snakemake(*asked)
 
 
 def limits(config: Mapping[str, Any]) -> str:
@@ -232,7 +232,7 @@ def built(as_built: Project, tmp_path_factory: pytest.TempPathFactory) -> Projec
 @pytest.fixture(scope="session")
 def built_bench(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Another copy, with the bench: in `built` it would make the report stale. For reading only."""
-    return shared_folder(tmp_path_factory, "built_bench", lambda folder: build(folder, "bench"))
+    return shared_folder(tmp_path_factory, "built_bench", built_by("bench"))
 
 
 # What `compared` needs of a build, in the format in which figures are compared.
@@ -252,7 +252,7 @@ def compared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     results.
     """
     if request.config.getoption("build_apart"):
-        return shared_folder(tmp_path_factory, "compared", lambda folder: build(folder, *COMPARED))
+        return shared_folder(tmp_path_factory, "compared", built_by(*COMPARED))
     whole: Project = request.getfixturevalue("as_built")
     return whole
 

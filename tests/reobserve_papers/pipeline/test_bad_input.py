@@ -317,13 +317,13 @@ def test_divergent_observer_reports_the_time(
 
 BAD_CALLS = {
     "papers=[ill]": "config.papers: there is no 'ill'; did you mean 'ilo'?",
+}
+MORE_BAD_CALLS = {
     "bench=[torqe]": "config.bench: there is no 'torqe'; did you mean 'torque'?",
     "ilo={observers: {continuous: {K1: 1.05, update_interval: 0.01}}}": (
         "ilo.observers.continuous.K1, K2: must give stable error dynamics, but K1 has spectral "
         "radius 1.05 > 1, the estimate grows as exp(4.879 t)"
     ),
-}
-MORE_BAD_CALLS = {
     "formats=[gif]": "config.formats.0: 'gif' must be one of pdf, svg, png, eps, pgf",
     "style=ieee-colum": (
         "config.style: there is no 'ieee-colum', only default, elsevier-column, elsevier-page, "

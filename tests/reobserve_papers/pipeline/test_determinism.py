@@ -12,9 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.project_copy import copy_environment
-
-from .conftest import CONFIG, PAPERS, ROOT, Project
+from .conftest import CONFIG, PAPERS, Project
 
 pytestmark = pytest.mark.nightly
 
@@ -69,8 +67,7 @@ def test_builds_on_one_and_two_cores_are_bitwise_identical(
     taken = {path: path.stat().st_mtime_ns for path in (fresh.folder / "results").rglob("*.*")}
     config = (f"papers={OTHERS}".replace("'", ""), f"formats=[{DRAWN}]", f"bench=[{TASK}]")
     asked = ("figures", "bench", *THEORIES, "--config", *config)
-    # Compiled once: the next test compiles kernels of its own.
-    fresh.run("snakemake", "--cores", "1", *asked, environment=copy_environment(ROOT))
+    fresh.run("snakemake", "--cores", "1", *asked)
     assert {path: path.stat().st_mtime_ns for path in taken} == taken
     results = fresh.results()
     assert results.pop("bench/table.md")  # of one task only

@@ -114,7 +114,8 @@ def test_project_file_of_a_figure_is_read_from_any_folder(
         if body.get("study") == "neighbourhood"
     )
     monkeypatch.chdir(tmp_path)
-    assert replicate("imm", figure).study is not None
+    few = {"studies": {"neighbourhood": {"factors": [1.05]}}}
+    assert replicate("imm", figure, few).study is not None
     assert list(tmp_path.iterdir()) == []
 
 

@@ -102,6 +102,7 @@ def tampered(path: Path, *keys: Any, value: Any) -> Path:
     return path
 
 
+@pytest.mark.nightly_after(9)
 @pytest.mark.parametrize(
     ("name", "keys", "value", "said"),
     [
@@ -163,6 +164,7 @@ ALSO_TEXT = {
 MAY_BE_LEFT_OUT = ("gamma", "update_interval", "substeps")
 
 
+@pytest.mark.nightly_after(6)
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_number_of_another_type_is_refused_and_named(kind: str, stored: dict[str, Path]) -> None:
     path = stored["steady" if kind == "kalman" else kind]

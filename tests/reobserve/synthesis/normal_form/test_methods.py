@@ -103,6 +103,7 @@ def rows(polynomials: Polynomials, n: int) -> list[Polynomials]:
 # ------------------------------------------------------------------------------ exact
 
 
+@pytest.mark.nightly_cases("n4-p1", "n4-p2")
 @pytest.mark.parametrize(("case", "degree"), CASES)
 def test_all_methods_agree_exactly_and_solve_the_equations(case: Case, degree: int) -> None:
     problem = case.problem(degree)
@@ -119,6 +120,7 @@ def test_all_methods_agree_exactly_and_solve_the_equations(case: Case, degree: i
     assert lowest_degree(case.residual_of_t(t, degree + 1)) > degree
 
 
+@pytest.mark.nightly_cases("n4-p1")
 @pytest.mark.parametrize(("case", "degree"), CASES)
 def test_gain_is_the_jacobian_of_t_at_s(case: Case, degree: int) -> None:
     problem = case.problem(degree)
@@ -229,6 +231,7 @@ def test_float_methods_agree_with_exact_ones(n: int, p: int, degree: int, seed: 
     assert imaginary < 1e-12
 
 
+@pytest.mark.nightly_cases("block of four in A")
 @pytest.mark.parametrize("name", DEFECTIVE)
 def test_float_methods_work_for_defective_matrices(name: str) -> None:
     case, degree = DEFECTIVE[name]

@@ -244,6 +244,7 @@ def late_delays(states: int, order: int, rho: float, control: Signal) -> tuple[A
     return time[::2][-2000:], run["delay"][-2000:]
 
 
+@pytest.mark.nightly_cases("2-2", "3-1")
 @pytest.mark.parametrize("states", MODELS)
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_constant_delay_error_stays_within_the_taylor_bound(states: int, order: int) -> None:

@@ -231,6 +231,7 @@ def by_hand(found: Series, gains: Gains, rate: float) -> Run[EsoState]:
     return observer.run(y[::2], u[::2], before=before, middle=middle)
 
 
+@pytest.mark.nightly_cases("disturbed-minimum_gamma")
 @pytest.mark.parametrize("observer", OBSERVERS)
 @pytest.mark.parametrize("name", ["disturbed", "noisy"])
 def test_estimate_stage_runs_the_observer(name: str, observer: str) -> None:

@@ -564,6 +564,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.nightly_after(45)
 @pytest.mark.parametrize("case", BAD_CONFIG)
 def test_invalid_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]

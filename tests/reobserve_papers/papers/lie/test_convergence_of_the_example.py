@@ -64,6 +64,7 @@ def sizes_on_the_cycle(cubic: tuple[float, float]) -> dict[int, float]:
     return found
 
 
+@pytest.mark.nightly_cases("cubic1")
 @pytest.mark.parametrize("cubic", [(0.0, 0.0), (0.2, -0.7)])
 def test_domain_of_the_series_of_s_ends_at_the_limit_cycle(cubic: tuple[float, float]) -> None:
     """Along the backward orbit S is analytic inside; on the cycle it is not, but converges.

@@ -41,6 +41,7 @@ KNOWN = [
 ]  # fmt: skip
 
 
+@pytest.mark.nightly_cases("n4-p1", "n4-p2", "case26-3")
 @pytest.mark.parametrize(("case", "degree"), [*CASES, *KNOWN])
 def test_lie_transform_agrees_exactly_with_the_direct_methods(case: Case, degree: int) -> None:
     problem = case.problem(degree)
@@ -53,6 +54,7 @@ def test_lie_transform_agrees_exactly_with_the_direct_methods(case: Case, degree
     assert gain == to_polynomials(gain_series(PolynomialMap(problem.basis, S)))
 
 
+@pytest.mark.nightly_cases("case21-4-1e-11", "case14-3-1e-12")
 @pytest.mark.parametrize(
     ("case", "degree", "bound"),
     [

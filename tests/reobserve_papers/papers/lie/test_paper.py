@@ -113,6 +113,7 @@ def figure_of(observer: str) -> dict[tuple[str, str], float]:
     return measured({"injection": "fig1", "cubic4": "fig1_injections"}.get(observer, "fig1_forms"))
 
 
+@pytest.mark.nightly_cases("cubic4", "composed4", "jacobian4")
 @pytest.mark.parametrize("observer", OBSERVERS)
 def test_errors_of_the_figure_agree_with_an_integration(observer: str) -> None:
     error, found = error_of(observer), figure_of(observer)

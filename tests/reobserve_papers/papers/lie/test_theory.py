@@ -22,7 +22,7 @@ from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
 from reobserve.synthesis.normal_form.solver import solver_for
-from reobserve_papers.metrics.metrics import lookup
+from reobserve_papers.metrics.metrics import lookup, read_metrics
 from reobserve_papers.metrics.study_table import StudyTable
 from reobserve_papers.papers.lie import design as design_stage
 from reobserve_papers.papers.lie import metrics as metrics_stage
@@ -58,6 +58,9 @@ from tests.reobserve.synthesis.normal_form.systems import (
     van_der_pol,
     variables,
 )
+from tests.reobserve_papers.pipeline.conftest import Project, as_built
+
+__all__ = ["as_built"]
 from tests.reobserve_papers.papers.lie.test_errata_series import matrix_of_ad
 from tests.reobserve_papers.papers.lie.test_paper import evaluator, typed
 
@@ -101,21 +104,24 @@ def test_printed_eigenvalues_determine_the_output() -> None:
         design_stage.compute(typed(settings))
 
 
-def test_compared_errors_are_those_of_the_ensemble() -> None:
+def test_compared_errors_are_those_of_the_ensemble(as_built: Project) -> None:
     """The whole state in one, its components in the other, from the same initial states."""
     outcome = RunOutcome((1.0, 2.0), 3.0, False, (4.0, 5.0, 6.0), (7.0, 8.0))
     for measure, sizes in (("square", (3, 1, 2)), ("absolute", (4, 5, 6)), ("settling", (3, 7, 8))):
         assert tuple(outcome.size(error, measure) for error in ("x", "x1", "x2")) == sizes
     assert outcome.ise == 3
+    theory, study = (
+        lookup(read_metrics(as_built.folder / f"results/lie/{name}.metrics.csv"))
+        for name in ("theory", "fig1_ensemble")
+    )
     found = tuple(
-        theory()["identity", f"{name} measure=square"]
+        theory.at("identity", name, measure="square")
         for name in ("share_better", "largest_improvement")
     )
-    study = lookup(evaluator().figure("fig1_ensemble").numbers)
     least = study.at("series", "minimum_ise_ratio", order=4)
     wanted = study.at("series", "share_better", order=4), 1 - least
     assert found == pytest.approx(wanted, abs=1e-12)
-    assert theory()["identity", "share_settled"] == 1
+    assert theory["identity", "share_settled"] == 1
 
 
 def test_measures_of_an_exponential_agree_with_closed_forms() -> None:
