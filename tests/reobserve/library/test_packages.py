@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import reobserve
+from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
@@ -194,20 +195,19 @@ def test_matplotlib_is_imported_whatever_backend_a_notebook_has_set(backend: str
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_plot_of_a_command_is_the_same_whatever_a_matplotlibrc_says(tmp_path: Path) -> None:
+def test_plot_of_a_command_is_the_same_whatever_a_matplotlibrc_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["estimate", "--example", "levant", "--out", "s.yaml", "--data", "r.csv"]) == 0
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 40\nlines.color: red\n")
     (tmp_path / "none").touch()
-    base = [sys.executable, "-m", "reobserve", "estimate"]
-
-    def command(*words: str, **environment: str) -> None:
+    words = ["estimate", "s.yaml", "r.csv", "--out", "e.csv", "--plot"]
+    for name, rc in (("one", "none"), ("other", "matplotlibrc")):
         done = subprocess.run(
-            [*base, *words], cwd=tmp_path, env={**os.environ, **environment},
+            [sys.executable, "-m", "reobserve", *words, f"{name}.png"],
+            env={**os.environ, "MATPLOTLIBRC": str(tmp_path / rc), "MPLBACKEND": "none"},
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-
-    command("--example", "levant", "--out", "s.yaml", "--data", "r.csv")
-    for name, rc in (("one", "none"), ("other", "matplotlibrc")):
-        settings = {"MATPLOTLIBRC": str(tmp_path / rc), "MPLBACKEND": "none"}
-        command("s.yaml", "r.csv", "--out", "e.csv", "--plot", f"{name}.png", **settings)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()

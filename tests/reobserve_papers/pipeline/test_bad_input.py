@@ -370,6 +370,7 @@ def test_error_in_a_parameter_file_is_reported_before_the_first_job(fresh: Proje
         assert not (fresh.folder / "results/ilo").exists()
 
 
+@pytest.mark.nightly
 def test_error_found_on_construction_stops_the_first_job(fresh: Project) -> None:
     """Also without overrides."""
     parameters = fresh.folder / "config/papers/ilo.yaml"
