@@ -175,7 +175,8 @@ lock:  ## update the lock files from pyproject.toml
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:docs -c requirements.lock -o requirements-docs.lock
 	rm -rf .venv-lock
 
-clean:  ## remove what was built
+clean:  ## remove what was built, and compiled code that is older than two weeks
+	find src -name "reobserve-kernels-*" -prune -mtime +14 -exec rm -r {} +
 	find results -mindepth 1 -not -name README.md -delete
 	rm -rf logs .snakemake build
 

@@ -17,6 +17,8 @@ from typing import Any
 
 import pytest
 
+from tests.forks import Forks
+
 CASE, FUNCTION = 3.0, 2.0
 COLD = 30.0  # of a case that compiles all that it needs, as on a clean checkout
 SMALL = 0.2  # what further cases of a function may take after an expensive first one
@@ -25,9 +27,9 @@ _USED = pytest.StashKey[float]()
 
 
 def cpu_seconds() -> float:
-    """CPU seconds of this process and of its children that have ended."""
+    """CPU seconds of this process, of its children that have ended, and of programs in forks."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
+    return time.process_time() + children.ru_utime + children.ru_stime + Forks.seconds
 
 
 def beyond(cases: Mapping[str, float], factor: float = 1.0) -> list[str]:

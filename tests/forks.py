@@ -37,14 +37,17 @@ for line in sys.stdin:
                 sys.stdout.flush()
                 sys.stderr.flush()
                 os._exit(status)
-        status = os.waitstatus_to_exitcode(os.wait()[1])
+        _, status, used = os.wait3(0)
+        status, seconds = os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime
         read = [stream.seek(0) or stream.read().decode() for stream in (out, err)]
-    print(json.dumps([status, *read]), flush=True)
+    print(json.dumps([status, seconds, *read]), flush=True)
 """
 
 
 class Forks:
     """The process from which programs are forked."""
+
+    seconds = 0.0  # of CPU, in all programs that have ended
 
     def __init__(self, server: subprocess.Popen[str]) -> None:
         self._server = server
@@ -57,7 +60,8 @@ class Forks:
         assert self._server.stdin
         assert self._server.stdout
         print(json.dumps(given), file=self._server.stdin, flush=True)
-        status, out, err = json.loads(self._server.stdout.readline())
+        status, seconds, out, err = json.loads(self._server.stdout.readline())
+        Forks.seconds += seconds
         return subprocess.CompletedProcess(program, status, out, err)
 
 

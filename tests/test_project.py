@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -15,12 +14,11 @@ import pytest
 import yaml
 
 from reobserve import _HOME
-from reobserve.core.errors import InputError
 from reobserve.core.import_closure import import_closure
 from reobserve_papers.golden.values import part_names
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.meanings import LISTS, meanings, write_lists
+from reobserve_papers.steps.meanings import meanings
 from tests import ROOT
 
 from . import FIVE
@@ -170,10 +168,7 @@ def test_short_job_imports_no_heavy_packages() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-@pytest.mark.parametrize(
-    "name",
-    [f"requirements{kind}.lock" for kind in ("", "-build", "-docs", "-mutation", "-package")],
-)
+@pytest.mark.parametrize("name", sorted(path.name for path in ROOT.glob("requirements*.lock")))
 def test_lock_files_pin_by_hash_and_name_no_host(name: str) -> None:
     text = (ROOT / name).read_text()
     assert "://" not in text
@@ -261,21 +256,6 @@ def test_all_metrics_are_explained(paper: str) -> None:
     metrics = {metric for part in parts for _, metric in golden_metrics(paper, part)}
     assert {one for one in metrics if not any(p.fullmatch(one) for p in reported)} == set()
     assert {p.pattern for p in reported if not any(map(p.fullmatch, metrics))} == set()
-
-
-def test_lists_of_metrics_agree_with_the_papers(tmp_path: Path) -> None:
-    """As `reobserve-papers readme` writes them."""
-    shutil.copytree(ROOT / "config/papers", tmp_path / "config/papers")
-    (tmp_path / "results").mkdir()
-    text = (ROOT / LISTS).read_text()
-    (tmp_path / LISTS).write_text(text)
-    write_lists(tmp_path)
-    assert (tmp_path / LISTS).read_text() == text
-    assert text.count("## Metrics of `") == len(known_papers(ROOT))
-    for line in (line for line in text.splitlines() if line.startswith("<!-- ")):
-        (tmp_path / LISTS).write_text(text.replace(line, ""))
-        with pytest.raises(InputError, match=r"README\.md: must have the lines <!-- .* and <!-- "):
-            write_lists(tmp_path)
 
 
 # Unusual words, with the terms to use instead.

@@ -37,7 +37,8 @@ TYPED = [line[2:] for block in blocks(PAGE) if block.language == "console"
          for line in block.text.splitlines()]  # fmt: skip
 # Of the tests and the documentation, what is run in the copy, with few of the other cases.
 COPIED = (
-    "src", "tests/__init__.py", "tests/conftest.py", "tests/cpu_budget.py", "tests/reobserve",
+    "src", "tests/__init__.py", "tests/conftest.py", "tests/cpu_budget.py", "tests/forks.py",
+    "tests/reobserve",
     "docs/generate",
 )  # fmt: skip
 

@@ -20,7 +20,7 @@ from reobserve.core.errors import InputError
 from reobserve_papers.cli import main as papers_command
 from tests import FIVE
 
-from .conftest import ROOT, Site
+from .conftest import ROOT, Project, Site
 
 # Tags for which a browser makes requests on its own.
 _ASKED = re.compile(
@@ -117,8 +117,8 @@ def test_every_equation_has_a_row_with_its_code(site: Site, paper: str) -> None:
             assert (f'#{name}"' in row) == (is_shown(ROOT, name) and "._" not in name)
 
 
-def test_report_is_on_the_site_and_findings_lead_to_it(site: Site) -> None:
-    built = (ROOT / "results/report.html").read_bytes()
+def test_report_is_on_the_site_and_findings_lead_to_it(site: Site, as_built: Project) -> None:
+    built = (as_built.folder / "results/report.html").read_bytes()
     assert (site.folder / "report.html").read_bytes() == built
     text = site.page("findings/lie")
     sections = re.findall(r'href="\.\./\.\./report\.html#(\S+)"', text)

@@ -1,11 +1,12 @@
 """Import closures: the modules that a module imports, directly or not, and a digest of them.
 
-They are read from the source text, imports inside functions included, so that they can be known
-before anything is imported.
+They are read from the source, imports inside functions included, so that they can be known before
+anything is imported.
 """
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import re
@@ -71,8 +72,11 @@ def _package(module: str) -> str:
     return module.partition(".")[0]
 
 
-# Found in the text of a module, ten times faster than by parsing it: each process does this for
-# all that it compiles. A test compares what they find with what Python's own parser does.
+_OURS = ("reobserve", "reobserve_papers")
+
+# Found in the text of a module of this project, ten times faster than by parsing it: each process
+# does this for all that it compiles. A test compares what they find with what Python's own parser
+# does; modules of users, who may write imports in other ways, are parsed.
 _TYPES_ONLY = re.compile(
     r"^([ \t]*)if TYPE_CHECKING:.*\n(?:(?:\1[ \t]+.*|[ \t]*)\n)*", re.MULTILINE
 )
@@ -113,19 +117,36 @@ def _read(module: str) -> tuple[bytes, tuple[str, ...]]:
 
 
 def _names(text: str, module: str, path: Path) -> Iterator[str]:
-    """The names that a module imports when it runs, without those under ``if TYPE_CHECKING``."""
-    if "TYPE_CHECKING" in text:
-        text = _TYPES_ONLY.sub("", text)
-    for origin, listed in _IMPORT.findall(text):
-        parts = re.sub(r"#.*", "", listed).strip("()").split(",")
-        names = [name for part in parts if (name := part.split(" as ")[0].strip())]
+    """The modules that a module may import when it runs, in full."""
+    spec = getattr(sys.modules.get(module), "__spec__", None)  # of `python -m package.module`
+    whole = (spec.name if module == "__main__" and spec else module).split(".")
+    parents = whole if path.name == "__init__.py" else whole[:-1]
+    for origin, names in _written(text) if whole[0] in _OURS else _parsed(text):
         if not origin:
             yield from names
             continue
         base = origin.lstrip(".")
         if level := len(origin) - len(base):
-            parents = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
             kept = parents[: len(parents) - level + 1]
             base = ".".join((*kept, base) if base else kept)
         yield base
         yield from (f"{base}.{name}" for name in names)
+
+
+def _written(text: str) -> Iterator[tuple[str, list[str]]]:
+    """What a module of this project imports when it runs: from where, and the names."""
+    if "TYPE_CHECKING" in text:
+        text = _TYPES_ONLY.sub("", text)
+    for origin, listed in _IMPORT.findall(text):
+        parts = re.sub(r"#.*", "", listed).strip("()").split(",")
+        yield origin, [name for part in parts if (name := part.split(" as ")[0].strip())]
+
+
+def _parsed(text: str) -> Iterator[tuple[str, list[str]]]:
+    """The same of any module; nothing of one that Python cannot read."""
+    with suppress(SyntaxError, ValueError):
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Import):
+                yield "", [one.name for one in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                yield "." * node.level + (node.module or ""), [one.name for one in node.names]

@@ -130,9 +130,9 @@ def _plain(value: Any) -> Any:
 def _decoded(saved: Any) -> Any:
     """The values that `_plain` wrote."""
     if isinstance(saved, dict):
-        if saved.keys() == {"float"}:
+        if saved.keys() == {"float"} and isinstance(saved["float"], str):
             return float(saved["float"])
-        if saved.keys() == {"shape", "values"}:
+        if saved.keys() == {"shape", "values"} and isinstance(saved["shape"], list):
             return np.array(_decoded(saved["values"]), dtype=np.float64).reshape(saved["shape"])
         return {name: _decoded(part) for name, part in saved.items()}
     return [_decoded(part) for part in saved] if isinstance(saved, list) else saved

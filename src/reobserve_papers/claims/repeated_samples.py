@@ -1,7 +1,8 @@
 """Cached samples that a build repeats, to notice that the code gives other numbers now.
 
-Each step that cached samples run and each number that they take is repeated in one sample. Studies
-take seconds, so numbers of a figure whose study runs again count as one.
+Each step that the first two samples of a claim run, and each number that they take, is repeated in
+one sample. Studies take seconds, so numbers of a figure whose study runs again count as one: golden
+numbers, and the comparison of all samples at night, notice a change of one number alone.
 """
 
 from __future__ import annotations

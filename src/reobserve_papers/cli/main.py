@@ -60,10 +60,10 @@ _COMMANDS = {
         "overview:latex_options",
         "cli.stages.latex:run",
     ),
-    "readme": (
-        "write the meaning of all metrics into results/README.md",
-        "overview:readme_options",
-        "steps.meanings:write_lists",
+    "metrics": (
+        "print what the metrics of papers are",
+        "overview:list_options",
+        "steps.meanings:print_metrics",
     ),
     "schema": (
         "print the JSON schema of a configuration file",

@@ -11,7 +11,7 @@ from reobserve_papers.cli.types import tree, whole
 
 
 def list_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `list`."""
+    """Add the options of `list` and `metrics`."""
     command.add_argument("paper", nargs="*", help="only these papers (default: all)")
     add_project(command)
 
@@ -28,11 +28,6 @@ def params_options(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="show the parameters of the last build, including overrides",
     )
-    add_project(command)
-
-
-def readme_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `readme`."""
     add_project(command)
 
 

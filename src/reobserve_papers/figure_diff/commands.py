@@ -26,7 +26,6 @@ from reobserve_papers.parameters.config import known_papers, known_tasks, named_
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.freshness import can_tell
-from reobserve_papers.steps.meanings import LISTS, write_lists
 
 
 def figdiff_command(
@@ -80,8 +79,6 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     if chosen:
         moved += golden_claims.renew(project, results, whole)
         put_into(project / "README.md", results / "verdicts.md", known if paper else ())
-    if (project / LISTS).is_file():
-        write_lists(project)
     for one in (*chosen, *(f"bench/{task}" for task in tasks)):
         redrawn += _renew_references(references, results, one)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")

@@ -8,21 +8,15 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError
-from reobserve.core.files import read_text, write_text
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.config import known_papers, named_papers
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import paper_module
-
-LISTS = "results/README.md"
-
-# Between these the file holds the lists.
-_BEGIN, _END = "<!-- metrics -->\n", "<!-- end -->\n"
 
 Meanings = list[tuple[re.Pattern[str], str]]
 
@@ -63,15 +57,10 @@ def list_metrics(packages: Mapping[str, str]) -> str:
     )
 
 
-def write_lists(project: Path) -> None:
-    """Put the lists of all papers in their place in ``results/README.md``."""
-    path = project / LISTS
-    before, begin, rest = read_text(path).partition(_BEGIN)
-    _, end, after = rest.partition(_END)
-    if not begin or not end:
-        raise InputError(str(path), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
-    packages = {paper: Parameters.load(project, paper).package for paper in known_papers(project)}
-    write_text(path, f"{before}{begin}\n{list_metrics(packages)}\n{end}{after}")
+def print_metrics(project: Path, paper: Sequence[str]) -> None:
+    """Print what the metrics of papers are, of all if none is named."""
+    chosen = named_papers(known_papers(project), paper)
+    print(list_metrics({one: Parameters.load(project, one).package for one in chosen}))
 
 
 def _list(paper: str, docstring: str, stated: Mapping[str, str]) -> str:

@@ -1,8 +1,4 @@
-"""Provenance of a result: a digest of the code that made it, and versions of packages.
-
-The import closure of a stage is read from the source text, imports inside functions included,
-so that it can be known before anything runs and hashed into the decision what is stale.
-"""
+"""Provenance of a result: a digest of the code that made it, and versions of packages."""
 
 from __future__ import annotations
 

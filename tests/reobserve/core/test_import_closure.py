@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ast
 import shutil
+import sys
 from collections.abc import Iterator
 from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import pytest
@@ -59,6 +61,32 @@ FILE, PACKAGE = Path("plant.py"), Path("plant/__init__.py")
 )
 def test_imported_names_are_found(statement: str, path: Path, names: list[str]) -> None:
     assert list(_names(statement, MODULE, path)) == names
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import math; from consts import K",
+        "from consts \\\n    import K",
+        "from consts import (  # (1)\n    K,\n)",
+        "from consts import(K)",
+        "try: from consts import K\nexcept ImportError: pass",
+        "def f():\n\tfrom consts import K",
+    ],
+)
+def test_imports_of_users_are_found_in_any_form(statement: str) -> None:
+    assert "consts.K" in [*_names(statement, "tracking.run", FILE)]
+    near = statement.replace("consts", ".consts")
+    assert "tracking.consts.K" in [*_names(near, "tracking.run", FILE)]
+
+
+def test_relative_imports_of_a_module_that_is_run_are_those_of_its_package(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = SimpleNamespace(__spec__=SimpleNamespace(name="tracking.run"))
+    monkeypatch.setitem(sys.modules, "__main__", run)
+    names = [*_names("from .consts import K", "__main__", FILE)]
+    assert names == ["tracking.consts", "tracking.consts.K"]
 
 
 SOURCE = ROOT / "src"

@@ -49,7 +49,7 @@ OPTIONS = [
 ]  # fmt: skip
 # Commands that build for minutes or change the project are only parsed.
 SLOW = {
-    "figdiff", "accept", "samples", "check", "readme", "report", "robustness",
+    "figdiff", "accept", "samples", "check", "metrics", "report", "robustness",
     "sensitivity", "sample", "search", "theory", "study", "archive", "tune", "score", "moved",
 }  # fmt: skip
 
@@ -84,7 +84,7 @@ def lines() -> list[list[str]]:
         ["latex", "table.csv", "--digits", "3", *out],
         ["check", "eso", "--overrides", '{"eso": {"plant": {"inertia": 0.02}}}', *root],
         ["samples", "eso", "--max-samples", "20", "--check", *root],
-        ["readme", *root],
+        ["metrics", *root],
         ["report", "--papers", "eso", "--formats", "pdf", "png", *out, *root],
         ["figdiff", "--reference", "folder", "--results", "folder", *root],
         ["accept", "eso", "--reason", "a reason of four", "--cores", "2", *root],

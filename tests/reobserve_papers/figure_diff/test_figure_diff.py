@@ -98,7 +98,6 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setenv("CI", "")
     monkeypatch.setattr(commands, "_build", lambda *arguments: None)
-    monkeypatch.setattr(commands, "write_lists", lambda project: None)
     monkeypatch.setattr(commands.Parameters, "load", lambda *arguments, **options: PARAMETERS)
     monkeypatch.setattr(acceptance, "measure", measure)
     assert main(["accept", "--reason", "a paper is new"]) == 0

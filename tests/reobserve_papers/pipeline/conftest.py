@@ -168,19 +168,25 @@ def built_by(*asked: str) -> Callable[[Path], object]:
     return lambda folder: copy_project(folder).snakemake(*asked)
 
 
+# Keys of `config.yaml` on which accepted numbers, figures or verdicts depend.
+DEFAULTS = {"style": "default", "notes": True, "seed": 20070501, "samples": 40, "cached": True}
+
+
 def limits(config: Mapping[str, Any]) -> str:
     """Why a build with this `config.yaml` has not all results that tests compare, or nothing."""
     if "papers" in config:
         return f"it builds {', '.join(config['papers'])} only: remove `papers`"
     if changed := [paper for paper in PAPERS if paper in config]:
         return f"it changes parameters of {', '.join(changed)}: remove these keys"
+    if changed := [key for key, value in DEFAULTS.items() if config[key] != value]:
+        return f"{changed[0]} is {config[changed[0]]!r}, must be {DEFAULTS[changed[0]]!r}"
     if missing := [kind for kind in ("pdf", "svg", "png") if kind not in config["formats"]]:
         return f"it builds no {', '.join(missing)}: add to `formats`"
     return ""
 
 
 def take_results(checkout: Path, folder: Path) -> None:
-    """Bring the results of a checkout up to date, and copy them with what Snakemake knows of them.
+    """Bring the results of a checkout up to date, and copy them with Snakemake's records of them.
 
     Tests need these results whole: what hinders that fails in a sentence.
     """

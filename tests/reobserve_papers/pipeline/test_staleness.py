@@ -12,11 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import yaml
 
+from reobserve.core.documents import parse_yaml
 from reobserve.core.import_closure import import_closure
 from reobserve_papers.steps.provenance import stage_modules
 
-from .conftest import PAPERS, PARAMETER_FILES, Project, take_results
+from .conftest import CONFIG, PAPERS, PARAMETER_FILES, Project, take_results
 
 # Stages that a paper has if its parameter file has the section.
 OPTIONAL = {"design": "designs", "study": "studies", "table": "tables", "theory": "theory"}
@@ -282,15 +284,16 @@ def test_edited_kernel_is_not_loaded_from_an_old_cache(fresh: Project) -> None:
         ("papers", "[ilo]", "it builds ilo only: remove `papers`"),
         ("ilo", "{}", "it changes parameters of ilo: remove these keys"),
         ("formats", "[svg, pdf]", "it builds no png: add to `formats`"),
+        ("seed", "7", "seed is 7, must be 20070501"),
+        ("style", "slides", "style is 'slides', must be 'default'"),
     ],
 )
 def test_config_that_leaves_out_results_is_refused(
     tmp_path: Path, key: str, text: str, said: str
 ) -> None:
     (tmp_path / "config").mkdir()
-    values = {"formats": "[pdf, svg, png]", key: text}
-    config = "".join(f"{name}: {value}\n" for name, value in values.items())
-    (tmp_path / "config/config.yaml").write_text(config)
+    config = CONFIG | {key: parse_yaml(text, "")}
+    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(config))
     with pytest.raises(pytest.fail.Exception, match=re.escape(f"config/config.yaml: {said}; ")):
         take_results(tmp_path, tmp_path / "taken")
 
