@@ -22,6 +22,7 @@ from reobserve.core.errors import InputError, nearest, shown
 from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import QUIET, AlarmReport, DataReport, follow
 from reobserve.estimation.detector_alarms import (
+    BLIND,
     PREDICTING,
     DetectorAlarm,
     DetectorRule,
@@ -296,14 +297,15 @@ def alarms(
     start_up: Callable[[int], float],
     measurements: Sequence[str],
     predicts: bool,
+    gate: float | None,
     skips: bool,
     dates: Dates | None = None,
 ) -> list[Alarm | DetectorAlarm]:
     """The alarms of a specification, each with its place in the report.
 
     ``start_up`` gives that of a column [s], for alarms that state none; ``measurements`` are their
-    names, ``predicts`` says that variances of their residuals are predicted, and ``skips`` that a
-    gate leaves some out. ``dates`` is the way in which the record has them, if it does.
+    names, ``predicts`` says that variances of their residuals are predicted, and ``skips`` that the
+    ``gate`` leaves some out. ``dates`` is the way in which the record has them, if it does.
     """
     columns = outputs.columns
     names = [column.name for column in columns]
@@ -315,6 +317,8 @@ def alarms(
             continue
         place = _place(rule.of, f"alarms.{k}.of", names, measurements, predicts)
         residual, spread = columns[place].estimate == RESIDUAL, outputs.beside(place)
+        if residual and skips:
+            raise InputError(f"alarms.{k}.of", f"{shown(rule.of)} {BLIND}")
         found = AlarmReport(columns[place].unit, 0.0, learns=isinstance(rule, LearnedThreshold))
         if isinstance(rule, StatedThreshold):
             found.above, found.below, found.sigmas = rule.above, rule.below, rule.sigmas
@@ -323,6 +327,9 @@ def alarms(
             if residual:
                 problem += f"; the kinds {PREDICTING} predict those of residuals"
             raise InputError(f"alarms.{k}.sigmas", problem)
+        if residual and found.sigmas is not None and gate is not None and found.sigmas >= gate:
+            problem = f"{found.sigmas:g} must be below the gate, {gate:g}: outliers: inflate keeps "
+            raise InputError(f"alarms.{k}.sigmas", f"{problem}all innovations within it")
         alarm = Alarm(
             rule, place, spread, period, columns[place].place if residual else None, predicts,
             dates,

@@ -23,6 +23,10 @@ from reobserve.estimation.data_report import AlarmReport, DataReport, follow
 Array = NDArray[np.float64]
 
 PREDICTING = "kalman, augmented-kalman, extended-kalman, unscented-kalman and svsf"
+BLIND = (
+    "is blind to what the gate leaves out; take an alarm of a column of outliers in its place, or "
+    "state outliers: inflate where the kind has it"
+)
 _KEYS = {"chi_square_window": "length", "cusum_of_mean": "shift", "glr_of_mean": "lengths"}
 
 
@@ -123,11 +127,7 @@ def detector_alarm(
         problem = f"is for filters that predict the covariance of their innovations: {PREDICTING}"
         raise InputError(f"alarms.{k}.detector", problem)
     if skips:
-        problem = (
-            "is blind to what the gate leaves out; state outliers: inflate, or take an alarm of a "
-            "column of outliers in its place"
-        )
-        raise InputError(f"alarms.{k}.detector", problem)
+        raise InputError(f"alarms.{k}.detector", BLIND)
     if rule.of and rule.of not in measurements:
         problem = f"there is no measurement {rule.of!r}{nearest(rule.of, measurements)}"
         raise InputError(f"alarms.{k}.of", problem)

@@ -95,6 +95,7 @@ class Estimation:
         self.alarms = alarms(
             specification.alarms, self.outputs, self.report, period, self._start_up,
             names[:width], self.design.residual_variance(self.sample) is not None,
+            getattr(self.observer, "gate", None),
             "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
             self.timestamps.dates,
         )  # fmt: skip

@@ -18,8 +18,11 @@ from reobserve.systems.linear import LinearModel
 LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundred memories
 
 
-def refuse_noise(observer: Any, given: Mapping[str, Any]) -> None:
-    """Refuse what cannot be given by row to a filter that estimates R."""
+def refuse_given(observer: Any, given: Mapping[str, Any]) -> None:
+    """Refuse what cannot be given to a filter that has a gate or estimates R."""
+    if observer.gate is not None and "S" in given:
+        problem = "must be left out with a gate: by S a rejected measurement moves the next state"
+        raise InputError("S", problem)
     if observer.noise_memory is None:
         return
     for name, why in (

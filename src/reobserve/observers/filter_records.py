@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reobserve.observers.estimated_noise import refuse_noise
+from reobserve.observers.estimated_noise import refuse_given
 from reobserve.observers.gaussian_state import KalmanState, inputs_of_rows, reached
 from reobserve.observers.linear_loop import FilterPosteriors
 from reobserve.observers.record import Many, Record
@@ -45,7 +45,7 @@ def run_together(
     """Run the compiled loop on records that `can_run_together`."""
     first, one = states[0], records[0]
     given, fresh = observer._given(one.given, len(one.y)), first.sample is None
-    refuse_noise(observer, given)
+    refuse_given(observer, given)
     pairs = zip(states, records, strict=True)
     inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
     y = np.array([record.y for record in records])

@@ -25,7 +25,7 @@ from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_positive, as_vector
 from reobserve.observers import filter_halves
 from reobserve.observers.contract import Observer
-from reobserve.observers.estimated_noise import check_noise_memory, refuse_noise
+from reobserve.observers.estimated_noise import check_noise_memory, refuse_given
 from reobserve.observers.filter_records import can_run_together, posteriors_of, run_together
 from reobserve.observers.filter_rules import Rules, forgetting
 from reobserve.observers.gaussian_state import (
@@ -75,7 +75,7 @@ class GaussianFilter(Observer[KalmanState]):
         Those of row k in A, B and Q lead from row k to row k + 1; C, D and R are the row's own.
     S
         E[w v'], shape (n, m) or (k, n, m), of a Kalman filter on a linear model: the covariance of
-        the process noise from a row on with the measurement noise of that row.
+        the process noise from a row on with the measurement noise of that row; without a ``gate``.
     parameters, dt
         Of a nonlinear model: values of parameters by name, numbers or (k,); and the time [s] from
         each row to the next one, (k,), which a model from `from_ode` takes.
@@ -353,7 +353,7 @@ class GaussianFilter(Observer[KalmanState]):
     def _fill(self, state: KalmanState, record: Record) -> Rows:
         given = self._given(record.given, len(record.y)) if record.given else record.given
         keep = self._kept(given) if given else ()
-        refuse_noise(self, given)
+        refuse_given(self, given)
         y, posterior, fresh = record.y, state.posterior, state.sample is None
         model, inputs, held = self._in_record(
             given, y, inputs_of_rows(state.sample, record)[None], state.held, record.periods

@@ -36,7 +36,7 @@ from reobserve.core.matrices import (
 )
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Observer
-from reobserve.observers.estimated_noise import refuse_noise
+from reobserve.observers.estimated_noise import refuse_given
 from reobserve.observers.filter_rules import Rules, forgetting
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
@@ -297,7 +297,7 @@ class IMM(Observer[ImmState]):
         (inputs, past), fresh = self._inputs(state, record), state.sample is None
         gated, learned = self.gate is not None, self.noise_memory is not None
         rows, held = new_bank_rows(k, r, n, m, gated, learned), None
-        refuse_noise(self, record.given)
+        refuse_given(self, record.given)
         if not self._linear:
             if record.given:
                 problem = "is taken by banks of filters of one kind on linear models alone"

@@ -16,6 +16,7 @@ from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
 from reobserve.observers.correlated_noise import TakenOut
+from reobserve.observers.estimated_noise import refuse_given
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.filter_rules import shortest
 from reobserve.observers.frames import read_frames
@@ -112,6 +113,7 @@ def rts_smoother(
     inputs = np.empty((k, 0)) if u is None else as_sample_rows("u", u, filter.inputs, rows=k)
     given = filter._known(given)
     _check_given(run, given)
+    refuse_given(filter, given)
     if "S" in given and y is None:
         raise InputError("y", f"is left out, must have shape {(k, m)}: S was given")
     measured = np.zeros((k, m)) if y is None else as_sample_rows("y", y, m, rows=k, missing=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
@@ -15,8 +15,10 @@ from reobserve.detection import chi_square_window, cusum_of_mean, glr_of_mean, n
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import AlarmReport
 from reobserve.estimation.detector_alarms import DetectorAlarm, DetectorRule
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.examples import simulated, specification_text
-from reobserve.estimation.specification import read_specification
+from reobserve.estimation.specification import as_specification, read_specification
 from tests.reobserve.estimation.records import read_results, streamed, write_record
 
 COMPASS: dict[str, Any] = {
@@ -148,6 +150,57 @@ def test_cumulative_sum_of_a_measurement_sees_that_one_alone() -> None:
         assert alarm._statistic(estimates, found).tolist() == expected
 
 
+GATED = [
+    name
+    for kind in FAMILIES if hasattr(get_type_hints(family(kind))["system"], "gate")
+    for name in family(kind).records
+]  # fmt: skip
+RESIDUALS = [
+    {"of": "residual FIRST", "beyond": 1},
+    {"of": "residual FIRST", "above": 1},
+    {"of": "residual FIRST", "below": -1},
+    {"of": "residual FIRST", "sigma": 6, "until": 1},
+]
+PREDICTED = [
+    {"of": "innovation FIRST", "beyond": 1},
+    {"of": "innovation FIRST", "sigmas": 5},
+    {"of": "residual FIRST", "above": 1, "sigmas": 5},
+    DETECTORS[0], DETECTORS[1] | {"of": "FIRST"}, DETECTORS[2],
+]  # fmt: skip
+
+
+def set_up(name: str, alarms: list[dict[str, Any]], **rules: Any) -> None:
+    """Set up an example with alarms, in which FIRST is its first measurement."""
+    tree: Any = parse_yaml(specification_text(name), "example")
+    first = tree["columns"]["measurements"][0]["column"]
+    tree["observer"] |= rules
+    tree["alarms"] = [
+        alarm
+        | {"name": f"alarm_{k}"}
+        | ({"of": alarm["of"].replace("FIRST", first)} if "of" in alarm else {})
+        for k, alarm in enumerate(alarms)
+    ]
+    Estimation(as_specification(tree), list(simulated(name).record()), "r.csv")
+
+
+@pytest.mark.nightly_cases("kalman-steady", "augmented-kalman-bias", "imm-svsf", "extended-kalman")
+@pytest.mark.parametrize("name", GATED)
+def test_alarms_that_a_gate_blinds_are_refused(name: str) -> None:
+    bank = name.startswith(("imm", "fault-bank", "delay-grid"))  # which predict no variances
+    blind = RESIDUALS if bank else RESIDUALS + PREDICTED
+    set_up(name, blind)
+    set_up(name, [{"of": "FIRST_outlier", "beyond": 6}], gate=6)
+    for alarm in blind:
+        with pytest.raises(InputError, match=r"^alarms\.0\..* is blind to what the gate"):
+            set_up(name, [alarm], gate=6)
+    if bank:
+        return
+    set_up(name, blind, gate=6, outliers="inflate")
+    for of in ("residual", "innovation"):
+        with pytest.raises(InputError, match=r"^alarms\.0\.sigmas: 6 must be below the gate, 6: "):
+            set_up(name, [{"of": f"{of} FIRST", "sigmas": 6}], gate=6, outliers="inflate")
+
+
 def test_parameter_of_a_text_model_is_estimated(tmp_path: Path) -> None:
     record = write_record(tmp_path / "r.csv", simulated("extended-kalman").record())
     text: Any = parse_yaml(specification_text("extended-kalman"), "example")
@@ -169,7 +222,6 @@ def test_parameter_of_a_text_model_is_estimated(tmp_path: Path) -> None:
         ({"alarms": [DETECTORS[0] | {"length": None}]}, "length"),
         ({"alarms": [DETECTORS[0] | {"false_alarm_rate": 2}]}, "false_alarm_rate: 2 must be from"),
         ({"alarms": [DETECTORS[0] | {"shift": 1}]}, "shift: must be left out with the detector"),
-        ({"alarms": [DETECTORS[0]], "observer.gate": 4}, "is blind to what the gate leaves out"),
         ({"alarms": [DETECTORS[1] | {"of": "cmpass"}]}, "there is no measurement 'cmpass'"),
         (
             {"alarms": [DETECTORS[0]], "observer.kind": "imm", "observer.modes": {"one": {}},
