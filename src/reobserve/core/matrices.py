@@ -146,6 +146,7 @@ def as_vector(name: str, value: ArrayLike | Any, size: int) -> Matrix:
     return array
 
 
+@np.errstate(over="ignore")  # the sum is then not one
 def as_probabilities(name: str, value: ArrayLike | Any, size: int) -> Matrix:
     """``value`` as ``size`` probabilities that sum to 1. `InputError` names ``name`` otherwise."""
     array = as_vector(name, value, size)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import InputError
+from reobserve.core.finite import finite
 from reobserve.core.matrices import as_floats, as_positive, as_vector
 from reobserve.observers.augmented_kalman import as_fault_matrices
 from reobserve.observers.gaussian_state import ModeFilter
@@ -159,14 +160,9 @@ class FaultBank(IMM):
         A = np.block(
             [[model.A, E, none((n, q))], [none((q, n)), eye, T * eye], [none((q, n + q)), eye]]
         )
-        jumps = np.where(np.arange(q) == mode - 1, self.jump**2, 0.0) * T
-        # int_0^T [s; 1] [s; 1]' ds drift^2, and T jump^2
-        level, across, rate = (self.drift**2 * part for part in (T**3 / 3, T**2 / 2, T))
         Q = none((n + 2 * q, n + 2 * q))
         Q[:n, :n] = model.Q
-        Q[n:, n:] = np.block(
-            [[np.diag(level + jumps), np.diag(across)], [np.diag(across), np.diag(rate)]]
-        )
+        Q[n:, n:] = self._noise(mode)
         found = LinearModel(
             A, np.vstack([model.B, none((2 * q, model.inputs))]),
             np.hstack([model.C, F, none((model.outputs, q))]), model.D, Q, model.R, check=False,
@@ -176,6 +172,17 @@ class FaultBank(IMM):
         if model.state_periods is not None:
             found._set("state_periods", np.concatenate([model.state_periods, none(2 * q)]))
         return found
+
+    @finite("drift, jump")
+    def _noise(self, mode: int) -> Array:
+        """The covariance that faults and their rates gain in a period while ``mode`` holds."""
+        T = self.model.sampling_period
+        jumps = np.where(np.arange(self.faults) == mode - 1, self.jump**2, 0.0) * T
+        # int_0^T [s; 1] [s; 1]' ds drift^2, and T jump^2
+        level, across, rate = (self.drift**2 * part for part in (T**3 / 3, T**2 / 2, T))
+        return np.block(
+            [[np.diag(level + jumps), np.diag(across)], [np.diag(across), np.diag(rate)]]
+        )
 
     def _chain(self, q: int, T: float) -> Array:
         """The chain of the modes, from one row to the next."""

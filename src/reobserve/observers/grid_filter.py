@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError, shown
+from reobserve.core.finite import finite
 from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_scalar
 from reobserve.core.value import read_only
 from reobserve.observers.contract import Observer
@@ -294,6 +295,7 @@ def node_chain(
     return np.asarray((1.0 - jump) * chain.reshape(count, count) + jump / count)
 
 
+@finite("random_walk, jump_rate")
 def _walk(grid: Array, random_walk: float, jump_rate: float, period: float) -> Array:
     from scipy.linalg import expm
 
@@ -304,9 +306,9 @@ def _walk(grid: Array, random_walk: float, jump_rate: float, period: float) -> A
         above = steps[i] if i < r - 1 else steps[-1]
         # Rates a and b with a above = b below and a above^2 + b below^2 = walk^2
         if i < r - 1:
-            rates[i, i + 1] += random_walk**2 / (above * (above + below))
+            rates[i, i + 1] += np.float64(random_walk) ** 2 / (above * (above + below))
         if i:
-            rates[i, i - 1] += random_walk**2 / (below * (above + below))
+            rates[i, i - 1] += np.float64(random_walk) ** 2 / (below * (above + below))
     np.fill_diagonal(rates, 0.0)
     np.fill_diagonal(rates, -rates.sum(axis=1))
     chain = np.maximum(expm(period * rates), 0.0)

@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.finite import finite
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import kernel
 from reobserve.observers.fixed_step import Samples
@@ -91,6 +92,7 @@ class TransformedObserver(NormalFormObserver):
         weights = np.array([I0 - 3.0 * I1 + 2.0 * I2, 4.0 * I1 - 4.0 * I2, 2.0 * I2 - I1])
         return np.ascontiguousarray(row[:, 0]), weights
 
+    @finite("state")
     def _values(self, estimate: Array) -> Array:
         # Of series in fractions the values are no floats.
         return np.asarray(self.normal_form.S.upto(self.order + 1)(estimate), dtype=np.float64)

@@ -108,7 +108,7 @@ class Theorem1:
         )
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
+@finite("fault_matrix, K1, K2, gamma1, gamma2, gamma3, gamma4, rho1")
 def theorem1(
     observer_gain: ArrayLike,
     fault_matrix: ArrayLike,
@@ -173,8 +173,8 @@ class _Design:
             raise InputError("eta", f"{eta:g} must not be below zero")
         full = as_matrix("observer_gain", observer_gain, size)
         fault = as_matrix("fault_matrix", fault_matrix, size)
-        if not fault.any():
-            raise InputError("fault_matrix", "must not be zero")
+        if not (fault.T @ fault).any():
+            raise InputError("fault_matrix", "must not be zero, nor so small that its square is")
         if not as_matrix("K2", K2, size).any():
             raise InputError("K2", "must not be zero, the estimate would never change")
         sizes = (
@@ -290,11 +290,12 @@ def _dc_error(observer_gain: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matri
     """Norm of [I - K1 + K2 Lambda^-1 B_f]^-1 (I - K1), or nan if there is no steady state."""
     memory = np.eye(len(K1)) - K1
     try:
-        return _norm(
-            np.linalg.solve(memory + K2 @ np.linalg.solve(observer_gain, fault_matrix), memory)
-        )
+        trip = K2 @ np.linalg.solve(observer_gain, fault_matrix)
+        if np.isfinite(trip).all():
+            return _norm(np.linalg.solve(memory + trip, memory))
     except np.linalg.LinAlgError:
         return float("nan")
+    raise InputError("observer_gain", "has an inverse beyond floating-point numbers")
 
 
 def _weights(design: _Design) -> tuple[float, float, float, float, float] | None:

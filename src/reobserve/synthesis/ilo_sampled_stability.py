@@ -152,9 +152,13 @@ def sampled_limit_gain(
     linear = np.kron(fixed, learned) + np.kron(learned, fixed)
     left = np.block([[np.zeros_like(one), one], [-constant, -linear]])
     right = np.block([[one, np.zeros_like(one)], [np.zeros_like(one), np.kron(learned, learned)]])
+    beyond = InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     if not (np.isfinite(left).all() and np.isfinite(right).all()):
-        raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
-    factors = np.asarray(eigvals(left, right), dtype=np.complex128)
+        raise beyond
+    try:
+        factors = np.asarray(eigvals(left, right), dtype=np.complex128)
+    except np.linalg.LinAlgError:
+        raise beyond from None
     factors = factors[np.isfinite(factors) & (np.abs(factors.imag) < 1e-4 * np.abs(factors))]
     borders = np.unique(factors.real[(factors.real > 1e-9) & (factors.real < 1e9)])
     probes = np.sqrt(np.append(1e-9, borders) * np.append(borders, 1e9))

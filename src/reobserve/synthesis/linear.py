@@ -36,7 +36,7 @@ _CLOSE = 1e-8  # of the gain: what the last step may move
 _DOUBLINGS = 80  # more than a mode needs that floats can tell from the unit circle
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
+@finite("A, C, poles")
 def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
     """The gain L, shape (n, m), with which A - L C has these eigenvalues.
 

@@ -183,7 +183,9 @@ def set_up(name: str, alarms: list[dict[str, Any]], **rules: Any) -> None:
     Estimation(as_specification(tree), list(simulated(name).record()), "r.csv")
 
 
-@pytest.mark.nightly_cases("kalman-steady", "augmented-kalman-bias", "imm-svsf", "extended-kalman")
+@pytest.mark.nightly_cases(
+    "kalman-steady", "augmented-kalman-bias", "imm-svsf", "extended-kalman", "augmented-kalman"
+)
 @pytest.mark.parametrize("name", GATED)
 def test_alarms_that_a_gate_blinds_are_refused(name: str) -> None:
     bank = name.startswith(("imm", "fault-bank", "delay-grid"))  # which predict no variances

@@ -234,9 +234,10 @@ def simulate(
     return w_error[samples:], error[samples:], d[samples:], peak
 
 
-def test_fault_without_effect_is_refused() -> None:
-    with pytest.raises(InputError, match=r"^fault_matrix: must not be zero$"):
-        certify(10.0, 0.0, 0.5, 0.1)
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-170])
+def test_fault_without_effect_is_refused(size: float) -> None:
+    with pytest.raises(InputError, match=r"^fault_matrix: must not be zero, nor so small"):
+        certify(5e14, np.full((3, 3), size), 0.5, 50.0)
 
 
 def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:

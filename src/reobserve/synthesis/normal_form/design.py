@@ -50,6 +50,7 @@ class NormalForm:
         return injection if self.known is None else joined(injection, self.known)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def normal_form(
     system: PolynomialSystem,
     degree: int,
@@ -82,7 +83,7 @@ def normal_form(
     InputError
         If both or none of ``injection`` and ``poles`` are given, A is unstable or resonant, the
         pair (F, H) is not detectable, the inputs leave no linear error dynamics, or the series
-        would not fit into memory.
+        would not fit into memory or are not finite.
     """
     if (injection is None) == (poles is None):
         raise InputError("injection, poles", "one of them must be given, and not both")
@@ -102,4 +103,8 @@ def normal_form(
     S = PolynomialMap(problem.basis, solve_s(problem, solver))
     T = PolynomialMap(problem.basis, solve_t(problem, solver))
     known = None if effect is None else input_injection(S, system.output, effect, names)
-    return NormalForm(problem, smallest, S, T, gain_series(S), known)
+    found = NormalForm(problem, smallest, S, T, gain_series(S), known)
+    for series in (S, T, found.gain, known):
+        if series is not None and not series.exact and not np.isfinite(series.coefficients).all():
+            raise InputError("degree", f"{degree} gives series beyond floating-point numbers")
+    return found
