@@ -19,7 +19,7 @@ _PENDING = "update pending"
 
 # Of a file that would be made again for its inputs alone.
 FOR_INPUTS = ("updated input files", "its inputs are")
-EDITED = "changed since its job ended, or copied without its time"
+EDITED = "written since its job ended: edited, made by hand, or copied without its time"
 _SAME_TIME = 1e-3  # seconds, of the same time stored in two ways
 _COLUMNS = ("output_file", "date", "rule", "log-file(s)", "status", "plan")
 

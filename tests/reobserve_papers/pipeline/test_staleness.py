@@ -304,7 +304,7 @@ def test_edited_results_and_a_locked_folder_are_refused(built: Project, tmp_path
     assert Project(tmp_path / "whole").results() == built.results()
     path = built.folder / "results/ilo/fig1.svg"
     with edited(path):
-        said = r"results/ilo/fig1\.svg: changed since its job ended, .*; remove them and `make`"
+        said = r"results/ilo/fig1\.svg: written since its job ended: .*; remove them and `make`"
         with pytest.raises(pytest.fail.Exception, match=said):
             take_results(built.folder, tmp_path / "taken")
     locks = built.folder / ".snakemake/locks"
