@@ -72,9 +72,7 @@ def _package(module: str) -> str:
     return module.partition(".")[0]
 
 
-_OURS = ("reobserve", "reobserve_papers")
-
-# Found in the text of a module of this project, ten times faster than by parsing it: each process
+# Found in the text of a module beside the library, ten times faster than by parsing it: each process
 # does this for all that it compiles. A test compares what they find with what Python's own parser
 # does; modules of users, who may write imports in other ways, are parsed.
 _TYPES_ONLY = re.compile(
@@ -121,7 +119,8 @@ def _names(text: str, module: str, path: Path) -> Iterator[str]:
     spec = getattr(sys.modules.get(module), "__spec__", None)  # of `python -m package.module`
     whole = (spec.name if module == "__main__" and spec else module).split(".")
     parents = whole if path.name == "__init__.py" else whole[:-1]
-    for origin, names in _written(text) if whole[0] in _OURS else _parsed(text):
+    ours = _place(whole[0]) == _place(_package(__name__))
+    for origin, names in _written(text) if ours else _parsed(text):
         if not origin:
             yield from names
             continue
@@ -134,7 +133,7 @@ def _names(text: str, module: str, path: Path) -> Iterator[str]:
 
 
 def _written(text: str) -> Iterator[tuple[str, list[str]]]:
-    """What a module of this project imports when it runs: from where, and the names."""
+    """Imports of a module of this project when it runs: from where, and the names."""
     if "TYPE_CHECKING" in text:
         text = _TYPES_ONLY.sub("", text)
     for origin, listed in _IMPORT.findall(text):
@@ -143,7 +142,7 @@ def _written(text: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def _parsed(text: str) -> Iterator[tuple[str, list[str]]]:
-    """The same of any module; nothing of one that Python cannot read."""
+    """Imports of any module; none of one that Python cannot read."""
     with suppress(SyntaxError, ValueError):
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Import):
