@@ -72,9 +72,9 @@ def _package(module: str) -> str:
     return module.partition(".")[0]
 
 
-# Found in the text of a module beside the library, ten times faster than by parsing it: each process
-# does this for all that it compiles. A test compares what they find with what Python's own parser
-# does; modules of users, who may write imports in other ways, are parsed.
+# Found in the text of a module beside the library, ten times faster than by parsing it: each
+# process does this for all that it compiles. A test compares what they find with what Python's own
+# parser does; modules of users, who may write imports in other ways, are parsed.
 _TYPES_ONLY = re.compile(
     r"^([ \t]*)if TYPE_CHECKING:.*\n(?:(?:\1[ \t]+.*|[ \t]*)\n)*", re.MULTILINE
 )
@@ -142,7 +142,7 @@ def _written(text: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def _parsed(text: str) -> Iterator[tuple[str, list[str]]]:
-    """Imports of any module; none of one that Python cannot read."""
+    """Imports of any module, and none of one that Python cannot read."""
     with suppress(SyntaxError, ValueError):
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Import):
