@@ -269,6 +269,7 @@ def test_impossible_formats_are_refused(file: dict[str, Any], said: str) -> None
         chosen(file)
 
 
+@pytest.mark.nightly
 def test_nul_bytes_may_be_many(tmp_path: Path) -> None:
     found, report = read(chosen({"tail": "drop"}), f"t,y\n{PLAIN}" + 3_000_000 * "\0", tmp_path)
     assert found == VALUES

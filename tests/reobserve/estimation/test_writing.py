@@ -63,6 +63,7 @@ REPORTS = {
 }  # fmt: skip
 
 
+@pytest.mark.nightly
 @settings(max_examples=400, deadline=None)
 @given(
     st.lists(NUMBERS, min_size=1, max_size=8),

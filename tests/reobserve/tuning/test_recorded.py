@@ -141,6 +141,7 @@ def test_errors_agree_with_estimates_written_by_estimate(tmp_path: Path, logged:
     assert [one.error for one in found] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.nightly
 def test_one_seed_gives_one_result(tmp_path: Path, logged: Path) -> None:
     outputs = []
     for name, seed in (("first", 1), ("again", 1), ("other", 2)):

@@ -86,6 +86,7 @@ def test_records_of_a_repeat_have_errors_of_their_own(tmp_path: Path) -> None:
     assert not np.array_equal(one.record("noise", 3).measurements, again)
 
 
+@pytest.mark.nightly
 def test_tolerances_are_measured_by_scoring_again(tmp_path: Path) -> None:
     """Of a constant the lag is rounding; nothing else of this task is. Settings there must be."""
     folder = tmp_path / "config/bench"

@@ -32,7 +32,7 @@ def tuned(name: str) -> Any:
     return read_tuned(task(name), ROOT / "config/bench/tuned" / name)
 
 
-@pytest.mark.nightly_after(1)
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", TASKS)
 def test_stored_settings_reproduce_their_objective(name: str) -> None:
     """If not, records or methods have changed since: run `snakemake bench_tune` and store the new

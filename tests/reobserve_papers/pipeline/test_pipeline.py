@@ -169,6 +169,7 @@ def test_captions_list_assumptions_and_choices(built: Project) -> None:
     assert f"has an error of {100 * share:.2g} %" in fig4
 
 
+@pytest.mark.nightly
 def test_listing_commands_print_parameters_and_results(built: Project) -> None:
     listing = built.run("reobserve-papers", "list").stdout
     for word in ("ilo", "constant", "combined", "sampled", "matching", "built: pdf"):

@@ -132,6 +132,7 @@ def test_claims_get_their_verdicts(toy: Project) -> None:
 ARCHIVE = "results/archive.zip"
 
 
+@pytest.mark.nightly
 def test_build_is_archived_with_its_provenance(toy: Project) -> None:
     """Each job with its logged command, its inputs and its outputs."""
     assert f"{ARCHIVE}: " in toy.snakemake(ARCHIVE).stderr

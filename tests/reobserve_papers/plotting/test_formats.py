@@ -74,7 +74,7 @@ def page(kind: str, content: bytes) -> tuple[float, float]:
     return float(found[1]) * inch, float(found[2]) * inch
 
 
-@pytest.mark.nightly_cases("ieee-column", "elsevier-column")
+@pytest.mark.nightly
 @pytest.mark.parametrize("style", WIDTHS)
 def test_every_format_has_the_width_of_the_style(tmp_path: Path, style: str) -> None:
     use_sheet(SHEETS / f"{style}.mplstyle")
