@@ -64,6 +64,7 @@ def interrupted() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.nightly
 def test_interrupt_ends_long_runs_within_a_second() -> None:
     found = subprocess.run(
         [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True
