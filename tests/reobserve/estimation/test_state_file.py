@@ -16,7 +16,13 @@ from reobserve.core.errors import InputError
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.row_by_row import RowByRow
-from reobserve.estimation.state_file import _content, _plain, load_state, save_state
+from reobserve.estimation.state_file import (
+    _content,
+    _decoded,
+    _plain,
+    load_state,
+    save_state,
+)
 from tests.reobserve.estimation.records import specification
 
 NAMES = ("kalman", "extended-kalman", "imm-kalman", "ilo-sampled", "extended-high-gain")
@@ -163,3 +169,11 @@ def test_what_is_no_state_is_refused(content: str, tmp_path: Path) -> None:
     (tmp_path / "s.json").write_text(content)
     with pytest.raises(InputError, match="digest: is not that of the content"):
         load_state(tmp_path / "s.json", fresh("kalman"), "d")
+
+
+@pytest.mark.parametrize("name", ["float", "shape", "values", "odd"])
+@pytest.mark.parametrize("value", [3, -2.5, float("inf"), None, True, [1.0], {"rows": 2}])
+def test_values_come_back_under_any_name(name: str, value: Any) -> None:
+    """Names are those of users: of an alarm, say."""
+    alarms = {name: {"rows": value}}
+    assert _decoded(json.loads(json.dumps(_plain(alarms)))) == alarms
