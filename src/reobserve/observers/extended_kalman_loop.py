@@ -52,6 +52,18 @@ def predict_extended(
 
 
 @inlined_kernel
+def extend_cross(work: FilterWork) -> None:
+    """Write cov(x, x(k)) = cov(x, x(k-1)) A' to ``work.cross``, from ``work.before``."""
+    n = len(work.before)
+    for a in range(n):
+        for b in range(n):
+            total = 0.0
+            for i in range(n):
+                total += work.before[a, i] * work.flow.A[b, i]
+            work.cross[a, b] = total
+
+
+@inlined_kernel
 def correct_extended(
     functions: Functions, y: Array, u: Array, mean: Array, covariance: Array,
     innovation: Array, weight: float, work: FilterWork,

@@ -78,7 +78,8 @@ class GaussianFilter(Observer[KalmanState]):
         the process noise from a row on with the measurement noise of that row; without a ``gate``.
     parameters, dt
         Of a nonlinear model: values of parameters by name, numbers or (k,); and the time [s] from
-        each row to the next one, (k,), which a model from `from_ode` takes.
+        each row to the next one, (k,), which a model from `from_ode` takes. More than a sampling
+        period is predicted in equal parts; Q by row is added in the last of them.
     keep
         A list of what else the run shall hold: ``predicted_state``, (k, n), and
         ``predicted_covariance``, (k, n, n), before each measurement, and ``gain``, (k, n, m).

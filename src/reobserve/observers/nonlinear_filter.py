@@ -26,6 +26,9 @@ from reobserve.systems.nonlinear_flow import NonlinearRows
 
 Array = NDArray[np.float64]
 
+LONGER = 1e-3  # of a sampling period: how much longer the time to a row may be
+MOST_PARTS = 10_000_000  # predictions in a gap, a second or more
+
 TAKES = ("Q", "R", "parameters", "dt", "keep")
 CAUSES = {
     NO_STATE: "f, or the covariance after it, is not finite at the next sample",
@@ -51,7 +54,7 @@ def by_row(
     on; None where all are the sampling period.
     """
     found: dict[str, Any] = {"Q": for_loop(model.Q)[None], "R": for_loop(model.R)[None]}
-    found["steps"] = model.steps
+    found["steps"], found["parts"] = model.steps, np.ones((1, 2), np.int64)
     values = model.parameter_values[None]
     if periods is not None:
         if not model.continuous:
@@ -62,12 +65,19 @@ def by_row(
                 "Q", "is the covariance of one sampling period; for other periods give "
                 "from_ode the density of the noise, or Q by row",
             )  # fmt: skip
-        found["steps"] = periods / model.substeps
+        parts = parts_of(periods, model.sampling_period)
+        found["steps"] = periods / (model.substeps * parts)
+        found["parts"] = np.stack([parts, parts], axis=1)
         if model.density is not None:
-            found["Q"] = model.density * periods[:, None, None]
+            found["Q"] = model.density * (periods / parts)[:, None, None]
+        # What is given is the noise of the whole time to a row.
+        if "Q" in held:
+            found["parts"][0, 1] = 1
+        if "Q" in given:
+            found["parts"][1:, 1] = 1
     if "R" in given:
         found["R"] = as_covariances("R", given["R"], model.outputs, rows, definite=True)
-    first = held.get("Q", model.Q)[None]
+    first = held["Q"][None] if "Q" in held else found["Q"][:1]
     if "Q" in given:
         read = as_covariances("Q", given["Q"], model.states, rows)
         found["Q"] = np.concatenate([first, read])
@@ -79,6 +89,17 @@ def by_row(
         later = np.broadcast_to(read, (rows, read.shape[1]))
         values = np.concatenate([before[None], later])
     return found, values
+
+
+def parts_of(periods: Array, sampling_period: float) -> NDArray[np.int64]:
+    """The number of predictions, of a sampling period at most, that lead to each row."""
+    counts = np.ceil(periods / sampling_period - LONGER)
+    if counts.max() > MOST_PARTS:
+        raise InputError(
+            "dt", f"of {periods.max():g} s between two rows is {counts.max():g} sampling periods, "
+            f"must be {MOST_PARTS} or fewer, as each is predicted",
+        )  # fmt: skip
+    return np.maximum(counts, 1).astype(np.int64)
 
 
 def nonlinear_in_record(

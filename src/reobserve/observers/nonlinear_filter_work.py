@@ -20,7 +20,11 @@ NO_STATE, NO_OUTPUT, NO_ROOT, NO_POSTERIOR = 1, 2, 4, 5  # beside NO_INNOVATION,
 
 
 class FilterWork(NamedTuple):
-    """Scratch of the linear steps and of the model, sigma points and what becomes of them."""
+    """Scratch of the linear steps and of the model, sigma points and what becomes of them.
+
+    ``no_noise``, (n, n), is zero. ``before`` is cov(x, x') of a row and of a part of the gap after
+    it.
+    """
 
     linear: LinearWork
     flow: FlowWork
@@ -29,18 +33,21 @@ class FilterWork(NamedTuple):
     points: Array
     images: Array
     cross: Array
+    before: Array
+    no_noise: Array
     cause: NDArray[np.int64]
 
 
 def new_filter_work(states: int, outputs: int, rules: Rules | None = None) -> FilterWork:
     """Scratch for the steps of a filter."""
     n, m, most = states, outputs, max(states, outputs)
-    shapes = (n,), (n, n), (2 * n + 1, n), (2 * n + 1, most), (n, n)
-    moved, root, points, images, cross = blocks(shapes)
+    shapes = (n,), (n, n), (2 * n + 1, n), (2 * n + 1, most), *((n, n),) * 3
+    moved, root, points, images, cross, before, no_noise = blocks(shapes)
+    no_noise[:] = 0.0
     cause = np.zeros(16, np.int64)[:1]
     return FilterWork(
         new_linear_work(n, m, rules), new_flow_work(n, m), moved, root, points, images, cross,
-        cause,
+        before, no_noise, cause,
     )  # fmt: skip
 
 

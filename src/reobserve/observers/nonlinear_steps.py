@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
-from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
+from reobserve.observers.extended_kalman_loop import (
+    correct_extended,
+    extend_cross,
+    predict_extended,
+)
 from reobserve.observers.filter_rules import noise_of_row, shortest
 from reobserve.observers.linear_loop import (
     NO_INNOVATION,
@@ -31,7 +35,12 @@ from reobserve.observers.nonlinear_filter_work import (
     NO_STATE,
     FilterWork,
 )
-from reobserve.observers.unscented_kalman_loop import Weights, correct_unscented, predict_unscented
+from reobserve.observers.unscented_kalman_loop import (
+    Weights,
+    correct_unscented,
+    extend_cross_by_root,
+    predict_unscented,
+)
 from reobserve.systems.nonlinear_flow import NonlinearRows
 
 Array = NDArray[np.float64]
@@ -47,19 +56,29 @@ def predict(
     False if it fails. The cross-covariance of x(k-1) and x(k) is left in ``work.cross``.
     """
     functions, steps, Q = model.functions, model.steps, model.Q[min(k, len(model.Q) - 1)]
-    if weights is None:
-        predict_extended(functions, steps, k, Q, u, mean, covariance, next_covariance, work)
-    elif not predict_unscented(
-        functions, weights, steps, k, Q, u, mean, covariance, next_covariance, work
-    ):
-        return False
-    total = 0.0
-    for a in range(len(work.linear.states)):
-        next_mean[a] = shortest(work.moved[a], work.linear.rules.state_periods[a])
-        total += next_mean[a] + next_covariance[a, a]
-    if not math.isfinite(total):
-        work.cause[0] = NO_STATE
-        return False
+    parts, noisy = model.parts[min(k, len(model.parts) - 1)]
+    for part in range(parts):
+        noise = Q if part >= parts - noisy else work.no_noise
+        if part > 0:
+            assign_matrix(work.before, work.cross)
+            mean, covariance = next_mean, next_covariance
+        if weights is None:
+            predict_extended(functions, steps, k, noise, u, mean, covariance, next_covariance, work)
+            if part > 0:
+                extend_cross(work)
+        elif not predict_unscented(
+            functions, weights, steps, k, noise, u, mean, covariance, next_covariance, work
+        ):
+            return False
+        elif part > 0:
+            extend_cross_by_root(work)
+        total = 0.0
+        for a in range(len(work.linear.states)):
+            next_mean[a] = shortest(work.moved[a], work.linear.rules.state_periods[a])
+            total += next_mean[a] + next_covariance[a, a]
+        if not math.isfinite(total):
+            work.cause[0] = NO_STATE
+            return False
     return True
 
 

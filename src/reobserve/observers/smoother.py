@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.interrupts import FIRST, look
-from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.kernel import kernel
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
@@ -27,7 +27,7 @@ from reobserve.observers.linear_steps import assign, assign_matrix, blocks
 from reobserve.observers.run import Run
 from reobserve.observers.uneven_times import EVEN
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
-from reobserve.observers.unscented_kalman_loop import take_root
+from reobserve.observers.unscented_kalman_loop import solve_by_root, take_root
 from reobserve.observers.vague_start import warn_of_smoothed
 from reobserve.systems.periods import wrapped
 
@@ -231,7 +231,7 @@ def _smooth(
         k = len(next_means) - 1 - back
         if not take_root(next_covariances[k], root):
             return k
-        _write_gain(root, crosses[k], gain)
+        solve_by_root(root, crosses[k], gain)
         # x_s(k) = x(k|k) + G (x_s(k+1) - x(k+1|k))
         total = 0.0
         for a in range(n):
@@ -279,24 +279,3 @@ def _smooth_late(
         assign(late_means[k], some[0])
         assign_matrix(late_covariances[k], spreads[0])
     return -1
-
-
-@inlined_kernel
-def _write_gain(root: Array, cross: Array, gain: Array) -> None:
-    """Solve G L L' = cov(x(k), x(k+1)): G L first, then G.
-
-    Where P(k+1|k) = L L' is singular the cross-covariance is, too, and the gain is zero there.
-    """
-    n = len(root)
-    for a in range(n):
-        for i in range(n):
-            total = cross[a, i]
-            for j in range(i):
-                total -= root[i, j] * gain[a, j]
-            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
-        for last in range(n):
-            i = n - 1 - last
-            total = gain[a, i]
-            for j in range(i + 1, n):
-                total -= root[j, i] * gain[a, j]
-            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0

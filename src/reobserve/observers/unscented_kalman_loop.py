@@ -150,6 +150,45 @@ def predict_unscented(
 
 
 @inlined_kernel
+def extend_cross_by_root(work: FilterWork) -> None:
+    """Write cov(x, x(k)) = cov(x, x(k-1)) P^-1 cov(x(k-1), x(k)) to ``work.cross``.
+
+    The first is ``work.before``, the last ``work.cross``, and P = L L' that of x(k-1).
+    """
+    before, column, n = work.before, work.flow.point, len(work.before)
+    solve_by_root(work.root, before, before)
+    for b in range(n):
+        for i in range(n):
+            column[i] = work.cross[i, b]
+        for a in range(n):
+            total = 0.0
+            for i in range(n):
+                total += before[a, i] * column[i]
+            work.cross[a, b] = total
+
+
+@inlined_kernel
+def solve_by_root(root: Array, cross: Array, gain: Array) -> None:
+    """Solve G L L' = C: G L first, then G. C and G may be the same array.
+
+    Where P = L L' is singular C is, too, and G is zero there.
+    """
+    n = len(root)
+    for a in range(n):
+        for i in range(n):
+            total = cross[a, i]
+            for j in range(i):
+                total -= root[i, j] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+        for last in range(n):
+            i = n - 1 - last
+            total = gain[a, i]
+            for j in range(i + 1, n):
+                total -= root[j, i] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+
+
+@inlined_kernel
 def correct_unscented(
     functions: Functions, weights: Weights, y: Array, u: Array, mean: Array,
     covariance: Array, innovation: Array, weight: float, work: FilterWork,

@@ -204,7 +204,8 @@ class NonlinearModel:
         density
             In place of Q: spectral density of white noise on x', in units of Q per second; a
             number, n numbers or (n, n). With it filters take samples at any times. The noise of a
-            period T is density times T, which is exact for short periods.
+            period T is density times T, which is exact for short periods. A longer time between
+            two rows is predicted in equal parts of a period at most.
         sampling_period
             [s].
         substeps

@@ -41,12 +41,14 @@ class NonlinearRows(NamedTuple):
     """A nonlinear model as compiled loops read it, with what may be given by row.
 
     ``steps`` are the lengths [s] of the Runge-Kutta steps that lead to each row, None where f is
-    the next state. Q, (., n, n), leads to the row, R, (., m, m), is its own. The last of each holds
-    for all later rows.
+    the next state. ``parts``, (., 2), are how many predictions lead to the row, and in how many of
+    them, the last ones, Q is added. Q, (., n, n), leads to the row, R, (., m, m), is its own. The
+    last of each holds for all later rows.
     """
 
     functions: Functions
     steps: Any
+    parts: NDArray[np.int64]
     Q: Array
     R: Array
 

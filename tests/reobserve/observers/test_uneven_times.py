@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from mpmath import mp
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve import (
     ExtendedKalmanFilter,
+    InputError,
     KalmanFilter,
     LinearModel,
     NonlinearModel,
@@ -147,13 +150,17 @@ def test_nonlinear_filters_at_uneven_times_agree_with_runge_kutta_by_row(kind: A
     )
     given: dict[str, list[Array]] = {"A": [], "B": [], "Q": []}
     for period in [*np.diff(TIMES), 0.1]:
-        terms = [np.eye(2)]
+        parts = max(1, int(np.ceil(period / 0.1 - 1e-3)))
+        h, terms = period / parts, [np.eye(2)]
         for i in range(1, 5):
-            terms.append(terms[-1] @ A * period / i)
-        given["A"].append(sum(terms[1:], terms[0]))
-        effect = [term * period / (i + 1) for i, term in enumerate(terms[:4])]
-        given["B"].append(sum(effect[1:], effect[0]) @ B)
-        given["Q"].append(W * period)
+            terms.append(terms[-1] @ A * h / i)
+        step = sum(terms[1:], terms[0])
+        effect = [term * h / (i + 1) for i, term in enumerate(terms[:4])]
+        pushed = sum(effect[1:], effect[0]) @ B
+        powers = [np.linalg.matrix_power(step, i) for i in range(parts)]
+        given["A"].append(powers[-1] @ step)
+        given["B"].append(sum(power @ pushed for power in powers))
+        given["Q"].append(sum(power @ W @ power.T * h for power in powers))
     (y, u), one, linear = record(), kind(model), KalmanFilter(SPRING)
     wanted = linear.run(y, u, state=linear.init([0.3, -0.2], 0.5), **given)
     run = one.run(y, u, state=one.init([0.3, -0.2], 0.5), time=TIMES)
@@ -168,6 +175,90 @@ def test_nonlinear_filters_at_uneven_times_agree_with_runge_kutta_by_row(kind: A
         np.testing.assert_allclose(by_lengths[name], run[name], rtol=1e-12, atol=1e-13)
     given_lengths = rts_smoother(one, by_lengths, u, dt=lengths)
     np.testing.assert_allclose(given_lengths["state"], smooth["state"], rtol=1e-11, atol=1e-12)
+
+
+# --- Gaps -----------------------------------------------------------------------------------------
+
+
+def driven(**options: Any) -> NonlinearModel:
+    """A driven pendulum, of which the angle is measured and a rate."""
+    return NonlinearModel.from_ode(
+        ["w", "-9.81*sin(a) - 0.1*w + p"], ["a", "w"], state_names=["a", "w"], input_names=["p"],
+        density=[0, 0.09], R=[0.0025, 0.01], sampling_period=0.1, **options,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("periods", [None, [2 * np.pi, 0.0]])
+@pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
+@given(gap=st.integers(0, 200), later=st.integers(1, 60), angle=st.floats(-3.0, 3.0))
+@example(gap=50, later=10, angle=0.5)
+@settings(max_examples=6)
+def test_rows_left_out_are_rows_of_nan(
+    kind: Any, periods: Any, gap: int, later: int, angle: float
+) -> None:
+    """Whatever is missing: state, covariance and likelihood, and what is smoothed."""
+    model = driven(state_periods=periods, output_periods=periods)
+    one, rng = kind(model), np.random.default_rng(gap)
+    kept = np.concatenate([np.arange(8), 8 + gap + np.arange(5), 13 + gap + later + np.arange(4)])
+    time, pushed = 0.1 * np.arange(kept[-1] + 1), rng.normal(0, 0.3, len(kept))
+    y = np.full((len(time), 2), np.nan)
+    y[kept] = angle * np.cos(3.1 * time[kept, None] + [0.0, 1.5]) + rng.normal(0, 0.02, (17, 2))
+    held = pushed[np.searchsorted(kept, np.arange(len(time)), side="right") - 1]
+    begin = one.init([angle, 0.0], [1e-2, 1.0])
+    keep = ["predicted_state", "predicted_covariance"]
+    whole = one.run(y, held, state=begin, keep=keep)
+    short = one.run(y[kept], pushed, state=begin, time=time[kept], keep=keep)
+    by_lengths = np.diff(time[kept], append=time[-1] + 0.1)
+    again = one.run(y[kept], pushed, state=begin, dt=by_lengths, keep=keep)
+    for name in (*SHARED, *keep):
+        for found in (short, again):
+            np.testing.assert_allclose(found[name], whole[name][kept], rtol=1e-7, atol=1e-9)
+    smooth, exact = rts_smoother(one, short, pushed), rts_smoother(one, whole, held)
+    for name in ("state", "covariance"):
+        np.testing.assert_allclose(smooth[name], exact[name][kept], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
+def test_noise_given_for_a_gap_is_added_at_its_end(kind: Any) -> None:
+    one, Q = kind(driven()), np.diag([0.2, 0.3])
+    y = np.array([[0.5, 0.0], [np.nan, np.nan], [np.nan, np.nan], [0.3, -0.4]])
+    quiet = np.zeros((4, 2, 2))
+    quiet[2] = Q
+    begin = one.init([0.4, 0.0], [1e-2, 1.0])
+    whole = one.run(y, np.ones(4), state=begin, Q=quiet)
+    short = one.run(y[::3], np.ones(2), state=begin, dt=[0.3, 0.1], Q=np.stack([Q, Q]))
+    for name in SHARED:
+        np.testing.assert_allclose(short[name], whole[name][::3], rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("periods", [0.3, 0.999, 1.0, 1.0005])
+def test_rows_a_period_apart_or_less_are_one_step(periods: float) -> None:
+    """The bits of a record without gaps: one Runge-Kutta step, and density times its length."""
+    model, x = driven(), np.array([0.4, -0.2])
+    one, h = UnscentedKalmanFilter(model), 0.1 * periods
+    run = one.run(
+        [[np.nan] * 2] * 2, [0.0, 0.0], state=one.init(x, np.zeros((2, 2))), dt=[h, h],
+        keep=["predicted_state", "predicted_covariance"],
+    )  # fmt: skip
+
+    def slope(at: Array) -> Array:
+        return np.array([at[1], -9.81 * np.sin(at[0]) - 0.1 * at[1]])
+
+    first = slope(x)
+    second = slope(x + h / 2 * first)
+    third = slope(x + h / 2 * second)
+    wanted = x + h / 6 * (first + 2 * second + 2 * third + slope(x + h * third))
+    np.testing.assert_allclose(run["predicted_state"][1], wanted, rtol=1e-14)
+    np.testing.assert_allclose(
+        run["predicted_covariance"][1], h * np.diag([0, 0.09]), rtol=1e-14, atol=1e-30
+    )
+
+
+def test_a_gap_of_too_many_periods_is_refused() -> None:
+    one = ExtendedKalmanFilter(driven())
+    state = one.init([0, 0], 1.0)
+    with pytest.raises(InputError, match=r"dt: of 1e\+09 s between two rows is 1e\+10 sampling"):
+        one.run([[0, 0], [0, 0]], [0, 0], state=state, time=[0.0, 1e9])
 
 
 # --- Several rates --------------------------------------------------------------------------------
@@ -248,9 +339,9 @@ def test_noise_of_the_last_row_is_held_over_to_periods_that_differ(kind: Any) ->
     one, (y, u), noise = kind(PENDULUM), record(), np.array([[4.0, 0.5], [0.5, 2.0]])
     first = one.run(y, u, state=one.init([0.3, -0.2], 0.5), dt=LENGTHS, Q=noise)
     keep = ["predicted_covariance"]
-    second = one.run(y[:2], u[:2], state=first.state, dt=[0.2, 0.3], keep=keep)
-    given = np.array([0.2 * np.asarray(PENDULUM.density), noise])  # on the second nothing depends
-    wanted = one.run(y[:2], u[:2], state=first.state, dt=[0.2, 0.3], Q=given, keep=keep)
+    second = one.run(y[:2], u[:2], state=first.state, dt=[0.09, 0.3], keep=keep)
+    given = np.array([0.09 * np.asarray(PENDULUM.density), noise])  # on the second nothing depends
+    wanted = one.run(y[:2], u[:2], state=first.state, dt=[0.09, 0.3], Q=given, keep=keep)
     assert not differing(second.estimates, wanted.estimates)
     assert second["predicted_covariance"][0, 0, 0] > 4.0
 
