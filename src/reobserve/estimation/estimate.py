@@ -111,6 +111,7 @@ class Estimation:
             place,
             None if clock is None else clock.dates,
             self.specification.columns.time.wrap is not None,
+            self.layout.names[self.layout.timed :],
         )
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]
@@ -172,7 +173,14 @@ class Estimation:
             first = self.report.rows
             rows = np.arange(first, first + len(values), dtype=np.float64)
             time = self.specification.sampling.period * rows
-        return self.interpolation.feed(*self.timestamps.read(time, values))
+        if self.specification.sampling.repeated != "merge":
+            self.layout.fill(values, self.report)
+        return self._settled(self.timestamps.read(time, values))
+
+    def _settled(self, rows: tuple[Array, Array, Array]) -> Settled:
+        if self.specification.sampling.repeated == "merge":
+            self.layout.fill(rows[1], self.report)
+        return self.interpolation.feed(*rows)
 
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
@@ -186,7 +194,7 @@ class Estimation:
         """The same as `slots`, of rows that waited for others."""
         rows = self.timestamps.finish()
         self.timestamps.check_period()
-        waiting = [self.interpolation.feed(*rows)] if len(rows[0]) else []
+        waiting = [self._settled(rows)] if len(rows[0]) else []
         return [*waiting, self.interpolation.finish()]
 
     def _none(self) -> Estimated:

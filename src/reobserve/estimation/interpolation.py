@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _ROUNDING = 1.0 + 1e-9
+_NEAR = 1e-6  # periods that are rounding, where values are held
 
 
 class Settled(NamedTuple):
@@ -39,6 +40,7 @@ class Interpolation:
     period
         Of rows that are resampled [s], or zero. A row is measured, and not filled, if a sample is
         no farther from it than half a period, or, where values are held, was taken within one.
+        The value of a column that is held is its mean over the period that begins with the row.
     """
 
     method: str
@@ -60,7 +62,7 @@ class Interpolation:
         whole = not len(self.asked) and len(asked) == len(time) and np.array_equal(asked, time)
         self.time = np.concatenate([self.time, time])
         self.values = np.concatenate([self.values, values])
-        if whole and np.isfinite(values).all():
+        if whole and not (self.period and any(self.held)) and np.isfinite(values).all():
             self._forget(time[-1:] if len(time) else time)
             return Settled(time, values, np.zeros(values.shape, dtype=bool))
         self.asked = np.concatenate([self.asked, asked])
@@ -85,7 +87,9 @@ class Interpolation:
 
     def _horizon(self, c: int, known: NDArray[np.int_], latest: float) -> float:
         """The time up to which no later row can change a column."""
-        steady = self.held[c] or self.method == "previous" or not len(known)
+        if self.held[c]:
+            return latest - self.period * (1.0 - _NEAR)
+        steady = self.method == "previous" or not len(known)
         if steady or latest - self.time[known[-1]] > self.reach * _ROUNDING:
             return latest
         if self.method == "linear":
@@ -98,10 +102,11 @@ class Interpolation:
             at = np.concatenate([self.kept[:1, c], at])
             values = np.concatenate([self.kept[1:, c], values])
         found = np.full(len(asked), np.nan)
-        left = np.searchsorted(at, asked, side="right") - 1
+        early = _NEAR * self.period if self.held[c] else 0.0
+        left = np.searchsorted(at, asked + early, side="right") - 1
         begun = left >= 0
         exact = begun.copy()
-        exact[begun] = at[left[begun]] == asked[begun]
+        exact[begun] = at[left[begun]] >= asked[begun]
         found[exact] = values[left[exact]]
         if self.held[c] or self.method == "previous":
             limit = self.hold if self.held[c] else self.reach
@@ -109,6 +114,8 @@ class Interpolation:
             age = asked - at[np.maximum(left, 0)] if len(at) else np.full(len(asked), np.inf)
             open_ &= age <= limit * _ROUNDING
             found[open_] = values[left[open_]]
+            if early:
+                found += self._later(at, values, asked, left)
             return found, ~exact & ~(open_ & (age * _ROUNDING < self.period))
         inside = begun & ~exact & (left + 1 < len(at))
         start = left[inside]
@@ -126,6 +133,17 @@ class Interpolation:
         else:
             self._monotone(at, values, asked, inside, found)
         return found, between
+
+    def _later(self, at: Array, values: Array, asked: Array, left: NDArray[np.int_]) -> Array:
+        """The mean over a period less the value at its beginning, of values that are held."""
+        last = np.searchsorted(at, asked + (1.0 - _NEAR) * self.period) - 1
+        counts = np.where(left >= 0, last - left, 0)
+        row = np.repeat(np.arange(len(asked)), counts)
+        change = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts - left - 1, counts)
+        rest = 1.0 - (at[change] - asked[row]) / self.period
+        steps = (values[change] - values[change - 1]) * rest
+        found: Array = np.bincount(row, steps, len(asked)).astype(np.float64)
+        return found
 
     def _monotone(
         self, at: Array, values: Array, asked: Array, inside: Flags, found: Array

@@ -102,12 +102,14 @@ class Layout:
         self._check_counter(raw, report)
         columns = [self._column(raw[:, c].copy(), c, report) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
-        values = np.column_stack(columns[self.timed :])
-        lost = np.isnan(values).sum(axis=0)
-        if lost.any():
-            for name, count in zip(self.names[self.timed :], lost, strict=True):
-                report.count(report.missing, name, count)
-        return time, values
+        return time, np.column_stack(columns[self.timed :])
+
+    def fill(self, values: Array, report: DataReport) -> None:
+        """Put the last value into empty cells of columns that hold it, and count the others."""
+        for c, name in enumerate(self.names[self.timed :]):
+            if self.holds and self.holds[c + self.timed]:
+                values[:, c] = _held(values[:, c], report, name)
+            report.count(report.missing, name, np.isnan(values[:, c]).sum())
 
     def _column(self, cells: Array, c: int, report: DataReport) -> Array:
         limits = self.ranges[c]
@@ -118,9 +120,7 @@ class Layout:
                 cells[outside] = np.nan
         converted: Array = self.conversions[c].of(cells)
         if self.periods and self.periods[c]:
-            converted = _unwrapped(converted, self.periods[c], report.angles, self.names[c])
-        if self.holds and self.holds[c]:
-            return _held(converted, report, self.names[c])
+            return _unwrapped(converted, self.periods[c], report.angles, self.names[c])
         return converted
 
 

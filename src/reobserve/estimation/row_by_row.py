@@ -40,7 +40,7 @@ class RowByRow:
         self.stamp: int | None = None  # [ns], of the last row if it has a date
         self.short = (
             sampling.uneven == "refuse" and layout.timed and dialect.plain
-            and sampling.repeated != "spread"
+            and sampling.repeated in ("refuse", "first")
             and not any(layout.ranges) and not any(layout.periods) and not any(layout.holds)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None

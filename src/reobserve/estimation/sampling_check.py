@@ -143,8 +143,6 @@ def _period(made: Estimation, cells: list[Array], uneven: bool) -> dict[str, Any
     stated, report = made.specification.sampling, DataReport()
     time = np.concatenate([made.layout.times(block, report) for block in cells])
     times = [time[np.isfinite(time)]]
-    if stated.repeated == "first":
-        times = [times[0][np.diff(times[0], prepend=-np.inf) > 0]]
     steps = np.diff(times[0])
     median = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     begun = made.timestamps.begun

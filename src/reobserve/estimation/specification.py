@@ -32,7 +32,7 @@ from reobserve.estimation.quantities import conversion
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
 Missing = Literal["refuse", "interpolate", "skip"]
 AtGap = Literal["refuse", "restart", "coast"]
-Repeated = Literal["refuse", "spread", "first"]
+Repeated = Literal["refuse", "spread", "first", "last", "merge"]
 
 _MOST_COLUMNS = 100
 
@@ -195,14 +195,16 @@ class Sampling:
 
     ``jitter`` is the largest offset of a timestamp from its place on the grid, in periods. What is
     farther off is refused where ``uneven`` is refuse; else all rows are resampled: measurements by
-    straight lines, the value before or a monotone cubic (pchip), inputs held.
+    straight lines, the value before or a monotone cubic (pchip). Inputs are held, and the observer
+    reads their mean over the period that follows a row.
     ``missing``: samples that were lost are refused, filled likewise (straight lines where
     ``uneven`` is refuse), or skipped by observers that can predict without them. Filled or skipped
     is no more than ``gap`` [s]; what is longer is refused, the observer restarts after it, or
     coasts over it with predictions.
     ``repeated``: rows with the timestamp of the row before are refused, spread evenly up to the
-    next timestamp (no farther than ``period`` apart), or left out but for the first. Where
-    ``uneven`` resamples, rows that are the same in all columns are left out in any case.
+    next timestamp (no farther than ``period`` apart), left out but for the first or the last, or
+    merged into one: of each column one number. Where ``uneven`` resamples, rows that are the same
+    in all columns are left out in any case.
     """
 
     period: Positive

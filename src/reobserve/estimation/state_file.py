@@ -23,7 +23,7 @@ from reobserve.core.validation import parse
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
 
-SCHEMA = 10
+SCHEMA = 11
 _VALUES = 5_000_000
 _OF_CLOCK = ("grid", "held_time", "held_values", "early_time", "early_values")
 _OF_GAPS = ("last", "started", "in_gap")

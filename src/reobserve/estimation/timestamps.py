@@ -27,6 +27,11 @@ _LONG = 100  # slots in a gap that are not filled before
 _WRONG = 0.25  # how far their median may be off, which jitter moves by less
 _HOUR = 3600.0  # [s]
 _ROUNDING = 1e-6  # in periods
+# Policies that wait for the next timestamp, and the end of a warning.
+_GROUPS = {
+    "spread": "before, and were spread evenly", "last": "after, and were left out",
+    "merge": "before, and were merged with it",
+}  # fmt: skip
 
 
 @dataclass
@@ -43,9 +48,11 @@ class Timestamps:
     place: str
     dates: Dates | None = None
     counts: bool = False  # by a counter whose period is stated
+    columns: tuple[str, ...] = ()  # the names of the values
     begun: list[float] = field(default_factory=list)  # the first intervals
     grid: Array = field(default_factory=lambda: np.full(2, np.nan))
     # Rows with the last timestamp: all that wait for the next one where they are spread, or one.
+    # Their numbers are the last column.
     held_time: Array = field(default_factory=lambda: np.empty(0))
     held_values: Array = field(default_factory=lambda: np.empty((0, 0)))
     # The first rows, if a long gap is among them, until the period is checked.
@@ -61,26 +68,26 @@ class Timestamps:
         """The rows to use, their timestamps first, and the times of the slots up to the last."""
         report, sampling = self.report, self.sampling
         rows, report.rows = report.rows, report.rows + len(time)
-        even = sampling.uneven == "refuse"
+        # The last column is the number of the row, for messages.
+        values = np.column_stack([values, np.arange(rows + 1.0, report.rows + 1.0)])
         if np.isnan(time).any():
             known = ~np.isnan(time)
-            if even:
-                row = rows + int(np.argmin(known)) + 1
+            if sampling.uneven == "refuse":
+                row = int(values[np.argmin(known), -1])
                 raise RowError(self.place, "{at} has no timestamp", row, "sampling.uneven")
             report.unstamped += int((~known).sum())
             time, values = time[known], values[known]
-        if sampling.repeated == "spread":
-            rows -= len(self.held_time)
-            time, values = self._spread(time, values, rows)
-        return self._checked(time, values, rows)
+        if sampling.repeated in _GROUPS:
+            time, values = self._grouped(time, values)
+        return self._checked(time, values)
 
     def finish(self) -> tuple[Array, Array, Array]:
         """The same of rows that wait for a timestamp which does not come."""
-        report, spread = self.report, self.sampling.repeated == "spread"
-        held = len(self.held_time) if spread else 0
+        report, repeated = self.report, self.sampling.repeated
+        held = len(self.held_time) if repeated in _GROUPS else 0
         time = self.held_time[:held] + self.sampling.period * np.arange(held)
         report.repeated += max(held - 1, 0)
-        found = self._checked(time, self.held_values[:held], report.rows - held, True)
+        found = self._checked(time, self.held_values[:held], True)
         median = float(np.median(self.begun)) if self.begun else np.inf
         if self.sampling.uneven != "refuse" and median < self.sampling.period / 1.5:
             report.warn(
@@ -89,44 +96,71 @@ class Timestamps:
                 "appear as slower ones"
             )
         if report.repeated:
-            what = "spread evenly" if spread else "left out"
             report.warn(
                 f"time: {report.repeated} of {report.rows} rows have the timestamp of the row "
-                f"before, and were {what}"
+                f"{_GROUPS.get(repeated, 'before, and were left out')}"
             )
         self.held_time = time[:0]
         return found
 
-    def _spread(self, time: Array, values: Array, rows: int) -> tuple[Array, Array]:
-        """Rows up to the last timestamp, those that share one evenly up to the next.
-
-        They are no farther than a period apart. The first ones end there, since a record may begin
-        between two timestamps.
-        """
+    def _grouped(self, time: Array, values: Array) -> tuple[Array, Array]:
+        """Rows up to the last timestamp, of which those that share one are one or are spread."""
         if len(self.held_time):
             time = np.concatenate([self.held_time, time])
             values = np.concatenate([self.held_values, values])
         if not len(time):
             return time, values
         if (np.diff(time) < 0).any():
-            self._refuse(np.diff(time) < 0, "goes back", time, rows)
+            self._refuse(np.diff(time) < 0, "goes back", time, values)
         begins = np.flatnonzero(np.diff(time, prepend=-np.inf))
-        sizes = np.diff(begins, append=len(time))
-        at, n = time[begins], sizes[:-1]
+        if self.sampling.repeated != "spread":
+            self.report.repeated += len(time) - len(begins)
+            ends = np.append(begins[1:], len(time)) - 1
+            if self.sampling.repeated == "merge":
+                self._merge(values, begins)
+            time, values, begins = time[ends], values[ends], np.arange(len(ends))
         self.held_time, self.held_values = time[begins[-1] :].copy(), values[begins[-1] :].copy()
+        if self.sampling.repeated == "spread":
+            time = self._spread(time, begins)
+        return time[: begins[-1]], values[: begins[-1]]
+
+    def _merge(self, values: Array, begins: NDArray[np.int_]) -> None:
+        """Give rows that share a timestamp the numbers of each other."""
+        sizes = np.diff(begins, append=len(values))
+        merged = np.repeat(first_known(values[:, :-1], begins), sizes, axis=0)
+        other = np.isfinite(values[:, :-1]) & (values[:, :-1] != merged)
+        if other.any():
+            row, column = np.argwhere(other)[0]
+            problem = (
+                f"{{at}} has {values[row, column]:g} and a row before it, with the same timestamp, "
+                f"{merged[row, column]:g}; sampling.repeated: merge takes one number for each "
+                "column, first or last chooses a row"
+            )
+            name = self.columns[column] if self.columns else self.place
+            raise RowError(name, problem, int(values[row, -1]), "sampling.repeated")
+        values[:, :-1] = merged
+
+    def _spread(self, time: Array, begins: NDArray[np.int_]) -> Array:
+        """Times of the rows before the last timestamp, evenly up to the next one.
+
+        They are no farther than a period apart. The first ones end there, since a record may begin
+        between two timestamps.
+        """
+        at, n = time[begins], np.diff(begins)
         step = np.minimum(np.diff(at) / n, self.sampling.period)
         start = at[:-1].copy()
         if len(start) and n[0] > 1 and self.report.first is None:
             start[0] = at[1] - n[0] * step[0]
         place = np.arange(int(begins[-1])) - np.repeat(begins[:-1], n)
         self.report.repeated += int((n - 1).sum())
-        return np.repeat(start, n) + np.repeat(step, n) * place, values[: begins[-1]]
+        found: Array = np.repeat(start, n) + np.repeat(step, n) * place
+        return found
 
     def _checked(
-        self, time: Array, values: Array, rows: int, final: bool = False
+        self, time: Array, values: Array, final: bool = False
     ) -> tuple[Array, Array, Array]:
         """The rows to use, none as long as a gap is filled only if the period is right."""
-        if waiting := len(self.early_time):
+        if len(self.early_time):
             time = np.concatenate([self.early_time, time])
             values = np.concatenate([self.early_values, values]) if len(values) else (
                 self.early_values
@@ -136,9 +170,9 @@ class Timestamps:
         early = len(self.begun) + np.count_nonzero(steps > 0) < _LOOKED_AT
         if early and not final and (self._filled(steps) > _LONG).any():
             self.early_time, self.early_values = time.copy(), values.copy()
-            return time[:0], values[:0], time[:0]
+            return time[:0], values[:0, :-1], time[:0]
         self.early_time, self.early_values = time[:0].copy(), values[:0].copy()
-        return self._taken(time, values, rows - waiting)
+        return self._taken(time, values)
 
     def _filled(self, steps: Array) -> Array:
         """The slots between rows that policies may fill."""
@@ -166,31 +200,31 @@ class Timestamps:
             f"{self.place}; {MOST_SLOTS} and {share} for each row are the most; {hint}",
         )
 
-    def _taken(self, time: Array, values: Array, rows: int) -> tuple[Array, Array, Array]:
+    def _taken(self, time: Array, values: Array) -> tuple[Array, Array, Array]:
         report, even = self.report, self.sampling.uneven == "refuse"
         begin = [] if report.last is None else [report.last]
         steps = np.diff(np.concatenate([begin, time]))
         if (steps < 0).any():
-            self._refuse(steps < 0, "goes back", time, rows)
+            self._refuse(steps < 0, "goes back", time, values)
         if (steps == 0).any():
-            self._check_repeated(steps, time, values, rows)
+            self._check_repeated(steps, time, values)
             again = np.concatenate([[False] * (len(time) - len(steps)), steps == 0]).astype(bool)
             report.repeated += int(again.sum())
             time, values, steps = time[~again], values[~again], steps[steps > 0]
         if not len(time):
-            return time, values, time
-        self._check_hour(steps, time, rows)
+            return time, values[:, :-1], time
+        self._check_hour(steps, time, values)
         self._look(steps)
         self._check_filled(steps)
-        slots = self._even(steps, time, rows) if even else self._regular(time, steps)
+        slots = self._even(steps, time, values) if even else self._regular(time, steps)
         if report.first is None:
             report.first = float(time[0])
         report.last = float(time[-1])
-        if self.sampling.repeated != "spread":
+        if self.sampling.repeated not in _GROUPS:
             self.held_time, self.held_values = time[-1:].copy(), values[-1:].copy()
-        return time, values, slots
+        return time, values[:, :-1], slots
 
-    def _check_repeated(self, steps: Array, time: Array, values: Array, rows: int) -> None:
+    def _check_repeated(self, steps: Array, time: Array, values: Array) -> None:
         """Refuse rows with the timestamp of the one before, and other values, by the policy."""
         if self.sampling.repeated == "first":
             return
@@ -198,13 +232,15 @@ class Timestamps:
         if self.sampling.uneven != "refuse":
             known = values if len(time) > len(steps) else np.concatenate([self.held_values, values])
             same = (known[1:] == known[:-1]) | (np.isnan(known[1:]) & np.isnan(known[:-1]))
-            other &= ~same.all(axis=1)
+            other &= ~same[:, :-1].all(axis=1)
         if other.any():
-            self._refuse(other, "stands still", time, rows)
+            self._refuse(other, "stands still", time, values)
 
-    def _refuse(self, wrong: Flags, said: str, time: Array, rows: int) -> None:
+    def _refuse(self, wrong: Flags, said: str, time: Array, values: Array) -> None:
         at, dates = int(np.argmax(wrong)) + len(time) - len(wrong), self.dates
-        hint = "; sampling.repeated may be spread or first" if said == "stands still" else ""
+        hint = ""
+        if said == "stands still":
+            hint = "; sampling.repeated may be first, last, merge or spread"
         if said == "goes back" and dates is None and not self.counts:
             hint = "; where a counter begins again, columns.time.wrap states its period"
         if said == "goes back" and dates is not None and dates.floating:
@@ -215,9 +251,9 @@ class Timestamps:
         now = self.report.said(float(time[at]))
         key = "sampling.repeated" if said == "stands still" else ""
         problem = f"{{at}}: the timestamp {said}, at {now}{hint}"
-        raise RowError(self.place, problem, rows + at + 1, key)
+        raise RowError(self.place, problem, int(values[at, -1]), key)
 
-    def _check_hour(self, steps: Array, time: Array, rows: int) -> None:
+    def _check_hour(self, steps: Array, time: Array, values: Array) -> None:
         """Refuse an hour that is missing where clocks are put forward, if dates may be local."""
         period, report = self.sampling.period, self.report
         if self.dates is None or not self.dates.floating or period > _HOUR:
@@ -235,7 +271,7 @@ class Timestamps:
                     f"is missing: {{at}} of {self.place}, {after:%Y-%m-%dT%H:%M:%S}, is an hour "
                     f"late, as if clocks had been put forward in {zone}; state the zone of these "
                     "times, or UTC",
-                    rows + at + 1,
+                    int(values[at, -1]),
                 )
 
     def _look(self, steps: Array) -> None:
@@ -272,7 +308,7 @@ class Timestamps:
         self.grid[:], self.report.jitter = grid, max(self.report.jitter, used)
         return True
 
-    def _even(self, steps: Array, time: Array, rows: int) -> Array:
+    def _even(self, steps: Array, time: Array, values: Array) -> Array:
         report, period, jitter = self.report, self.sampling.period, self.sampling.jitter
         passed = np.zeros(len(time))
         accepted, used = placed(time, self.grid, period, jitter, True, passed)
@@ -284,7 +320,8 @@ class Timestamps:
             said = report.said(float(time[accepted]), 14)
             raise UnevenError(
                 f"{jitter:g} is exceeded in {{at}} of {self.place}: its timestamp, {said}, is "
-                f"{off:.2g} sampling periods of {period:g} s off its place", rows + accepted + 1,
+                f"{off:.2g} sampling periods of {period:g} s off its place",
+                int(values[accepted, -1]),
                 float(least) if least < 0.5 else None, "the rows up to there",
             )  # fmt: skip
         report.jitter = max(report.jitter, used)
@@ -339,6 +376,15 @@ class Timestamps:
                 parts.append(_times(origin, period, end, reach, False))
                 before = float(known[at + 1]) - 2.0 * _ROUNDING * period
         return _snapped(np.concatenate(parts), known, _ROUNDING * period)
+
+
+def first_known(values: Array, begins: NDArray[np.int_]) -> Array:
+    """The first number in each column of each group of rows, nan where there is none."""
+    count = len(values)
+    at = np.where(np.isfinite(values), np.arange(count)[:, None], count)
+    padded = np.concatenate([values, np.full((1, values.shape[1]), np.nan)])
+    found: Array = np.take_along_axis(padded, np.minimum.reduceat(at, begins), axis=0)
+    return found
 
 
 def _times(

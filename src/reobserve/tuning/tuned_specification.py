@@ -88,6 +88,7 @@ class TunedSpecification:
         cells, width = self.cells(record, *more), len(layout.titles)
         with self.file(record).lines():
             time, values = layout.values(cells[:, :width], DataReport())
+            layout.fill(values, DataReport())
         if not layout.timed:
             time = self.period * np.arange(len(cells), dtype=np.float64)
         return layout, time, values, cells[:, width:]

@@ -301,7 +301,7 @@ def test_repeated_timestamps_are_refused_or_left_out_by_policy(tmp_path: Path) -
     time = {"column": "t", "unit": "iso8601"}
     for uneven in ("refuse", "linear"):
         with pytest.raises(
-            InputError, match=r"stands still, .* sampling\.repeated may be spread or"
+            InputError, match=r"stands still, .* sampling\.repeated may be first, last,"
         ):
             estimated(chosen(time, period=0.1, uneven=uneven), WHOLE, tmp_path)
     report = estimated(chosen(time, period=1, repeated="first"), WHOLE, tmp_path)
