@@ -17,7 +17,7 @@ from reobserve.estimation.findings import Findings
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.text_rows import RowError
-from reobserve.estimation.timestamps import least_jitter
+from reobserve.estimation.timestamps import first_known, least_jitter
 
 Array = NDArray[np.float64]
 
@@ -103,9 +103,7 @@ def _accept(found: Findings, made: Estimation, error: InputError, cells: list[Ar
     elif key == "sampling.uneven":
         keys = {"uneven": "linear"}
     elif key == "sampling.repeated":
-        times = np.concatenate([block[:, 0] for block in cells])
-        shared = np.count_nonzero(np.diff(times) == 0) > 0.5 * len(times)
-        keys = {"repeated": "spread" if shared else "first"}
+        keys = {"repeated": _choose(found, np.concatenate(cells))}
     elif key == "sampling.at_gap":
         coast = made.can_skip and stated.at_gap == "refuse"
         keys = {"at_gap": "coast" if coast else "restart"}
@@ -121,6 +119,28 @@ def _accept(found: Findings, made: Estimation, error: InputError, cells: list[Ar
 def _key(error: InputError) -> str:
     """The key that states the policy which refuses a row."""
     return getattr(error, "key", "") or error.parameter
+
+
+def _choose(found: Findings, cells: Array) -> str:
+    """Leave what becomes of rows that share a timestamp to the user, and return an assumption."""
+    cells = cells[np.isfinite(cells[:, 0])]
+    begins = np.flatnonzero(np.diff(cells[:, 0], prepend=-np.inf))
+    sizes, values = np.diff(begins, append=len(cells)), cells[:, 1:]
+    first, last, other = (
+        int((np.isfinite(values) & (values != np.repeat(kept, sizes, axis=0))).sum())
+        for kept in (values[begins], values[begins + sizes - 1], first_known(values, begins))
+    )
+    count, found.assumed = len(cells) - len(begins), "first" if other else "merge"
+    merge = f"is refused, as {other} numbers differ from another of their column and timestamp"
+    if not other:
+        merge = f"puts {count} rows into others, and loses no number"
+    found.choices = [
+        f"  first: leaves out {count} rows, and {first} numbers that the first rows do not have",
+        f"  last: leaves out {count} rows, and {last} numbers that the last rows do not have",
+        f"  merge: {merge}",
+        f"  spread: keeps {count} rows, but moves them evenly up to the next timestamp",
+    ]
+    return found.assumed
 
 
 def _accept_clock(found: Findings, made: Estimation, error: InputError) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from reobserve.cli.main import main
@@ -54,6 +54,10 @@ def accepted(folder: Path, chosen: Path, data: Path) -> Findings:
     assert ("is accepted" in text) == (not found.refusals)
     if "no key accepts all of this" in text or "what else is refused shows then" in text:
         return found
+    assert found.choices or tree.get("sampling") == found.tree.get("sampling")
+    if found.choices:
+        assert "repeated" not in tree["sampling"]
+        tree["sampling"]["repeated"] = found.assumed
     merged = folder / "merged.yaml"
     merged.write_text(dumped(tree), encoding="utf-8")
     assert main(["estimate", str(merged), str(data), "--out", str(folder / "e.csv")]) == 0, text
@@ -109,8 +113,45 @@ def test_all_refusals_are_listed_at_once(tmp_path: Path) -> None:
     assert not found.final
     assert found.tree["file"] == {"missing_values": ["OFF"]}
     assert found.tree["sampling"] == {
-        "period": 1.0, "repeated": "first", "jitter": 0.05, "missing": "skip", "at_gap": "coast",
+        "period": 1.0, "repeated": found.assumed, "jitter": 0.05, "missing": "skip",
+        "at_gap": "coast",
     }  # fmt: skip
+
+
+@given(
+    rows=st.lists(
+        st.tuples(st.integers(0, 12), *[st.none() | st.integers(0, 2)] * 2), min_size=1, max_size=20
+    )
+)
+@example(rows=[(k // 2, *([1, None] if k % 2 else [None, 2])) for k in range(20)])
+def test_choice_of_rows_that_share_a_timestamp_is_the_users(
+    rows: list[tuple[int, int | None, int | None]], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Each policy is named with what it leaves out, and none is proposed."""
+    folder = tmp_path_factory.mktemp("choice")
+    rows = [(-1, 0, 0), *sorted(rows, key=lambda row: row[0]), (13, 0, 0)]
+    cells = [",".join("" if cell is None else str(cell) for cell in row) for row in rows]
+    two = {"measurements": [{"column": "y"}, {"column": "z"}]}
+    kalman = {**KALMAN, "C": [[1.0], [1.0]], "R": [1.0, 1.0]}
+    chosen = specified(folder, kalman, columns=two)
+    text = (found := check(chosen, written(folder, "t,y,z", *cells))).text("r")
+    assert "repeated:" not in text
+    groups = [[row[1:] for row in rows if row[0] == time] for time in {row[0] for row in rows}]
+    if (left_out := len(rows) - len(groups)) == 0:
+        assert not found.choices
+        return
+    lost = {"first": 0, "last": 0, "merge": 0}
+    for group in groups:
+        for cells_of_one in zip(*group, strict=True):
+            known = [cell for cell in cells_of_one if cell is not None]
+            for name, kept in (("first", cells_of_one[0]), ("last", cells_of_one[-1]),
+                               ("merge", known[0] if known else None)):  # fmt: skip
+                lost[name] += sum(cell != kept for cell in known)
+    for name in ("first", "last"):
+        assert f"  {name}: leaves out {left_out} rows, and {lost[name]} numbers" in text
+    refused = f"is refused, as {lost['merge']} numbers differ"
+    assert f"  merge: {refused if lost['merge'] else f'puts {left_out} rows into others'}" in text
+    assert f"  spread: keeps {left_out} rows" in text
 
 
 def test_observers_that_cannot_predict_fill_and_restart(tmp_path: Path) -> None:
