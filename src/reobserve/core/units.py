@@ -53,10 +53,17 @@ _MOST_READINGS = 16
 _CHARACTERS = re.compile(r"[\w\s°%‰Ωµμ²³¹⁰⁴-⁹⁻·⋅*/^()+.-]+")
 _NO_PRODUCT = re.compile(r"\w\(|\.$|%\s*\w")  # bar(g), a.u., %RH
 _SPELLINGS = str.maketrans({
-    "º": "°", "℃": "°C", "℉": "°F", "Ω": "Ω", "−": "-", "×": "*", "∙": "*", "•": "*"
+    "º": "°", "˚": "°", "℃": "°C", "℉": "°F", "Ω": "Ω", "−": "-", "×": "*", "∙": "*", "•": "*"
 })  # fmt: skip
 _ROOT = re.compile(r"√\s*(\w+)")
-_DEGREES = re.compile(r"\b(?:deg|degs|degrees)\.?\s*([CF])\b")
+# Scales of temperature, in any case and with any word for a degree, and those that need none.
+_SCALES = {"c": "°C", "f": "°F", "k": "kelvin", "r": "degree_Rankine"}
+_DEGREES = re.compile(
+    r"(?:°|\b(?:deg(?:ree)?s?\.?|grad))[\s_-]*"
+    r"([cfkr]|cel[sc]ius|centigrade|fahrenheit|kelvins?|rankine)\b"
+    r"|\b(cel[sc]ius|centigrade|fahrenheit|kelvins?|rankine)\b|\b([cfkr])°",
+    re.IGNORECASE,
+)
 _PLAIN_POWER = re.compile(r"(?<![\w^*.])([A-Za-zΩµμ]+)(-?[1-4])(?![\w.])")
 _LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"
 _TOKEN = re.compile(rf"(?<![\w.°]){_LETTER}+(?!{_LETTER}|[\d_])")
@@ -124,8 +131,9 @@ def readings(text: str) -> tuple[Any, ...]:
     if not good or _numeric(text):
         return ()
     text = _ROOT.sub(r" \1**0.5 ", text.translate(_SPELLINGS)).strip()
-    text = _DEGREES.sub(r"°\1", text)
-    if not _CHARACTERS.fullmatch(text) or _NO_PRODUCT.search(text) or not _has_low_powers(text):
+    text = _DEGREES.sub(lambda found: _SCALES[(found[1] or found[2] or found[3])[0].lower()], text)
+    known = _COMMON.fullmatch(text) or not _NO_PRODUCT.search(text)
+    if not _CHARACTERS.fullmatch(text) or not known or not _has_low_powers(text):
         return ()
     text = _PLAIN_POWER.sub(lambda found: _raised(found[0], found[1], found[2]), text)
     text = _TOKEN.sub(lambda found: _lowered(found[0]), text)

@@ -26,6 +26,7 @@ _NUMBER = re.compile(r"[+-]?[\d.,]+([eE][+-]?\d+)?")
 # Titles that end in a unit: name [unit], name (unit), name, unit and name / unit.
 _BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*")
 _COMMA = re.compile(r"(.*[^\s,])\s*,\s*([^\s,].*)")
+_INDEX = re.compile(r".*\S(\[\d+\]|\(\d+\))\s*")  # as in gyro[1], which is no unit
 _STROKE = re.compile(r"([^/]*[^\s/])\s*/\s*([^\s/].*)")
 
 
@@ -269,6 +270,8 @@ def _check_delimiter(columns: Columns, title: str, place: str) -> None:
 
 def split_title(title: str) -> tuple[str, str]:
     """The name in a title, and what ends it as a unit does."""
+    if _INDEX.fullmatch(title):
+        return title.strip(), ""
     for form in (_BRACKETS, _COMMA, _STROKE):
         if (found := form.fullmatch(title.strip())) is not None:
             name, *units = found.groups()

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.units import check_unit, readings, registry
+from reobserve.core.units import check_unit, readings, registry, step
 
 # In which rates are stated, of events as well as of turns and radians.
 _COUNTING = {"minute", "hour", "hertz", "count", "bit", "percent"}
@@ -52,7 +52,8 @@ def conversion(place: str, given: str, wanted: str) -> Conversion:
     failed = f"{shown(given)} cannot become {shown(wanted)}"
     if not pairs:
         one, other = readings(given)[0].dimensionality, readings(wanted)[0].dimensionality
-        raise InputError(place, f"{failed}: {one} is not {other}")
+        why = "one of them has no conversion" if one == other else f"{one} is not {other}"
+        raise InputError(place, f"{failed}: {why}")
     clear = [(one, other) for one, other in pairs if not _is_unclear(one, other)]
     if not clear:
         bare = given if _angles(pairs[0][1]) else wanted
@@ -62,7 +63,7 @@ def conversion(place: str, given: str, wanted: str) -> Conversion:
         said = "hertz" if bare == "Hz" else shown(bare)
         problem = f"{said} does not say whether turns or radians are counted; {others}"
         raise InputError(place, f"{failed}: {problem}")
-    found = {_way(one, other): (one, other) for one, other in clear}
+    found = {way: pair for pair in clear if (way := _way(*pair)) is not None}
     if len({(f"{way.factor:.9g}", f"{way.offset:.9g}") for way in found}) > 1:
         meant = " or ".join(f"{one} to {other}" for one, other in found.values())
         raise InputError(place, f"{failed}, as this may be {meant}; name the unit in full")
@@ -82,7 +83,8 @@ def agree(title: str, stated: str) -> bool:
         found += [(one * turn, other) for one, other in found if not _angles(one)]
     return any(
         math.isclose(way.factor, 1.0, rel_tol=1e-12) and not way.offset
-        for way in (_way(one, other) for one, other in found)
+        for way in itertools.starmap(_way, found)
+        if way is not None
     )
 
 
@@ -90,15 +92,23 @@ def _pairs(given: str, wanted: str) -> list[tuple[Any, Any]]:
     return [
         (one, other)
         for one, other in itertools.product(readings(given), readings(wanted))
-        if one.dimensionality == other.dimensionality
+        if one.dimensionality == other.dimensionality and _way(one, other) is not None
     ]
 
 
-def _way(one: Any, other: Any) -> Conversion:
+@cache
+def _way(one: Any, other: Any) -> Conversion | None:
+    """The conversion of one unit of pint into another, None if it has none."""
     quantity = registry().Quantity
-    zero = float(quantity(0.0, one).to(other).magnitude)
-    factor = float(quantity(1.0, one).to(other).magnitude)
-    return Conversion(factor - zero if zero else factor, zero)
+    if step(one) is None or step(other) is None:
+        return None
+    try:
+        zero = float(quantity(0.0, one).to(other).magnitude)
+        factor = float(quantity(1.0, one).to(other).magnitude)
+    except Exception:  # pint's, of which there are many
+        return None
+    found = Conversion(factor - zero if zero else factor, zero)
+    return found if math.isfinite(found.factor + found.offset) and found.factor else None
 
 
 @cache

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
-from reobserve.core.units import check_unit, is_unit
+from reobserve.core.units import check_unit, is_unit, readings
 from reobserve.estimation.families.signals import check_signals, product
+from reobserve.estimation.layout import find_column
 from reobserve.estimation.quantities import agree, conversion
+from reobserve.estimation.specification import Column
 
 TURN = 2.0 * math.pi
 # Rates of events, of which nobody says what is counted, and of angles [rad/s].
@@ -78,6 +81,61 @@ def test_degrees_of_two_scales_are_converted() -> None:
     for fahrenheit in ("°F", "degF", "F", "deg F"):
         assert conversion("unit", fahrenheit, "°C").of(212.0) == pytest.approx(100.0, rel=1e-9)
     assert conversion("unit", "C", "K").of(20.0) == pytest.approx(293.15)
+
+
+DEGREES = ("deg", "deg.", "degs", "degree", "degrees", "Grad", "°", "º", "˚")
+SCALES = {
+    scale: sorted(
+        {f"{degree}{between}{name}" for degree in DEGREES for between in ("", " ")
+         for name in (scale[0], scale)}
+        | {scale, f"°{scale[0]}", f"{scale[0]}°", f"degree_{scale}", f"deg_{scale[0]}"}
+    )
+    for scale in ("Celsius", "Fahrenheit", "Kelvin")
+}  # fmt: skip
+CASES = [str, str.lower, str.upper, str.title]
+
+
+@pytest.mark.parametrize(("one", "other"), list(itertools.product(SCALES, repeat=2)))
+def test_spellings_of_a_temperature_agree(one: str, other: str) -> None:
+    """All pairs of them, in any case, also as a title and the stated unit."""
+    want = conversion("unit", f"deg{one[0]}" if one != "Kelvin" else "K",
+                      f"deg{other[0]}" if other != "Kelvin" else "K")  # fmt: skip
+    spellings = [sorted({case(text) for text in SCALES[name] for case in CASES})
+                 for name in (one, other)]  # fmt: skip
+    firsts = {text: readings(text) for names in spellings for text in names}
+    assert all(len(units) == 1 for units in firsts.values()), firsts
+    assert len({units[0] for units in firsts.values()}) == len({one, other})
+    for given_, wanted in zip(spellings[0], itertools.cycle(spellings[1]), strict=False):
+        assert conversion("unit", given_, wanted).of(40.0) == pytest.approx(want.of(40.0))
+        assert agree(given_, wanted) == (one == other)
+
+
+PARTS = st.sampled_from([
+    *DEGREES, *SCALES, "C", "F", "K", "delta_degC", "m", "s", "g", "G", "rpm", "Hz", "rad", "turn",
+    "V", "dB", "pH", "%", "1", "2", "0", ".5", "-1", "1e9", "/", "*", "**", "^", "-", "(", ")", "[",
+    "]", " ", "·", "√", "²", "⁻¹", "_", "µ", "nan", "lambda", "\n", "'", "\\", "#", ",",
+])  # fmt: skip
+TEXTS = st.builds(
+    lambda parts, between: between.join(parts),
+    st.lists(PARTS, min_size=1, max_size=6), st.sampled_from(["", " "]),
+) | st.text(max_size=8)  # fmt: skip
+
+
+@settings(max_examples=100)
+@given(text=TEXTS, other=st.sampled_from(["degC", "K", "m", "rad/s", "1", "V"]) | TEXTS)
+@example(text="Deg C", other="degC")
+@example(text="degree * delta_degC", other="degC")
+@example(text="% rpm", other="degC")
+def test_any_text_is_a_unit_or_refused_in_a_sentence(text: str, other: str) -> None:
+    for use in (
+        lambda: check_unit("unit", text), lambda: conversion("unit", text, other),
+        lambda: conversion("unit", other, text), lambda: check_signals("states", {"x": text}),
+        lambda: Column("T", unit=text), lambda: find_column(
+            "at", Column("T", unit=other if readings(other) else ""), "degC", [f"T [{text}]"], "r"
+        ), lambda: agree(text, other), lambda: product(text, text) if readings(text) else "",
+    ):  # fmt: skip
+        with contextlib.suppress(InputError):
+            use()
 
 
 @pytest.mark.parametrize(

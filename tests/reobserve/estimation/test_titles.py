@@ -53,6 +53,17 @@ def test_last_brackets_of_a_title_hold_the_unit(title: str, column: str) -> None
     assert estimated(title, "180.0", column=column) == pytest.approx(math.pi, rel=1e-9)
 
 
+@pytest.mark.parametrize("index", ["[0]", "[1]", "[2]", "[12]", "(1)", "(3)"])
+def test_index_at_the_end_of_a_name_is_no_unit(index: str) -> None:
+    """As of one of several signals in a log of PX4 or Betaflight; [1] is a unit after a blank."""
+    name = f"gyro{index}"
+    assert estimated(name, "5.0", column=name) == pytest.approx(5.0, rel=1e-9)
+    assert estimated(name, "5.0", "%", column=name, unit="%") == pytest.approx(5.0, rel=1e-9)
+    found = estimated(f"{name} [deg/s]", "180.0", column=name)
+    assert found == pytest.approx(math.pi, rel=1e-9)
+    assert estimated("speed [1]", "5.0", "%") == pytest.approx(500.0, rel=1e-9)
+
+
 @pytest.mark.parametrize("title", ["speed (left)", "speed [LSB]", "speed / raw", "speed, raw"])
 def test_title_that_ends_in_no_unit_needs_a_stated_one(title: str) -> None:
     with pytest.raises(InputError, match=r"^columns\.measurements\.0\.unit: is missing: the title"):
