@@ -9,7 +9,8 @@ its size is the spread about its mean, or twice what noise of the measurements w
 Noise: its size on each measurement is taken from second differences, in which what is smooth
 cancels. The observer runs over the same rows again with noise of this size added, from a fixed
 seed; where an estimate then moves, in the root mean square over the second half, by more than half
-of its size, most of what is seen in it is noise.
+of its size, most of what is seen in it is noise. An unknown input or a fault is zero when all is
+well, so it is compared with the threshold of its alarm, and with nothing if it has none.
 
 Excitation: an observer of a delay that switches itself off for want of it does so all the time.
 
@@ -34,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import ReobserveError
+from reobserve.estimation.alarms import Alarm
 from reobserve.estimation.gaps import Stretch, joined
 from reobserve.estimation.outputs import RESIDUAL
 
@@ -52,6 +54,8 @@ _SHARE_UNFORESEEN = 0.5
 _LEFT = 0.01
 _ROUNDING = 1e-9  # of a size about zero
 _FOLLOWS = 1e-4  # of the spread of an estimate
+# Estimates that are zero when all is well.
+_FAULTS = ("unknown_input", "fault", "fault_rate", "actuator_fault", "sensor_fault")
 _LEVELS = ("state", "derivatives")  # estimates that may have the zero of a measurement
 _SEED = 20
 
@@ -143,9 +147,12 @@ def _unsettled(
             continue
         size = sizes[column.estimate, column.unit]
         moved = float(np.sqrt(np.mean((noisy[-half:, c] - whole[-half:, c]) ** 2)))
-        if moved > _SHARE_OF_NOISE * size:
+        fault = column.estimate in _FAULTS
+        large = _threshold(estimation, c) if fault else size
+        if moved > _SHARE_OF_NOISE * large:
+            what = "the threshold of its alarm" if fault else "its size"
             found.append(
-                f"{column.name}: noise moves it by {_percent(moved, size)} of its size over "
+                f"{column.name}: noise moves it by {_percent(moved, large)} of {what} over "
                 f"{where}; a lower gain, or less process noise, smooths it"
             )
         apart = float(abs(later[-1, c] - whole[-1, c]))
@@ -156,6 +163,16 @@ def _unsettled(
                 "settle"
             )
     return found
+
+
+def _threshold(estimation: Estimation, column: int) -> float:
+    """The lowest threshold of alarms on a column, but those in its own standard deviations."""
+    alarms = (a for a in estimation.alarms if isinstance(a, Alarm) and a.column == column)
+    found = [estimation.report.alarms[alarm.name] for alarm in alarms]
+    stated = [(one.threshold, one.above, one.below) for one in found if one.sigmas is None]
+    return min(
+        (abs(limit) for all_ in stated for limit in all_ if limit is not None), default=np.inf
+    )
 
 
 def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> list[str]:

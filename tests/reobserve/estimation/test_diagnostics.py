@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from reobserve.core.validation import parse
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.diagnostics import MOST_ROWS, FirstRows
+from reobserve.estimation.families.examples import examples, simulated
 from reobserve.estimation.gaps import Stretch
 from reobserve.estimation.specification import Specification
-from tests.reobserve.estimation.records import write_record
+from tests.reobserve.estimation.records import specification, write_record
 
 Array = NDArray[np.float64]
 
@@ -123,3 +124,43 @@ def test_longest_stretch_is_kept_however_it_comes() -> None:
             begun += length
         found = np.concatenate([one.y[:, 0] for one in first.longest])
         assert found.tolist() == list(range(90, 90 + MOST_ROWS))
+
+
+FAULTY = ("augmented-kalman", "augmented-kalman-bias", "fault-bank", "eso", "ilo-sampled")
+
+
+@pytest.mark.nightly_after(5)
+@pytest.mark.parametrize("name", dict.fromkeys([*FAULTY, *examples()]))
+def test_healthy_beginning_of_an_example_warns_of_nothing(name: str, tmp_path: Path) -> None:
+    """Up to its fault, if it has one, but that a short record is short."""
+    plant = simulated(name)
+    faults = [plant.signals[one] for one in ("fault", "offset", "worn") if one in plant.signals]
+    begins = [plant.time[np.argmax(one != 0.0)] for one in faults if one.any()]
+    columns = plant.record()
+    healthy = columns["t"] < 1000.0 * min(begins, default=np.inf)
+    assert (name in FAULTY) <= bool(begins)
+    record = {title: values[healthy] for title, values in columns.items()}
+    path = write_record(tmp_path / "r.csv", record)
+    report = estimate_file(specification(name), path, tmp_path / "e.csv").report
+    assert [one for one in report.warnings if "cannot be raised in" not in one] == []
+    assert all(alarm.rows == 0 for alarm in report.alarms.values())
+
+
+@pytest.mark.parametrize(
+    "rule", [{"beyond": 0.005}, {"above": 0.005}, {"above": 5, "below": -0.005}]
+)
+@pytest.mark.parametrize("name", FAULTY[:4])
+def test_noise_as_large_as_the_threshold_of_an_alarm_is_said(
+    name: str, rule: dict[str, Any], tmp_path: Path
+) -> None:
+    """Of a fault that is zero; with the deviation of the filter as threshold it is expected."""
+    of = "speed_offset" if "bias" in name else "voltage_lost"
+    columns = {title: values[:500] for title, values in simulated(name).record().items()}
+    path = write_record(tmp_path / "r.csv", columns)
+    sigmas = [{"sigmas": 6}] if name != "eso" else []
+    for alarm in (rule, *sigmas, None):
+        alarms = [] if alarm is None else [{"name": "it", "of": of, **alarm}]
+        chosen = specification(name, alarms=alarms)
+        report = estimate_file(chosen, path, tmp_path / "e.csv").report
+        said = any(one.startswith(f"{of}: noise moves it by") for one in report.warnings)
+        assert said == (alarm is rule)

@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 
 from reobserve.cli.main import main
+from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.specification import read_specification
 from tests import ROOT
 from tests.reobserve.estimation.records import read_results
 
@@ -71,6 +73,16 @@ def test_log_yields_the_correct_fault(
     late = estimates["time"] > start + 2.0 * delay
     assert estimates[column][late].mean() == pytest.approx(size, rel=0.03)
     assert f"mean {one['mean']:.4g}" in said
+
+
+@pytest.mark.parametrize(("name", "rows"), [("bias", 790), ("thruster", 315), ("leak", 595)])
+def test_healthy_beginning_of_a_log_warns_of_nothing(name: str, rows: int, logs: Path) -> None:
+    """But that its start-up is long for a short record."""
+    whole = (logs / f"{name}.csv").read_bytes()
+    (logs / "healthy.csv").write_bytes(b"".join(whole.splitlines(keepends=True)[:rows]))
+    chosen = read_specification(LOGS / f"{name}.yaml")
+    report = estimate_file(chosen, logs / "healthy.csv", logs / "healthy-e.csv").report
+    assert [one for one in report.warnings if "cannot be raised in" not in one] == []
 
 
 def test_leak_is_overestimated_without_the_operating_point(logs: Path) -> None:
