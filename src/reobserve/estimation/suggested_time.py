@@ -47,13 +47,14 @@ def find_time(
     Parameters
     ----------
     titles, columns
-        Of a text, with cells of as many rows each.
+        Of a text, with cells of as many rows each; those that are more than the other have no pair.
     number
         Reads a cell, None if it is no number.
     notes
         Takes what is in doubt.
     """
     some = [list(column[:_LOOKED_AT]) for column in columns[: len(titles)]]
+    titles = titles[: len(some)]
     dated = [k for k, cells in enumerate(some) if _all(DATE, cells) or _all(_DASHED, cells)]
     dated += [k for k, cells in enumerate(some) if _all(_COMPACT, cells) and _rises(cells, float)]
     for k in dated:

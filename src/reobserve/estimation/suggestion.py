@@ -149,7 +149,7 @@ class _Grid:
             fit = sum(len(row) == self.width for row in below) / len(below)
             read = sum(map(self._is_value, cells)) / max(len(cells), 1)
             self.score = fit * read**2 * (1.0 if self.width > 1 else 0.5)
-            self.score *= 1.0 if "names" in self.head[0] else 1.3
+            self.score *= 1.0 if self.head[1] == self._numbered else 1.3
             self.score *= 0.9 if delimiter == "whitespace" else 1.0
 
     def _begin(self) -> None:
@@ -233,7 +233,10 @@ class _Grid:
         notes: list[str] = []
         self._odd_lines(file, titles, ended, notes)
         body = list(zip(*self._body, strict=True))
-        unlike = [f"\0{k}" if titles.count(t) > 1 or not t else t for k, t in enumerate(titles)]
+        unlike = [
+            f"\0{k}" if titles.count(title) > 1 or not title or "\0" in title else title
+            for k, title in enumerate(titles)
+        ]
         time = find_time(unlike, body, self._number, notes)
         named = [time["column"]] if isinstance(time.get("column"), str) else time.get("column", [])
         if any(name.startswith("\0") for name in named):
@@ -288,6 +291,9 @@ class _Grid:
         if above and re.fullmatch(r"sep=[,;\t|]", next(iter(above.values()))):
             del above[next(iter(above))]
         fitting = [k for k in reversed(above) if self._fits(self._bare(above[k]), odd)]
+        nearest = self._bare(above[max(above)]) if above else []
+        if sum(map(bool, nearest)) > self.width and not any(map(self._is_value, nearest)):
+            fitting = []  # titles of more columns than rows have
         if len(fitting) > 1 and kind_of_line(self._bare(above[fitting[0]])) == "units":
             both = fitting[:2]  # of which the lower one has the units
             if self._sign([above[both[1]]]) or not self._sign([above[both[0]]]):
@@ -326,6 +332,11 @@ class _Grid:
         plain = [j for j, line in above.items() if not line.startswith(sign) and j < last]
         return {"skip": plain[-1] + 1, **file} if plain else file
 
+    @property
+    def _numbered(self) -> list[str]:
+        """The names of columns without titles."""
+        return [str(k + 1) for k in range(self.width)]
+
     def _unnamed(self, above: dict[int, str]) -> tuple[dict[str, Any], list[str]]:
         """The keys of a text without a header, with titles from the nearest line that has some."""
         file: dict[str, Any] = {}
@@ -333,7 +344,7 @@ class _Grid:
             file["comment"] = sign
         elif above:
             file["skip"] = self.start
-        names = [str(k + 1) for k in range(self.width)]
+        names = self._numbered
         for line in reversed(above.values()):
             cells = self._bare(line)
             texts = [cell for cell in cells if cell and not self._is_value(cell)]

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import gzip
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
 
+from reobserve.cli.main import main
+from reobserve.core.documents import dumped, parse_yaml
 from reobserve.core.errors import InputError
+from reobserve.estimation.families.examples import specification_text
 from reobserve.estimation.suggestion import Suggestion, suggest
 
 ROWS = 60
@@ -33,6 +40,7 @@ def suggested(folder: Path, text: str, name: str = "r.csv", encoding: str = "utf
 ISO = "2024-03-01T10:{m:02d}:{s:02d}"
 DAY_FIRST = "29.02.2024 10:{m:02d}:{s:02d}"
 AMBIGUOUS = "03/04/2024 10:{m:02d}:{s:02d}"
+LVM = "X_Dim\tTime\tTime\t\nX0\t0.0\t0.0\t\n***End***\t\t\t\nX_Value\tVoltage\tCurrent\tComment\n"
 ISO_KEYS = {"time": {"column": "t", "unit": "iso8601"}}
 
 LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
@@ -40,6 +48,11 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "dates": ("t,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {}),
     "preamble": (
         "Logger 7\nSite: hall\n\nt,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {"skip": 3},
+    ),
+    "rows of fewer cells than the header": (
+        LVM + rows("0.{k:02d}", "{v:.2f}", "0.5", delimiter="\t"),
+        {"time": {"column": "X_Value"}, "delimiter": "\t"},
+        {"skip": 4, "names": ["X_Value", "Voltage", "Current"]},
     ),
     "a preamble with numbers": (
         "number of rows,19,,,\nserial,7,,,\nt,a,b,c,d\n" + rows(ISO, *["{v:.2f}"] * 4),
@@ -195,3 +208,46 @@ def test_ambiguous_dates_are_read_as_the_record_goes_on(tmp_path: Path) -> None:
 def test_text_without_rows_is_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no lines that look like rows of numbers"):
         suggested(tmp_path, text)
+
+
+CELLS = st.sampled_from(
+    ["", "1.5", "2,5", "-", "OFF", "12:30:01", "01.03.2024", "2024-03-01T10:00:00", "PM", "t", "y",
+     "y [V]", "[V]", "#", '"', "\0", "2359", "***End***"]
+)  # fmt: skip
+RAGGED = st.lists(st.lists(CELLS, max_size=5), max_size=4)
+TIMES = ("{k}", "10:00:{k:02d}", "2024-03-01T10:00:{k:02d}", "01.03.2024{d}10:00:{k:02d}")
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    above=RAGGED, below=RAGGED, titles=st.integers(0, 6), cells=st.integers(0, 4),
+    count=st.sampled_from([0, 1, 12]), time=st.sampled_from(TIMES),
+    delimiter=st.sampled_from(",;\t |"), end=st.sampled_from(["", "\n", "\r\n"]),
+)  # fmt: skip
+@example(
+    above=[["X_Dim", "Time", ""], ["***End***"]], below=[["1", "2"]], titles=4, cells=2, count=12,
+    time="{k}", delimiter="\t", end="\n",
+)  # fmt: skip
+@example(
+    above=[["\0"]], below=[], titles=1, cells=0, count=12, time=TIMES[2], delimiter=",", end=""
+)
+def test_ragged_rows_are_read_or_refused_in_a_sentence(
+    above: list[list[str]], below: list[list[str]], titles: int, cells: int, count: int, time: str,
+    delimiter: str, end: str, tmp_path: Path,
+) -> None:  # fmt: skip
+    """By all commands, whatever number of cells a header and rows have."""
+    plain = [[time.format(k=k, d=delimiter), *["1.5"] * cells] for k in range(count)]
+    lines = [*above, ["t", "y", "z", "u", "v", "Comment"][:titles], *plain, *below, *plain[:1]]
+    data = tmp_path / "r.csv"
+    data.write_text("\n".join(map(delimiter.join, lines)) + end, encoding="utf-8")
+    tree = parse_yaml(specification_text("levant"), "levant")
+    tree["columns"] = {
+        "time": {"column": "t"}, "measurements": [{"column": "y", "unit": "V"}],
+        "delimiter": "whitespace" if delimiter == " " else delimiter,
+    }  # fmt: skip
+    stated = tmp_path / "s.yaml"
+    stated.write_text(dumped(tree), encoding="utf-8")
+    for arguments in (["--suggest", data], ["--check", stated, data]):
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()) as said:
+            status = main(["estimate", *map(str, arguments)])
+        assert (status, len(said.getvalue().splitlines())) in ((0, 0), (1, 1)), said.getvalue()
