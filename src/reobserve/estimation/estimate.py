@@ -27,6 +27,7 @@ from reobserve.estimation.timestamps import Timestamps
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import KEPT
 from reobserve.observers.run import Run
+from reobserve.observers.vague_start import VagueStartWarning
 
 Array = NDArray[np.float64]
 
@@ -228,14 +229,22 @@ class Estimation:
                 found.start(float(stretch.time[0]))
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(record=True) as doubts:
             warnings.simplefilter("ignore")  # of blocks; `diagnostics` checks the whole
+            warnings.simplefilter("always", VagueStartWarning)
             with self.dated(float(stretch.time[0]), rows):
                 run = self.run(stretch.y, stretch.u, self.state)
         self.state = run.state
+        self._warn_of_start(stretch.time, [doubt.message for doubt in doubts])
         if "outlier" in run:
             self.count_outliers(run["outlier"])
         return self.reported(stretch.time, stretch.y, run.estimates, stretch.status)
+
+    def _warn_of_start(self, time: Array, doubts: list[Any]) -> None:
+        """Report the first of the observer's warnings of a start that is too vague, at its time."""
+        if doubts and not any(one.startswith("covariance: ") for one in self.report.warnings):
+            at = self.report.said(float(time[doubts[0].row]))
+            self.report.warn(doubts[0].sentence.format(at=at))
 
     def count_outliers(self, outliers: Array) -> None:
         """Count what is beyond the gate, and warn where that is more than a rare outlier."""

@@ -20,7 +20,17 @@ SMOOTHED = 1e10  # or by what later rows say of it
 
 
 class VagueStartWarning(UserWarning):
-    """The covariance of a start is so large beside that of measurements that digits are lost."""
+    """The covariance of a start is so large beside that of measurements that digits are lost.
+
+    ``row`` is that of the run, and ``sentence`` has ``{at}`` in its place.
+    """
+
+    def __init__(self, sentence: str, row: int) -> None:
+        super().__init__(sentence, row)
+        self.sentence, self.row = sentence, row
+
+    def __str__(self) -> str:
+        return self.sentence.format(at=f"row {self.row}")
 
 
 def warn_of_start(
@@ -37,9 +47,8 @@ def warn_of_start(
         for state, (last, after) in enumerate(zip(before, found, strict=True)):
             if last > FILTERED * after:
                 _warn(
-                    f"the variance of state {state + 1} falls from {last:g} to {after:g} at row "
-                    f"{row}",
-                    "begin with a smaller covariance", level,
+                    f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
+                    row, "begin with a smaller covariance", level,
                 )  # fmt: skip
                 return True
         before = found
@@ -48,10 +57,10 @@ def warn_of_start(
         row = int(np.argmin(least)) if len(least) else 0
         if len(least) and least[row] * FILTERED < 1.0:
             _warn(
-                "measurements of the same are far more precise than their prediction at row "
-                f"{row}: the covariance of their innovation is nearly singular (its correlation "
+                "measurements of the same are far more precise than their prediction at "
+                "{at}: the covariance of their innovation is nearly singular (its correlation "
                 f"matrix has the eigenvalue {least[row]:.1g})",
-                "begin with a smaller covariance, or give R larger", level,
+                row, "begin with a smaller covariance, or give R larger", level,
             )  # fmt: skip
             return True
     return False
@@ -92,12 +101,12 @@ def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
     if falls.any():
         row, state = np.argwhere(falls)[0].tolist()
         _warn(
-            f"the variance of state {state + 1} is {filtered[row, state]:g} at row {row} before, "
+            f"the variance of state {state + 1} is {filtered[row, state]:g} at {{at}} before, "
             f"and {smoothed[row, state]:g} after smoothing",
-            "begin the filter with a smaller covariance", 4,
+            row, "begin the filter with a smaller covariance", 4,
         )  # fmt: skip
 
 
-def _warn(problem: str, remedy: str, level: int) -> None:
+def _warn(problem: str, row: int, remedy: str, level: int) -> None:
     sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
-    warnings.warn(sentence, VagueStartWarning, stacklevel=level)
+    warnings.warn(VagueStartWarning(sentence, row), stacklevel=level)
