@@ -58,12 +58,9 @@ _SPELLINGS = str.maketrans({
 _ROOT = re.compile(r"√\s*(\w+)")
 # Scales of temperature, in any case and with any word for a degree, and those that need none.
 _SCALES = {"c": "°C", "f": "°F", "k": "kelvin", "r": "degree_Rankine"}
-_DEGREES = re.compile(
-    r"(?:°|\b(?:deg(?:ree)?s?\.?|grad))[\s_-]*"
-    r"([cfkr]|cel[sc]ius|centigrade|fahrenheit|kelvins?|rankine)\b"
-    r"|\b(cel[sc]ius|centigrade|fahrenheit|kelvins?|rankine)\b|\b([cfkr])°",
-    re.IGNORECASE,
-)
+_SCALE = "cel[sc]ius|centigrade|fahrenheit|kelvins?|rankine"
+_DEGREE = r"(?:°|\b(?:deg(?:ree)?s?\.?|grad))[\s_-]*"
+_DEGREES = re.compile(rf"{_DEGREE}([cfkr]|{_SCALE})\b|\b({_SCALE})\b|\b([cfkr])°", re.IGNORECASE)
 _PLAIN_POWER = re.compile(r"(?<![\w^*.])([A-Za-zΩµμ]+)(-?[1-4])(?![\w.])")
 _LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"
 _TOKEN = re.compile(rf"(?<![\w.°]){_LETTER}+(?!{_LETTER}|[\d_])")
@@ -180,13 +177,11 @@ def registry() -> Any:
 @cache
 def _parsed(text: str) -> Any:
     """The unit of pint that a text names, or None if it is none."""
-    pint = package("pint", "convert units")
+    units = registry()
     try:
-        unit = registry().parse_units(text)
-        registry().Quantity(1.0, unit).to_base_units()
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError, ArithmeticError):
-        return None
-    except Exception:  # of pint's tokenizer, which raises what Python's does
+        unit = units.parse_units(text)
+        units.Quantity(1.0, unit).to_base_units()
+    except Exception:  # of pint, and of its tokenizer, which raises what Python's does
         return None
     return unit
 

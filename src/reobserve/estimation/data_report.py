@@ -192,7 +192,6 @@ class DataReport:
     last: float | None = None
     intervals: int = 0
     unbridged: float = 0.0  # [s], in gaps of a resampled record, which are no intervals
-    single: int = 0  # intervals of one period
     jitter: float = 0.0
     lost: int = 0  # rows that the timestamps say are missing
     filling: int = 0  # of these, those that policies may fill
@@ -297,7 +296,7 @@ class DataReport:
 
 # Counts by which a stream goes on, and nobody asks.
 _INTERNAL = frozenset(
-    ["single", "unbridged", "angles", "levels", "filling", "latest", "shift", "origin", "period"]
+    ["unbridged", "angles", "levels", "filling", "latest", "shift", "origin", "period"]
 )
 _TIMES = ("first", "last", "earlier", "gaps", "start", "end")
 

@@ -35,7 +35,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import ReobserveError
-from reobserve.estimation.alarms import Alarm
 from reobserve.estimation.gaps import Stretch, joined
 from reobserve.estimation.outputs import RESIDUAL
 
@@ -167,12 +166,10 @@ def _unsettled(
 
 def _threshold(estimation: Estimation, column: int) -> float:
     """The lowest threshold of alarms on a column, but those in its own standard deviations."""
-    alarms = (a for a in estimation.alarms if isinstance(a, Alarm) and a.column == column)
-    found = [estimation.report.alarms[alarm.name] for alarm in alarms]
-    stated = [(one.threshold, one.above, one.below) for one in found if one.sigmas is None]
-    return min(
-        (abs(limit) for all_ in stated for limit in all_ if limit is not None), default=np.inf
-    )
+    reports = estimation.report.alarms
+    found = [reports[alarm.name] for alarm in estimation.alarms if alarm.column == column]
+    limits = [x for a in found if a.sigmas is None for x in (a.threshold, a.above, a.below)]
+    return min((abs(limit) for limit in limits if limit is not None), default=np.inf)
 
 
 def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> list[str]:

@@ -112,7 +112,7 @@ class Estimation:
             place,
             None if clock is None else clock.dates,
             self.specification.columns.time.wrap is not None,
-            self.layout.names[self.layout.timed :],
+            tuple(zip(self.layout.names, self.layout.units, strict=True))[self.layout.timed :],
         )
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]

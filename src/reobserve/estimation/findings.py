@@ -30,8 +30,7 @@ class Findings:
     final: bool = False  # something is wrong that no key accepts
     changed: list[str] = field(default_factory=list)  # sections of the tree
     asked: str = ""  # what only the user can know
-    choices: list[str] = field(default_factory=list)  # of sampling.repeated, a line each
-    assumed: str = ""  # one of these, which is not proposed
+    choices: list[str] = field(default_factory=list)  # of sampling.repeated, which is not proposed
     summary: str = ""
     stated: dict[str, Any] = field(default_factory=dict)  # the specification as it is
     texts: dict[str, None] | None = field(default_factory=dict)  # that mean missing values
@@ -87,14 +86,6 @@ class Findings:
             del self.tree["file"]
         return True
 
-    @property
-    def proposed(self) -> dict[str, Any]:
-        """The sections that are changed, without what is for the user to choose."""
-        sections = {key: dict(self.tree[key]) for key in self.changed}
-        if self.choices:
-            sections.get("sampling", {}).pop("repeated", None)
-        return {key: one for key, one in sections.items() if one != self.stated.get(key)}
-
     def text(self, place: str) -> str:
         """The refusals, one in a line, and the lines to paste."""
         if not self.refusals:
@@ -109,11 +100,15 @@ class Findings:
             lines += ["", f"state {self.asked}; what else is refused shows then"]
         elif self.final or not self.changed:
             lines += ["", "no key accepts all of this"]
+        sections = {key: dict(self.tree[key]) for key in self.changed}
         if self.choices:
+            assumed = self.tree["sampling"]["repeated"]
+            sections.get("sampling", {}).pop("repeated", None)
             lines += ["", "state sampling.repeated, which is one of", *self.choices]
-            lines += [f"what else is said here is so with {self.assumed}"]
-        if proposed := self.proposed:
+            lines += [f"what else is said here is so with {assumed}"]
+        sections = {key: one for key, one in sections.items() if one != self.stated.get(key)}
+        if sections:
             what = "the rest" if self.final or self.choices else "the record"
             lines += ["", f"stated as follows, these sections of the specification accept {what}:"]
-            lines += ["", dumped(proposed), ""]
+            lines += ["", dumped(sections), ""]
         return "\n".join([*lines, self.summary])

@@ -91,14 +91,13 @@ def placed(
 def least_jitter(blocks: Iterable[Array], period: float) -> tuple[float | None, float | None]:
     """The minimum jitter, in hundredths of a period, that accepts timestamps, or None if none does.
 
-    Then also their mean interval [s], if it differs from the period by more than rounding. Those
-    that are repeated count once.
+    Then also their mean interval [s], if it differs from the period by more than rounding.
     """
     grids = {share / 100: np.full(2, np.nan) for share in range(1, 50)}
     count, total, squares, last = 0, 0.0, 0.0, np.empty(0)
     for block in blocks:
         time = block[np.isfinite(block)]
-        time = time[np.diff(time, prepend=last if len(last) else -np.inf) != 0]
+        time = time[np.diff(time, prepend=last if len(last) else -np.inf) != 0]  # not repeated
         passed = np.zeros(len(time))
         for jitter, grid in list(grids.items()):
             if placed(time, grid, period, jitter, True, passed)[0] < len(time):

@@ -142,8 +142,7 @@ class Interpolation:
         change = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts - left - 1, counts)
         rest = 1.0 - (at[change] - asked[row]) / self.period
         steps = (values[change] - values[change - 1]) * rest
-        found: Array = np.bincount(row, steps, len(asked)).astype(np.float64)
-        return found
+        return np.bincount(row, steps, len(asked)).astype(np.float64)
 
     def _monotone(
         self, at: Array, values: Array, asked: Array, inside: Flags, found: Array

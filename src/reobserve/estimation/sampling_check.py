@@ -130,17 +130,16 @@ def _choose(found: Findings, cells: Array) -> str:
         int((np.isfinite(values) & (values != np.repeat(kept, sizes, axis=0))).sum())
         for kept in (values[begins], values[begins + sizes - 1], first_known(values, begins))
     )
-    count, found.assumed = len(cells) - len(begins), "first" if other else "merge"
-    merge = f"is refused, as {other} numbers differ from another of their column and timestamp"
-    if not other:
-        merge = f"puts {count} rows into others, and loses no number"
+    count = len(cells) - len(begins)
+    refused = f"is refused, as {other} numbers differ from another of their column and timestamp"
+    merge = refused if other else f"puts {count} rows into others, and loses no number"
     found.choices = [
         f"  first: leaves out {count} rows, and {first} numbers that the first rows do not have",
         f"  last: leaves out {count} rows, and {last} numbers that the last rows do not have",
         f"  merge: {merge}",
         f"  spread: keeps {count} rows, but moves them evenly up to the next timestamp",
     ]
-    return found.assumed
+    return "first" if other else "merge"
 
 
 def _accept_clock(found: Findings, made: Estimation, error: InputError) -> bool:

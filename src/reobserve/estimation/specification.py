@@ -203,8 +203,7 @@ class Sampling:
     coasts over it with predictions.
     ``repeated``: rows with the timestamp of the row before are refused, spread evenly up to the
     next timestamp (no farther than ``period`` apart), left out but for the first or the last, or
-    merged into one: of each column one number. Where ``uneven`` resamples, rows that are the same
-    in all columns are left out in any case.
+    merged. Where ``uneven`` resamples, rows that are the same in all columns are always left out.
     """
 
     period: Positive

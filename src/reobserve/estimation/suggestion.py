@@ -149,7 +149,7 @@ class _Grid:
             fit = sum(len(row) == self.width for row in below) / len(below)
             read = sum(map(self._is_value, cells)) / max(len(cells), 1)
             self.score = fit * read**2 * (1.0 if self.width > 1 else 0.5)
-            self.score *= 1.0 if self.head[1] == self._numbered else 1.3
+            self.score *= 1.0 if "".join(self.head[1]).isdigit() else 1.3
             self.score *= 0.9 if delimiter == "whitespace" else 1.0
 
     def _begin(self) -> None:
@@ -233,10 +233,8 @@ class _Grid:
         notes: list[str] = []
         self._odd_lines(file, titles, ended, notes)
         body = list(zip(*self._body, strict=True))
-        unlike = [
-            f"\0{k}" if titles.count(title) > 1 or not title or "\0" in title else title
-            for k, title in enumerate(titles)
-        ]
+        doubtful = [title[:1] in "\0" or titles.count(title) > 1 for title in titles]
+        unlike = [f"\0{k}" if doubtful[k] else title for k, title in enumerate(titles)]
         time = find_time(unlike, body, self._number, notes)
         named = [time["column"]] if isinstance(time.get("column"), str) else time.get("column", [])
         if any(name.startswith("\0") for name in named):
@@ -332,11 +330,6 @@ class _Grid:
         plain = [j for j, line in above.items() if not line.startswith(sign) and j < last]
         return {"skip": plain[-1] + 1, **file} if plain else file
 
-    @property
-    def _numbered(self) -> list[str]:
-        """The names of columns without titles."""
-        return [str(k + 1) for k in range(self.width)]
-
     def _unnamed(self, above: dict[int, str]) -> tuple[dict[str, Any], list[str]]:
         """The keys of a text without a header, with titles from the nearest line that has some."""
         file: dict[str, Any] = {}
@@ -344,7 +337,7 @@ class _Grid:
             file["comment"] = sign
         elif above:
             file["skip"] = self.start
-        names = self._numbered
+        names = [str(k + 1) for k in range(self.width)]
         for line in reversed(above.values()):
             cells = self._bare(line)
             texts = [cell for cell in cells if cell and not self._is_value(cell)]

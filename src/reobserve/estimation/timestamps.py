@@ -48,7 +48,7 @@ class Timestamps:
     place: str
     dates: Dates | None = None
     counts: bool = False  # by a counter whose period is stated
-    columns: tuple[str, ...] = ()  # the names of the values
+    columns: tuple[tuple[str, str], ...] = ()  # names and units of the values
     begun: list[float] = field(default_factory=list)  # the first intervals
     grid: Array = field(default_factory=lambda: np.full(2, np.nan))
     # Rows with the last timestamp: all that wait for the next one where they are spread, or one.
@@ -113,11 +113,11 @@ class Timestamps:
         if (np.diff(time) < 0).any():
             self._refuse(np.diff(time) < 0, "goes back", time, values)
         begins = np.flatnonzero(np.diff(time, prepend=-np.inf))
+        if self.sampling.repeated == "merge":
+            self._merge(values, begins)
         if self.sampling.repeated != "spread":
             self.report.repeated += len(time) - len(begins)
             ends = np.append(begins[1:], len(time)) - 1
-            if self.sampling.repeated == "merge":
-                self._merge(values, begins)
             time, values, begins = time[ends], values[ends], np.arange(len(ends))
         self.held_time, self.held_values = time[begins[-1] :].copy(), values[begins[-1] :].copy()
         if self.sampling.repeated == "spread":
@@ -131,13 +131,11 @@ class Timestamps:
         other = np.isfinite(values[:, :-1]) & (values[:, :-1] != merged)
         if other.any():
             row, column = np.argwhere(other)[0]
-            problem = (
-                f"{{at}} has {values[row, column]:g} and a row before it, with the same timestamp, "
-                f"{merged[row, column]:g}; sampling.repeated: merge takes one number for each "
-                "column, first or last chooses a row"
-            )
-            name = self.columns[column] if self.columns else self.place
-            raise RowError(name, problem, int(values[row, -1]), "sampling.repeated")
+            name, unit = self.columns[column]
+            one, two = (f"{each[row, column]:.9g} {unit}".strip() for each in (merged, values))
+            problem = f"{{at}} has {two} and a row before it, with the same timestamp, {one}"
+            hint = "sampling.repeated may be first or last, which leave out rows, instead of merge"
+            raise RowError(name, f"{problem}; {hint}", int(values[row, -1]), "sampling.repeated")
         values[:, :-1] = merged
 
     def _spread(self, time: Array, begins: NDArray[np.int_]) -> Array:
@@ -153,8 +151,7 @@ class Timestamps:
             start[0] = at[1] - n[0] * step[0]
         place = np.arange(int(begins[-1])) - np.repeat(begins[:-1], n)
         self.report.repeated += int((n - 1).sum())
-        found: Array = np.repeat(start, n) + np.repeat(step, n) * place
-        return found
+        return np.repeat(start, n) + np.repeat(step, n) * place
 
     def _checked(
         self, time: Array, values: Array, final: bool = False
@@ -238,9 +235,8 @@ class Timestamps:
 
     def _refuse(self, wrong: Flags, said: str, time: Array, values: Array) -> None:
         at, dates = int(np.argmax(wrong)) + len(time) - len(wrong), self.dates
-        hint = ""
-        if said == "stands still":
-            hint = "; sampling.repeated may be first, last, merge or spread"
+        key = "sampling.repeated" if said == "stands still" else ""
+        hint = f"; {key} may be first, last, merge or spread" if key else ""
         if said == "goes back" and dates is None and not self.counts:
             hint = "; where a counter begins again, columns.time.wrap states its period"
         if said == "goes back" and dates is not None and dates.floating:
@@ -249,7 +245,6 @@ class Timestamps:
                 "Europe/Berlin"
             )
         now = self.report.said(float(time[at]))
-        key = "sampling.repeated" if said == "stands still" else ""
         problem = f"{{at}}: the timestamp {said}, at {now}{hint}"
         raise RowError(self.place, problem, int(values[at, -1]), key)
 
@@ -380,11 +375,10 @@ class Timestamps:
 
 def first_known(values: Array, begins: NDArray[np.int_]) -> Array:
     """The first number in each column of each group of rows, nan where there is none."""
-    count = len(values)
-    at = np.where(np.isfinite(values), np.arange(count)[:, None], count)
-    padded = np.concatenate([values, np.full((1, values.shape[1]), np.nan)])
-    found: Array = np.take_along_axis(padded, np.minimum.reduceat(at, begins), axis=0)
-    return found
+    rows = np.arange(len(values))[:, None]
+    known = np.minimum.reduceat(np.where(np.isfinite(values), rows, len(values)), begins)
+    first = np.where(known < len(values), known, begins[:, None])
+    return np.take_along_axis(values, first, axis=0)
 
 
 def _times(

@@ -57,7 +57,7 @@ def accepted(folder: Path, chosen: Path, data: Path) -> Findings:
     assert found.choices or tree.get("sampling") == found.tree.get("sampling")
     if found.choices:
         assert "repeated" not in tree["sampling"]
-        tree["sampling"]["repeated"] = found.assumed
+        tree["sampling"]["repeated"] = found.tree["sampling"]["repeated"]
     merged = folder / "merged.yaml"
     merged.write_text(dumped(tree), encoding="utf-8")
     assert main(["estimate", str(merged), str(data), "--out", str(folder / "e.csv")]) == 0, text
@@ -113,8 +113,7 @@ def test_all_refusals_are_listed_at_once(tmp_path: Path) -> None:
     assert not found.final
     assert found.tree["file"] == {"missing_values": ["OFF"]}
     assert found.tree["sampling"] == {
-        "period": 1.0, "repeated": found.assumed, "jitter": 0.05, "missing": "skip",
-        "at_gap": "coast",
+        "period": 1.0, "repeated": "first", "jitter": 0.05, "missing": "skip", "at_gap": "coast",
     }  # fmt: skip
 
 

@@ -168,8 +168,9 @@ def test_two_numbers_for_one_cell_are_refused(
     estimates(chosen, dict(zip(names, again.T, strict=True)), tmp_path)
     again[row + copies, names.index(column)] = 2.5
     text = write_record(tmp_path / "r.csv", dict(zip(names, again.T, strict=True)))
+    line = row + copies + 2
     said = (
-        f"{column}: line {row + copies + 2} has 2.5 and a row before it, with the same timestamp, 1"
+        f"{column}: line {line} has 2.5 m and a row before it, with the same timestamp, 1 m; samp"
     )
     for run in (lambda: estimate_file(chosen, text, tmp_path / "e.csv"),
                 lambda: streamed(chosen, text)):  # fmt: skip
