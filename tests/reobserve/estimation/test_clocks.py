@@ -304,11 +304,12 @@ def test_repeated_timestamps_are_refused_or_left_out_by_policy(tmp_path: Path) -
             InputError, match=r"stands still, .* sampling\.repeated may be first, last,"
         ):
             estimated(chosen(time, period=0.1, uneven=uneven), WHOLE, tmp_path)
-    report = estimated(chosen(time, period=1, repeated="first"), WHOLE, tmp_path)
-    assert (report.estimates, report.repeated) == (30, 263)
-    assert report.warnings[0].endswith(
-        "rows have the timestamp of the row before, and were left out"
-    )
+    for repeated, other in (("first", "before"), ("last", "after")):
+        report = estimated(chosen(time, period=1, repeated=repeated), WHOLE, tmp_path)
+        assert (report.estimates, report.repeated) == (30, 263)
+        assert report.warnings[0].endswith(
+            f"rows have the timestamp of the row {other}, and were left out"
+        )
 
 
 def test_pause_is_not_filled_by_spreading(tmp_path: Path) -> None:
