@@ -242,7 +242,7 @@ class Estimation:
 
     def _warn_of_start(self, time: Array, doubts: list[Any]) -> None:
         """Report the first of the observer's warnings of a start that is too vague, at its time."""
-        if doubts and not any(one.startswith("covariance: ") for one in self.report.warnings):
+        if doubts and not any("rounding leaves few digits" in one for one in self.report.warnings):
             at = self.report.said(float(time[doubts[0].row]))
             self.report.warn(doubts[0].sentence.format(at=at))
 

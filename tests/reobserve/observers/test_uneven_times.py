@@ -229,6 +229,21 @@ def test_noise_given_for_a_gap_is_added_at_its_end(kind: Any) -> None:
     short = one.run(y[::3], np.ones(2), state=begin, dt=[0.3, 0.1], Q=np.stack([Q, Q]))
     for name in SHARED:
         np.testing.assert_allclose(short[name], whole[name][::3], rtol=1e-9, atol=1e-11)
+    first = one.run(y[:1], np.ones(1), state=begin, dt=0.3, Q=Q)
+    second = one.run(y[3:], np.ones(1), state=first.state)
+    for name in SHARED:
+        assert np.array_equal(second[name], short[name][1:])
+
+
+@pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
+def test_noise_to_the_first_row_is_the_density_unless_it_was_given_before(kind: Any) -> None:
+    one, y = kind(driven()), np.array([[0.5, 0.0], [0.3, -0.4]])
+    begin = one.init([0.4, 0.0], [1e-2, 1.0])
+    whole = one.run(y, np.ones(2), state=begin, dt=[0.25, 0.1])
+    first = one.run(y[:1], np.ones(1), state=begin, dt=0.25)
+    second = one.run(y[1:], np.ones(1), state=first.state, Q=np.eye(2))
+    for name in SHARED:
+        assert np.array_equal(second[name], whole[name][1:])
 
 
 @pytest.mark.parametrize("periods", [0.3, 0.999, 1.0, 1.0005])
