@@ -14,8 +14,8 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from reobserve.core.errors import ReobserveError
-from reobserve.core.files import NUMBER, read_rows, read_table, write_table
+from reobserve.core.errors import InputError, ReobserveError, shown
+from reobserve.core.files import NAME, NUMBER, SCORE, Kind, read_rows, read_table, write_table
 from reobserve_papers.golden.comparison import Moved, compare, distance
 from reobserve_papers.golden.files import GoldenNumber, Key
 from reobserve_papers.golden.tolerances import MARGIN, two_digits_up
@@ -25,6 +25,10 @@ TOLERANCE = 1e-4  # relative, for rounding on other processors; 1 % of a constan
 SHARES = {"leak": ("quantile", "missed")}
 
 _REPEATS = 3  # of the scores, each with other rounding errors in the records
+_ROW = ("condition", "method", "training", "given_noise")
+_SCORE = Kind(lambda cell: not cell or SCORE.allows(cell), "a number, nan, inf or empty")
+_SEEDS = Kind(lambda cell: NUMBER.allows(cell) and float(cell) > 0, "a number above zero")
+_KINDS = {**dict.fromkeys((*_ROW, "within"), NAME), "seeds": _SEEDS}
 _HEADER = ("task", "method", "quantity", "tolerance")
 
 Tolerances = dict[tuple[str, str], float]  # by method and column with its place
@@ -124,11 +128,13 @@ def _write_tolerances(project: Path, task: str, found: Tolerances) -> None:
 
 def _read(path: Path, task: str, stored: Tolerances | None = None) -> dict[Key, GoldenNumber]:
     """Rows by method, then condition, training set, whether the noise is given, and column."""
-    header, rows = read_rows(path)
+    header, _ = read_rows(path)
+    if missing := {*_ROW, *["seeds"] * (task in SHARES)}.difference(header):
+        raise InputError(str(path), f"has the columns {shown(header)}, lacks {sorted(missing)}")
     numbers: dict[Key, GoldenNumber] = {}
-    for condition, method, training, given, *cells in rows:
+    for row in read_table(path, header, {name: _KINDS.get(name, _SCORE) for name in header}):
+        condition, method, training, given = (row.pop(name) for name in _ROW)
         place = f"in {condition}, training {training}, given noise {given}"
-        row = dict(zip(header[4:], cells, strict=True))
         for column, cell in row.items():
             number, quantity = GoldenNumber(cell), f"{column} {place}"
             if cell and not number.is_word:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from reobserve.core.files import read_table, write_table
+from reobserve.core.files import Kind, read_table, write_table
 from reobserve_papers.claims.table import HEADER, KINDS
 from reobserve_papers.golden.comparison import Moved
 
 _KEY = ("paper", "claim")
 _COMPARED = ("verdict", "holds")
 _KINDS = {name: KINDS[name] for name in (*_KEY, "verdict")}
+_KINDS["holds"] = Kind(("", "yes", "no").__contains__, "yes, no or empty")
 
 Verdicts = dict[str, dict[str, dict[str, str]]]  # verdict and holds, by paper and claim
 

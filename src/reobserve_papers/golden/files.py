@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from reobserve.core.errors import InputError
-from reobserve.core.files import GAP, NAME, read_table, write_table
+from reobserve.core.errors import InputError, shown
+from reobserve.core.files import GAP, NAME, SCORE, read_table, write_table
 from reobserve_papers.metrics.metrics import Metric
 
 _KEY = ("source", "quantity", "time")
+_KINDS = {"source": NAME, "quantity": NAME, "time": GAP, "tolerance": GAP}
 _HEADER = (*_KEY, "value", "tolerance", "unit")
 
 # Observer, metric and nothing; observer or ``plant``, channel and time [s]; or row, column and
@@ -55,10 +56,14 @@ def golden_files(project: Path, paper: str) -> dict[str, Path]:
 
 def read_numbers(path: Path) -> dict[Key, GoldenNumber]:
     """The numbers of a file, or `InputError` if it is missing or damaged."""
-    rows = read_table(path, _HEADER, {"source": NAME, "quantity": NAME, "tolerance": GAP}, _KEY)
+    rows = read_table(path, _HEADER, _KINDS, _KEY)
     for line, row in enumerate(rows, start=2):
         if row["tolerance"] and not float(row["tolerance"]) >= 0:
             problem = f"line {line}, tolerance: {row['tolerance']} must be zero or more"
+            raise InputError(str(path), problem)
+        # Words are in tables, whose columns have no unit.
+        if (row["unit"] or row["tolerance"] or row["time"]) and not SCORE.allows(row["value"]):
+            problem = f"line {line}, value: {shown(row['value'])} must be {SCORE.text}"
             raise InputError(str(path), problem)
     return {
         (row["source"], row["quantity"], row["time"]): GoldenNumber(

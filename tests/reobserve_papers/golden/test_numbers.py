@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError, ReobserveError
-from reobserve_papers.golden import acceptance, conditions
+from reobserve.core.files import read_rows, write_table
+from reobserve_papers.golden import acceptance, bench, claims, conditions
 from reobserve_papers.golden.comparison import compare
 from reobserve_papers.golden.files import (
     GoldenNumber,
@@ -197,6 +200,53 @@ def test_rounding_error_is_one_unit_in_the_last_place() -> None:
         assert np.array_equal(off == 0, values == np.round(values))
 
 
+Reader = Callable[[Path], object]
+SPOILED = ("", "nothing", "nan", "1_0", "-1")
+
+# Of each kind: how it is read, and cells that a column may not have.
+TABLES: dict[str, tuple[Reader, Mapping[str, tuple[str, ...]]]] = {
+    "ilo/fig1.csv": (
+        read_numbers,
+        {"source": ("",), "quantity": ("",), "time": SPOILED[1:4],
+         "value": ("", "nothing", "1_0"), "tolerance": SPOILED[1:]},
+    ),
+    "lie/table_coefficients.csv": (read_numbers, {"tolerance": SPOILED[1:]}),
+    "bench/leak.csv": (
+        lambda path: bench.compare_task(path.parents[3], path, "leak"),
+        {"method": ("",), "given_noise": ("",), "seeds": SPOILED, "error": ("nothing", "1_0"),
+         "within": ("",)},
+    ),
+    "bench/tolerances.csv": (
+        lambda path: bench.read_tolerances(path.parents[3], "delay"),
+        {"tolerance": SPOILED[:4]},
+    ),
+    "claims.csv": (
+        lambda path: claims.read_golden(path.parents[2]),
+        {"paper": ("",), "verdict": SPOILED, "holds": SPOILED[1:]},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_spoiled_cell_of_any_golden_table_is_named(tmp_path: Path, name: str) -> None:
+    read, columns = TABLES[name]
+    path = tmp_path / "tests/golden" / name
+    path.parent.mkdir(parents=True)
+    header, lines = read_rows(ROOT / "tests/golden" / name)
+    rows = [dict(zip(header, line, strict=True)) for line in lines[:3]]
+    for column, cells in columns.items():
+        for line, cell in itertools.product(range(len(rows)), cells):
+            spoiled = [{**row, column: cell} if k == line else row for k, row in enumerate(rows)]
+            write_table(path, spoiled, header)
+            with pytest.raises(InputError, match=rf"line {line + 2}, {column}: ") as caught:
+                read(path)
+            assert str(path) in str(caught.value)
+        write_table(path, rows, [name for name in header if name != column])
+        if column not in ("error", "within"):  # of the bench, which the comparison names
+            with pytest.raises(InputError, match="has the columns"):
+                read(path)
+
+
 def test_failing_evaluation_is_reported_in_one_sentence() -> None:
     with pytest.raises(ReobserveError, match=r"^nobody: .*there is no 'nobody'") as caught:
         conditions.evaluate(ROOT, "nobody")
@@ -211,6 +261,7 @@ def test_failing_evaluation_is_reported_in_one_sentence() -> None:
         ("source,", "observer,", "has the columns"),
         ("sampled,late_rms_error", "sampled,rms_error", "line 4 repeats 'sampled, rms_error, '"),
         (",N m", "", "line 2 has not 6 cells"),
+        (",5.7637607769146e-10,", ",,", "line 2, value: '' must be a number, nan or inf"),
     ],
 )
 def test_damaged_golden_file_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
