@@ -16,6 +16,9 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Into .venv, whatever pip's configuration says.
+export PIP_USER := 0
+unexport PIP_TARGET PIP_PREFIX
 # Hundreds of processes import the same files: let them be compiled once, whatever a shell or an
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
@@ -23,6 +26,11 @@ export PYTHONDONTWRITEBYTECODE :=
 .PHONY: figures bench unlock report archive quick test nightly check elsewhere mixed benchmarks figdiff unlocked accept samples mutations pages docs lock \
 	package env cluster clean distclean help
 .DEFAULT_GOAL := figures
+
+# Of a folder that was copied or moved, .venv runs the code of the other one.
+ifneq ($(shell cat $(STAMP) 2>/dev/null),$(CURDIR))
+.PHONY: $(STAMP)
+endif
 
 figures: $(STAMP)  ## every figure of the papers, claim and results/report.html (the default); CORES=4 for more cores
 	@snakemake --cores $(CORES) || { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
@@ -156,7 +164,7 @@ $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
 	@test ! -L $(VENV) || { echo "make: $(VENV) is a link, and what it links to would be cleared; remove the link" >&2; exit 1; }
 	@$(PYTHON) -m venv --clear $(VENV)
 	@PYTHON=$(BIN)/python sh workflow/envs/install.sh
-	@touch $@
+	@printf '%s\n' '$(CURDIR)' > $@
 
 # The locks name versions and hashes and no package index, and hold for every
 # supported Python: uv resolves them together, markers keep the branches apart.
@@ -177,7 +185,7 @@ lock:  ## update the lock files from pyproject.toml
 
 clean:  ## remove what was built, and compiled code that is older than two weeks
 	find src -name "reobserve-kernels-*" -prune -mtime +14 -exec rm -r {} +
-	find results -mindepth 1 -not -name README.md -delete
+	find results/ -mindepth 1 -not -name README.md -delete
 	rm -rf logs .snakemake build
 
 distclean: clean  ## remove the environment and every cache, too

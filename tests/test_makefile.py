@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -38,25 +39,82 @@ def folder(tmp_path: Path) -> Path:
         "pyproject.toml",
     ):
         (project / name).touch()
-    (project / "workflow/envs/install.sh").write_text("exit 0\n")
+    (project / "workflow/envs/install.sh").write_text("env > installed_with\n")
     stub = tmp_path / "python"
     stub.write_text(STUB)
     stub.chmod(0o755)
     return project
 
 
-def make_env(folder: Path) -> subprocess.CompletedProcess[str]:
+def make(target: str, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
     environment = {name: text for name, text in os.environ.items() if not name.startswith("MAKE")}
-    command = ["make", "env", f"PYTHON={folder.parent / 'python'}"]
+    environment |= variables
+    command = ["make", target, f"PYTHON={folder.parent / 'python'}"]
     return subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
+
+
+def make_env(folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    return make("env", folder, **variables)
 
 
 def test_environment_is_set_up_once(folder: Path) -> None:
     assert make_env(folder).returncode == 0
     assert (folder / ".venv/.installed").is_file()
     assert "Nothing to be done" in make_env(folder).stdout
+
+
+@pytest.mark.parametrize("way", [shutil.copytree, shutil.move])
+def test_environment_of_another_folder_is_set_up_again(
+    folder: Path, way: Callable[[Path, Path], object]
+) -> None:
+    assert make_env(folder).returncode == 0
+    other = folder.parent / "with a space"
+    way(folder, other)
+    assert "Nothing to be done" not in make_env(other).stdout
+    assert "Nothing to be done" in make_env(other).stdout
+
+
+def test_packages_go_into_the_environment_whatever_is_set_for_pip(folder: Path) -> None:
+    assert not make_env(folder, PIP_USER="yes", PIP_TARGET="t", PIP_PREFIX="p").returncode
+    seen = (folder / "installed_with").read_text().splitlines()
+    assert {one for one in seen if one.startswith(("PIP_USER", "PIP_T", "PIP_P"))} == {"PIP_USER=0"}
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_clean_removes_results_with_the_records_of_them(folder: Path, linked: bool) -> None:
+    (folder / "src").mkdir()
+    kept = folder.parent / "large disk" if linked else folder / "results"
+    (kept / "ilo").mkdir(parents=True)
+    for name in ("README.md", "ilo/fig1.png"):
+        (kept / name).touch()
+    if linked:
+        (folder / "results").symlink_to(kept)
+    (folder / ".snakemake").mkdir()
+    assert make("clean", folder).returncode == 0
+    assert [path.name for path in kept.rglob("*")] == ["README.md"]
+    assert not (folder / ".snakemake").exists()
+
+
+def test_text_has_the_same_ends_of_lines_in_any_checkout(tmp_path: Path) -> None:
+    """As by git's setting autocrlf, with which a shell script would not run."""
+    listed = subprocess.run(
+        ["git", "-c", "core.autocrlf=true", "ls-files", "--eol"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout.splitlines()  # fmt: skip
+    found = {tuple(line.split("\t")[0].split()) for line in listed}
+    binary = ("i/-text", "w/-text", "attr/-text")
+    lines = {(f"i/{kind}", f"w/{kind}", "attr/text=auto", "eol=lf") for kind in ("lf", "none")}
+    assert found <= {binary, *lines}
+    for name in (".gitattributes", "workflow/envs/install.sh"):
+        shutil.copy(ROOT / name, tmp_path)
+    git = ["git", "-C", str(tmp_path), "-c", "core.autocrlf=true"]
+    for words in (["init", "--quiet"], ["add", "--all"]):
+        subprocess.run([*git, *words], check=True)
+    (tmp_path / "install.sh").unlink()
+    subprocess.run([*git, "checkout-index", "--all"], check=True)
+    assert b"\r" not in (tmp_path / "install.sh").read_bytes()
 
 
 def test_environment_that_is_a_link_is_refused_and_not_cleared(folder: Path) -> None:
@@ -102,16 +160,18 @@ esac
 """
 
 
-def install(folder: Path, *files: str, **variables: str) -> tuple[list[str], str]:
+def install(
+    folder: Path, *files: str, stub: str = INSTALLERS, **variables: str
+) -> tuple[list[str], str]:
     """Run the script with these stubs: what it installs, with what, and what it reports."""
-    stub = folder / "python"
-    stub.write_text(INSTALLERS)
-    stub.chmod(0o755)
+    python = folder / "python"
+    python.write_text(stub)
+    python.chmod(0o755)
     for name in files:
         (folder / name).touch()
     script = ["sh", "workflow/envs/install.sh"]
     known = {name: text for name, text in os.environ.items() if not name.startswith(("PIP", "UV"))}
-    environment = known | {"PYTHON": str(stub), "NOTES": str(folder)} | variables
+    environment = known | {"PYTHON": str(python), "NOTES": str(folder)} | variables
     done = subprocess.run(
         script, cwd=ROOT, env=environment, capture_output=True, text=True, check=True
     )
@@ -129,6 +189,13 @@ def test_uv_installs_the_locks_and_pip_only_uv(tmp_path: Path) -> None:
     assert {one.split()[-1] for one in others} == LAST
     assert all(one.startswith(" -m uv pip install") for one in others)
     assert not reported
+
+
+def test_pip_does_not_install_for_the_user(tmp_path: Path) -> None:
+    """Also where conda calls the script, without make."""
+    stub = INSTALLERS.replace('echo "$UV', 'echo "$PIP_USER $UV')
+    called, _ = install(tmp_path, "NO_UV", stub=stub, PIP_USER="yes")
+    assert {one.split()[0] for one in called} == {"0"}
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@
 # pip installs the same lock.
 set -eu
 python="${PYTHON:-python}"
-export PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+export PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_USER=0
 export UV_HTTP_RETRIES=1 UV_HTTP_CONNECT_TIMEOUT=5 UV_HTTP_TIMEOUT=15
 
 install() {

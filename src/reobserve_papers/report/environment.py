@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import platform
-import subprocess
 from importlib import metadata
 from pathlib import Path
 
 from reobserve.core.code_paths import cores
+from reobserve.core.errors import ReobserveError
+from reobserve_papers.golden.guard import git
 from reobserve_papers.steps.provenance import versions
 
 
@@ -42,13 +43,9 @@ def _commit(project: Path) -> str:
 def git_output(project: Path, *arguments: str) -> str:
     """Output of a git command without the end of its last line, empty if it fails."""
     try:
-        done = subprocess.run(
-            ["git", "-C", str(project), *arguments],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-    except OSError:
+        return git(project, *arguments).strip()
+    except ReobserveError:
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
 
 
 def _system() -> str:

@@ -183,6 +183,12 @@ def test_accept_refuses_unsafe_calls(
     assert "1 uncommitted changes, the first is 'new.txt'" in refused()
     Path(".git").rename("git")
     assert "accepted in a git checkout" in refused()
+    Path("git").rename(".git")
+    with monkeypatch.context() as without:
+        without.setenv("PATH", "")
+        assert "accepted with git, which is not on the PATH" in refused()
+    monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", "1")
+    assert "1 uncommitted changes" in refused()
     monkeypatch.setenv("CI", "true")
     assert "nothing is accepted in CI" in refused()
 

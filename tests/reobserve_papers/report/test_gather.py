@@ -362,13 +362,18 @@ def test_processor_name_is_the_first_in_cpuinfo(
     assert environment(tmp_path)["processor"] == wanted
 
 
-def test_commit_is_that_of_the_project_folder(tmp_path: Path) -> None:
+@pytest.mark.parametrize("owner", ["0", "1"])
+def test_commit_is_that_of_the_project_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, owner: str
+) -> None:
     inner = tmp_path / "thesis" / "project"
     inner.mkdir(parents=True)
     (inner / "file").touch()
     git = ["git", "-c", "user.name=t", "-c", "user.email=t@example.org", "-C", str(inner.parent)]
     for words in (["init", "--quiet"], ["add", "--all"], ["commit", "--quiet", "-m", "all"]):
         subprocess.run([*git, *words], check=True)
+    git[1:1] = ["-c", "safe.directory=*"]
+    monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", owner)
     head = subprocess.run(
         [*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True
     ).stdout.strip()
