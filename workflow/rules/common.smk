@@ -15,9 +15,10 @@ from reobserve_papers.cli.own_modules import refused_in_one_sentence
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
-from reobserve_papers.parameters.prepare import check_metadata, load_parameters
+from reobserve_papers.parameters.prepare import check_folders, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
 from reobserve_papers.parameters.step_kinds import SECTIONS
+from reobserve_papers.steps.freshness import check_code, mark_unrecorded
 from reobserve_papers.steps.provenance import code_digest, files_digest
 from reobserve_papers.steps.provenance import shared_digest, versions
 from reobserve_papers.signals.inputs import sample_files
@@ -33,7 +34,8 @@ if not workflow.deployment_settings.deployment_method:
 
 
 with refused_in_one_sentence():
-    check_metadata(Path())
+    check_code(Path())
+    check_folders(Path())
     check_config_files("config/config.yaml", *workflow.configfiles)
 
 
@@ -45,6 +47,9 @@ with refused_in_one_sentence():
     checked = checked_papers(Path(), PARAMETERS, config)
     if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
+
+if workflow.is_main_process:
+    mark_unrecorded(Path())
 
 PAPERS = config["papers"]
 CLAIMED = [paper for paper in PAPERS if Path(claims_path(paper)).is_file()]

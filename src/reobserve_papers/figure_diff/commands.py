@@ -25,7 +25,7 @@ from reobserve_papers.golden.guard import check_may_accept, keep_reason
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
-from reobserve_papers.steps.freshness import can_tell
+from reobserve_papers.steps.freshness import can_tell, check_code
 
 
 def figdiff_command(
@@ -36,6 +36,7 @@ def figdiff_command(
     Of some papers, or figures of papers, if ``part`` names them. What a build would make again is
     not up to date, and agrees with nothing.
     """
+    check_code(project)
     folders = (("--reference", reference), ("--results", results))
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
     items, page = compare_all(project, reference, results, part), output / "index.html"
@@ -60,6 +61,7 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     and its drawing are, and no verdicts. Refuses without a reason, in CI and on a dirty tree. What
     is not up to date is built first; if that fails, what was accepted stays.
     """
+    check_code(project)
     check_may_accept(project, reason)
     known, results, moved = known_papers(project), project / "results", []
     references = project / "tests" / "reference"

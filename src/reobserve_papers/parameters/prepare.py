@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -29,26 +28,11 @@ _PATIENCE = 5.0  # [s] for interpreted loops, after which compiling them is fast
 _DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
 
 
-def check_metadata(project: Path) -> None:
-    """Check the files in which Snakemake remembers how results were made, and their folder."""
+def check_folders(project: Path) -> None:
+    """Refuse folders that Snakemake cannot use."""
     for folder in (str(project.absolute()), str(Path(sys.executable).parent)):
         if "{" in folder or "}" in folder:
             raise InputError(folder, "has braces, which Snakemake takes for wildcards; rename it")
-    for path in sorted((project / ".snakemake" / "metadata").glob("*")):
-        if not _is_record(path):
-            time.sleep(0.5)  # a job may be writing it
-            if not _is_record(path):
-                problem = "is damaged; delete it, then run `snakemake --forceall`"
-                raise InputError(str(path), problem)
-
-
-def _is_record(path: Path) -> bool:
-    try:
-        return isinstance(json.loads(path.read_bytes().decode("utf-8")), dict)
-    except FileNotFoundError:
-        return True
-    except (OSError, ValueError):
-        return path.is_dir()
 
 
 def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Parameters]:

@@ -14,6 +14,7 @@ from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.report.gather import gather
 from reobserve_papers.report.policy import content_policy, inline
 from reobserve_papers.report.reading import Gap
+from reobserve_papers.steps.freshness import check_code
 
 
 def report_command(
@@ -30,6 +31,7 @@ def report_command(
     ``papers``, ``formats`` and ``bench`` are what was built, if other than `config/config.yaml`
     says. What a build would make again is marked, unless all is known to be ``fresh``.
     """
+    check_code(project)
     report = gather(project, output, papers, formats, bench, fresh=fresh)
     write_text(output, render(report, shared_texts(project) / "replication"))
     count = len(report["gaps"])

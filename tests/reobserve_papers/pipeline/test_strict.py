@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reobserve_papers.steps.freshness import record_of
+
 from .conftest import Project
 
 pytestmark = pytest.mark.nightly
@@ -153,19 +155,12 @@ def test_construction_checks_run_once(fresh: Project) -> None:
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b'{"a', b"[1]"])
-def test_damaged_snakemake_metadata_is_reported_in_one_sentence(
-    fresh: Project, content: bytes
-) -> None:
-    metadata = fresh.folder / ".snakemake/metadata"
-    metadata.mkdir(parents=True)
-    (metadata / "cmVz").write_bytes(content)
-    done = fresh.snakemake("--dry-run", check=False)
-    assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve-papers: .snakemake/metadata/cmVz: is damaged; delete it, then run "
-        "`snakemake --forceall`"
-    )
-    assert "Traceback" not in done.stderr
+def test_result_with_a_damaged_record_is_made_again(fresh: Project, content: bytes) -> None:
+    target = "results/ilo/constant/plant.parquet"
+    for path in (fresh.folder / target, record_of(fresh.folder, target)):
+        path.parent.mkdir(parents=True)
+        path.write_bytes(content)
+    assert fresh.stale(target) == {"plant": 1}
 
 
 def test_unwritable_results_folder_is_reported_in_one_sentence(fresh: Project) -> None:
