@@ -13,6 +13,10 @@ from reobserve.core.errors import InputError, shown
 
 Kind = TypeVar("Kind")
 
+MOST_COUNTED = 2**31  # what is counted, which compiled loops add to without a check
+MOST_STATES = 1000  # or outputs, inputs, axes and derivatives: a matrix of 8 MB
+MOST_STEPS = 10**7  # of a simulation or a drawn record: some hundred megabytes
+
 
 def as_kind(name: str, value: Any, kind: type[Kind]) -> Kind:
     """``value``, which must be a ``kind``. `InputError` names ``name`` otherwise."""
@@ -21,11 +25,12 @@ def as_kind(name: str, value: Any, kind: type[Kind]) -> Kind:
     return value
 
 
-def as_whole(name: str, value: Any, least: int, most: int | None = None) -> int:
+def as_whole(name: str, value: Any, least: int, most: int = MOST_COUNTED) -> int:
     """``value`` as a whole number in a range. `InputError` names ``name`` otherwise."""
     wrong = isinstance(value, bool) or not isinstance(value, int | np.integer)
-    if wrong or value < least or (most is not None and value > most):
-        wanted = f"{least} or more" if most is None else f"from {least} to {most}"
+    if wrong or not least <= value <= most:
+        low = most == MOST_COUNTED and (wrong or value < least)
+        wanted = f"{least} or more" if low else f"from {least} to {most}"
         raise InputError(name, f"{shown(value)} must be a whole number, {wanted}")
     return int(value)
 
@@ -65,4 +70,6 @@ def as_poles(name: str, value: Any) -> NDArray[np.complex128]:
         array = np.array(None)
     if array.dtype.kind not in "iufc" or array.ndim != 1 or np.ma.is_masked(value):
         raise InputError(name, f"{shown(value)} must be a list of numbers")
+    if len(array) > MOST_STATES:
+        raise InputError(name, f"has {len(array)} numbers, must have {MOST_STATES} or fewer")
     return array.astype(np.complex128)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_floats, as_positive
+from reobserve.core.matrices import as_positive, as_sized
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def interpolating_hold(
     InputError
         If the shapes do not fit or the period is not positive.
     """
-    places = as_floats("nodes", nodes)
+    places = as_sized("nodes", nodes)
     if places.ndim != 1 or len(np.unique(places)) != len(places) or not len(places):
         raise InputError("nodes", f"{shown(places.tolist())} must be different numbers")
     transition, effects = polynomial_hold(A, B, period, len(places) - 1)
@@ -101,7 +101,7 @@ def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> t
     """
     from scipy.linalg import expm
 
-    state, control, degree = as_floats("A", A), as_floats("B", B), as_whole("degree", degree, 0, 50)
+    state, control, degree = as_sized("A", A), as_sized("B", B), as_whole("degree", degree, 0, 50)
     if state.ndim != 2 or state.shape[0] != state.shape[1]:
         raise InputError("A", f"has shape {state.shape}, must be square")
     if control.ndim != 2 or len(control) != len(state):
@@ -145,7 +145,7 @@ def held_noise(A: ArrayLike, density: ArrayLike, period: float) -> Array:
     """
     from scipy.linalg import expm
 
-    state, noise = as_floats("A", A), as_floats("density", density)
+    state, noise = as_sized("A", A), as_sized("density", density)
     n, length = len(state), as_positive("period", period)
     doublings = max(0, math.frexp(2.0 * length * np.linalg.norm(state, 1))[1])
     step = math.ldexp(length, -doublings)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.arguments import MOST_STATES
 from reobserve.core.errors import InputError, shown
 
 
@@ -33,6 +34,9 @@ _SHOWN = 9
 
 _DOUBLE = np.dtype(np.float64)  # the one object of this type in native order
 
+MOST_BYTES = 2**30  # of an array that is copied
+_MOST_SPREAD = 10**7  # numbers that need memory only when they are used
+
 _FEW = 24  # entries that Python looks at sooner than numpy is called, as each step of an observer
 
 
@@ -57,16 +61,30 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
     if _has_other(value):
         raise InputError(name, _no_numbers(value))
     try:
-        array = np.asarray(value)
+        array = value if isinstance(value, range) else np.asarray(value)
+        if _is_spread(array):
+            raise MemoryError
+        array = np.asarray(array)
         if array.dtype is _DOUBLE and array.flags.carray:
             return array
         if array.dtype.kind not in "iuf":
             raise TypeError
         return np.require(array, np.float64, ["C", "A", "W"])
     except MemoryError:
-        raise InputError(name, f"of shape {np.shape(value)} does not fit into memory") from None
+        shape = (len(value),) if isinstance(value, range) else np.shape(value)
+        raise InputError(name, f"of shape {shape} is too large for memory") from None
     except Exception:  # rows of different lengths, too many of them, or an object's own error
         raise InputError(name, _no_numbers(value)) from None
+
+
+def _is_spread(value: Any) -> bool:
+    """True for many numbers that are not all in memory: a range or a broadcast array."""
+    if not isinstance(value, np.ndarray):
+        return isinstance(value, range) and len(value) > _MOST_SPREAD
+    steps = zip(value.shape, value.strides, strict=True)
+    return value.size > _MOST_SPREAD and (
+        sum((size - 1) * abs(stride) for size, stride in steps) + value.itemsize < value.nbytes
+    )
 
 
 def _no_numbers(value: Any) -> str:
@@ -79,6 +97,8 @@ def _no_numbers(value: Any) -> str:
 def _why(value: Any) -> str:
     """The first entry that is no number, and the dtype, or nothing if there is no such entry."""
     try:
+        if _is_spread(value):
+            return "it is too large for memory"
         own = np.asanyarray(value)
         if np.ma.is_masked(own):
             return f"the entry {np.argwhere(np.ma.getmaskarray(own))[0].tolist()} is masked"
@@ -113,10 +133,20 @@ def all_finite(array: NDArray[np.float64]) -> bool:
 def as_floats(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
     """``value`` as an array of its own of finite floats. `InputError` names ``name`` otherwise."""
     array = as_numbers(name, value)
+    if array.nbytes > MOST_BYTES:
+        raise InputError(name, f"of shape {array.shape} is too large for memory, above 1 GiB")
     if not np.all(np.isfinite(array)):
         place = shown(array.tolist()) if array.size <= _SHOWN else shown(array)
         raise InputError(name, f"{place} has an entry that is not finite")
     return array.copy() if array is value or array.base is not None else array
+
+
+def as_sized(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
+    """``value`` as `as_floats` makes it, with at most `MOST_STATES` entries along each axis."""
+    array = as_floats(name, value)
+    if max(array.shape, default=0) > MOST_STATES:
+        raise InputError(name, f"has shape {array.shape}, must be {MOST_STATES} or fewer each")
+    return array
 
 
 def as_scalar(name: str, value: Any) -> float:

@@ -7,10 +7,8 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.arguments import MOST_STEPS, as_kind, as_whole
 from reobserve.core.errors import InputError
-
-MOST_SAMPLES = 10**9  # of a record: eight gigabytes a column
 
 
 def random_stream(seed: int, *names: str) -> np.random.Generator:
@@ -42,13 +40,13 @@ def held_normal(
     ------
     InputError
         If ``samples``, ``hold`` or ``columns`` is not a whole number, the first is below 0, another
-        is below 1, or more than `MOST_SAMPLES` numbers would be drawn.
+        is below 1, or more than `MOST_STEPS` numbers would be drawn.
     """
-    samples, hold = as_whole("samples", samples, 0, MOST_SAMPLES), as_whole("hold", hold, 1)
+    samples, hold = as_whole("samples", samples, 0, MOST_STEPS), as_whole("hold", hold, 1)
     hold = min(hold, samples + 1)  # a longer one is the same, and need not be an index
     count = samples // hold + 1
     if columns is not None:
-        columns = as_whole("columns", columns, 1, MOST_SAMPLES // count)
+        columns = as_whole("columns", columns, 1, MOST_STEPS // count)
     drawn = stream.standard_normal(count if columns is None else (count, columns))
     index = np.arange(samples)
     return drawn[index // hold], drawn[np.maximum(index - 1, 0) // hold]

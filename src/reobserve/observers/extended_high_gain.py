@@ -16,9 +16,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind, as_word
+from reobserve.core.arguments import MOST_STATES, as_kind, as_whole, as_word
 from reobserve.core.covariances import as_positive_definite
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive, as_scalar, as_vector
 from reobserve.core.value import Value, converter, for_loop
 from reobserve.observers.contract import Observer
@@ -122,7 +122,7 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
 
     model: TriangularModel = field(metadata=converter(as_kind, TriangularModel))
     rho: float = field(metadata=converter(as_positive))
-    order: int
+    order: int = field(metadata=converter(as_whole, 1, MOST_STATES))
     delay_bounds: tuple[float, float]
     threshold: float = field(default=0.0, metadata=converter(as_scalar))
     switched: str = field(default="delay", metadata=converter(as_word, SWITCHED))
@@ -133,11 +133,6 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
-            raise InputError(
-                "order",
-                f"{shown(self.order)} must be a whole number, 1 or more: order 0 holds no delay",
-            )
         low, high = as_vector("delay_bounds", self.delay_bounds, 2).tolist()
         self._set("delay_bounds", (low, high))
         if not 0.0 <= low < high:

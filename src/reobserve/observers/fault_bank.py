@@ -15,7 +15,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
-from reobserve.core.matrices import as_floats, as_positive, as_vector
+from reobserve.core.matrices import as_positive, as_sized, as_vector
 from reobserve.observers.augmented_kalman import as_fault_matrices
 from reobserve.observers.gaussian_state import ModeFilter
 from reobserve.observers.imm import IMM
@@ -125,7 +125,7 @@ class FaultBank(IMM):
         put("fault_matrix", E)
         put("output_fault_matrix", F)
         for name in ("drift", "jump"):
-            given = as_floats(name, getattr(self, name))
+            given = as_sized(name, getattr(self, name))
             sizes = np.full(q, float(given)) if given.ndim == 0 else as_vector(name, given, q)
             for value in sizes:
                 as_positive(name, value)

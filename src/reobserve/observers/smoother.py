@@ -69,7 +69,7 @@ def rts_smoother(
     y
         Its measurements, shape (k, m), if S was given to the run; else of no use.
     lag
-        The fixed-lag smoother: a row is estimated from the rows up to ``lag`` after it, 1 or more.
+        The fixed-lag smoother: a row is estimated from the rows up to ``lag`` after it, 1 to k.
         Left out, from all. The cost grows with it.
     given
         What was given to the run by row: A, B, C, D, Q, R and S, parameters and dt. Times of the
@@ -137,10 +137,10 @@ def rts_smoother(
     if lag is None:
         row = _smooth(*ahead, smooth_means, smooth_covariances, periods, *work)
     else:
+        later = as_whole("lag", lag, 1, k)
         row = _smooth_late(
-            as_whole("lag", lag, 1), *ahead, means, covariances, smooth_means,
-            smooth_covariances,
-            np.empty((min(lag, k) + 1, n)), np.empty((min(lag, k) + 1, n, n)), periods, *work,
+            later, *ahead, means, covariances, smooth_means, smooth_covariances,
+            np.empty((later + 1, n)), np.empty((later + 1, n, n)), periods, *work,
         )  # fmt: skip
     if row >= 0:
         raise DivergenceError(

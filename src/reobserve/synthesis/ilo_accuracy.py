@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.arguments import MOST_STATES, as_kind, as_whole
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive
@@ -228,7 +228,7 @@ def matched_integrator(K2: ArrayLike, interval: float, size: int = 3) -> Integra
     InputError
         If ``K2`` has another shape or ``interval`` is not above zero.
     """
-    gain = as_matrix("K2", K2, as_whole("size", size, 1, 1000))
+    gain = as_matrix("K2", K2, as_whole("size", size, 1, MOST_STATES))
     return IntegralGains(gain / as_positive("interval", interval), gain / 2)
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind
+from reobserve.core.arguments import MOST_STATES, as_kind, as_whole
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_rows, as_scalar
@@ -171,6 +171,7 @@ class _Design:
     ) -> _Design:
         if as_scalar("eta", eta) < 0:
             raise InputError("eta", f"{eta:g} must not be below zero")
+        size = as_whole("size", size, 1, MOST_STATES)
         full = as_matrix("observer_gain", observer_gain, size)
         fault = as_matrix("fault_matrix", fault_matrix, size)
         if not (fault.T @ fault).any():

@@ -21,7 +21,7 @@ from reobserve.core.balancing import (
 )
 from reobserve.core.errors import InputError, shown
 from reobserve.core.finite import finite
-from reobserve.core.matrices import as_floats, spectral_radius
+from reobserve.core.matrices import as_floats, as_sized, spectral_radius
 from reobserve.synthesis.placed_gains import checked, least_sensitive, only_gain, searched
 from reobserve.systems.linear import LinearModel
 
@@ -295,7 +295,7 @@ def _nonzero(sizes: Array) -> Array:
 
 
 def _pair(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
-    square, rows = as_floats("A", A), as_floats("C", C)
+    square, rows = as_sized("A", A), as_sized("C", C)
     if square.ndim != 2 or square.shape[0] != square.shape[1] or not square.size:
         raise InputError("A", f"has shape {square.shape}, must be square")
     if rows.ndim != 2 or rows.shape[1] != len(square) or not len(rows):

@@ -14,7 +14,7 @@ from reobserve.core.arguments import as_flag
 from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.discretisation import held_noise, zero_order_hold
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_floats, as_positive
+from reobserve.core.matrices import as_floats, as_positive, as_sized
 from reobserve.core.value import Value, for_loop
 from reobserve.systems.periods import Periods, as_periods, check_period_of_effects
 from reobserve.systems.signal_names import as_names
@@ -147,18 +147,18 @@ class LinearModel(Value):
         for name in ("C", "Q", "R"):
             if getattr(self, name) is None:
                 raise InputError(name, "is missing: a linear model needs A, C, Q and R")
-        A = as_floats("A", self.A)
+        A = as_sized("A", self.A)
         if A.ndim != 2 or A.shape[0] != A.shape[1] or not A.size:
             raise InputError("A", f"has shape {A.shape}, must be square")
         n = len(A)
-        B = np.zeros((n, 0)) if given.B is None else as_floats("B", given.B)
-        C = as_floats("C", self.C)
+        B = np.zeros((n, 0)) if given.B is None else as_sized("B", given.B)
+        C = as_sized("C", self.C)
         if B.ndim != 2 or len(B) != n:
             raise InputError("B", f"has shape {B.shape}, must be ({n}, p), as A is {A.shape}")
         if C.ndim != 2 or C.shape[1] != n or not len(C):
             raise InputError("C", f"has shape {C.shape}, must be (m, {n}), as A is {A.shape}")
         m, p = len(C), B.shape[1]
-        D = np.zeros((m, p)) if given.D is None else as_floats("D", given.D)
+        D = np.zeros((m, p)) if given.D is None else as_sized("D", given.D)
         if D.shape != (m, p):
             raise InputError("D", f"has shape {D.shape}, must be {(m, p)}, as C and B ask for")
         check = as_flag("check", self.check)
@@ -206,8 +206,8 @@ class LinearModel(Value):
             As the class; or if both Q and the density are given.
         """
         period = as_positive("sampling_period", sampling_period)
-        A = as_floats("A", A)
-        held = np.zeros((len(np.atleast_1d(A)), 0)) if B is None else as_floats("B", B)
+        A = as_sized("A", A)
+        held = np.zeros((len(np.atleast_1d(A)), 0)) if B is None else as_sized("B", B)
         # Ad = exp(A T), Bd = int_0^T exp(A s) ds B
         Ad, Bd = zero_order_hold(A, held, period)
         ode = Ode(A, held, None)

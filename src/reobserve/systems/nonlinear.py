@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_whole
+from reobserve.core.arguments import MOST_STATES, as_whole
 from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_positive
@@ -158,7 +158,9 @@ class NonlinearModel:
             given, least = getattr(self, f"{kind}s"), 0 if kind == "input" else 1
             if given is None and found is None and kind != "input":
                 raise InputError(f"{kind}s", "is left out, must be the number of them")
-            size = (found or 0) if given is None else as_whole(f"{kind}s", given, least, 10_000)
+            size = found or 0
+            if given is not None:
+                size = as_whole(f"{kind}s", given, least, MOST_STATES)
             if names is not None and len(names) != size:
                 raise InputError(f"{kind}_names", f"are {len(names)}, must be {size}")
             if length is not None and length != size:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.arguments import as_whole
+from reobserve.core.arguments import MOST_STATES, as_whole
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats
 from reobserve.core.value import Value, converter
@@ -66,7 +66,7 @@ class TriangularModel(Value):
     2 ('0', '-1/2*x[1] - 20*math.sin(x[0])')
     """
 
-    states: int = field(metadata=converter(as_whole, 1))
+    states: int = field(metadata=converter(as_whole, 1, MOST_STATES))
     drift: Any = field(metadata=converter(_as_vector_field))
     input_gain: Any = field(metadata=converter(_as_vector_field))
     parameters: Array = field(metadata=converter(_as_parameters))

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -37,7 +38,7 @@ FAILURES = (ReobserveError, ArithmeticError, np.linalg.LinAlgError)
 EDGE = 0.02  # of a range: a best setting that is nearer to an end is flagged
 _DIGITS = 6  # of a setting
 SMALLEST = 1e-12  # a score below it counts as this: the logarithm of zero has no mean
-_MOST = 1_000_000  # evaluations
+_MOST = 1_000_000  # evaluations, or records
 
 
 @dataclass(frozen=True)
@@ -190,8 +191,10 @@ def tune(
     for name, function in (("make", make), ("score", score)):
         if not callable(function):
             raise InputError(name, f"{shown(function)} must be a function")
-    if not isinstance(records, Iterable) or not (records := list(records)):
+    if not isinstance(records, Iterable) or not (records := list(islice(records, _MOST + 1))):
         raise InputError("records", f"{shown(records)} must be one record or more")
+    if len(records) > _MOST:
+        raise InputError("records", f"must be {_MOST} or fewer")
     stated = {
         "ranges": {name: [one.low, one.high, one.scale] for name, one in bounds.items()},
         "records": len(records), "seed": seed, "optimiser": optimiser, "failed": float(failed),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.arguments import MOST_STEPS, as_kind, as_whole
 from reobserve.core.direct_call import call
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import allocating_kernel
@@ -66,7 +66,7 @@ class DelayedInputPlant:
         """
         start = as_vector("initial_state", initial_state, self.model.states)
         step = as_positive("step", step)
-        steps = as_whole("steps", steps, 1)
+        steps = as_whole("steps", steps, 1, MOST_STEPS)
         for name, signal in (("control", control), ("delay", delay)):
             as_kind(name, signal, Signal)
         _check_axes("control", control)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.arguments import MOST_STEPS, as_kind, as_whole
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_vector
@@ -38,7 +38,7 @@ class PolynomialPlant:
         """
         start = as_vector("initial_state", initial_state, self.system.states)
         step = as_positive("step", step)
-        steps = as_whole("steps", steps, 1)
+        steps = as_whole("steps", steps, 1, MOST_STEPS)
         states = np.empty((steps + 1, len(start)))
         states[0] = start
         f = polynomials(self.system.dynamics)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.arguments import MOST_STEPS, as_kind, as_whole
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_positive, as_vector
@@ -39,7 +39,7 @@ class Satellite(RigidBody):
         """
         start = as_vector("initial_rate", initial_rate, 3)
         step = as_positive("step", step)
-        steps = as_whole("steps", steps, 1)
+        steps = as_whole("steps", steps, 1, MOST_STEPS)
         for name, signal in (("control", control), ("fault", fault)):
             if as_kind(name, signal, Signal).axes != 3:
                 raise InputError(name, f"has {signal.axes} axes, must have 3")

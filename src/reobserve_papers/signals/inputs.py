@@ -41,7 +41,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.arguments import MOST_STATES, as_kind, as_whole
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.matrices import as_floats, as_positive, as_scalar
 from reobserve_papers.signals.signal_shapes import (
@@ -105,7 +105,7 @@ class Signal:
             If a term has an unknown kind or key, a value of the wrong type, or samples that
             cannot be used.
         """
-        name, axes = as_kind("name", name, str), as_whole("axes", axes, 1)
+        name, axes = as_kind("name", name, str), as_whole("axes", axes, 1, MOST_STATES)
         if not isinstance(terms, list | tuple):
             raise InputError(name, f"{shown(terms)} must be a list of terms")
         return cls(axes, tuple(_parse(f"{name}[{i}]", t, axes) for i, t in enumerate(terms)))

@@ -48,7 +48,7 @@ def is_accepted(
             _link_project(project, folder, ("config", "workflow"))
         before = _files(top)
         refusal = None
-        with contextlib.chdir(folder), _limited_memory(), warnings.catch_warnings():
+        with contextlib.chdir(folder), limited_memory(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
                 call()
@@ -116,11 +116,11 @@ def _link_project(source: Path, target: Path, names: tuple[str, ...]) -> None:
 
 
 @contextlib.contextmanager
-def _limited_memory() -> Iterator[None]:
-    """Let a call that requests `MEMORY` more than is in use fail with a `MemoryError`."""
+def limited_memory(most: int = MEMORY) -> Iterator[None]:
+    """Let a call that requests so much more than is in use fail with a `MemoryError`."""
     used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
     limits = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (used * resource.getpagesize() + MEMORY, limits[1]))
+    resource.setrlimit(resource.RLIMIT_AS, (used * resource.getpagesize() + most, limits[1]))
     try:
         yield
     finally:

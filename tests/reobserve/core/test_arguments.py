@@ -13,8 +13,8 @@ from reobserve.core.finite import finite
 from reobserve.core.units import is_unit
 
 
-@pytest.mark.parametrize(("value", "most"), [(2, None), (2, 2), (np.int64(5), 5), (10**30, None)])
-def test_whole_number_in_the_range_is_accepted(value: Any, most: int | None) -> None:
+@pytest.mark.parametrize(("value", "most"), [(2, 2**31), (2, 2), (np.int64(5), 5)])
+def test_whole_number_in_the_range_is_accepted(value: Any, most: int) -> None:
     found = as_whole("it", value, 2, most)
     assert found == value
     assert type(found) is int
@@ -23,16 +23,23 @@ def test_whole_number_in_the_range_is_accepted(value: Any, most: int | None) -> 
 @pytest.mark.parametrize(
     ("value", "most", "said"),
     [
-        (1, None, "1 must be a whole number, 2 or more"),
+        (1, 2**31, "1 must be a whole number, 2 or more"),
         (1, 5, "1 must be a whole number, from 2 to 5"),
         (6, 5, "6 must be a whole number, from 2 to 5"),
         (3.0, 5, "3.0 must be a whole number, from 2 to 5"),
-        (True, None, "True must be a whole number, 2 or more"),
+        (True, 2**31, "True must be a whole number, 2 or more"),
     ],
 )
-def test_other_number_is_refused(value: Any, most: int | None, said: str) -> None:
+def test_other_number_is_refused(value: Any, most: int, said: str) -> None:
     with pytest.raises(InputError, match=f"^it: {said}"):
         as_whole("it", value, 2, most)
+
+
+def test_counts_have_a_limit() -> None:
+    assert as_whole("it", 2**31, 1) == 2**31
+    for value in (2**31 + 1, np.uint64(2**64 - 1), 10**400):
+        with pytest.raises(InputError, match=r"^it: .+ whole number, from 1 to 2147483648$"):
+            as_whole("it", value, 1)
 
 
 def test_words_flags_kinds_and_functions_are_checked() -> None:

@@ -187,7 +187,7 @@ def test_compilation_failure_quotes_the_compiler() -> None:
 
 def test_array_beyond_memory_is_reported_with_its_shape() -> None:
     large = np.broadcast_to(0.0, (10**6, 10**6))
-    with pytest.raises(InputError, match=r"^x: of shape \(1000000, 1000000\) does not fit "):
+    with pytest.raises(InputError, match=r"^x: of shape \(1000000, 1000000\) is too large"):
         as_numbers("x", large)
 
 

@@ -115,7 +115,7 @@ BAD_OBSERVERS: list[Any] = [
     ({"rho": "5"}, "rho: '5' is not a number"),
     ({"rho": 1e200}, "rho: 1e+200 1/s must keep S and the gains inside the float range"),
     ({"sampling_period": 0}, "sampling_period: 0 must be greater than zero"),
-    ({"order": 0}, "order: 0 must be a whole number, 1 or more: order 0 holds no delay"),
+    ({"order": 0}, "order: 0 must be a whole number, from 1 to 1000"),
     ({"order": 2.5}, "order: 2.5 must be a whole number"),
     ({"order": "2"}, "order: '2' must be a whole number"),
     ({"order": True}, "order: True must be a whole number"),
