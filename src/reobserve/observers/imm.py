@@ -56,6 +56,7 @@ from reobserve.observers.imm_sparse import Sources, sources_of
 from reobserve.observers.imm_state import ImmState, check_filters, size_of
 from reobserve.observers.imm_work import Posteriors, new_bank_rows, new_bank_work
 from reobserve.observers.kalman import LINEAR
+from reobserve.observers.linear_loop import NEGATIVE_CAUSE
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_times
@@ -331,7 +332,8 @@ class IMM(Observer[ImmState]):
             None if record.time is None else float(record.time[-1]),
             posteriors.noise if learned else None, past,
         )  # fmt: skip
-        return Rows(estimates, good, reached)
+        negative = good < k and bool((posteriors.covariances.diagonal(0, 1, 2) < 0).any())
+        return Rows(estimates, good, reached, finding=NEGATIVE_CAUSE if negative else "")
 
     def _inputs(self, state: ImmState, record: Record) -> tuple[Array, Array | None]:
         """The input of the row before a record, then of each row, (k + 1, 1 or r, p), and past."""

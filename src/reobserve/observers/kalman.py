@@ -18,8 +18,7 @@ from reobserve.observers.gain import Gain
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
 from reobserve.observers.linear_loop import (
-    NO_INNOVATION,
-    NO_INNOVATION_CAUSE,
+    CAUSES,
     predict_linear,
     run_linear,
 )
@@ -71,7 +70,7 @@ def linear_in_record(
 
 LINEAR = FilterSteps(
     LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work,
-    {NO_INNOVATION: NO_INNOVATION_CAUSE},
+    CAUSES,
 )  # fmt: skip
 
 

@@ -14,12 +14,14 @@ from reobserve.observers.gain import Gain
 from reobserve.observers.linear_steps import (
     LinearWork,
     assign_matrix,
+    below_zero,
     correct,
     fill,
     is_missing,
     predict,
     write_innovation_covariance,
 )
+from reobserve.observers.vague_start import REMEDY
 from reobserve.systems.linear import ModelRows
 
 Array = NDArray[np.float64]
@@ -32,6 +34,10 @@ NO_INNOVATION_CAUSE = (
     "the covariance of the next innovation is not finite and positive definite, as it is to "
     "rounding if measurements of the same are too precise beside their prediction"
 )
+
+NEGATIVE = 6
+NEGATIVE_CAUSE = f"rounding makes a variance of the state negative at the next sample; {REMEDY}"
+CAUSES = {NO_INNOVATION: NO_INNOVATION_CAUSE, NEGATIVE: NEGATIVE_CAUSE}
 
 
 class FilterRows(NamedTuple):
@@ -172,6 +178,9 @@ def _run_rows(
                 A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
                 inputs[r, k], mean, covariance, mean, covariance, work,
             )  # fmt: skip
+            if below_zero(covariance, work):
+                ends[r, 1] = NEGATIVE
+                break
         if kept is not None:
             keep_prediction(mean, covariance, kept, r, k)
         missing = is_missing(y)
@@ -192,6 +201,9 @@ def _run_rows(
             if kept is not None:
                 assign_matrix(kept.gain[r, k], work.gain)
         keep_noise(posteriors, not missing, rows, r, k, work)
+        if below_zero(covariance, work):
+            ends[r, 1] = NEGATIVE
+            break
         if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
             break
         ends[r, 0] = k + 1
@@ -224,6 +236,6 @@ def predict_linear(
             total += next_means[k, a] + next_covariances[k, a, a]
             for b in range(n):
                 crosses[k, a, b] = work.square[b, a]
-        if not math.isfinite(total):
+        if below_zero(next_covariances[k], work) or not math.isfinite(total):
             return k
     return len(next_means)

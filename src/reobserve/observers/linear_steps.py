@@ -365,6 +365,15 @@ def correct(
 
 
 @inlined_kernel
+def below_zero(covariance: Array, work: LinearWork) -> bool:
+    """True if rounding has made a variance negative."""
+    negative = False
+    for a in range(len(work.states)):
+        negative = negative or covariance[a, a] < 0.0
+    return negative
+
+
+@inlined_kernel
 def is_missing(measurement: Array) -> bool:
     """True if a sample was not taken: none of its measurements is there."""
     taken = False

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from reobserve.core.covariances import as_covariances
 from reobserve.core.errors import InputError
 from reobserve.core.value import for_loop
+from reobserve.observers import linear_loop
 from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
-from reobserve.observers.linear_loop import NO_INNOVATION, NO_INNOVATION_CAUSE
 from reobserve.observers.nonlinear_filter_work import (
     NO_OUTPUT,
     NO_POSTERIOR,
@@ -33,7 +33,7 @@ TAKES = ("Q", "R", "parameters", "dt", "keep")
 CAUSES = {
     NO_STATE: "f, or the covariance after it, is not finite at the next sample",
     NO_OUTPUT: "h is not finite at the next sample",
-    NO_INNOVATION: NO_INNOVATION_CAUSE,
+    **linear_loop.CAUSES,
     NO_ROOT: "the covariance of the state is no longer positive semidefinite, so that it has no "
     "Cholesky factor",
     NO_POSTERIOR: "the next correction is not finite",

@@ -20,6 +20,7 @@ from reobserve.observers.extended_kalman_loop import (
 )
 from reobserve.observers.filter_rules import noise_of_row, shortest
 from reobserve.observers.linear_loop import (
+    NEGATIVE,
     NO_INNOVATION,
     FilterPosteriors,
     FilterRows,
@@ -29,7 +30,13 @@ from reobserve.observers.linear_loop import (
     keep_row,
     weight_of_row,
 )
-from reobserve.observers.linear_steps import assign, assign_matrix, fill, is_missing
+from reobserve.observers.linear_steps import (
+    assign,
+    assign_matrix,
+    below_zero,
+    fill,
+    is_missing,
+)
 from reobserve.observers.nonlinear_filter_work import (
     NO_POSTERIOR,
     NO_STATE,
@@ -79,6 +86,9 @@ def predict(
         if not math.isfinite(total):
             work.cause[0] = NO_STATE
             return False
+    if below_zero(next_covariance, work.linear):
+        work.cause[0] = NEGATIVE
+        return False
     return True
 
 
@@ -106,6 +116,9 @@ def correct(
     total = log_likelihood
     for a in range(len(work.linear.states)):
         total += mean[a] + covariance[a, a]
+    if below_zero(covariance, work.linear):
+        work.cause[0] = NEGATIVE
+        return math.nan
     if math.isfinite(total):
         return log_likelihood
     if work.cause[0] == 0:

@@ -18,6 +18,11 @@ Array = NDArray[np.float64]
 FILTERED = 1e12  # how far the variance of a state may fall from one row to the next
 SMOOTHED = 1e10  # or by what later rows say of it
 
+REMEDY = (
+    "begin with a smaller covariance, and give less process noise, so that measurements are "
+    "predicted with variances of at most 1e10 times R"
+)
+
 
 class VagueStartWarning(UserWarning):
     """The covariance of a start is so large beside that of measurements that digits are lost.
@@ -48,7 +53,7 @@ def warn_of_start(
             if last > FILTERED * after:
                 _warn(
                     f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
-                    row, "begin with a smaller covariance", level,
+                    row, REMEDY, level,
                 )  # fmt: skip
                 return True
         before = found
@@ -60,7 +65,7 @@ def warn_of_start(
                 "measurements of the same are far more precise than their prediction at "
                 "{at}: the covariance of their innovation is nearly singular (its correlation "
                 f"matrix has the eigenvalue {least[row]:.1g})",
-                row, "begin with a smaller covariance, or give R larger", level,
+                row, REMEDY, level,
             )  # fmt: skip
             return True
     return False
@@ -103,7 +108,7 @@ def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
         _warn(
             f"the variance of state {state + 1} is {filtered[row, state]:g} at {{at}} before, "
             f"and {smoothed[row, state]:g} after smoothing",
-            row, "begin the filter with a smaller covariance", 4,
+            row, f"{REMEDY}, or smooth with a short `lag`", 4,
         )  # fmt: skip
 
 

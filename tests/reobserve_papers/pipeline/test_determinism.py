@@ -141,7 +141,9 @@ def test_second_build_in_the_same_folder_is_refused(fresh: Project) -> None:
             time.sleep(0.02)
         os.killpg(first.pid, signal.SIGSTOP)  # so that it does not end before the others
         second = fresh.snakemake(target, check=False)
-        here = (f"STAMP={fresh.folder}", f"BIN={Path(sys.executable).parent}")
+        stamp = fresh.folder / "installed"  # as if there were an environment
+        stamp.write_text(f"{fresh.folder}\n")
+        here = (f"STAMP={stamp}", f"BIN={Path(sys.executable).parent}")
         made = fresh.run("make", "figures", *here, check=False)
         changed = fresh.snakemake(other, "--config", "lie={plant: {step: 0.004}}", check=False)
         again = fresh.snakemake(target, check=False)
