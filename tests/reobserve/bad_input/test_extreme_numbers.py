@@ -109,6 +109,13 @@ def test_placed_gains_are_finite_or_refused(outputs: list[list[float]]) -> None:
     assert placed > 10
 
 
+@pytest.mark.parametrize("n", [2, 8, 13, 14, 16, 20])
+def test_gain_of_a_chain_of_integrators_is_the_polynomial_of_the_poles(n: int) -> None:
+    poles = -np.arange(1.0, n + 1)
+    gain = place_poles(np.diag(np.ones(n - 1), 1), np.eye(1, n), poles)
+    assert gain[:, 0] == pytest.approx(np.poly(poles)[1:], rel=1e-12)
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("form", ["identity", "transformed"])
 @pytest.mark.parametrize("term", ["a**2*exp(700*(a+1))", *(f"{size}*a**2" for size in SIZES)])
