@@ -14,15 +14,17 @@ from reobserve.estimation.row_by_row import RowByRow
 from reobserve.observers.vague_start import VagueStartWarning
 from tests.reobserve.estimation.records import specification, write_record
 
-KINDS = ("kalman", "extended-kalman", "unscented-kalman")
+KINDS = ("kalman", "extended-kalman", "unscented-kalman", "augmented-kalman", "fault-bank")
 
 
 def of_the_start(made: Estimation) -> list[str]:
     return [one for one in made.report.warnings if one.startswith("covariance: ")]
 
 
-@pytest.mark.parametrize("variance", [1.0, 1e18])
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.nightly_after(5)
+@pytest.mark.parametrize(
+    ("name", "variance"), [("kalman", 1.0), ("fault-bank", 1.0), *((name, 1e18) for name in KINDS)]
+)
 def test_report_warns_where_the_library_does(name: str, variance: float, tmp_path: Path) -> None:
     chosen = specification(name, observer={"initial_covariance": variance})
     columns = {title: values[:60] for title, values in simulated(name).record().items()}
@@ -48,3 +50,11 @@ def test_report_warns_where_the_library_does(name: str, variance: float, tmp_pat
     if variance == 1e18:
         assert doubts
         assert " at 0 s," in of_the_start(made)[0]
+
+
+@pytest.mark.parametrize("name", KINDS[:4])
+def test_report_of_smoothed_estimates_warns(name: str, tmp_path: Path) -> None:
+    chosen = specification(name, observer={"initial_covariance": 1e10}, smooth=True)
+    columns = {title: values[:60] for title, values in simulated(name).record().items()}
+    made = estimate_file(chosen, write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv")
+    assert of_the_start(made)
