@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_floats, as_vector
+from reobserve.core.matrices import as_sized, as_vector
 from reobserve.observers.gain import Gain
 from reobserve.observers.gaussian_filter import KEPT, GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, KalmanState
@@ -37,12 +37,12 @@ def as_fault_matrices(model: LinearModel, E: ArrayLike, F: ArrayLike | None) -> 
     InputError
         If a shape does not fit the model, or there is no fault.
     """
-    E = as_floats("fault_matrix", E)
+    E = as_sized("fault_matrix", E)
     if E.ndim != 2 or len(E) != model.states or not E.size:
         problem = f"has shape {E.shape}, must be ({model.states}, q), as A has so many rows"
         raise InputError("fault_matrix", problem)
     wanted = (model.outputs, E.shape[1])
-    F = np.zeros(wanted) if F is None else as_floats("output_fault_matrix", F)
+    F = np.zeros(wanted) if F is None else as_sized("output_fault_matrix", F)
     if F.shape != wanted:
         raise InputError("output_fault_matrix", f"has shape {F.shape}, must be {wanted}")
     return E, F

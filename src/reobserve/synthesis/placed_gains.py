@@ -41,7 +41,7 @@ def checked(A: Array, C: Array, gain: Array, poles: NDArray[np.complex128]) -> A
         reached = np.poly(np.linalg.eigvals(A - gain @ C))
         if np.all(np.abs(reached - np.poly(poles)) <= allowed):
             return gain
-    said = f"{shown(poles.tolist())} are too far from the eigenvalues of A to be placed to six digits"
+    said = f"{shown(poles.tolist())} are too far from the eigenvalues of A to be placed"
     raise InputError("poles", said)
 
 
@@ -79,7 +79,7 @@ def searched(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
         try:
             found = place_poles(A.T, C.T, poles, rtol=1e-12, maxiter=300)
         except (ValueError, np.linalg.LinAlgError):
-            said = f"{shown(poles.tolist())} are too far from the eigenvalues of A to be placed to six digits"
+            said = f"{shown(poles.tolist())} are too far from the eigenvalues of A to be placed"
             raise InputError("poles", said) from None
     gain: Array = np.ascontiguousarray(found.gain_matrix.T)
     return gain

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from reobserve_papers.steps.freshness import record_of
+
 from .conftest import CONFIG, PAPERS, Project
 
 pytestmark = pytest.mark.nightly
@@ -50,12 +52,14 @@ def of_figures(project: Project) -> dict[str, bytes]:
 
 
 def take(project: Project, built: Project, pattern: str) -> None:
-    """Copies of the results of another project for the other papers, newer than the files here."""
+    """Copies of results and their records of another project, newer than the files here."""
     for paper in OTHERS:
         for path in (built.folder / "results" / paper).glob(pattern):
-            copy = project.folder / path.relative_to(built.folder)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, copy)
+            name = str(path.relative_to(built.folder))
+            record = record_of(built.folder, name), record_of(project.folder, name)
+            for one, copy in ((path, project.folder / name), record):
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(one, copy)
 
 
 def test_builds_on_one_and_two_cores_are_bitwise_identical(

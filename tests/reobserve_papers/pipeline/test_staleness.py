@@ -299,7 +299,10 @@ def test_config_that_leaves_out_results_is_refused(
 
 
 @pytest.mark.nightly
-def test_edited_results_and_a_locked_folder_are_refused(built: Project, tmp_path: Path) -> None:
+def test_edited_results_and_a_locked_folder_are_refused(
+    built: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(built.folder / "src"))
     take_results(built.folder, tmp_path / "whole")
     assert Project(tmp_path / "whole").results() == built.results()
     path = built.folder / "results/ilo/fig1.svg"
