@@ -86,7 +86,7 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
     gain = bank._linear[0].method.function
     matrices = bank._model, bank._parameters, for_loop(bank.transition)
-    compiled = Bank(*matrices, bank._sources, bank.mixing)
+    compiled = Bank(*matrices, bank.mixing)
     held = u[:, None]
     rows = new_bank_rows(len(z), 3, 4, 1)
 

@@ -52,7 +52,6 @@ from reobserve.observers.gaussian_state import (
 )
 from reobserve.observers.imm_loop import Bank, run_bank
 from reobserve.observers.imm_one_by_one import run_one_by_one
-from reobserve.observers.imm_sparse import Sources, sources_of
 from reobserve.observers.imm_state import ImmState, check_filters, size_of
 from reobserve.observers.imm_work import Posteriors, new_bank_rows, new_bank_work
 from reobserve.observers.kalman import LINEAR
@@ -311,7 +310,7 @@ class IMM(Observer[ImmState]):
             with RaisedAfterLoop():
                 good = run_bank(
                     Bank(
-                        model, self._parameters, for_loop(self.transition), self._sources,
+                        model, self._parameters, for_loop(self.transition),
                         self.mixing, np.inf if self.gate is None else self.gate,
                     ),
                     self._linear[0].method.function, posteriors, record.y, inputs, fresh,
@@ -383,10 +382,6 @@ class IMM(Observer[ImmState]):
         ]
         alike = {(one.method.function, len(one.method.parameters)) for one in linear}
         return linear if len(linear) == len(self.filters) and len(alike) == 1 else []
-
-    @cached_property
-    def _sources(self) -> Sources:
-        return sources_of(self.transition, periods_of(self.filters[0])[0])
 
     @cached_property
     def _model(self) -> ModelRows:

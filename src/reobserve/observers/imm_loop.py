@@ -18,7 +18,6 @@ from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers import linear_steps as linear
 from reobserve.observers.filter_rules import shortest
-from reobserve.observers.imm_sparse import Sources, interact_by_sources
 from reobserve.observers.imm_work import LEAST, BankRows, BankWork, Posteriors
 from reobserve.observers.linear_loop import BEGUN
 from reobserve.systems.linear import ModelRows
@@ -34,7 +33,6 @@ class Bank(NamedTuple):
     model: ModelRows
     parameters: Array
     transition: Array
-    sources: Sources
     mixing: bool
     gate: float = math.inf
 
@@ -300,9 +298,7 @@ def run_bank(
         if k >= due:
             due = look(k)
         if k > 0 or not fresh:
-            few = bank.mixing and len(bank.sources.rest) > 0
-            if not few or not interact_by_sources(bank.sources, posteriors, work):
-                interact(bank.transition, bank.mixing, posteriors, work)
+            interact(bank.transition, bank.mixing, posteriors, work)
             predict(bank.model, k, inputs[k], posteriors, work)
         rows.log_likelihood[k] = correct(
             bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k],

@@ -49,8 +49,7 @@ class BankWork(NamedTuple):
     """Arrays of a step: mu(i|j), (r, r), mixed posteriors, log-likelihoods (r,), one filter's.
 
     ``taken``, (m,), is a row without outliers, ``changes``, (r, m), what each filter says of the
-    variances of R, ``apart``, (r, n), how far the filters' means are from a mixed one, and
-    ``common``, (n, n + 1), covariance and mean of all filters.
+    variances of R, and ``apart``, (r, n), how far the filters' means are from a mixed one.
     """
 
     weights: Array
@@ -59,7 +58,6 @@ class BankWork(NamedTuple):
     taken: Array
     changes: Array
     apart: Array
-    common: Array
     of_filter: linear.LinearWork
 
 
@@ -73,7 +71,7 @@ def new_bank_work(posteriors: Posteriors, mixing: bool, rules: Rules | None = No
     mixed = Posteriors(means, covariances, errors, np.empty(r), *posteriors[4:])
     return BankWork(
         np.empty((r, r)), mixed, np.empty(r), np.empty(m), np.zeros((r, m)), np.empty((r, n)),
-        np.empty((n, n + 1)), linear.new_linear_work(n, m, rules),
+        linear.new_linear_work(n, m, rules),
     )  # fmt: skip
 
 
