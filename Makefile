@@ -18,7 +18,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Into .venv, whatever pip's configuration says.
 export PIP_USER := 0
-unexport PIP_TARGET PIP_PREFIX
+unexport PIP_TARGET PIP_PREFIX PIP_ROOT
 # Hundreds of processes import the same files: let them be compiled once, whatever a shell or an
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
@@ -28,7 +28,7 @@ export PYTHONDONTWRITEBYTECODE :=
 .DEFAULT_GOAL := figures
 
 # Of a folder that was copied or moved, .venv runs the code of the other one.
-ifneq ($(shell cat $(STAMP) 2>/dev/null),$(CURDIR))
+ifneq ($(shell cat $(STAMP) 2>/dev/null),$(shell pwd -P))
 .PHONY: $(STAMP)
 endif
 
@@ -164,7 +164,7 @@ $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
 	@test ! -L $(VENV) || { echo "make: $(VENV) is a link, and what it links to would be cleared; remove the link" >&2; exit 1; }
 	@$(PYTHON) -m venv --clear $(VENV)
 	@PYTHON=$(BIN)/python sh workflow/envs/install.sh
-	@printf '%s\n' '$(CURDIR)' > $@
+	@pwd -P > $@
 
 # The locks name versions and hashes and no package index, and hold for every
 # supported Python: uv resolves them together, markers keep the branches apart.

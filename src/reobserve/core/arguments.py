@@ -64,6 +64,8 @@ def as_function(name: str, value: Kind) -> Kind:
 
 def as_poles(name: str, value: Any) -> NDArray[np.complex128]:
     """``value`` as a list of complex numbers. `InputError` names ``name`` otherwise."""
+    if isinstance(value, range) and len(value) > MOST_STATES:
+        value = value[: MOST_STATES + 1]  # is refused, and needs no memory before
     try:
         array = np.asarray(value)
     except Exception:  # rows of different lengths, or an object that only seems to be an array
@@ -71,5 +73,5 @@ def as_poles(name: str, value: Any) -> NDArray[np.complex128]:
     if array.dtype.kind not in "iufc" or array.ndim != 1 or np.ma.is_masked(value):
         raise InputError(name, f"{shown(value)} must be a list of numbers")
     if len(array) > MOST_STATES:
-        raise InputError(name, f"has {len(array)} numbers, must have {MOST_STATES} or fewer")
+        raise InputError(name, f"must have {MOST_STATES} numbers or fewer")
     return array.astype(np.complex128)

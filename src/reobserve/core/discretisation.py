@@ -72,8 +72,12 @@ def interpolating_hold(
     if places.ndim != 1 or len(np.unique(places)) != len(places) or not len(places):
         raise InputError("nodes", f"{shown(places.tolist())} must be different numbers")
     transition, effects = polynomial_hold(A, B, period, len(places) - 1)
-    coefficients = np.linalg.inv(np.vander(places, increasing=True))
-    return transition, np.einsum("ij,inp->jnp", coefficients, effects)
+    with np.errstate(all="ignore"):  # what is not finite is refused
+        coefficients = np.linalg.inv(np.vander(places, increasing=True))
+        found = np.einsum("ij,inp->jnp", coefficients, effects)
+    if not np.isfinite(found).all():
+        raise InputError("nodes", f"{shown(places.tolist())} are too near each other")
+    return transition, found
 
 
 def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> tuple[Array, Array]:

@@ -71,8 +71,9 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
             raise TypeError
         return np.require(array, np.float64, ["C", "A", "W"])
     except MemoryError:
-        shape = (len(value),) if isinstance(value, range) else np.shape(value)
-        raise InputError(name, f"of shape {shape} is too large for memory") from None
+        shape = (len(value),) if isinstance(value, range) else getattr(value, "shape", None)
+        which = f"of shape {shape} " if shape else ""
+        raise InputError(name, f"{which}is too large for memory") from None
     except Exception:  # rows of different lengths, too many of them, or an object's own error
         raise InputError(name, _no_numbers(value)) from None
 
@@ -145,7 +146,9 @@ def as_sized(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
     """``value`` as `as_floats` makes it, with at most `MOST_STATES` entries along each axis."""
     array = as_floats(name, value)
     if max(array.shape, default=0) > MOST_STATES:
-        raise InputError(name, f"has shape {array.shape}, must be {MOST_STATES} or fewer each")
+        raise InputError(
+            name, f"has shape {array.shape}, must be at most {MOST_STATES} along each axis"
+        )
     return array
 
 

@@ -13,7 +13,6 @@ from reobserve.core.matrices import as_row, as_samples, as_vector
 from reobserve.core.value import for_loop
 from reobserve.observers.filter_records import posteriors_of
 from reobserve.observers.gaussian_state import Correction, Gaussian, KalmanState, check_posterior
-from reobserve.observers.linear_loop import NEGATIVE
 
 if TYPE_CHECKING:
     from reobserve.observers.gaussian_filter import GaussianFilter
@@ -34,8 +33,7 @@ def predict(observer: GaussianFilter, posterior: Gaussian, u: ArrayLike) -> Gaus
             for_loop(posterior.covariance)[None], mean, *covariances, work,
         )  # fmt: skip
     if not good:
-        negative = bool((covariances[0, 0].diagonal() < 0).any())
-        cause = int(work.cause[0]) if hasattr(work, "cause") else NEGATIVE * negative
+        cause = int(work.cause[0]) if hasattr(work, "cause") else 0
         raise DivergenceError(type(observer).__name__, 0.0, observer.steps.causes.get(cause, ""))
     return Gaussian(mean[0], covariances[0, 0], posterior.error)
 

@@ -298,11 +298,12 @@ class IMM(Observer[ImmState]):
         gated, learned = self.gate is not None, self.noise_memory is not None
         rows, held = new_bank_rows(k, r, n, m, gated, learned), None
         refuse_given(self, record.given)
+        why = ""
         if not self._linear:
             if record.given:
                 problem = "is taken by banks of filters of one kind on linear models alone"
                 raise InputError(next(iter(record.given)), problem)
-            good = run_one_by_one(self, posteriors, record.y, inputs[:, 0], fresh, rows)
+            good, why = run_one_by_one(self, posteriors, record.y, inputs[:, 0], fresh, rows)
         else:
             model = self._model
             if record.given or state.held is not None or record.periods is not None:
@@ -331,8 +332,9 @@ class IMM(Observer[ImmState]):
             None if record.time is None else float(record.time[-1]),
             posteriors.noise if learned else None, past,
         )  # fmt: skip
-        negative = good < k and bool((posteriors.covariances.diagonal(0, 1, 2) < 0).any())
-        return Rows(estimates, good, reached, finding=NEGATIVE_CAUSE if negative else "")
+        if good < k and (posteriors.covariances.diagonal(0, 1, 2) < 0).any():
+            why = NEGATIVE_CAUSE
+        return Rows(estimates, good, reached, finding=why)
 
     def _inputs(self, state: ImmState, record: Record) -> tuple[Array, Array | None]:
         """The input of the row before a record, then of each row, (k + 1, 1 or r, p), and past."""

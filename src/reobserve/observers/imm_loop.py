@@ -255,8 +255,6 @@ def combine(posteriors: Posteriors, k: int, rows: BankRows, work: BankWork) -> b
     r, n = posteriors.means.shape
     whole = rows.log_likelihood[k]
     for j in range(r):
-        if linear.below_zero(posteriors.covariances[j], work.of_filter):
-            whole = math.nan
         probability[k, j] = math.exp(posteriors.log_probabilities[j])
         whole += probability[k, j]
     for a in range(n):

@@ -27,8 +27,8 @@ def run_one_by_one(
     inputs: Array,
     fresh: bool,
     rows: BankRows,
-) -> int:
-    """Fill the rows as `run_bank` does, and return the number of good ones."""
+) -> tuple[int, str]:
+    """Fill the rows as `run_bank` does; return the number of good ones and why it stopped."""
     transition = for_loop(bank.transition)
     work, gated = new_bank_work(posteriors, bank.mixing, bank._rules), bank.gate is not None
     for k, y in enumerate(measurements):
@@ -43,8 +43,8 @@ def run_one_by_one(
                 pairs = zip(bank.filters, begun, strict=True)
                 begun = [one.predict(posterior, inputs[k]) for one, posterior in pairs]
             found = _corrected(bank, begun, y, inputs[k + 1], rows.outlier[k * gated])
-        except DivergenceError:
-            return k
+        except DivergenceError as error:
+            return k, error.finding
         for j, after in enumerate(found):
             posteriors.means[j] = after.posterior.mean
             posteriors.errors[j] = after.posterior.error
@@ -55,8 +55,8 @@ def run_one_by_one(
         rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
         combine(posteriors, k, rows, work)
         if not all(np.isfinite(part[k]).all() for part in rows[:3]):
-            return k
-    return len(measurements)
+            return k, ""
+    return len(measurements), ""
 
 
 def _corrected(

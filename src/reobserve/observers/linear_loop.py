@@ -178,9 +178,6 @@ def _run_rows(
                 A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
                 inputs[r, k], mean, covariance, mean, covariance, work,
             )  # fmt: skip
-            if below_zero(covariance, work):
-                ends[r, 1] = NEGATIVE
-                break
         if kept is not None:
             keep_prediction(mean, covariance, kept, r, k)
         missing = is_missing(y)
@@ -197,13 +194,10 @@ def _run_rows(
                 innovation, work,
             )  # fmt: skip
             if math.isnan(rows.log_likelihood[r, k]):
-                ends[r, 1] = NO_INNOVATION
+                ends[r, 1] = NEGATIVE if below_zero(covariance, work) else NO_INNOVATION
             if kept is not None:
                 assign_matrix(kept.gain[r, k], work.gain)
         keep_noise(posteriors, not missing, rows, r, k, work)
-        if below_zero(covariance, work):
-            ends[r, 1] = NEGATIVE
-            break
         if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
             break
         ends[r, 0] = k + 1
@@ -236,6 +230,6 @@ def predict_linear(
             total += next_means[k, a] + next_covariances[k, a, a]
             for b in range(n):
                 crosses[k, a, b] = work.square[b, a]
-        if below_zero(next_covariances[k], work) or not math.isfinite(total):
+        if not math.isfinite(total):
             return k
     return len(next_means)

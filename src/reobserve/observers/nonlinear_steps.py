@@ -36,9 +36,12 @@ from reobserve.observers.linear_steps import (
     below_zero,
     fill,
     is_missing,
+    is_vague,
+    settle,
 )
 from reobserve.observers.nonlinear_filter_work import (
     NO_POSTERIOR,
+    NO_ROOT,
     NO_STATE,
     FilterWork,
 )
@@ -86,8 +89,10 @@ def predict(
         if not math.isfinite(total):
             work.cause[0] = NO_STATE
             return False
-    if below_zero(next_covariance, work.linear):
-        work.cause[0] = NEGATIVE
+    if weights is None:
+        settle(next_covariance, work.linear)
+    elif below_zero(next_covariance, work.linear):
+        work.cause[0] = NO_ROOT
         return False
     return True
 
@@ -117,8 +122,11 @@ def correct(
     for a in range(len(work.linear.states)):
         total += mean[a] + covariance[a, a]
     if below_zero(covariance, work.linear):
-        work.cause[0] = NEGATIVE
-        return math.nan
+        vague = is_vague(innovation, work.linear)
+        if vague or weights is not None:
+            work.cause[0] = NEGATIVE if vague else NO_ROOT
+            return math.nan
+        settle(covariance, work.linear)
     if math.isfinite(total):
         return log_likelihood
     if work.cause[0] == 0:

@@ -50,7 +50,7 @@ def warn_of_start(
     before = start.tolist()
     for row, found in enumerate(variances.tolist()):  # few: numpy takes longer
         for state, (last, after) in enumerate(zip(before, found, strict=True)):
-            if last > FILTERED * after:
+            if last > FILTERED * after > 0.0:  # zero is known, not vague
                 _warn(
                     f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
                     row, REMEDY, level,

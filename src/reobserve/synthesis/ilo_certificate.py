@@ -308,6 +308,8 @@ def _weights(design: _Design) -> tuple[float, float, float, float, float] | None
     square = max(design.k1, 1e-6) ** 2  # K1 = 0 leaves gamma_1 without an upper bound
     m = design.k2 / float(np.sqrt(design.spread))
     factor = (1 + m) / (square + m)
+    if not factor > 1:  # to rounding
+        return None
     margin = 1 / (square * factor) - 1
     for slack in 0.5 ** np.arange(1, 50):  # halved until the conditions hold
         gamma1, gamma2 = margin * (1 - slack), margin * slack / 2

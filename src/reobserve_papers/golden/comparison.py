@@ -105,6 +105,8 @@ def excess(golden: Numbers, found: Numbers, key: Key) -> float:
     if not before.tolerance:
         return 0.0
     off = distance(float(before.value), float(after.value))
+    if math.isinf(off):
+        return math.inf
     allowed = float(before.tolerance)
     return off / allowed if allowed else (math.inf if off else 0.0)
 

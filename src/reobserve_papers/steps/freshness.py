@@ -44,17 +44,30 @@ def check_code(project: Path) -> None:
 def mark_unrecorded(project: Path) -> None:
     """Give results of which Snakemake has no record one that fits no job: they are made again.
 
-    It would take them as they are. Damaged records, at which it would fail, are removed.
+    It would take them as they are. Damaged records, at which it would fail, are removed. While
+    another build writes them, all stay.
     """
+    if any((project / ".snakemake/locks").glob("*")):
+        return
     for record in (project / ".snakemake/metadata").rglob("*"):
         if record.is_file() and not _read(record):
             record.unlink(missing_ok=True)
-    for folder, _, names in os.walk(project / "results", followlinks=True):
-        for name in names:
+    seen: set[str] = set()
+    for folder, inside, names in os.walk(project / "results", followlinks=True):
+        if (real := os.path.realpath(folder)) in seen:
+            inside.clear()
+            continue
+        seen.add(real)
+        for name in filter(_is_text, names):
             record = record_of(project, str((Path(folder) / name).relative_to(project)))
             if name not in ("README.md", "parameters.json") and not record.exists():
                 write_text(record, json.dumps({"record_format_version": 6, "params": [UNRECORDED]}))
                 (project / ".snakemake/incomplete").mkdir(exist_ok=True)
+
+
+def _is_text(name: str) -> bool:
+    """True if a file can be a result: its name is no bytes of another encoding."""
+    return name.isprintable()
 
 
 def record_of(project: Path, output: str) -> Path:

@@ -196,6 +196,55 @@ def test_no_variance_is_below_zero(
             compare(make, one, *small, run)
 
 
+def turning(degrees: float) -> Array:
+    """An oscillator over one sample."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, s], [-s, c]])
+
+
+@pytest.mark.parametrize("kind", [KalmanFilter, ExtendedKalmanFilter, IMM])
+@given(degrees=st.integers(1, 90), missing=st.booleans(), power=st.integers(-9, 9))
+@example(degrees=3, missing=False, power=0)
+def test_variance_that_is_zero_to_rounding_stops_nothing(
+    kind: Any, degrees: int, power: int, *, missing: bool
+) -> None:
+    """The position is known, and the velocity turns into it and back."""
+    A, scale = turning(degrees), 10.0**power
+    model: Any = LinearModel(A, C=[[1.0, 0.0]], Q=0.0, R=0.01 * scale, check=False)
+    if kind is ExtendedKalmanFilter:
+        model = NonlinearModel(
+            lambda x: A @ x, lambda x: x[:1], 0.0, 0.01 * scale, states=2, outputs=1
+        )
+    filter_ = KalmanFilter(model) if kind is not ExtendedKalmanFilter else kind(model)
+    if kind is IMM:
+        filter_ = IMM([filter_, filter_], [[0.9, 0.1], [0.1, 0.9]])
+    y = np.full((100, 1), np.nan if missing else 0.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = filter_.run(y, state=filter_.init([0.0, 0.0], np.diag([0.0, scale])))
+    check(run)
+    if kind is KalmanFilter:
+        P = np.diag([0.0, scale])
+        for k in range(100):
+            P = A @ P @ A.T if k else P
+            K = P[:, 0] / (P[0, 0] + 0.01 * scale)
+            P = P if missing else P - np.outer(K, P[0])
+        assert run["covariance"][-1] == pytest.approx(P, abs=1e-12 * scale)
+
+
+def test_model_in_innovation_form_that_is_known_stops_nothing() -> None:
+    model = LinearModel([[0.9]], C=[[1.0]], Q=0.3 * 0.3 * 0.3, R=0.3)
+    filter_ = KalmanFilter(model)
+    check(filter_.run(np.zeros(20), state=filter_.init([0.0], 0.0), S=[[0.09]]))
+
+
+def test_sigma_points_of_negative_weight_are_no_rounding() -> None:
+    model = NonlinearModel(["a**2"], ["a"], 1e-3, 1.0, state_names=["a"])
+    filter_ = UnscentedKalmanFilter(model, kappa=-0.9, beta=-5.0)
+    with pytest.raises(DivergenceError, match="no longer positive semidefinite"):
+        filter_.run(np.zeros(5), state=filter_.init([0.0], 4.0))
+
+
 @given(seed=st.integers(0, 2**32 - 1), q=st.just(-np.inf) | POWERS, p=POWERS)
 @example(seed=8, q=-np.inf, p=0.0)
 def test_advice_of_the_smoother_helps(seed: int, q: float, p: float) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -116,6 +118,25 @@ def test_results_without_a_record_get_one_that_fits_no_job(
         assert json.loads(record_of(project, path).read_text())["params"] == [UNRECORDED]
     found = [path for path in (project / ".snakemake/metadata").rglob("*") if path.is_file()]
     assert len(found) == len({*paths})
+
+
+def test_odd_files_and_a_running_build_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "results/a").mkdir(parents=True)
+    for name in ("results/a/x", "results/y"):
+        (tmp_path / name).symlink_to(tmp_path / "results")
+    (tmp_path / "results/a/fig1.png").touch()
+    with suppress(OSError):  # of a file system that has text alone
+        (tmp_path / os.fsdecode(b"results/a/\xff.png")).touch()
+    locks, records = tmp_path / ".snakemake/locks", tmp_path / ".snakemake/metadata"
+    locks.mkdir(parents=True)
+    (locks / "0.output.lock").touch()
+    mark_unrecorded(tmp_path)
+    assert not records.exists()
+    (locks / "0.output.lock").unlink()
+    mark_unrecorded(tmp_path)
+    assert [path.name for path in records.iterdir()] == [
+        record_of(tmp_path, "results/a/fig1.png").name
+    ]
 
 
 @pytest.mark.parametrize("letters", [5, 150, 190, 240, 400])
