@@ -17,13 +17,13 @@ from benchmarks.compiled import pointer
 from benchmarks.delay_scipy import MODEL, RHO, SLOPE, solve
 from benchmarks.report import Check, Row, Section, seconds
 from benchmarks.timing import interleaved
-from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.core.value import for_loop
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_high_gain_loop import run as observer_loop
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve_papers.plants.delayed_input import DelayedInputPlant, _simulate, delayed
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import held_normal, random_stream
 
 Array = NDArray[np.float64]
 

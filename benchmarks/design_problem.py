@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve_papers.signals.random_streams import random_stream
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.discretisation import zero_order_hold
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
+from reobserve_papers.signals.random_streams import random_stream
 
 Array = NDArray[np.float64]
 

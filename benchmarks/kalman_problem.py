@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 import reobserve
 from benchmarks.compiled import build_c, pointer
-from reobserve.core.random_streams import random_stream
 from reobserve.observers import linear_steps
+from reobserve_papers.signals.random_streams import random_stream
 
 Array = NDArray[np.float64]
 Found = tuple[Array, ...]

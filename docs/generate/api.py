@@ -22,7 +22,7 @@ PARTS = {
         "codegen": "C code of observers",
         "estimation": "Observers on recorded data: specifications, designs, reading, reports",
         "polynomials": "Multivariate polynomial maps, Taylor series, expressions",
-        "core": "Errors, command lines, arrays, compiled kernels, random streams, files",
+        "core": "Errors, command lines, arrays, compiled kernels, files",
     },
     "reobserve_papers": {
         "steps": "A figure in one call, and the steps behind it",

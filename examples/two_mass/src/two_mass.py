@@ -16,7 +16,6 @@ import numpy as np
 from reobserve import LinearModel, luenberger, steady_kalman
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.matrices import Matrix
-from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import NotNegative, Positive, vector
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.responses import root_mean_square
@@ -24,6 +23,7 @@ from reobserve_papers.parameters import job
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import AnyFigure
 from reobserve_papers.plotting.figures import STYLES, headroom, new_figure, time_axis
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 # The keys of the parameter file, a class for a section.

@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.core.validation import Count, NotNegative, Positive, Share
 from reobserve.tuning.task import Array, TaskRecord
 from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
 from reobserve_papers.plants.hydraulic_actuator import simulate as move
+from reobserve_papers.signals.random_streams import held_normal, random_stream
 
 Four = tuple[float, float, float, float]
 Level = tuple[float, float, int]  # of a condition: noise, model and period

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.errors import InputError, nearest
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.parameters.overrides import follow, links_in
 from reobserve_papers.parameters.parameters import Parameters, leaves, matches
+from reobserve_papers.signals.random_streams import random_stream
 
 SEED = "seed"  # the root of all random streams: nobody states it
 

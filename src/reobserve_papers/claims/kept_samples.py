@@ -7,10 +7,10 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.claims.choices import Knob
 from reobserve_papers.claims.conventions import SingleAlternative
 from reobserve_papers.claims.registry import Claim, Registry
+from reobserve_papers.signals.random_streams import random_stream
 
 # Which samples count: by the values that were chosen, and the number of the sample.
 Keep = Callable[[Mapping[str, Any], int], bool]

@@ -1,1 +1,1 @@
-"""Things over time: series and their files, grids, signals, past inputs."""
+"""Things over time: series and their files, grids, signals, random streams."""

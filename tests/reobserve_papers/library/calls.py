@@ -16,6 +16,7 @@ from reobserve_papers.plants.pendulum import pendulum
 from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import held_normal, random_stream
 from reobserve_papers.signals.series import Channel
 from tests.reobserve.library.calls import Call, by_name, call
 from tests.reobserve.library.calls.call import COMPLEX, method
@@ -50,8 +51,14 @@ def calls() -> dict[str, Call]:
 
 def _signals() -> Iterator[Call]:
     time = HALF[::2]
+
+    def held(samples: Any, hold: Any, columns: Any) -> object:
+        return held_normal(random_stream(1), samples, hold, columns)
+
+    yield Call("signals.random_streams.held_normal", held, (20, 2, 3))
     yield from called({
         "signals.inputs.Signal.parse": ("fault", TERMS, 1),
+        "signals.random_streams.random_stream": (3, "noise"),
         "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
     })  # fmt: skip
     yield method(signal(), "__call__", time)

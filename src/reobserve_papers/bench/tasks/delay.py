@@ -18,7 +18,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, rising
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, SwitchedOffWarning
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
@@ -46,6 +45,7 @@ from reobserve_papers.papers.delay.estimator_variable_structure import (
 from reobserve_papers.plants.delayed_input import DelayedInputPlant
 from reobserve_papers.plants.first_order_lag import first_order_lag
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 
 A, B = 1.0, 1.0  # a and b of (39), as methods know them
 LINES = 3  # of the input

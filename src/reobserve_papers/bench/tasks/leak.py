@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.random_streams import random_stream
 from reobserve.detection.detectors import chi_square_window
 from reobserve.detection.false_alarms import false_alarm_threshold
 from reobserve.detection.innovation_tests import cusum, inflation_glr
@@ -52,6 +51,7 @@ from reobserve_papers.bench.leaks import (
 )
 from reobserve_papers.papers.imm.setup import STATE_FREQUENCY
 from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
+from reobserve_papers.signals.random_streams import random_stream
 
 Statistic = Callable[[TaskRecord], Array]
 NOMINAL: Level = (1.0, 0.0, 1)

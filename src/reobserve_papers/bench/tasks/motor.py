@@ -16,7 +16,6 @@ import numpy as np
 
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError, one_line
-from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
@@ -49,6 +48,7 @@ from reobserve_papers.bench.faults import (
 )
 from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 
 __all__ = ["METHODS", "Plant", "forget", "score", "simulate"]
 

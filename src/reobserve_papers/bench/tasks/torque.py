@@ -17,7 +17,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Positive, array
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
@@ -51,6 +50,7 @@ from reobserve_papers.bench.faults import (
 )
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 
 __all__ = ["METHODS", "Plant", "score", "simulate"]
 

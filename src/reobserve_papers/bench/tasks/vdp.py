@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.core.validation import Positive
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.high_gain import HighGainObserver
@@ -36,6 +35,7 @@ from reobserve.tuning.task import (
     estimates_of,
     estimates_with,
 )
+from reobserve_papers.signals.random_streams import held_normal, random_stream
 
 FIELD = ("x2", "-x1 + (1 - x1^2)*x2")
 UNCERTAIN = ("x2", "-a*x1 + b*(1 - x1^2)*x2")

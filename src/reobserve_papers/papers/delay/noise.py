@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import held_normal
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.signals.grid import noise_hold
 from reobserve_papers.signals.inputs import Signal, Term
+from reobserve_papers.signals.random_streams import held_normal
 from reobserve_papers.signals.signal_shapes import Linear
 
 Array = NDArray[np.float64]

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import located
 from reobserve.core.matrices import as_vector
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.delay import keys, noise
 from reobserve_papers.papers.delay.setup import (
     build_model,
@@ -21,6 +20,7 @@ from reobserve_papers.papers.delay.units import UNITS
 from reobserve_papers.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve_papers.signals.grid import noise_hold
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]

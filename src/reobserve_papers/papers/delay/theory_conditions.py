@@ -8,7 +8,6 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
@@ -16,6 +15,7 @@ from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.scoring import singular_instants
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
@@ -17,6 +16,7 @@ from reobserve_papers.papers.delay import keys, noise
 from reobserve_papers.papers.delay.setup import input_and_derivatives
 from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from reobserve.core.random_streams import random_stream
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
@@ -19,6 +18,7 @@ from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

@@ -8,7 +8,6 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve_papers.metrics.metrics import Metric
@@ -20,6 +19,7 @@ from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input
 from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.grid import stride
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

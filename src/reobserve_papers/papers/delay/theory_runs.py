@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve_papers.metrics.metrics import Metric
@@ -23,6 +22,7 @@ from reobserve_papers.papers.delay.setup import build_model, delay_bounds
 from reobserve_papers.papers.delay.theory_gains import FIGURES, ORDERS
 from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.grid import stride
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

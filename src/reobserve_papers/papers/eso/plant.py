@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.setup import MotorExperiment, experiment
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from reobserve.core.errors import InputError
-from reobserve.core.random_streams import random_stream
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.signals.random_streams import random_stream
 
 RANDOM = "random"  # as an observer of metrics: the median over all of them
 

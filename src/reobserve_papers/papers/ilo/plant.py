@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.core.errors import located
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.setup import grid, held_noise
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 

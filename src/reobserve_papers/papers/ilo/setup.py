@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.errors import InputError
-from reobserve.core.random_streams import held_normal
 from reobserve.core.validation import MatrixValue
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
@@ -18,6 +17,7 @@ from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body, on_axis
 from reobserve_papers.parameters.job import named
 from reobserve_papers.signals.grid import noise_hold, plant_grid
+from reobserve_papers.signals.random_streams import held_normal
 
 MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 

@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import located
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve_papers.papers.ilo import keys, study_rows
 from reobserve_papers.papers.ilo.observe import observe
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
 from reobserve_papers.papers.ilo.setup import build_observer, held_noise, pure_integrator
 from reobserve_papers.parameters.job import named
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve.synthesis.ilo_certificate import certify, lemma1_sides
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_stability import continuous_stability
@@ -21,6 +20,7 @@ from reobserve_papers.metrics.parts import part
 from reobserve_papers.papers.ilo import keys, theory_linear, theory_runs
 from reobserve_papers.papers.ilo.metrics import LEARNING
 from reobserve_papers.parameters.job import named
+from reobserve_papers.signals.random_streams import random_stream
 
 Array = NDArray[np.float64]
 

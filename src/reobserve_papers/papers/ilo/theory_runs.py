@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import Terms
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo_sampled import SampledILO
@@ -30,6 +29,7 @@ from reobserve_papers.papers.ilo.plant import simulate
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
 from reobserve_papers.papers.ilo.setup import build_observer, pure_integrator, stride
 from reobserve_papers.parameters.job import named
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]

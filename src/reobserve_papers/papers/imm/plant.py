@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.setup import ActuatorExperiment, experiment
 from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.plants.hydraulic_actuator import MOTION
 from reobserve_papers.plants.hydraulic_actuator import simulate as move
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 

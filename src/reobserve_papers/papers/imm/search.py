@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.calibration import Calibration, switches
 from reobserve_papers.papers.imm.study_rows import OUTPUTS, STATES, TUNED
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 
 Array = NDArray[np.float64]

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.matrices import spectral_radius
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_state import ImmState
@@ -33,6 +32,7 @@ from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve_papers.signals.grid import multiple
 from reobserve_papers.signals.inputs import Signal
+from reobserve_papers.signals.random_streams import random_stream
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.polynomials.maps import PolynomialMap
@@ -57,6 +56,7 @@ from reobserve_papers.papers.lie.theory_series import (
 from reobserve_papers.parameters.job import named
 from reobserve_papers.plants.polynomial import PolynomialPlant
 from reobserve_papers.signals.grid import multiple
+from reobserve_papers.signals.random_streams import random_stream
 
 Array = NDArray[np.float64]
 

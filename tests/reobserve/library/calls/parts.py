@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.documents import parse_yaml
-from reobserve.core.random_streams import held_normal, random_stream
 from reobserve.estimation.families import family
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.observers.kalman import KalmanFilter
@@ -33,11 +32,6 @@ def calls() -> Iterator[Call]:
 
 
 def _basics() -> Iterator[Call]:
-    def held(samples: Any, hold: Any, columns: Any) -> object:
-        return held_normal(random_stream(1), samples, hold, columns)
-
-    yield Call("core.random_streams.held_normal", held, (20, 2, 3))
-
     def tuned(make: Any, ranges: Any, records: Any, score: Any, budget: Any, seed: Any) -> object:
         # A type can be called, and what it raises when it is called is the caller's affair.
         make = dict if isinstance(make, type) else make
@@ -60,7 +54,6 @@ def _basics() -> Iterator[Call]:
     yield Call("tuning.fit.fit", fitted, ({"q": (1e-3, 10.0)}, [level], 500, 1))
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
-        "core.random_streams.random_stream": (3, "noise"),
         "detection.false_alarms.false_alarm_threshold": (np.arange(19.0), 0.05),
         "core.discretisation.zero_order_hold": hold,
         "core.discretisation.interpolating_hold": (*hold, [0.0, 1.0]),

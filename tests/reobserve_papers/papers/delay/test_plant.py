@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.core.random_streams import random_stream
 from reobserve_papers.papers.delay import keys, noise, plant
 from reobserve_papers.parameters.job import read_job
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 from tests.reobserve_papers.papers import fixed_parameters
 from tests.reobserve_papers.plants.test_delayed_plants import SINE

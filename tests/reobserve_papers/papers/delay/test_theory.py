@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.linalg import eigh
 
-from reobserve.core.random_streams import random_stream
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve_papers.metrics.metrics import Numbers, lookup
@@ -24,6 +23,7 @@ from reobserve_papers.papers.delay import (
 )
 from reobserve_papers.papers.delay.theory_gains import error_matrix
 from reobserve_papers.parameters.job import read_job
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.steps.chain import reads
 from reobserve_papers.steps.evaluation import Evaluator
 from tests.published_numbers import golden_metrics

@@ -12,7 +12,6 @@ from scipy.linalg import expm, solve_discrete_lyapunov
 
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
-from reobserve.core.random_streams import random_stream
 from reobserve.core.validation import parse
 from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.observers.run import Run
@@ -33,6 +32,7 @@ from reobserve_papers.papers.eso.scoring import (
 from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
 from reobserve_papers.steps.compute import compute_design, figure_data
 from reobserve_papers.steps.evaluation import Evaluator

@@ -16,7 +16,6 @@ import sympy
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.random_streams import random_stream
 from reobserve.polynomials.arithmetic import add_derivatives_along
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_t import solve_t
@@ -48,6 +47,7 @@ from reobserve_papers.papers.lie.theory_series import (
     sums_of_eigenvalues,
 )
 from reobserve_papers.parameters.figure_data import FigureData
+from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Series
 from tests.reobserve.observers.test_normal_form_observers import form
 from tests.reobserve.synthesis.normal_form import systems

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
-from reobserve.core.random_streams import held_normal, random_stream
+from reobserve_papers.signals.random_streams import held_normal, random_stream
 
 
 def test_random_stream_depends_only_on_seed_and_names() -> None:
@@ -40,3 +42,11 @@ def test_held_noise_changes_at_the_stated_interval(samples: int, hold: int) -> N
     values, before = held_normal(random_stream(7, "noise"), samples, hold)
     assert values.tolist() == [drawn[k // hold] for k in range(samples)]
     assert before.tolist() == [drawn[max(k - 1, 0) // hold] for k in range(samples)]
+
+
+@pytest.mark.parametrize("argument", ["samples", "hold", "columns"])
+@given(st.integers(max_value=-1) | st.integers(min_value=2**40))
+def test_noise_that_no_memory_holds_is_refused(argument: str, size: int) -> None:
+    sizes = {"samples": 20, "hold": 2, "columns": 3, argument: size}
+    with pytest.raises(InputError, match=f"^{argument}: .* must be a whole number"):
+        held_normal(random_stream(7), **sizes)
