@@ -27,7 +27,7 @@ PARTS = {
     "reobserve_papers": {
         "steps": "A figure in one call, and the steps behind it",
         "plants": "Simulated plants",
-        "signals": "Time series and their files, sampling grids, input signals",
+        "signals": "Time series and their files, sampling grids, input signals, random streams",
         "metrics": "Metrics of estimates",
         "parameters": "Parameter files",
         "claims": "Claims and verdicts",

@@ -15,11 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reobserve.core.errors import InputError, shown
-from reobserve.core.extras import package
 from reobserve.core.seals import opened_rows, sealed_rows
 from reobserve.core.units import is_unit
 
@@ -293,60 +289,3 @@ COUNT = Kind(lambda cell: not cell or WHOLE.allows(cell), "a whole number or emp
 UNIT = Kind(is_unit, "a unit")
 NAME = Kind(lambda cell: bool(cell.strip()) and cell.isprintable(), "a name")
 YES_NO = Kind(lambda cell: cell in ("yes", "no"), "yes or no")
-
-
-def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
-    """The columns of a user's CSV (with a header) or Parquet file, all of them numbers."""
-    package("pyarrow", "read columns of numbers")
-    import pyarrow as pa
-    import pyarrow.csv as csv_reader
-    import pyarrow.parquet as parquet
-
-    path = Path(path)
-    if path.suffix not in (".csv", ".parquet"):
-        raise InputError(str(path), "must be a .csv or a .parquet file")
-    stream = pa.BufferReader(read_bytes(path))
-    try:
-        if path.suffix == ".csv":
-            # Only what is empty is none: nan is a number, if a bad one, and NA is text.
-            empty = csv_reader.ConvertOptions(null_values=[""])
-            alone = csv_reader.ReadOptions(use_threads=False)
-            table = csv_reader.read_csv(stream, read_options=alone, convert_options=empty)
-        else:
-            checked = parquet.ParquetFile(stream, page_checksum_verification=True)
-            table = checked.read(use_threads=False)
-        names = [str(name) for name in table.column_names]
-    except (OSError, ValueError, KeyError, MemoryError, pa.ArrowException) as error:
-        raise InputError(str(path), f"cannot be read ({_first_line(error)})") from None
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(str(path), f"has the column {shown(name)} twice")
-    return {
-        name: _floats(path, name, column) for name, column in zip(names, table.columns, strict=True)
-    }
-
-
-def _floats(path: Path, name: str, column: Any) -> NDArray[np.float64]:
-    """A column as floats, or `InputError` with the row of the first cell that is none."""
-    import pyarrow as pa
-
-    place = f"column {shown(name)}"
-    if column.null_count:
-        row = next(row for row, cell in enumerate(column, start=1) if not cell.is_valid)
-        raise InputError(str(path), f"{place}, row {row} is empty, must be a number")
-    kind = column.type
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
-        for row, cell in enumerate(column.to_pylist(), start=1):
-            if not isinstance(cell, str) or math.isnan(_number(cell.strip())):
-                problem = f"{place}, row {row} is {shown(cell)}, must be a number"
-                raise InputError(str(path), problem)
-        raise InputError(str(path), f"{place} is of the type {kind}, must be numbers")
-    try:
-        values = column.cast(pa.float64()).to_numpy()
-    except (ValueError, MemoryError, pa.ArrowException) as error:
-        raise InputError(str(path), f"{place} cannot be read ({_first_line(error)})") from None
-    return np.asarray(values, dtype=np.float64)
-
-
-def _first_line(error: BaseException) -> str:
-    return next(iter(str(error).splitlines()), type(error).__name__)

@@ -44,6 +44,7 @@ import numpy as np
 from reobserve.core.arguments import MOST_STATES, as_kind, as_whole
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.matrices import as_floats, as_positive, as_scalar
+from reobserve_papers.signals.samples import read_samples
 from reobserve_papers.signals.signal_shapes import (
     SAME_INSTANT,
     Array,
@@ -264,7 +265,7 @@ def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: f
     interpolation = term.get("interpolation", "linear")
     if interpolation not in ("linear", "hold"):
         raise InputError(f"{name}.interpolation", f"{shown(interpolation)} must be linear or hold")
-    instants, values = _read_samples(name, Path(str(term["file"])), str(term["column"]))
+    instants, values = read_samples(Path(str(term["file"])), str(term["column"]))
     onset = max(onset, float(instants[0]))
     if end <= onset:
         raise InputError(f"{name}.until", f"{end:g} s, but the samples start at {onset:g} s")
@@ -274,25 +275,3 @@ def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: f
     inside = instants[(instants > onset) & (instants < end)]
     jumps = tuple(inside.tolist()) if interpolation == "hold" else ()
     return Term(axis, onset, end, shape, jumps)
-
-
-def _read_samples(name: str, path: Path, column: str) -> tuple[Array, Array]:
-    from reobserve.core.files import read_columns
-
-    columns = read_columns(path)
-    for wanted in ("time", column):
-        if wanted not in columns:
-            listed = ", ".join(columns)
-            raise InputError(f"{name}.file", f"{path} has no column {wanted!r}, only {listed}")
-    instants, values = columns["time"], columns[column]
-    for label, numbers in (("time", instants), (column, values)):
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        if bad.size:
-            raise InputError(
-                f"{name}.file",
-                f"{path}, column {label!r}, row {bad[0] + 1} is {numbers[bad[0]]}, "
-                "must be a finite number",
-            )
-    if len(instants) < 2 or np.any(np.diff(instants) <= 0):
-        raise InputError(f"{name}.file", f"{path}: times must increase, over two rows or more")
-    return instants, values

@@ -1,4 +1,4 @@
-"""Outputs replace only regular files; tables and columns are checked completely."""
+"""Outputs replace only regular files; tables are checked completely."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from pathlib import Path
 from threading import Event
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as parquet
 import pytest
 
 from reobserve.cli.main import main
@@ -27,7 +25,6 @@ from reobserve.core.files import (
     YES_NO,
     Kind,
     check_replaceable,
-    read_columns,
     read_table,
     write_table,
     write_text,
@@ -273,47 +270,6 @@ def test_table_that_is_empty_or_not_utf8_is_refused(tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(InputError, match=said):
             read_table(path, ["name"])
-
-
-# --- Columns of user files ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ("time,n\xe9e\n0,1\n".encode("latin-1"), r"cannot be read \(.+\)$"),
-        (b"time,a\n0,1\n1,\n", r"column 'a', row 2 is empty, must be a number$"),
-        (b"time,a\n0,1\n1,NA\n", r"column 'a', row 2 is 'NA', must be a number$"),
-        (b"time,a\n0,1+2j\n", r"column 'a', row 1 is '1\+2j', must be a number$"),
-        (b"time,a\n0,true\n", r"column 'a', row 1 is True, must be a number$"),
-        (b"time,a\n0,2007-05-01\n", r"column 'a', row 1 is an object of type date, must"),
-        (b"time,time\n0,1\n", r"has the column 'time' twice$"),
-        (b"\0\0\0", r"cannot be read|must be"),
-    ],
-)
-def test_csv_columns_must_be_numeric(tmp_path: Path, content: bytes, said: str) -> None:
-    path = tmp_path / "torque.csv"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=said) as caught:
-        read_columns(path)
-    assert str(caught.value).startswith(str(path))
-    assert "\n" not in str(caught.value)
-
-
-def test_parquet_columns_must_be_numeric(tmp_path: Path) -> None:
-    path = tmp_path / "torque.parquet"
-    for column, said in (
-        (pa.array([1.0, None]), "row 2 is empty"),
-        (pa.array(["1", "x"]), "row 2 is 'x', must be a number"),
-        (pa.array([[1.0], [2.0]]), r"row 1 is \[1.0\], must be a number"),
-        (pa.array([2**60 + 1, 1]), "cannot be read"),
-        (pa.array(["1", "2"]), "is of the type string, must be numbers"),
-    ):
-        parquet.write_table(pa.table({"a": column}), path)
-        with pytest.raises(InputError, match=f"column 'a',? ?{said}"):
-            read_columns(path)
-    parquet.write_table(pa.table({"a": pa.array([1, 2], pa.int8())}), path)
-    assert read_columns(path)["a"].tolist() == [1.0, 2.0]
 
 
 # --- The command line -----------------------------------------------------------------------------

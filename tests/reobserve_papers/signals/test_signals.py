@@ -530,56 +530,11 @@ def test_position_of_an_invalid_term_is_named() -> None:
         Signal.parse("fault", "sine", 3)
 
 
-BAD_TABLES = [
-    ("time,torque\n0,1\n1,nan\n2,3\n", r"column 'torque', row 2 is nan, must be a finite number$"),
-    ("time,torque\n0,1\n1,\n2,3\n", r"column 'torque', row 2 is empty, must be a number$"),
-    ("time,torque\n0,1\n1,2\n2,inf\n", r"column 'torque', row 3 is inf, must be"),
-    ("time,torque\nnan,1\n1,2\n", r"column 'time', row 1 is nan, must be a finite number$"),
-    ("time,force\n0,1\n1,2\n", r"has no column 'torque', only time, force$"),
-    ("clock,torque\n0,1\n1,2\n", r"has no column 'time', only clock, torque$"),
-    ("time,torque\n0,1\n2,2\n2,3\n", r"times must increase, over two rows or more$"),
-    ("time,torque\n1,1\n0,2\n", r"times must increase, over two rows or more$"),
-    ("time,torque\n0,1\n", r"times must increase, over two rows or more$"),
-    ("time,torque\n0,1\n1,high\n", r"column 'torque', row 2 is 'high', must be a number$"),
-    ("time,torque\n0,1\n1\n", r"cannot be read \(.*\)$"),
-    ("time,torque,torque\n0,1,1\n1,2,2\n", r"has the column 'torque' twice$"),
-    ("", r"cannot be read \(.*\)$"),
-]
-
-
-@pytest.mark.parametrize(("text", "sentence"), BAD_TABLES)
-def test_invalid_sample_tables_are_refused_naming_file_and_position(
-    tmp_path: Path, text: str, sentence: str
-) -> None:
-    path = tmp_path / "torque.csv"
-    path.write_text(text)
-    with pytest.raises(InputError, match=sentence) as found:
-        parse(samples(path))
-    assert str(path) in str(found.value)
-    assert "\n" not in str(found.value)
-
-
-def test_invalid_sample_files_are_refused(tmp_path: Path, record: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"nowhere.csv: cannot be read \(No such file or directory\)$"
-    ):
-        parse(samples(tmp_path / "nowhere.csv"))
-    with pytest.raises(InputError, match=r"torque.txt: must be a .csv or a .parquet file$"):
-        parse(samples(tmp_path / "torque.txt"))
+def test_invalid_samples_are_refused(record: Path) -> None:
     with pytest.raises(InputError, match=r"^fault\[0\].interpolation: 'cubic' must be linear or "):
         parse(samples(record, interpolation="cubic"))
     with pytest.raises(InputError, match=r"^fault\[0\].until: 0.4 s, .* samples start at 0.5 s$"):
         parse(samples(record, until=0.4))
-
-
-def test_truncated_parquet_file_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "torque.parquet"
-    parquet.write_table(pa.table({"time": INSTANTS, "torque": VALUES}), path)
-    whole = path.read_bytes()
-    for length in (0, 3, len(whole) // 2, len(whole) - 1):
-        path.write_bytes(whole[:length])
-        with pytest.raises(InputError, match=r"torque.parquet: cannot be read \(.*\)$"):
-            parse(samples(path))
 
 
 def test_growing_sine_and_its_derivatives_are_exact() -> None:
