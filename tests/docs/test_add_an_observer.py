@@ -1,4 +1,4 @@
-"""The page on adding an observer, followed literally in a copy of the project and outside of it."""
+"""The page on adding an observer, followed literally in a copy of the project."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -63,21 +62,6 @@ def copied(folder: Path) -> Path:
     return folder / "src"
 
 
-def installed(folder: Path) -> Path:
-    """The two files in a user's package, installed as by pip."""
-    package, about = folder / "tracking", folder / "tracking-1.0.dist-info"
-    package.mkdir()
-    about.mkdir()
-    (package / "__init__.py").touch()
-    (package / "clipped_kalman.py").write_text(TITLED[ALGORITHM], encoding="utf-8")
-    moved = TITLED[FAMILY].replace("reobserve.observers.clipped_kalman", "tracking.clipped_kalman")
-    (package / "family.py").write_text(moved, encoding="utf-8")
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: tracking\nVersion: 1.0\n")
-    lines = TITLED["pyproject.toml"].replace('[project.entry-points."reobserve.families"]', "")
-    (about / "entry_points.txt").write_text("[reobserve.families]\n" + lines.replace('"', ""))
-    return folder
-
-
 def run_in(folder: Path, source: Path, *words: str) -> str:
     """What Python prints in a folder, with the packages in ``source`` first."""
     path = os.pathsep.join([str(source), str(folder), str(ROOT / "src")])
@@ -91,32 +75,17 @@ def run_in(folder: Path, source: Path, *words: str) -> str:
 
 
 def test_the_page_states_all_files_and_lines() -> None:
-    assert set(TITLED) == {ALGORITHM, FAMILY, CASES, PUBLIC, TABLE, "pyproject.toml"}
+    assert set(TITLED) == {ALGORITHM, FAMILY, CASES, PUBLIC, TABLE}
     assert len(TYPED) == 5
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("place", [copied, installed])
-def test_following_the_page_adds_an_observer_to_all_commands(
-    place: Callable[[Path], Path], tmp_path: Path
-) -> None:
-    source = place(tmp_path)
+def test_following_the_page_adds_an_observer_to_all_commands(tmp_path: Path) -> None:
+    source = copied(tmp_path)
     for typed in TYPED:
-        words = ["-m", *typed.split()]
-        if place is installed and "--example clipped-kalman" in typed:
-            # A user's package has no examples.
-            run_in(tmp_path, source, *[w.replace("clipped-kalman", "kalman") for w in words])
-            text = (
-                (tmp_path / "record.yaml")
-                .read_text()
-                .replace("kind: kalman", "kind: clipped-kalman")
-            )
-            stated = text.replace("columns:", "  gains: {b: 10}\ncolumns:", 1)
-            (tmp_path / "record.yaml").write_text(stated)
-            continue
         if typed == TYPED[-1]:
             add_outliers(tmp_path / "record.csv")
-        reported = run_in(tmp_path, source, *words)
+        reported = run_in(tmp_path, source, "-m", *typed.split())
         if "--out cart.json" in typed:
             assert "clipped from 3 deviations on" in reported
     assert "Kalman filter with clipped corrections" in (tmp_path / "code/cart.c").read_text()
@@ -158,6 +127,27 @@ def by_numpy(y: np.ndarray, u: np.ndarray) -> np.ndarray:
         rows.append(x)
     assert clipped >= 10
     return np.array(rows)
+
+
+OUTSIDE = """
+import numpy as np
+from reobserve import LinearModel
+from tracking.clipped_kalman import ClippedKalmanFilter
+A, B, y, u = np.load("record.npz").values()
+observer = ClippedKalmanFilter(LinearModel(A, B, np.eye(2), Q=1e-4, R=[1e-3, 1e-4]), 10.0)
+np.save("found.npy", observer.run(y, u, state=observer.init([0.0, 0.0], 1.0))["state"])
+"""
+
+
+def test_algorithm_in_another_package_runs_in_python(tmp_path: Path) -> None:
+    (tmp_path / "tracking").mkdir()
+    (tmp_path / "tracking/clipped_kalman.py").write_text(TITLED[ALGORITHM], encoding="utf-8")
+    A, B = zero_order_hold([[-10.0, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], 0.01)
+    y, u = np.zeros((100, 2)), np.ones((100, 1))
+    y[4::9, 0], y[7::9, 1] = 300.0, np.nan
+    np.savez(tmp_path / "record.npz", A=A, B=B, y=y, u=u)
+    run_in(tmp_path, tmp_path, "-c", OUTSIDE)
+    np.testing.assert_allclose(np.load(tmp_path / "found.npy"), by_numpy(y, u), rtol=1e-9)
 
 
 @pytest.mark.nightly

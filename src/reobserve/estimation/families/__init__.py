@@ -1,21 +1,18 @@
 """Families of observers: how each is declared, designed, run on a record and exported.
 
 A family is one module with one class, a `reobserve.estimation.families.design.Design`. The table
-below is the only list of them. A package of a user's adds one by an entry point of the group
-``reobserve.families``, with the name of the family and ``module:Class``.
+below is the only list of them.
 """
 
 from __future__ import annotations
 
-from importlib import import_module, metadata
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from reobserve.core.errors import InputError, one_line, shown
+from reobserve.core.errors import InputError, shown
 
 if TYPE_CHECKING:
     from reobserve.estimation.families.design import Design
-
-GROUP = "reobserve.families"  # of entry points
 
 # By name: the module here and its class, imported when the family is asked for.
 FAMILIES = {
@@ -46,23 +43,11 @@ def family(name: Any, place: str = "kind") -> type[Design]:
     InputError
         If there is none of that name.
     """
-    found: type[Design]
-    if isinstance(name, str) and name in FAMILIES:
-        module, _, attribute = FAMILIES[name].partition(":")
-        found = getattr(import_module(f"{__name__}.{module}"), attribute)
-        return found
-    added = metadata.entry_points(group=GROUP)
-    for entry in added:
-        if entry.name == name:
-            try:
-                found = entry.load()
-            except Exception as error:
-                problem = f"{name} ({entry.value}) cannot be imported: {one_line(error)}"
-                raise InputError(place, problem) from error
-            return found
-    names = (*FAMILIES, *(entry.name for entry in added))
-    problem = f"{shown(name)} must be one of {', '.join(names)}"
-    raise InputError(place, problem)
+    if not isinstance(name, str) or name not in FAMILIES:
+        raise InputError(place, f"{shown(name)} must be one of {', '.join(FAMILIES)}")
+    module, _, attribute = FAMILIES[name].partition(":")
+    found: type[Design] = getattr(import_module(f"{__name__}.{module}"), attribute)
+    return found
 
 
 def name_of(kind: type[Design]) -> str:
@@ -71,14 +56,10 @@ def name_of(kind: type[Design]) -> str:
     Raises
     ------
     InputError
-        If it is in no table.
+        If it is not in the table.
     """
     named = f"{kind.__module__}:{kind.__qualname__}"
-    tables = {
-        **{name: f"{__name__}.{where}" for name, where in FAMILIES.items()},
-        **{entry.name: entry.value for entry in metadata.entry_points(group=GROUP)},
-    }
-    for name, where in tables.items():
-        if where == named:
+    for name, where in FAMILIES.items():
+        if f"{__name__}.{where}" == named:
             return name
     raise InputError("design", f"{shown(kind.__name__)} must be a design of a family that there is")
