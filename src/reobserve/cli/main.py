@@ -27,12 +27,12 @@ COMMANDS = CommandTable(
         ),
         "design": Command(
             "compute gains for a model, or check given ones, and certify them",
-            "reobserve.cli.designs:design", "reobserve.estimation.families.design_command:run",
+            "reobserve.cli.designs:design", "reobserve.estimation.design_command:run",
             "design",
         ),
         "export": Command(
             "write a design as C code",
-            "reobserve.cli.designs:export", "reobserve.estimation.families.export_command:run",
+            "reobserve.cli.designs:export", "reobserve.estimation.export_command:run",
             "design",
         ),
     },

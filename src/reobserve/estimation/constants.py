@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.matrices import as_scalar
-from reobserve.estimation.families.design import Design
+from reobserve.estimation.observer_design import Design
 from reobserve.estimation.quantities import conversion
 from reobserve.estimation.specification import Columns, Constant
 

@@ -16,10 +16,10 @@ from reobserve.estimation.alarms import alarms, warn_of_start_up
 from reobserve.estimation.constants import inputs
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
-from reobserve.estimation.families.design import Design
 from reobserve.estimation.gaps import Gaps, Stretch, joined
 from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
+from reobserve.estimation.observer_design import Design
 from reobserve.estimation.outputs import Outputs, outputs
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.start_up import start_up

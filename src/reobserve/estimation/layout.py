@@ -15,7 +15,7 @@ from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.dialect import SIGNS
-from reobserve.estimation.families.design import Design
+from reobserve.estimation.observer_design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, conversion
 from reobserve.estimation.specification import Column, Columns, Constant, TimeColumn
 from reobserve.estimation.text_rows import RowError

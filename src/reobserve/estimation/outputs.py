@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.signals import product
 from reobserve.estimation.layout import Layout
+from reobserve.estimation.observer_design import Design
 from reobserve.estimation.quantities import SAME, Conversion, conversion
 
 Array = NDArray[np.float64]

@@ -14,9 +14,9 @@ from reobserve.core.files import read_text
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dialect import Dialect
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import naming
 from reobserve.estimation.layout import Layout
+from reobserve.estimation.observer_design import Design
 from reobserve.estimation.reading import File
 from reobserve.estimation.specification import as_specification, read_specification
 from reobserve.tuning.search import Settings

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.families.export_command import exported, run
+from reobserve.estimation.export_command import exported, run
 from reobserve.estimation.families.program import program_of
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.kalman import KalmanFilter

@@ -1,6 +1,6 @@
 """Families of observers: how each is declared, designed, run on a record and exported.
 
-A family is one module with one class, a `reobserve.estimation.families.design.Design`. The table
+A family is one module with one class, a `reobserve.estimation.observer_design.Design`. The table
 below is the only list of them.
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from reobserve.core.errors import InputError, shown
 
 if TYPE_CHECKING:
-    from reobserve.estimation.families.design import Design
+    from reobserve.estimation.observer_design import Design
 
 # By name: the module here and its class, imported when the family is asked for.
 FAMILIES = {

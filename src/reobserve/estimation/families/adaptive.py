@@ -10,8 +10,8 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Example, pairs, pole_text
 from reobserve.estimation.families.rigid_body import ALARMS, BODY, BodyDesign, BodySystem
+from reobserve.estimation.observer_design import Certificate, Example, pairs, pole_text
 from reobserve.observers.adaptive import AdaptiveObserver
 
 Array = FloatArray

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Example, pairs
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import (
     FilterDesign,
@@ -20,6 +19,7 @@ from reobserve.estimation.families.linear_system import (
 )
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered, variances
+from reobserve.estimation.observer_design import Certificate, Example, pairs
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.linear import steady_kalman_gain

@@ -12,11 +12,11 @@ import numpy as np
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.core.validation import NotNegative
-from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.imm import weighed
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, unobserved
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, covariances
+from reobserve.estimation.observer_design import Certificate, Estimates, Example
 from reobserve.observers.grid_filter import GridFilter
 
 Array = FloatArray

@@ -11,7 +11,9 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import (
+from reobserve.estimation.families.linear_system import check_shape
+from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
+from reobserve.estimation.observer_design import (
     Certificate,
     Design,
     Estimates,
@@ -20,8 +22,6 @@ from reobserve.estimation.families.design import (
     pairs,
     pole_text,
 )
-from reobserve.estimation.families.linear_system import check_shape
-from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
 from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import certify

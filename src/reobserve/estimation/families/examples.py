@@ -7,7 +7,7 @@ from functools import cache
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.estimation.example_records import Simulated, followed
 from reobserve.estimation.families import FAMILIES, family
-from reobserve.estimation.families.design import Example
+from reobserve.estimation.observer_design import Example
 
 _EVEN = "sampling: {{period: {}, missing: interpolate, gap: {}, at_gap: restart}}\n"
 _TIME = "columns:\n  time: {column: t, unit: ms}\n  measurements:\n"

@@ -9,9 +9,9 @@ from typing import ClassVar, Literal
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import Certificate, Design, Example
 from reobserve.estimation.families.signals import NamedSignal, listed, numbered
 from reobserve.estimation.families.triangular import TriangularSystem, step_growth
+from reobserve.estimation.observer_design import Certificate, Design, Example
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, ExtendedHighGainState
 
 EXAMPLE = """\

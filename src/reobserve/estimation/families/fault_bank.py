@@ -12,7 +12,6 @@ import numpy as np
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.core.validation import Positive
-from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.imm import weighed
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, check_shape
@@ -26,6 +25,7 @@ from reobserve.estimation.families.signals import (
     product,
     variances,
 )
+from reobserve.estimation.observer_design import Certificate, Estimates, Example
 from reobserve.observers.fault_bank import FaultBank
 
 Array = FloatArray

@@ -25,7 +25,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.files import write_text
 from reobserve.core.validation import parse
 from reobserve.estimation.families import family, name_of
-from reobserve.estimation.families.design import Design, plain
+from reobserve.estimation.observer_design import Design, plain
 
 FORMAT = "reobserve design"
 SCHEMA = 1

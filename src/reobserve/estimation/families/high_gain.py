@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import ClassVar
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.families.design import Certificate, Design, Example
 from reobserve.estimation.families.signals import NamedSignal, listed
 from reobserve.estimation.families.triangular import TriangularSystem, decay_sentence, step_growth
+from reobserve.estimation.observer_design import Certificate, Design, Example
 from reobserve.observers.high_gain import HighGainObserver, HighGainState
 
 EXAMPLE = """\

@@ -10,8 +10,8 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector, spectral_radius
-from reobserve.estimation.families.design import Certificate, Example
 from reobserve.estimation.families.rigid_body import ALARMS, BODY, BodyDesign, BodySystem
+from reobserve.estimation.observer_design import Certificate, Example
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.synthesis.ilo_accuracy import predicted_rms_error

@@ -12,7 +12,6 @@ import numpy as np
 from reobserve.core.errors import InputError, located
 from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import (
     FilterDesign,
@@ -22,6 +21,7 @@ from reobserve.estimation.families.linear_system import (
 )
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
+from reobserve.estimation.observer_design import Certificate, Estimates, Example
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_state import ImmState

@@ -10,9 +10,9 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Example, pairs
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, decay_sentences
 from reobserve.estimation.families.rules import rules
+from reobserve.estimation.observer_design import Certificate, Example, pairs
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.kalman import KalmanFilter

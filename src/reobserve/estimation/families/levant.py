@@ -14,8 +14,8 @@ from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs.sampling import RowBuffer
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import Certificate, Design, Example, System
 from reobserve.estimation.families.signals import NamedSignal, numbered, product
+from reobserve.estimation.observer_design import Certificate, Design, Example, System
 from reobserve.observers.levant import LevantDifferentiator, LevantState
 
 Array = FloatArray

@@ -12,9 +12,9 @@ import numpy as np
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import Certificate, Design, Estimates, System, pole_text
 from reobserve.estimation.families.rules import periods, rule_estimates
 from reobserve.estimation.families.signals import NamedSignal, listed, numbered, variances
+from reobserve.estimation.observer_design import Certificate, Design, Estimates, System, pole_text
 from reobserve.observers.filter_halves import innovation_deviation
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from reobserve.core.extras import package
 
 if TYPE_CHECKING:
-    from reobserve.estimation.families.design import Design
+    from reobserve.estimation.observer_design import Design
 
 
 def load_design(path: str | Path) -> Design:

@@ -10,10 +10,10 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Example, pairs
 from reobserve.estimation.families.kalman import MOTOR
 from reobserve.estimation.families.linear_system import FilterDesign, LinearSystem, decay_sentences
 from reobserve.estimation.families.poles import Poles, sampled_poles
+from reobserve.estimation.observer_design import Certificate, Example, pairs
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
 from reobserve.observers.gaussian_state import KalmanState
 

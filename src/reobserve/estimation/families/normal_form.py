@@ -12,7 +12,11 @@ import numpy as np
 
 from reobserve.core.errors import InputError, nearest
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import (
+from reobserve.estimation.families.linear_system import check_shape
+from reobserve.estimation.families.poles import Poles, stable_poles
+from reobserve.estimation.families.signals import NamedSignal, numbered
+from reobserve.estimation.families.text_model import check_texts
+from reobserve.estimation.observer_design import (
     Certificate,
     Design,
     Estimates,
@@ -21,10 +25,6 @@ from reobserve.estimation.families.design import (
     pairs,
     pole_text,
 )
-from reobserve.estimation.families.linear_system import check_shape
-from reobserve.estimation.families.poles import Poles, stable_poles
-from reobserve.estimation.families.signals import NamedSignal, numbered
-from reobserve.estimation.families.text_model import check_texts
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver

@@ -10,7 +10,7 @@ import numpy as np
 from reobserve.codegen.program import Program
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.families import FAMILIES, family
-from reobserve.estimation.families.design import Design
+from reobserve.estimation.observer_design import Design
 from reobserve.observers.contract import Observer
 
 

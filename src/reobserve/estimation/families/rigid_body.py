@@ -13,8 +13,8 @@ import numpy as np
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.core.validation import checked
-from reobserve.estimation.families.design import Design, System
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
+from reobserve.estimation.observer_design import Design, System
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState
 from reobserve.systems.rigid_body import RigidBody
 

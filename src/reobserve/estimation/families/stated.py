@@ -9,7 +9,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.families import FAMILIES, family
-from reobserve.estimation.families.design import Design
+from reobserve.estimation.observer_design import Design
 
 
 @dataclass(frozen=True)

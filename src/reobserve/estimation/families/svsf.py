@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import ClassVar, Literal
 
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem
 from reobserve.estimation.families.rules import rules
+from reobserve.estimation.observer_design import Certificate, Example
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
 Array = FloatArray

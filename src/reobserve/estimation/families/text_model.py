@@ -16,10 +16,10 @@ from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import DivergenceError, InputError, nearest
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.core.validation import NotNegative, Positive
-from reobserve.estimation.families.design import Certificate, System
 from reobserve.estimation.families.linear_system import FilterDesign
 from reobserve.estimation.families.rules import periods
 from reobserve.estimation.families.signals import NamedSignal, listed
+from reobserve.estimation.observer_design import Certificate, System
 from reobserve.systems.nonlinear import NonlinearModel
 
 Array = FloatArray

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from reobserve.estimation.families.design import Example
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign, TextSystem
+from reobserve.estimation.observer_design import Example
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 
 _GAINS = """\

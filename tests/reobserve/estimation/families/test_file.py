@@ -15,8 +15,8 @@ from scipy.signal import place_poles
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import FAMILIES, family
-from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import load_design, save_design
+from reobserve.estimation.observer_design import Design
 from reobserve.synthesis.extended_state import pd_pi
 
 PENDULUM = expm(0.01 * np.array([[0, 1, 0], [-0.983, -0.1, 1], [0, 0, 0]]))

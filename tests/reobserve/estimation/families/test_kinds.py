@@ -12,9 +12,9 @@ from scipy.linalg import expm
 from reobserve.core.documents import Tree, parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import family
-from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.poles import as_pole_list
 from reobserve.estimation.families.signals import product
+from reobserve.estimation.observer_design import Design
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 
 

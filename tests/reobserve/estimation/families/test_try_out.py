@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve.estimation.design_command import run as design
 from reobserve.estimation.families import family
-from reobserve.estimation.families.design_command import run as design
 from reobserve.estimation.families.file import load_design
 
 

@@ -11,8 +11,8 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import check_not_read, write_text
 from reobserve.estimation.families import family
-from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import naming, save_design
+from reobserve.estimation.observer_design import Design
 
 
 def run(

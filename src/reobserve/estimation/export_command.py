@@ -12,10 +12,10 @@ from reobserve.codegen import c_code, c_test
 from reobserve.core.documents import YAML, read_yaml
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, write_text
-from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import load_design, naming
 from reobserve.estimation.families.program import program_of
 from reobserve.estimation.families.signals import NamedSignal
+from reobserve.estimation.observer_design import Design
 
 if TYPE_CHECKING:
     from reobserve.estimation.specified import SpecifiedDesign
