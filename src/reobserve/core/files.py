@@ -103,8 +103,6 @@ def check_replaceable(path: Path) -> None:
     """Refuse to put a file where something else stands: a folder, a device, a link, a fifo."""
     if path.name:
         _check_folder(path)
-    if _of_the_kernel(path):
-        raise InputError(str(path), f"cannot be written ({os.strerror(errno.EACCES)})")
     try:
         mode = os.lstat(path).st_mode
     except FileNotFoundError:
@@ -152,24 +150,10 @@ def _same(path: Path, name: Path) -> bool:
         return False
 
 
-def _of_the_kernel(path: Path) -> bool:
-    """True if the folder, or the nearest one that there is, belongs to one of the kernel's."""
-    kernel = {os.stat(top).st_dev for top in ("/proc", "/sys") if os.path.ismount(top)}
-    for folder in path.parents:
-        with contextlib.suppress(OSError, ValueError):
-            return os.stat(folder).st_dev in kernel
-    return False
-
-
 def _kind(mode: int) -> str:
-    kinds = (
-        (stat.S_ISDIR, "a folder"),
-        (stat.S_ISLNK, "a symbolic link"),
-        (stat.S_ISFIFO, "a fifo"),
-        (stat.S_ISSOCK, "a socket"),
-        (stat.S_ISREG, "a regular file"),
-    )
-    return next((name for is_kind, name in kinds if is_kind(mode)), "a device")
+    if stat.S_ISDIR(mode):
+        return "a folder"
+    return "a symbolic link" if stat.S_ISLNK(mode) else "a device, fifo or socket"
 
 
 def reason(error: Exception) -> str:

@@ -82,7 +82,7 @@ def places(tmp_path: Path) -> Path:
 KINDS = ["folder/", "fifo", "socket", "link", "nowhere", "kept", "file/inside", "/dev/full"]
 
 
-@pytest.mark.parametrize("place", [*KINDS, "/proc/self/mem"])
+@pytest.mark.parametrize("place", [*KINDS, "/proc/self/mem", "/proc/new", "/proc/self/new/a"])
 def test_output_to_anything_but_a_regular_file_is_refused(
     program: Program, places: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -89,7 +89,8 @@ def test_plain_yaml_is_read_unchanged(tmp_path: Path) -> None:
 def test_non_regular_file_is_refused_without_waiting(tmp_path: Path) -> None:
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
-    for path, kind in ((fifo, "a fifo"), (Path("/dev/zero"), "a device"), (tmp_path, "a folder")):
+    other = "a device, fifo or socket"
+    for path, kind in ((fifo, other), (Path("/dev/zero"), other), (tmp_path, "a folder")):
         for read in (read_yaml, read_json):
             with pytest.raises(InputError, match=rf"is {kind}, must be a regular|Is a directory"):
                 read(path)

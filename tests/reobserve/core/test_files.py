@@ -54,8 +54,8 @@ def test_outputs_replace_only_regular_files(tmp_path: Path) -> None:
     for name, said in (
         ("link", "is a symbolic link, only regular files are replaced"),
         ("dangling", "is a symbolic link, only regular files are replaced"),
-        ("fifo", "is a fifo, only regular files are replaced"),
-        ("socket", "is a socket, only regular files are replaced"),
+        ("fifo", "is a device, fifo or socket, only regular files are replaced"),
+        ("socket", "is a device, fifo or socket, only regular files are replaced"),
         ("folder", "is a folder, only regular files are replaced"),
         ("read_only", "is read-only, and so it is not replaced"),
     ):
@@ -64,7 +64,7 @@ def test_outputs_replace_only_regular_files(tmp_path: Path) -> None:
         assert str(caught.value) == f"{tmp_path / name}: {said}"
     listener.close()
     for path in ("/dev/null", "/dev/full"):
-        with pytest.raises(InputError, match="is a device, only regular files are replaced"):
+        with pytest.raises(InputError, match="is a device, fifo or socket, only regular files"):
             write_text(path, "new")
     assert sorted(os.listdir(tmp_path)) == before
     assert target.read_text() == read_only.read_text() == "kept"
