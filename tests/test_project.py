@@ -91,6 +91,29 @@ def test_library_and_its_tests_import_nothing_of_the_papers() -> None:
             assert not re.search("reobserve[-_]papers", path.read_text(encoding="utf-8")), path
 
 
+# Modules that no public name, command or family needs, and the pages for users on them.
+FOR_CALLS = {
+    "reobserve.detection.restarted_cusum": "explanation/which-observer-when.md",
+    "reobserve.synthesis.ilo_certificate": "start/library.md",
+}
+
+
+def test_library_contains_no_module_that_only_the_papers_need() -> None:
+    modules = {
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in files("reobserve")
+    }
+    text = "".join(path.read_text(encoding="utf-8") for path in modules.values())
+    folders = ("", "reobserve.estimation.families.", "reobserve.codegen.programs.")
+    imported_late = re.findall(r'"([a-z_.]+):\w+"', text)  # "module:name"
+    started = {folder + name for folder in folders for name in imported_late}
+    started |= {f"reobserve.{module}" for module in _HOME.values()} | {"reobserve.__main__"}
+    reached = {*import_closure(sorted(started & {*modules}))}
+    assert {*modules} - reached == {*FOR_CALLS}
+    for module, page in FOR_CALLS.items():
+        assert module in (ROOT / "docs/pages" / page).read_text(encoding="utf-8")
+
+
 def test_papers_import_the_library_up_to_its_observers() -> None:
     """All modules and tests but those of the bench, which tunes."""
     upper = LAYERS[LAYERS.index("reobserve.detection") : LAYERS.index("reobserve_papers.signals")]
