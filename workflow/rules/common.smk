@@ -17,11 +17,11 @@ from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import samples_path, style_sheet
 from reobserve_papers.parameters.prepare import check_folders, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
-from reobserve_papers.parameters.step_kinds import SECTIONS
+from reobserve_papers.parameters.step_kinds import KINDS, SECTIONS
+from reobserve_papers.steps.chain import inputs
 from reobserve_papers.steps.freshness import check_code, mark_unrecorded
 from reobserve_papers.steps.provenance import code_digest, files_digest
 from reobserve_papers.steps.provenance import shared_digest, versions
-from reobserve_papers.signals.inputs import sample_files
 from snakemake.logging import logger
 
 collect_rarely()
@@ -140,68 +140,15 @@ def code_of(module):
     return lambda wildcards: shared_digest(module)
 
 
-def branch(wildcards, section, about):
-    """The parameters of what a wildcard names; one sentence if its paper has none of that name."""
-    with refused_in_one_sentence():
-        return checked(wildcards.paper).section(section, wildcards[about])
+def inputs_of(step):
+    """An input function: the files that a job of a step reads, beside the parameters."""
 
+    def found(wildcards):
+        with refused_in_one_sentence():
+            names = [wildcards[word] for word in KINDS[step].names]
+            return inputs(checked(wildcards.paper), Path(), step, *names)
 
-def design_of(section, about):
-    """An input function: the design that an observer, a study or a table names, if it does."""
-
-    def design(wildcards):
-        body = branch(wildcards, section, about)
-        return (
-            [f"results/{wildcards.paper}/{body['design']}.design.json"] if "design" in body else []
-        )
-
-    return design
-
-
-def plant_of(section, about):
-    """An input function: the record of the scenario that a study or a search names."""
-
-    def plant(wildcards):
-        body = branch(wildcards, section, about)
-        return f"results/{wildcards.paper}/{body['scenario']}/plant.parquet"
-
-    return plant
-
-
-def recorded(wildcards):
-    """An input function: files of samples that plant or scenario name."""
-    scenario = branch(wildcards, "scenarios", "scenario")
-    values = PARAMETERS[wildcards.paper].section("plant") | scenario
-    return [file for value in values.values() for file in sample_files(value)]
-
-
-def files_of(wildcards):
-    """An input function: the files that a study names."""
-    body = checked(wildcards.paper).tree["studies"][wildcards.study]
-    return [
-        entry["value"]
-        for entry in body.values()
-        if isinstance(entry, dict) and entry["unit"] == "file"
-    ]
-
-
-def behind(wildcards):
-    """An input function: the record, the estimates and the study behind a figure."""
-    figure = branch(wildcards, "figures", "figure")
-    folder = f"results/{wildcards.paper}/{figure['scenario']}"
-    return {
-        "plant": f"{folder}/plant.parquet",
-        "estimates": [f"{folder}/{observer}.parquet" for observer in figure["observers"]],
-        "study": (
-            [f"results/{wildcards.paper}/{figure['study']}.study.csv"] if "study" in figure else []
-        ),
-    }
-
-
-def template(wildcards):
-    """An input function: the template of a caption, then what captions share."""
-    shared = sorted(map(str, Path(f"workflow/report/{wildcards.paper}").glob("_*.rst")))
-    return [caption_template(Path(), wildcards.paper, wildcards.figure, "figure"), *shared]
+    return found
 
 
 def table_caption(wildcards):

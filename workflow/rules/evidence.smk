@@ -3,7 +3,7 @@
 
 rule theory:
     input:
-        each_of_paper("results/{paper}/{name}.design.json", "designs"),
+        inputs_of("theory"),
     output:
         report(
             "results/{paper}/theory.metrics.csv",
@@ -25,8 +25,7 @@ rule theory:
     message:
         "{wildcards.paper}: compute the numbers of the theory"
     shell:
-        "(set -x; reobserve-papers stage theory results/{wildcards.paper}/parameters.json"
-        " --design-files {input} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage theory results/{wildcards.paper}/parameters.json) &> {log}"
 
 
 # With `chunks` above one; else the rule robustness computes all samples.

@@ -1,11 +1,12 @@
 # From records to what readers see: metrics, plots with captions, and tables.
 
 STYLE = [path for path in [style_sheet(Path(), config["style"])] if Path(path).is_file()]
+DRAWN = ["--style", config["style"]] * len(STYLE) + ["--no-notes"] * (not config["notes"])
 
 
 rule metrics:
     input:
-        unpack(behind),
+        inputs_of("metrics"),
     output:
         report(
             "results/{paper}/{figure}.metrics.csv",
@@ -27,16 +28,13 @@ rule metrics:
     message:
         "{wildcards.paper}: compute the metrics of {wildcards.figure}"
     shell:
-        "(set -x; reobserve-papers stage metrics results/{wildcards.paper}/parameters.json {wildcards.figure}"
-        " --plant-file {input.plant} --estimate-files {input.estimates} --study-file {input.study}"
-        " --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage metrics results/{wildcards.paper}/parameters.json {wildcards.figure}) &> {log}"
 
 
 rule plot:
     input:
-        unpack(behind),
-        metrics="results/{paper}/{figure}.metrics.csv",
-        template=template,
+        inputs_of("plot"),
+        STYLE,
     output:
         report(
             f"results/{{paper}}/{{figure}}.{FORMATS[0]}",
@@ -57,21 +55,17 @@ rule plot:
         settings=settings("plot", "figure"),
         code=code("plot"),
         packages=PACKAGES,
-        style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
-        options=" ".join(["--style", *STYLE, *([] if config["notes"] else ["--no-notes"])]),
-        drawings=lambda wildcards, output: output[:-1],
+        options=" ".join(["--formats", *FORMATS, *DRAWN]),
     message:
         "{wildcards.paper}: plot {wildcards.figure}"
     shell:
         "(set -x; reobserve-papers stage plot results/{wildcards.paper}/parameters.json {wildcards.figure}"
-        " --plant-file {input.plant} --estimate-files {input.estimates} --study-file {input.study}"
-        " --metrics-file {input.metrics} --template {input.template[0]} {params.options}"
-        " --outputs {params.drawings} --caption {output.caption}) &> {log}"
+        " {params.options}) &> {log}"
 
 
 rule table:
     input:
-        design=design_of("tables", "table"),
+        inputs_of("table"),
     output:
         report(
             "results/{paper}/{table}.csv",
@@ -94,8 +88,7 @@ rule table:
     message:
         "{wildcards.paper}: compute the table {wildcards.table}"
     shell:
-        "(set -x; reobserve-papers stage table results/{wildcards.paper}/parameters.json {wildcards.table}"
-        " --design-file {input.design} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage table results/{wildcards.paper}/parameters.json {wildcards.table}) &> {log}"
 
 
 # A caption or a table as LaTeX: by its name, or all of them with `--config latex=true`.

@@ -3,7 +3,7 @@
 
 rule plant:
     input:
-        recorded,
+        inputs_of("plant"),
     output:
         "results/{paper}/{scenario}/plant.parquet",
     log:
@@ -19,8 +19,7 @@ rule plant:
     message:
         "{wildcards.paper}: simulate the plant, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve-papers stage plant results/{wildcards.paper}/parameters.json {wildcards.scenario}"
-        " --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage plant results/{wildcards.paper}/parameters.json {wildcards.scenario}) &> {log}"
 
 
 rule design:
@@ -39,14 +38,12 @@ rule design:
     message:
         "{wildcards.paper}: compute the design {wildcards.design}"
     shell:
-        "(set -x; reobserve-papers stage design results/{wildcards.paper}/parameters.json {wildcards.design}"
-        " --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage design results/{wildcards.paper}/parameters.json {wildcards.design}) &> {log}"
 
 
 rule observe:
     input:
-        plant="results/{paper}/{scenario}/plant.parquet",
-        design=design_of("observers", "observer"),
+        inputs_of("observe"),
     output:
         "results/{paper}/{scenario}/{observer}.parquet",
     log:
@@ -62,15 +59,13 @@ rule observe:
     message:
         "{wildcards.paper}: run the observer {wildcards.observer}, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve-papers stage observe results/{wildcards.paper}/parameters.json {input.plant}"
-        " {wildcards.observer} --design-file {input.design} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage observe results/{wildcards.paper}/parameters.json"
+        " {wildcards.scenario} {wildcards.observer}) &> {log}"
 
 
 rule study:
     input:
-        plant=plant_of("studies", "study"),
-        design=design_of("studies", "study"),
-        files=files_of,
+        inputs_of("study"),
     output:
         "results/{paper}/{study}.study.csv",
     log:
@@ -87,14 +82,13 @@ rule study:
     message:
         "{wildcards.paper}: run the study {wildcards.study}"
     shell:
-        "(set -x; reobserve-papers stage study results/{wildcards.paper}/parameters.json {input.plant}"
-        " {wildcards.study} --design-file {input.design} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage study results/{wildcards.paper}/parameters.json {wildcards.study}) &> {log}"
 
 
 # On demand: what a search has found is kept in config/searches, where studies read it.
 rule search:
     input:
-        plant=plant_of("searches", "search"),
+        inputs_of("search"),
     output:
         "results/{paper}/{search}.search.json",
     log:
@@ -110,5 +104,4 @@ rule search:
     message:
         "{wildcards.paper}: search {wildcards.search}, some minutes"
     shell:
-        "(set -x; reobserve-papers stage search results/{wildcards.paper}/parameters.json {input.plant}"
-        " {wildcards.search} --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve-papers stage search results/{wildcards.paper}/parameters.json {wildcards.search}) 2>&1 | tee {log} >&2"

@@ -14,11 +14,8 @@ from reobserve_papers.parameters.step_kinds import KINDS
 _EXAMPLES = """\
 a chain, by hand:
   reobserve-papers stage parameters ilo --output results/ilo/parameters.json
-  reobserve-papers stage plant results/ilo/parameters.json constant \\
-      --output results/ilo/constant/plant.parquet
-  reobserve-papers stage observe results/ilo/parameters.json \\
-      results/ilo/constant/plant.parquet sampled \\
-      --output results/ilo/constant/sampled.parquet
+  reobserve-papers stage plant results/ilo/parameters.json constant
+  reobserve-papers stage observe results/ilo/parameters.json constant sampled
 Each command that `snakemake --printshellcmds` prints can be run the same way.
 """
 
@@ -38,18 +35,19 @@ _STAGES = {
 
 
 def step_options(step: str, command: argparse.ArgumentParser) -> None:
-    """Add the options of a step of `KINDS`: the files of what it reads, its branch, its output."""
-    kind = KINDS[step]
+    """Add the options of a step of `KINDS`: the words that name it."""
     _parameter_file(command)
-    for result in kind.results:
-        _FILES[result](command, step)
-    if kind.about:
-        article = "an" if kind.about[0] in "aeiou" else "a"
-        command.add_argument(kind.about, help=f"{article} {kind.about} of the parameter file")
-    if kind.output:
-        add_output(command, kind.output)
+    for word in KINDS[step].names:
+        article = "an" if word[0] in "aeiou" else "a"
+        command.add_argument(word, help=f"{article} {word} of the parameter file")
+    if step == "plot":
+        command.add_argument("--formats", nargs="+", choices=FORMATS, required=True)
+        command.add_argument("--style", default="", help="a style sheet of config/styles")
+        command.add_argument(
+            "--no-notes", dest="notes", action="store_false", help="put the notes into the caption"
+        )
     else:
-        _drawing(command)
+        command.set_defaults(step=step)
 
 
 def parameters_options(command: argparse.ArgumentParser) -> None:
@@ -152,81 +150,6 @@ def _robustness_file(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _plant_file(command: argparse.ArgumentParser, step: str) -> None:
-    if KINDS[step].about == "figure":
-        command.add_argument(
-            "--plant-file", type=Path, required=True, help="from `reobserve-papers stage plant`"
-        )
-    else:
-        command.add_argument(
-            "plant_file", type=Path, help="a record made by `reobserve-papers stage plant`"
-        )
-
-
-def _design_file(command: argparse.ArgumentParser, step: str) -> None:
-    alone = KINDS[step].results == ("design",)
-    text = "from `reobserve-papers stage design`" + (
-        "" if alone else ", if the parameter file names a design"
-    )
-    command.add_argument(
-        "--design-file", type=Path, required=alone, nargs=None if alone else "?",
-        metavar="FILE", help=text,
-    )  # fmt: skip
-
-
-def _design_files(command: argparse.ArgumentParser, _: str) -> None:
-    command.add_argument(
-        "--design-files", type=Path, nargs="*", default=[],
-        help="from `reobserve-papers stage design`, in the order of the parameter file",
-    )  # fmt: skip
-
-
-def _estimate_files(command: argparse.ArgumentParser, _: str) -> None:
-    command.add_argument(
-        "--estimate-files", type=Path, nargs="+", required=True,
-        help="from `reobserve-papers stage observe`, in the order of the figure's observers",
-    )  # fmt: skip
-
-
-def _study_file(command: argparse.ArgumentParser, _: str) -> None:
-    command.add_argument(
-        "--study-file", type=Path, nargs="?", metavar="FILE",
-        help="from `reobserve-papers stage study`, if the figure has one",
-    )  # fmt: skip
-
-
-def _metrics_file(command: argparse.ArgumentParser, _: str) -> None:
-    command.add_argument(
-        "--metrics-file", type=Path, required=True, help="from `reobserve-papers stage metrics`"
-    )
-
-
-# What asks for the files of results, by their names in `KINDS`.
-_FILES = {
-    "plant": _plant_file,
-    "design": _design_file,
-    "designs": _design_files,
-    "estimates": _estimate_files,
-    "study": _study_file,
-    "metrics": _metrics_file,
-}
-
-
-def _drawing(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--template", type=Path, required=True, help="the template of the caption")
-    command.add_argument("--caption", type=Path, required=True, help="the caption to write")
-    command.add_argument(
-        "--outputs", type=Path, nargs="+", required=True,
-        help=f"the figure, in any of {', '.join(FORMATS)}",
-    )  # fmt: skip
-    command.add_argument(
-        "--style", type=Path, nargs="?", metavar="FILE", help="a matplotlib style sheet"
-    )
-    command.add_argument(
-        "--no-notes", dest="notes", action="store_false", help="put the notes into the caption"
-    )
-
-
 def _what_is_known(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--cached", type=Path, nargs="?", metavar="FILE",
@@ -245,7 +168,9 @@ STAGES = CommandTable(
         name: Command(
             text,
             partial(step_options, name) if name in KINDS else f"{__name__}:{name}_options",
-            f"reobserve_papers.cli.stages.{name}:run",
+            "reobserve_papers.steps.job:run"
+            if name in KINDS and name != "plot"
+            else f"reobserve_papers.cli.stages.{name}:run",
             "papers",
         )
         for name, text in _STAGES.items()

@@ -46,6 +46,13 @@ class StepKind:
     values: tuple[str, ...] = ()
     progress: bool = False
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The words that name a step of this kind."""
+        if self.about == "observer":
+            return ("scenario", "observer")
+        return (self.about,) if self.about else ()
+
 
 _RECORDS = ("scenario", "observers", "metrics", "study", "designs")
 

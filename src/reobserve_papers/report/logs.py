@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,6 +10,9 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.step_kinds import KINDS
+from reobserve_papers.steps.chain import inputs, result
 
 _PROMPT = "+ "  # as ``set -x`` of a shell prints commands
 _WRITTEN = ("--output", "--outputs", "--caption")
@@ -44,14 +48,29 @@ def read_log(project: Path, log: str) -> LoggedJob:
     if not first.startswith(f"{_PROMPT}reobserve-papers "):
         raise InputError(log, "does not begin with the command that ran")
     command = first.removeprefix(_PROMPT).strip()
+    _, *words = shlex.split(command)
+    if words[:1] == ["stage"] and words[1:2] and words[1] in KINDS:
+        return LoggedJob(log, command, *_of_step(project, *words[1:]))
     files: dict[bool, list[str]] = {True: [], False: []}
     option = ""
-    for word in shlex.split(command):
+    for word in words:
         if word.startswith("--"):
             option = word
         elif "/" in word:
             files[option in _WRITTEN].append(word)
     return LoggedJob(log, command, tuple(files[False]), tuple(files[True]))
+
+
+def _of_step(
+    project: Path, step: str, parameter_file: str, *words: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The files that the job of a step read, and those that it wrote."""
+    parameters = Parameters.read(project / parameter_file)
+    names = words[: len(KINDS[step].names)]
+    made = result(parameters.paper, step, *names)
+    options = list(itertools.takewhile(lambda word: word[:2] != "--", words[len(names) + 1 :]))
+    plots = [f"{made.removesuffix('caption.rst')}{kind}" for kind in options]
+    return (parameter_file, *inputs(parameters, project, step, *names)), (*plots, made)
 
 
 def jobs_behind(project: Path, targets: Iterable[str]) -> list[LoggedJob]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +25,7 @@ from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import KINDS, SEED
 from reobserve_papers.signals.series import Series
+from reobserve_papers.steps.chain import Step
 from reobserve_papers.steps.provenance import code_digest, versions
 
 Rows = Iterable[Mapping[str, Any]]  # of a study
@@ -54,6 +55,24 @@ def compute(parameters: Parameters, stage: str, name: str, settings: Settings, *
     with located(".".join(part for part in place if part)):
         job = read_job(declared_keys(parameters), settings)
         return getattr(paper_module(parameters.package, stage), kind.function)(job, *inputs)
+
+
+def run_step(
+    parameters: Parameters, step: str, name: str, inputs: list[Any],
+    say: Callable[[str], object] = str,
+) -> Any:  # fmt: skip
+    """The result of a step from those that it reads, in the order of `reads`.
+
+    ``say`` takes the lines in which a long step tells how it goes on.
+    """
+    if step == "design":
+        return compute_design(parameters, name)
+    settings = parameters.settings(step, name)
+    if step == "theory":
+        inputs = [dict(zip(settings["designs"], inputs, strict=True))]
+    if KINDS[step].progress:
+        inputs = [*inputs, say]
+    return compute(parameters, step, name, settings, *inputs)
 
 
 def signed(
@@ -117,36 +136,18 @@ class _StoredDesign:
     provenance: Provenance
 
 
-def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, Any]:
-    """A design from the file that its stage wrote. ``wanted`` are the paper and the name it has.
+def read_design(path: Path, paper: str, name: str) -> dict[str, Any]:
+    """A design of a paper from the file that its stage wrote.
 
     Its own keys are those of its paper, which checks them where it takes the design.
     """
     stored = parse(_StoredDesign, read_json(path), str(path))
     made = stored.provenance
-    found = (made.paper, made.job)
-    if made.stage != "design" or (wanted is not None and wanted != found):
-        paper, name = wanted or (made.paper, "a design")
+    if (made.stage, made.paper, made.job) != ("design", paper, name):
         raise InputError(
             str(path), f"is {shown(made.job)} of {made.paper}, must be {name!r} of {paper}"
         )
     return stored.design
-
-
-def named_design(
-    parameters: Parameters, body: dict[str, Any], path: Path | None
-) -> list[dict[str, Any]]:
-    """The design that an observer, a study or a table names, from its file, or an empty one."""
-    wanted = body.get("design")
-    if wanted is None and path is None:
-        return []
-    if path is None:
-        raise InputError(
-            "--design-file", f"must be given: the parameter file names the design {wanted!r}"
-        )
-    if wanted is None:
-        raise InputError("--design-file", "is given, but the parameter file names no design here")
-    return [read_design(path, (parameters.paper, wanted))]
 
 
 @contextmanager
@@ -164,12 +165,19 @@ def rows_from(study: Path | None) -> Iterator[None]:
         raise InputError(str(study), problem) from error
 
 
-def read_study(package: str, path: Path | None) -> list[dict[str, str]] | None:
-    """The rows of a figure's study, or None for a figure without one."""
-    if path is None:
-        return None
+def read_study(package: str, path: Path) -> list[dict[str, str]]:
+    """The rows of a study."""
     module = paper_module(package, "study_rows")
     return read_table(path, module.HEADER, module.KINDS)
+
+
+def behind_figure(
+    results: Mapping[Step, Any],
+) -> tuple[Series, dict[str, Series], list[dict[str, Any]] | None]:
+    """The plant, the estimates by observer and the rows of a study, of what a figure reads."""
+    by_kind = {step[0]: found for step, found in results.items()}
+    estimates = {step[2]: found for step, found in results.items() if step[0] == "observe"}
+    return by_kind["plant"], estimates, by_kind.get("study")
 
 
 def figure_data(

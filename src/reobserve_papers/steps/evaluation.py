@@ -17,17 +17,16 @@ from reobserve.core.seals import digest
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.metrics.parts import only
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.parameters.step_kinds import KINDS
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.chain import Step, reads
 from reobserve_papers.steps.compute import (
-    compute,
-    compute_design,
+    behind_figure,
     figure_data,
     measure,
     paper_module,
     read_study,
     rows_from,
+    run_step,
 )
 
 if TYPE_CHECKING:
@@ -133,10 +132,8 @@ class Evaluator:
         settings = self.parameters.settings("metrics", figure)
         needs = reads(self.parameters, "metrics", figure)
         results = {need: self.result(*need) for need in needs}
-        plant = next(result for need, result in results.items() if need[0] == "plant")
-        estimates = {need[2]: results[need] for need in needs if need[0] == "observe"}
+        plant, estimates, rows = behind_figure(results)
         study = next((need for need in needs if need[0] == "study"), None)
-        rows = results[study] if study else None
         data = figure_data(self.parameters, settings, plant, estimates, rows)
         with rows_from(self._files.get(self.key(*study)) if study else None):
             numbers = measure(self.parameters, data)
@@ -217,19 +214,7 @@ class Evaluator:
     def run(self, step: str, *names: str) -> Any:
         """Compute the result of a step from those that it reads. `result` computes each once."""
         inputs = [self.result(*need) for need in reads(self.parameters, step, *names)]
-        if step == "design":
-            return compute_design(self.parameters, *names)
-        name = names[-1] if names else ""
-        settings = self.parameters.settings(step, name)
-        if step == "theory":
-            inputs = [dict(zip(settings["designs"], inputs, strict=True))]
-        if KINDS[step].progress:
-            inputs.append(_say_nothing)
-        return compute(self.parameters, step, name, settings, *inputs)
-
-
-def _say_nothing(_: str) -> None:
-    """Take what a long step says of its progress."""
+        return run_step(self.parameters, step, ("", *names)[-1], inputs)
 
 
 def evaluate(parameters: Parameters, figure: str) -> Replication:

@@ -14,6 +14,8 @@ from reobserve_papers.parameters.step_kinds import KINDS
 _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
 
 
+JOB = "reobserve_papers.steps.job"
+
 # What a job runs that evaluates figures in its own process.
 _EVALUATED = ("plant", "design", "observe", "study", "study_rows", "theory", "metrics")
 
@@ -35,7 +37,7 @@ def stage_modules(stage: str, package: str) -> list[str]:
     return [
         "reobserve_papers.__main__",
         "reobserve_papers.cli.stage_commands",
-        f"reobserve_papers.cli.stages.{stage}",
+        JOB if stage in KINDS and stage != "plot" else f"reobserve_papers.cli.stages.{stage}",
         *(paper_part(package, part) for part in needed),
         *(module for module in found if source(module) is not None),
     ]

@@ -45,7 +45,7 @@ Capture = pytest.CaptureFixture[str]
 OPTIONS = [
     "--output", "--project", "--help", "--samples", "--seed", "--why",
     "--nope", "-x", "--", "--out",
-    "--design-file", "--overrides", "--formats", "--papers", "--study-file", "--built", "--reason",
+    "--overrides", "--formats", "--papers", "--built", "--reason",
 ]  # fmt: skip
 # Commands that build for minutes or change the project are only parsed.
 SLOW = {
@@ -67,8 +67,9 @@ def program() -> Program:
 def lines() -> list[list[str]]:
     """Valid command lines."""
     out, root = ["--output", "out"], ["--project", os.fspath(ROOT)]
-    imm, plant = os.fspath(valid.parameters("imm")), os.fspath(valid.record("imm"))
-    lie, linear = os.fspath(valid.parameters("lie")), os.fspath(valid.design("lie", "linear"))
+    imm, lie = (os.fspath(valid.parameters(paper)) for paper in ("imm", "lie"))
+    valid.record("imm")
+    valid.design("lie", "linear")
     inertia = '{"plant": {"inertia": 0.02}}'
     return [
         ["list", *root],
@@ -76,10 +77,11 @@ def lines() -> list[list[str]]:
         ["params", "ilo", "sampled", "--why", *root],
         ["stage", "parameters", "imm", "--seed", "3", *out, *root],
         ["stage", "parameters", "eso", "--overrides", inertia, *out, *root],
-        ["stage", "plant", imm, "plain", *out],
-        ["stage", "observe", imm, plant, "kalman", *out],
-        ["stage", "design", lie, "linear", *out],
-        ["stage", "table", lie, "table_coefficients", "--design-file", linear, *out],
+        ["stage", "plant", imm, "plain"],
+        ["stage", "observe", imm, "plain", "kalman"],
+        ["stage", "design", lie, "linear"],
+        ["stage", "table", lie, "table_coefficients"],
+        ["stage", "plot", lie, "fig1", "--formats", "pdf", "png", "--no-notes"],
         ["stage", "claims", "eso", "--results", "folder", *out, *root],
         ["latex", "table.csv", "--digits", "3", *out],
         ["check", "eso", "--overrides", '{"eso": {"plant": {"inertia": 0.02}}}', *root],
@@ -88,9 +90,9 @@ def lines() -> list[list[str]]:
         ["report", "--papers", "eso", "--formats", "pdf", "png", *out, *root],
         ["figdiff", "--reference", "folder", "--results", "folder", *root],
         ["accept", "eso", "--reason", "a reason of four", "--cores", "2", *root],
-        ["stage", "study", imm, plant, "causes", *out],
-        ["stage", "search", imm, plant, "calibrated", *out],
-        ["stage", "theory", lie, "--design-files", linear, *out],
+        ["stage", "study", imm, "causes"],
+        ["stage", "search", imm, "calibrated"],
+        ["stage", "theory", lie],
         ["stage", "robustness", lie, "--samples", "8", *out, *root],
         ["stage", "alternatives", lie, "file", *out, *root],
         [
@@ -138,15 +140,15 @@ def test_empty_override_is_refused() -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        ["stage", "plant", "fifo", "plain", "--output", "out.parquet"],
-        ["stage", "plant", "/dev/zero", "plain", "--output", "out.parquet"],
+        ["stage", "plant", "fifo", "plain"],
+        ["stage", "plant", "/dev/zero", "plain"],
         ["list", "ilo", "--project", "fifo"],
         ["list", "ilo", "--project", "x" * 300],
     ],
 )
 def test_input_that_is_not_a_file_is_refused(places: Path, line: list[str]) -> None:
     assert not is_accepted(lambda: (os.chdir(places), command(*line)))
-    assert not (places / "out.parquet").exists()
+    assert not list(places.rglob("*.parquet"))
 
 
 @pytest.mark.parametrize(
@@ -226,8 +228,6 @@ def test_names_beyond_the_terminal_encoding_are_printed(tmp_path: Path) -> None:
                 "plant",
                 f"{folder}/none.json",
                 "constant",
-                "--output",
-                f"{folder}/plant.parquet",
             ],
             1,
         ),

@@ -69,20 +69,26 @@ def errata() -> readers.Reader:
 
 
 def stored_parameters(paper: str) -> readers.Reader:
-    line = words("stage", "plant", "in.json", valid.OBSERVERS[paper][0], "--output", "out.parquet")
-    return Reader("in.json", line, json.loads(valid.parameters(paper).read_bytes()))
+    path = f"results/{paper}/parameters.json"
+    line = words("stage", "plant", path, valid.OBSERVERS[paper][0])
+    return Reader(path, line, json.loads(valid.parameters(paper).read_bytes()))
 
 
 def paper_design(paper: str) -> readers.Reader:
-    observer, design = valid.OBSERVERS[paper][1:]
-    line = ["stage", "observe", valid.parameters(paper), valid.record(paper), observer]
-    read = words(*line, "--design-file", "in.json", "--output", "out.parquet")
-    return Reader("in.json", read, _unsealed(valid.design(paper, design).read_bytes()))
+    scenario, observer, design = valid.OBSERVERS[paper]
+    line = words("stage", "observe", f"results/{paper}/parameters.json", scenario, observer)
+    others = valid.beside(valid.parameters(paper), valid.record(paper))
+    ((path, content),) = valid.beside(valid.design(paper, design)).items()
+    return Reader(path, line, _unsealed(content), others=others)
 
 
 def observed_record(paper: str) -> readers.Reader:
-    line = words(*valid.observing(paper))
-    return Reader("in.parquet", line, content=valid.record(paper).read_bytes())
+    scenario, observer, design = valid.OBSERVERS[paper]
+    line = words("stage", "observe", f"results/{paper}/parameters.json", scenario, observer)
+    designs = [valid.design(paper, design)] if design else []
+    ((path, content),) = valid.beside(valid.record(paper)).items()
+    others = valid.beside(valid.parameters(paper), *designs)
+    return Reader(path, line, content=content, others=others)
 
 
 def samples() -> readers.Reader:
@@ -121,11 +127,12 @@ def alternatives_table() -> readers.Reader:
 
 
 def study_table() -> readers.Reader:
-    study, estimates = valid.study()
-    line = ["stage", "metrics", valid.parameters("lie"), "fig1_orders"]
-    line += ["--plant-file", valid.record("lie"), "--study-file", "in.csv"]
-    read = words(*line, "--estimate-files", *estimates, "--output", "m.csv")
-    return Reader("in.csv", read, content=study.read_bytes())
+    study, others = valid.study()
+    line = words("stage", "metrics", "results/lie/parameters.json", "fig1_orders")
+    ((path, content),) = valid.beside(study).items()
+    return Reader(
+        path, line, content=content, others=valid.beside(valid.parameters("lie"), *others)
+    )
 
 
 def claims_table() -> readers.Reader:

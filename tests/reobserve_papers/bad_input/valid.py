@@ -23,6 +23,7 @@ from reobserve_papers.claims.robustness_file import to_data
 from reobserve_papers.golden.files import read_metrics
 from reobserve_papers.metrics.metrics import HEADER, lookup
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.chain import result
 
 from .outcome import ROOT, command
 
@@ -53,28 +54,31 @@ def paper(name: str) -> Any:
 @cache
 def parameters(paper: str) -> Path:
     """The parameters of a paper as stored by a build."""
-    return _made("stage", "parameters", paper, "--project", ROOT, name=f"{paper}.json")
+    name = f"results/{paper}/parameters.json"
+    return _made("stage", "parameters", paper, "--project", ROOT, name=name)
 
 
-@cache
+def step(step: str, paper: str, *names: str) -> Path:
+    """The result of a step of a paper."""
+    path = Path(_FOLDER.name, result(paper, step, *names))
+    if not path.exists():
+        command("stage", step, parameters(paper), *names)
+    return path
+
+
 def record(paper: str) -> Path:
     """The record of the plant for the scenario in `OBSERVERS`."""
-    scenario = OBSERVERS[paper][0]
-    return _made("stage", "plant", parameters(paper), scenario, name=f"{paper}.parquet")
+    return step("plant", paper, OBSERVERS[paper][0])
 
 
-@cache
 def design(paper: str, name: str) -> Path:
     """A design of a paper."""
-    return _made("stage", "design", parameters(paper), name, name=f"{paper}.{name}.json")
+    return step("design", paper, name)
 
 
-def observing(paper: str) -> list[object]:
-    """The arguments with which the observer in `OBSERVERS` reads ``in.parquet``."""
-    name = OBSERVERS[paper][2]
-    chosen = ["--design-file", design(paper, name)] if name else []
-    line = ["stage", "observe", parameters(paper), "in.parquet", OBSERVERS[paper][1]]
-    return [*line, *chosen, "--output", "out.parquet"]
+def beside(*paths: Path) -> dict[str, bytes]:
+    """Files by their paths in a project."""
+    return {path.relative_to(_FOLDER.name).as_posix(): path.read_bytes() for path in paths}
 
 
 @cache
@@ -120,14 +124,13 @@ def claims_table() -> bytes:
 
 @cache
 def study() -> tuple[Path, list[Path]]:
-    """The study of orders of `lie`, and the estimates shown in its figure."""
-    read, estimates = (parameters("lie"), record("lie")), []
+    """The study of orders of `lie`, and the record and the estimates shown in its figure."""
+    found = [record("lie")]
     for name in paper("lie")["figures"]["fig1_orders"]["observers"]:
-        chosen = design("lie", paper("lie")["observers"][name]["design"])
-        line = ("stage", "observe", *read, name, "--design-file", chosen)
-        estimates.append(_made(*line, name=f"lie.{name}.parquet"))
-    line = ("stage", "study", *read, "orders", "--design-file", design("lie", "linear"))
-    return _made(*line, name="study.csv"), estimates
+        design("lie", paper("lie")["observers"][name]["design"])
+        found.append(step("observe", "lie", OBSERVERS["lie"][0], name))
+    design("lie", "linear")
+    return step("study", "lie", "orders"), found
 
 
 def _made(*words: object, name: str) -> Path:

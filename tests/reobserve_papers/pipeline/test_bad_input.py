@@ -167,113 +167,79 @@ def test_non_numeric_samples_are_refused(tmp_path: Path, capsys: Capture) -> Non
 
 @pytest.fixture
 def parameter_file(tmp_path: Path) -> Path:
-    path = tmp_path / "parameters.json"
+    path = tmp_path / "results/ilo/parameters.json"
     assert main(["stage", "parameters", "ilo", "--project", str(ROOT), "--output", str(path)]) == 0
     return path
 
 
 @pytest.fixture
 def record(parameter_file: Path) -> Path:
-    path = parameter_file.with_name("plant.parquet")
-    assert main(["stage", "plant", str(parameter_file), "constant", "--output", str(path)]) == 0
-    return path
+    assert main(["stage", "plant", str(parameter_file), "constant"]) == 0
+    return parameter_file.with_name("constant") / "plant.parquet"
+
+
+OBSERVE = ("constant", "sampled")
 
 
 def test_truncated_record_is_refused(parameter_file: Path, record: Path, capsys: Capture) -> None:
     record.write_bytes(record.read_bytes()[:-1000])
-    output = record.with_name("out") / "sampled.parquet"
-    said = refused(
-        capsys, "stage", "observe", parameter_file, record, "sampled", "--output", output
-    )
+    said = refused(capsys, "stage", "observe", parameter_file, *OBSERVE)
     assert said.startswith(f"{record}: is damaged or no Parquet file")
-    assert not output.parent.exists()
+    assert not record.with_name("sampled.parquet").exists()
 
 
 def test_record_of_another_plant_is_refused(
-    parameter_file: Path, tmp_path: Path, capsys: Capture
+    parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
     import pyarrow as pa
     import pyarrow.parquet as parquet
 
-    foreign = tmp_path / "foreign.parquet"
-    parquet.write_table(pa.table({"time": [0.0, 1.0]}), foreign)
-    said = refused(
-        capsys,
-        "stage",
-        "observe",
-        parameter_file,
-        foreign,
-        "sampled",
-        "--output",
-        tmp_path / "out.parquet",
-    )
+    parquet.write_table(pa.table({"time": [0.0, 1.0]}), record)
+    said = refused(capsys, "stage", "observe", parameter_file, *OBSERVE)
     assert "has no reobserve metadata" in said
 
 
-def test_missing_record_is_refused(parameter_file: Path, tmp_path: Path, capsys: Capture) -> None:
-    missing, output = tmp_path / "no.parquet", tmp_path / "out.parquet"
-    said = refused(
-        capsys, "stage", "observe", parameter_file, missing, "sampled", "--output", output
-    )
-    assert said == f"{missing}: cannot be read (No such file or directory)"
-
-
-def test_design_for_an_observer_without_one_is_refused(
-    parameter_file: Path, record: Path, tmp_path: Path, capsys: Capture
+def test_missing_record_and_estimate_are_refused(
+    parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
-    output = tmp_path / "out.parquet"
-    said = refused(
-        capsys, "stage", "observe", parameter_file, record, "sampled",
-        "--design-file", tmp_path / "some.json", "--output", output,
-    )  # fmt: skip
-    assert said == "--design-file: is given, but the parameter file names no design here"
-    assert not output.exists()
+    missing = record.with_name("sampled.parquet")
+    said = refused(capsys, "stage", "metrics", parameter_file, "fig1")
+    assert said == f"{missing}: cannot be read (No such file or directory)"
+    assert not parameter_file.with_name("fig1.metrics.csv").exists()
+    record.unlink()
+    said = refused(capsys, "stage", "observe", parameter_file, *OBSERVE)
+    assert said == f"{record}: cannot be read (No such file or directory)"
 
 
-def test_design_for_a_theory_without_one_is_refused(
+def test_parameters_that_are_not_in_results_are_refused(
     parameter_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
-    output, design = tmp_path / "out.csv", tmp_path / "some.json"
-    said = refused(
-        capsys, "stage", "theory", parameter_file, "--design-files", design, "--output", output
-    )
-    assert said == "--design-files: 1 given, must be one each for no design"
-    assert not output.exists()
-
-
-def test_too_few_estimates_and_unknown_format_are_refused(
-    parameter_file: Path, record: Path, tmp_path: Path, capsys: Capture
-) -> None:
-    inputs = ["fig1", "--plant-file", record, "--estimate-files", record]
-    output = tmp_path / "fig1.metrics.csv"
-    said = refused(capsys, "stage", "metrics", parameter_file, *inputs, "--output", output)
-    assert said == (
-        "--estimate-files: 1 given, must be one each for sampled, continuous, forgetting"
-    )
-    assert not output.exists()
+    moved = parameter_file.rename(tmp_path / "parameters.json")
+    said = refused(capsys, "stage", "plant", moved, "constant")
+    assert said.startswith(f"{moved}: must be results/ilo/parameters.json in a project")
 
 
 def test_unknown_name_lists_the_known_ones(
     parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
-    output = record.with_name("out.parquet")
-    said = refused(
-        capsys, "stage", "observe", parameter_file, record, "sampeld", "--output", output
-    )
+    said = refused(capsys, "stage", "observe", parameter_file, "constant", "sampeld")
     assert "there is no 'sampeld'; did you mean 'sampled'?" in said
-    said = refused(capsys, "stage", "plant", parameter_file, "nothing", "--output", output)
+    said = refused(capsys, "stage", "observe", parameter_file, "constnat", "sampled")
+    assert "there is no 'constnat'; did you mean 'constant'?" in said
+    said = refused(capsys, "stage", "plant", parameter_file, "nothing")
     assert "constant, periodic, aperiodic, combined" in said
     said = refused(capsys, "params", "ill", "--project", ROOT)
     assert "did you mean 'ilo'" in said
-    assert not output.exists()
+    assert [path.name for path in record.parent.iterdir()] == ["plant.parquet"]
 
 
 def test_unwritable_output_folder_is_refused(parameter_file: Path, capsys: Capture) -> None:
     """A file in place of a folder: refused for every user, including root."""
-    blocked = parameter_file / "plant.parquet"
-    said = refused(capsys, "stage", "plant", parameter_file, "constant", "--output", blocked)
-    assert said.startswith(f"{blocked}: cannot be written")
-    assert [path.name for path in parameter_file.parent.iterdir()] == ["parameters.json"]
+    blocked = parameter_file.with_name("constant")
+    blocked.touch()
+    said = refused(capsys, "stage", "plant", parameter_file, "constant")
+    assert said.startswith(f"{blocked / 'plant.parquet'}: cannot be written")
+    assert blocked.is_file()
 
 
 def closed_folder(tmp_path: Path) -> Path:
@@ -288,11 +254,9 @@ def closed_folder(tmp_path: Path) -> Path:
     pytest.skip("this user may write everywhere")
 
 
-def test_output_folder_without_permission_is_refused(
-    parameter_file: Path, tmp_path: Path, capsys: Capture
-) -> None:
-    output = closed_folder(tmp_path) / "plant.parquet"
-    said = refused(capsys, "stage", "plant", parameter_file, "constant", "--output", output)
+def test_output_folder_without_permission_is_refused(tmp_path: Path, capsys: Capture) -> None:
+    output = closed_folder(tmp_path) / "p.json"
+    said = refused(capsys, "stage", "parameters", "ilo", "--project", ROOT, "--output", output)
     assert said == f"{output}: cannot be written (Permission denied)"
     assert not output.exists()
 
@@ -306,9 +270,7 @@ def test_divergent_observer_reports_the_time(
     parameters["parameters"]["observers"]["adaptive"]["observer_gain"]["value"] = 1e6
     parameter_file.write_text(json.dumps(sealed(parameters)), encoding="utf-8")
     output = record.with_name("adaptive.parquet")
-    said = refused(
-        capsys, "stage", "observe", parameter_file, record, "adaptive", "--output", output
-    )
+    said = refused(capsys, "stage", "observe", parameter_file, "constant", "adaptive")
     place, _, found = said.partition(" (AdaptiveObserver) diverged: its state is finite up to t = ")
     assert place == "ilo.observers.adaptive"
     assert "its step of 0.00025 s is too long" in found

@@ -1,47 +1,52 @@
-"""The files that rules give to jobs are those of the one list of what steps read."""
+"""A job reads the files that its rule declares, and no other."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import shlex
+import shutil
+from pathlib import Path
 
-from reobserve_papers.parameters.parameters import Parameters
+import pytest
+
 from reobserve_papers.parameters.step_kinds import KINDS
-from reobserve_papers.steps.chain import reads, result
-from tests.reobserve_papers.pipeline.conftest import PARAMETER_FILES, Project
 
-WRITTEN = ("--output", "--outputs")  # what follows is written, the caption last
+from .conftest import PAPERS, Project
 
-
-def steps(parameters: Parameters) -> Iterator[tuple[str, ...]]:
-    """All steps of a paper: an observer on each record on which a figure has it."""
-    tree = parameters.tree
-    figures = tree["figures"].values()
-    yield from dict.fromkeys(
-        ("observe", figure["scenario"], name) for figure in figures for name in figure["observers"]
-    )
-    if "theory" in tree:
-        yield ("theory",)
-    for step, kind in KINDS.items():
-        if step not in ("observe", "theory"):
-            yield from ((step, name) for name in tree.get(kind.section, {}))
+SLOW = ("study", "search")  # these of a paper with a short one
+QUICK = "lie"
 
 
-def test_rules_read_what_the_list_says(fresh: Project) -> None:
-    """In a dry run of everything, and of all searches, on which nothing else depends."""
-    wanted, asked = {}, []
-    for paper, parameters in PARAMETER_FILES.items():
-        for step in steps(parameters):
-            product = f"results/{paper}/{step[1]}.caption.rst" if step[0] == "plot" else ""
-            product = product or result(paper, *step)
-            asked.append(product)
-            wanted[product] = {result(paper, *need) for need in reads(parameters, *step)}
-    output = fresh.snakemake("--dry-run", "--printshellcmds", *asked).stdout
+def jobs(project: Project, paper: str) -> dict[str, tuple[list[str], list[str], str]]:
+    """The inputs, outputs and command of the first job of each kind of a paper."""
+    asked = ("--dry-run", "--forceall", "--printshellcmds", "--quiet", "host")
+    said = project.snakemake(*asked, "--config", f"papers=[{paper}]", "bench=[]").stdout
     found = {}
-    for line in re.findall(r"\(set -x; reobserve-papers stage (.*?)\) ", output):
-        step, parameter_file, *words = line.split()
-        if step in KINDS:
-            begin = next(place for place, word in enumerate(words) if word in WRITTEN)
-            read = {word for word in words[:begin] if word.startswith("results/")}
-            found[words[-1]] = read - {parameter_file}
-    assert found == wanted
+    for text in re.split(r"^(?=Job \d+:|(?:local)?rule )", said, flags=re.MULTILINE):
+        command = re.search(r"\(set -x; (reobserve-papers stage (\w+) .*?)\) ", text)
+        files = {
+            key: re.findall(r"[^\s,]+", listed[1])
+            for key in ("input", "output")
+            if (listed := re.search(rf"^ +{key}: (.*)$", text, re.MULTILINE))
+        }
+        if command and command[2] in KINDS and (paper == QUICK or command[2] not in SLOW):
+            found.setdefault(
+                command[2], (files.get("input", []), files["output"], command[1])
+            )  # fmt: skip
+    return found
+
+
+@pytest.mark.nightly_after(1)
+@pytest.mark.parametrize("paper", [QUICK, *(one for one in PAPERS if one != QUICK)])
+def test_job_needs_the_inputs_of_its_rule_only(built: Project, paper: str, tmp_path: Path) -> None:
+    found = jobs(built, paper)
+    assert {"plant", "observe", "metrics", "plot"} <= {*found}
+    for step, (read, written, command) in found.items():
+        folder = Project(tmp_path / step)
+        for name in (f"results/{paper}/parameters.json", *read):
+            (folder.folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(built.folder / name, folder.folder / name)
+        environment = built.environment | {"PYTHONPATH": str(built.folder / "src")}
+        folder.run(*shlex.split(command), environment=environment)
+        for name in written:
+            assert (folder.folder / name).read_bytes() == (built.folder / name).read_bytes(), name

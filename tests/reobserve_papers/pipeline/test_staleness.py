@@ -16,6 +16,8 @@ import yaml
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.import_closure import import_closure
+from reobserve_papers.parameters.step_kinds import KINDS
+from reobserve_papers.steps.chain import reads
 from reobserve_papers.steps.provenance import stage_modules
 
 from .conftest import CONFIG, PAPERS, PARAMETER_FILES, Project, take_results
@@ -60,11 +62,7 @@ MORE_EDITS = {
     "reobserve_papers/papers/ilo/plant.py": ALL,
     "reobserve/systems/rigid_body.py": ALL,  # imported indirectly by plant and observers
     "reobserve_papers/papers/ilo/observe.py": FROM_OBSERVE,
-    "reobserve_papers/cli/stages/observe.py": {
-        "observe": 14,
-        "metrics": 6,
-        "plot": 6,
-    },  # the study calls the paper
+    "reobserve_papers/steps/job.py": ALL,
     "reobserve_papers/papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
     "reobserve_papers/papers/ilo/study_rows.py": {"study": 1, "metrics": 6, "plot": 6},
     "reobserve/synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
@@ -376,11 +374,6 @@ def commands(built: Project) -> list[list[str]]:
     return [command.split() for command in found]
 
 
-def has_file(words: list[str], option: str) -> bool:
-    """Whether a file follows an option that a command may leave empty."""
-    return option in words and not words[words.index(option) + 1].startswith("--")
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("paper", PAPERS)
 def test_import_closure_contains_every_module_a_stage_loads(
@@ -396,8 +389,12 @@ def test_import_closure_contains_every_module_a_stage_loads(
         of_paper = f"results/{paper}/parameters.json" in words
         slow = words[0] == "study" and STUDIES[paper] not in words
         if of_paper and words[0] in ALL_STAGES and not slow:
-            kind = (words[0], has_file(words, "--design-file"), has_file(words, "--study-file"))
-            jobs.setdefault(kind, [word for word in words if not word.endswith((".pdf", ".png"))])
+            count = len(KINDS[words[0]].names)
+            needs = {
+                need for need, *_ in reads(PARAMETER_FILES[paper], words[0], *words[2:][:count])
+            }
+            kind = (words[0], "design" in needs, "study" in needs)
+            jobs.setdefault(kind, [word for word in words if word not in ("pdf", "png")])
     optional = {
         stage for stage, section in OPTIONAL.items() if section in PARAMETER_FILES[paper].tree
     }

@@ -34,8 +34,8 @@ FROM_DESIGN = {key: min(number, 1) for key, number in ALL.items() if key != "pla
 STATIC = ("design", "table", "theory")  # without the plant's record
 PARAMETERS = "results/toy/parameters.json"
 ROBUSTNESS = "results/toy/robustness.json"
-PLANT = "results/toy/push/plant.parquet"
 DESIGN = "results/toy/gains.design.json"
+PLANT = "results/toy/push/plant.parquet"
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +50,10 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
     return project
 
 
-def refused(project: Project, *command: str) -> str:
+def refused(project: Project, *command: str, output: bool = True) -> str:
     """Run a sub-command that must fail; returns its one-line message."""
-    done = project.run("reobserve-papers", *command, "--output", "no/file", check=False)
+    written = ("--output", "no/file") if output else ()
+    done = project.run("reobserve-papers", *command, *written, check=False)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1, done.stderr
     assert not (project.folder / "no").exists()
@@ -261,7 +262,7 @@ LAYOUTS = {"lines": lines}
 
 def test_stored_design_has_its_provenance(toy: Project) -> None:
     path = toy.folder / DESIGN
-    assert read_design(path) == {"gains": [7.5, 16.0], "names": ["l1", "l2"]}
+    assert read_design(path, "toy", "gains") == {"gains": [7.5, 16.0], "names": ["l1", "l2"]}
     made = json.loads(path.read_text())["provenance"]
     assert (made["paper"], made["stage"], made["job"]) == ("toy", "design", "gains")
     assert made["settings"]["design"] == {"pole": 4.0}
@@ -325,9 +326,7 @@ def test_recomputed_evidence_is_identical(toy: Project) -> None:
     [
         ("toy_paper/design.py", FROM_DESIGN),
         # The robustness evaluates in its own process, but starts from the study.
-        ("reobserve_papers/cli/stages/design.py", FROM_DESIGN),
         ("toy_paper/table.py", {"table": 1, **REPORTED}),
-        ("reobserve_papers/cli/stages/table.py", {"table": 1, **REPORTED}),
         ("toy_paper/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
         ("reobserve_papers/steps/compute.py", ALL),
     ],
@@ -383,26 +382,19 @@ def test_changed_choices_of_a_claim_make_its_robustness_stale(
         assert toy.stale() == EVIDENCE
 
 
-def test_missing_extra_or_wrong_design_is_reported_in_one_sentence(toy: Project) -> None:
-    for command in (
-        ("stage", "observe", PARAMETERS, PLANT, "placed"),
-        ("stage", "study", PARAMETERS, PLANT, "faster"),
-    ):
-        assert refused(toy, *command) == (
-            "reobserve-papers: --design-file: must be given: the parameter file names the design "
-            "'gains'"
-        )
-    assert refused(toy, "stage", "observe", PARAMETERS, PLANT, "slow", "--design-file", DESIGN) == (
-        "reobserve-papers: --design-file: is given, but the parameter file names no design here"
-    )
-    other = toy.folder / "other.json"
-    tree = json.loads((toy.folder / DESIGN).read_text())
+def test_missing_or_wrong_design_is_reported_in_one_sentence(toy: Project) -> None:
+    text = (toy.folder / DESIGN).read_text()
+    tree = json.loads(text)
     del tree["sha256"]
-    other.write_text(json.dumps(tree).replace('"job": "gains"', '"job": "others"'))
-    assert refused(toy, "stage", "table", PARAMETERS, "table1", "--design-file", "other.json") == (
-        "reobserve-papers: other.json: is 'others' of toy, must be 'gains' of toy"
-    )
-    other.unlink()
+    other = json.dumps(tree).replace('"job": "gains"', '"job": "others"')
+    commands = [
+        ("observe", PARAMETERS, "push", "placed"), ("study", PARAMETERS, "faster"),
+        ("table", PARAMETERS, "table1"),
+    ]  # fmt: skip
+    with edited(toy.folder / DESIGN, text, other):
+        for command in commands:
+            said = f"reobserve-papers: {DESIGN}: is 'others' of toy, must be 'gains' of toy"
+            assert refused(toy, "stage", *command, output=False) == said
 
 
 def test_failing_design_is_reported_in_one_sentence(toy: Project) -> None:
@@ -415,9 +407,9 @@ def test_failing_design_is_reported_in_one_sentence(toy: Project) -> None:
         "reobserve-papers: toy.designs.gains.pole: gives a number that is not finite "
         "(src/toy_paper/checks.py, line 13)"
     )
-    said = refused(toy, "stage", "design", PARAMETERS, "gain")
+    said = refused(toy, "stage", "design", PARAMETERS, "gain", output=False)
     assert said == "reobserve-papers: toy.designs: there is no 'gain'; did you mean 'gains'?"
-    said = refused(toy, "stage", "table", PARAMETERS, "table2", "--design-file", DESIGN)
+    said = refused(toy, "stage", "table", PARAMETERS, "table2", output=False)
     assert said == "reobserve-papers: toy.tables: there is no 'table2'; did you mean 'table1'?"
 
 
@@ -441,7 +433,7 @@ def test_invalid_design_file_is_named(
     if content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputError) as caught:
-        read_design(path)
+        read_design(path, "toy", "gains")
     assert str(caught.value).startswith(str(path))
     assert said in str(caught.value)
 

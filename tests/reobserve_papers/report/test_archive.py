@@ -10,8 +10,11 @@ import pytest
 from rocrate.rocrate import ROCrate
 
 from reobserve.core.errors import InputError
+from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.archive import write_archive
 from reobserve_papers.report.environment import package_versions
+from reobserve_papers.report.logs import read_log
+from tests import ROOT
 
 CITATION = """title: A made-up build
 version: 1.2.3
@@ -19,24 +22,25 @@ license: MIT
 authors: [{name: Some people}]
 keywords: [one, two]
 """
-PLANT = "stage plant results/toy/parameters.json push --output results/toy/push/plant.parquet"
-PLOT = (
-    "stage plot results/toy/parameters.json fig1 --plant-file results/toy/push/plant.parquet"
-    " --template config/fig1.rst --outputs results/toy/fig1.svg --caption results/toy/fig1.rst"
-)
+PLANT = "stage plant results/ilo/parameters.json constant"
+OBSERVE = "stage observe results/ilo/parameters.json constant sampled"
+CAPTION = "latex config/fig1.rst --output results/ilo/fig1.caption.tex"
+PLOT = "stage plot results/ilo/parameters.json fig1 --formats svg png --no-notes"
 FILES = {
     "CITATION.cff": CITATION,
     "workflow/Snakefile": "rule all:\n",
     "config/fig1.rst": "A caption.\n",
-    "results/toy/parameters.json": "{}\n",
-    "results/toy/push/plant.parquet": "PAR1",
-    "results/toy/fig1.svg": "<svg/>",
-    "results/toy/fig1.rst": "A caption.\n",
-    "logs/toy/push/plant.log": f"+ reobserve-papers {PLANT}\n",
-    "logs/toy/push/plant.tsv": "s\th:m:s\n1.5\t0:00:01\n",
-    "logs/toy/fig1.plot.log": f"+ reobserve-papers {PLOT}\nWarnings.\n",
+    "results/ilo/parameters.json": Parameters.load(ROOT, "ilo").text(),
+    "results/ilo/constant/plant.parquet": "PAR1",
+    "results/ilo/constant/sampled.parquet": "PAR1",
+    "results/ilo/fig1.caption.tex": "A caption.\n",
+    "logs/ilo/constant/plant.log": f"+ reobserve-papers {PLANT}\n",
+    "logs/ilo/constant/plant.tsv": "s\th:m:s\n1.5\t0:00:01\n",
+    "logs/ilo/constant/sampled.log": f"+ reobserve-papers {OBSERVE}\nWarnings.\n",
+    "logs/ilo/fig1.latex.log": f"+ reobserve-papers {CAPTION}\n",
 }
-PRODUCTS = ["results/toy/fig1.svg", "results/toy/fig1.rst"]
+SAMPLED = "results/ilo/constant/sampled.parquet"
+PRODUCTS = [SAMPLED, "results/ilo/fig1.caption.tex"]
 
 
 @pytest.fixture
@@ -56,16 +60,18 @@ def test_crate_records_how_each_file_was_made(build: Path) -> None:
     profiles = {one.id for one in crate.root_dataset["conformsTo"]}
     assert profiles >= {f"https://w3id.org/ro/wfrun/{name}/0.5" for name in ("process", "workflow")}
     actions = {one.id: one for one in crate.get_by_type("CreateAction")}
-    assert set(actions) == {"#toy-push-plant", "#toy-fig1.plot", "#build"}
-    plant, plot, whole = (actions[name] for name in ("#toy-push-plant", "#toy-fig1.plot", "#build"))
-    assert plot["description"] == f"reobserve-papers {PLOT}"
-    assert [one.id for one in plot["object"]] == [
-        "results/toy/parameters.json", "results/toy/push/plant.parquet", "config/fig1.rst",
+    names = ("#ilo-constant-plant", "#ilo-constant-sampled", "#ilo-fig1.latex", "#build")
+    assert set(actions) == {*names}
+    plant, observe, caption, whole = (actions[name] for name in names)
+    assert observe["description"] == f"reobserve-papers {OBSERVE}"
+    assert [one.id for one in observe["object"]] == [
+        "results/ilo/parameters.json", "results/ilo/constant/plant.parquet",
     ]  # fmt: skip
-    assert [one.id for one in plot["result"]] == PRODUCTS
+    assert [one.id for one in observe["result"]] == [SAMPLED]
+    assert [one.id for one in caption["object"]] == ["config/fig1.rst"]
     assert plant["startTime"] < plant["endTime"] <= whole["endTime"]
-    assert "startTime" not in plot, "its duration was not measured"
-    assert [one.id for one in whole["object"]] == ["config/fig1.rst", "results/toy/parameters.json"]
+    assert "startTime" not in observe, "its duration was not measured"
+    assert [one.id for one in whole["object"]] == ["config/fig1.rst", "results/ilo/parameters.json"]
     assert [one.id for one in whole["result"]] == PRODUCTS
 
 
@@ -93,12 +99,23 @@ def test_archive_holds_unchanged_files_and_is_reproducible(build: Path) -> None:
 @pytest.mark.parametrize(
     ("gone", "said"),
     [
-        ("results/toy/fig1.svg", "is missing, so the build is not whole; build again"),
-        ("logs/toy/fig1.plot.log", "no log in logs/ names the command that made it"),
+        (SAMPLED, "is missing, so the build is not whole; build again"),
+        ("logs/ilo/constant/sampled.log", "no log in logs/ names the command that made it"),
     ],
 )
 def test_incomplete_build_is_not_archived(build: Path, gone: str, said: str) -> None:
     (build / gone).unlink()
-    with pytest.raises(InputError, match=f"results/toy/fig1.svg: {said}"):
+    with pytest.raises(InputError, match=f"{SAMPLED}: {said}"):
         write_archive(build, build / "a.zip", PRODUCTS)
     assert not (build / "a.zip").exists()
+
+
+def test_plot_reads_and_writes_what_its_rule_says(build: Path) -> None:
+    (build / "logs/plot.log").write_text(f"+ reobserve-papers {PLOT}\n")
+    job = read_log(build, "logs/plot.log")
+    assert job.step == "plot"
+    assert job.inputs[0] == "results/ilo/parameters.json"
+    assert {"results/ilo/fig1.metrics.csv", SAMPLED} <= {*job.inputs}
+    assert job.outputs == tuple(
+        f"results/ilo/fig1.{kind}" for kind in ("svg", "png", "caption.rst")
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,6 @@ from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.cli.main import main
-from reobserve_papers.cli.stages.records import read_estimates, read_record
 from reobserve_papers.papers.eso import keys as eso_keys
 from reobserve_papers.papers.eso.design import stored_design
 from reobserve_papers.papers.lie import keys as lie_keys
@@ -30,6 +30,7 @@ from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Channel, Series
 from reobserve_papers.steps import compute as common
 from reobserve_papers.steps.compute import compute_design, read_design, rows_from, signed
+from reobserve_papers.steps.job import read_series
 from tests.reobserve_papers.papers import merged
 from tests.reobserve_papers.pipeline.conftest import ROOT
 
@@ -58,14 +59,21 @@ def parameters(tmp_path_factory: pytest.TempPathFactory) -> Parameters:
 @pytest.fixture(scope="module")
 def made(parameters: Parameters, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a parameter file, a record and an estimate, made by the command line."""
-    folder = tmp_path_factory.mktemp("made")
+    folder = tmp_path_factory.mktemp("made") / "results/ilo"
+    folder.mkdir(parents=True)
     path = folder / "parameters.json"
     path.write_text(parameters.text())
-    plant, estimate = folder / "plant.parquet", folder / "sampled.parquet"
-    assert main(["stage", "plant", str(path), "constant", "--output", str(plant)]) == 0
-    arguments = ["stage", "observe", str(path), str(plant), "sampled", "--output", str(estimate)]
-    assert main(arguments) == 0
-    return folder
+    assert main(["stage", "plant", str(path), "constant"]) == 0
+    assert main(["stage", "observe", str(path), "constant", "sampled"]) == 0
+    return folder / "constant"
+
+
+def record(path: Path, parameters: Parameters, scenario: str = "constant") -> Series:
+    return read_series(path, parameters, "plant", scenario)
+
+
+def estimate(path: Path, parameters: Parameters, observer: str = "sampled") -> Series:
+    return read_series(path, parameters, "observe", "constant", observer)
 
 
 def of(series: Series, **reported: Any) -> Series:
@@ -74,11 +82,13 @@ def of(series: Series, **reported: Any) -> Series:
 
 RECORDS: dict[str, tuple[Change, str]] = {
     "of another paper": (
-        lambda s: of(s, paper="eso"), r"is 'constant' of stage plant of eso, must be a record of"),
-    "an estimate": (lambda s: of(s, stage="observe"), r"of stage observe of ilo, must be a record"),
+        lambda s: of(s, paper="eso"), r"is 'constant' of stage plant of eso, must be 'constant"),
+    "an estimate": (lambda s: of(s, stage="observe"), r"of stage observe of ilo, must be 'constan"),
     "of an unknown scenario": (lambda s: of(s, job="mine"), r"is 'mine' of stage plant of ilo"),
     "of another scenario": (
-        lambda s: of(s, job="periodic"), r"was made from other parameters than ilo has now; run"),
+        lambda s: of(s, job="periodic"), r"is 'periodic' of stage plant of ilo, must be 'constant"),
+    "of other values": (
+        lambda s: of(s, settings_digest="a"), r"was made from other parameters than ilo has now"),
     "of an unknown maker": (
         lambda s: replace(s, provenance={}), r"provenance.paper: is missing; the prov"),
 }  # fmt: skip
@@ -93,25 +103,27 @@ def test_record_is_compared_with_the_parameters(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     change, said = RECORDS[case]
-    path, output = tmp_path / "plant.parquet", tmp_path / "out.parquet"
+    folder = tmp_path / "results/ilo"
+    path = folder / "constant/plant.parquet"
+    path.parent.mkdir(parents=True)
+    shutil.copy(made.parent / "parameters.json", folder)
     change(Series.read(made / "plant.parquet")).write(path)
     with pytest.raises(InputError, match=said) as caught:
-        read_record(path, parameters)
+        record(path, parameters)
     assert str(caught.value).startswith(str(path))
-    arguments = ["stage", "observe", str(made / "parameters.json"), str(path), "sampled"]
-    assert main([*arguments, "--output", str(output)]) == 1
+    assert main(["stage", "observe", str(folder / "parameters.json"), "constant", "sampled"]) == 1
     assert capsys.readouterr().err.count("\n") == 1
-    assert not output.exists()
+    assert not path.with_name("sampled.parquet").exists()
 
 
 def test_unchanged_records_and_estimates_are_accepted(made: Path, parameters: Parameters) -> None:
-    plant = read_record(made / "plant.parquet", parameters, "constant")
-    found = read_estimates(["sampled"], [made / "sampled.parquet"], parameters, plant)
-    assert found["sampled"].time[-1] == plant.time[-1] == 0.5
-    with pytest.raises(InputError, match=r"is 'constant' of stage plant of ilo, must be a record"):
-        read_record(made / "plant.parquet", parameters, "periodic")
-    with pytest.raises(InputError, match=r"is 'sampled' of .*, must be an estimate of"):
-        read_estimates(["forgetting"], [made / "sampled.parquet"], parameters, plant)
+    plant = record(made / "plant.parquet", parameters)
+    found = estimate(made / "sampled.parquet", parameters)
+    assert found.time[-1] == plant.time[-1] == 0.5
+    with pytest.raises(InputError, match=r"is 'constant' of stage plant of ilo, must be 'periodic"):
+        record(made / "plant.parquet", parameters, "periodic")
+    with pytest.raises(InputError, match=r"is 'sampled' of .*, must be 'forgetting'"):
+        estimate(made / "sampled.parquet", parameters, "forgetting")
 
 
 @pytest.mark.parametrize(
@@ -120,24 +132,21 @@ def test_unchanged_records_and_estimates_are_accepted(made: Path, parameters: Pa
 def test_files_of_other_parameters_are_refused(made: Path, other: dict[str, Any]) -> None:
     now = Parameters.load(ROOT, "ilo", {**SHORT, "plant": {**SHORT["plant"], **other}})
     with pytest.raises(InputError, match=r"run the stage plant again$"):
-        read_record(made / "plant.parquet", now)
-    plant = Series.read(made / "plant.parquet")
+        record(made / "plant.parquet", now)
     with pytest.raises(InputError, match=r"run the stage observe again$"):
-        read_estimates(["sampled"], [made / "sampled.parquet"], now, plant)
+        estimate(made / "sampled.parquet", now)
 
 
 def test_new_labels_leave_files_as_they_are(made: Path) -> None:
     words = {"scenarios": {"constant": {"title": "a"}}, "observers": {"sampled": {"label": "b"}}}
     now = Parameters.load(ROOT, "ilo", {**SHORT, **merged(SHORT, words)})
-    plant = read_record(made / "plant.parquet", now)
-    assert read_estimates(["sampled"], [made / "sampled.parquet"], now, plant)
+    assert record(made / "plant.parquet", now)
+    assert estimate(made / "sampled.parquet", now)
 
 
 def test_estimates_must_be_on_the_record_of_the_figure(made: Path, parameters: Parameters) -> None:
-    plant = read_record(made / "plant.parquet", parameters)
-    other = of(plant, settings_digest="another")
-    with pytest.raises(InputError, match=r"is an estimate on another record, must be on that"):
-        read_estimates(["sampled"], [made / "sampled.parquet"], parameters, other)
+    with pytest.raises(InputError, match=r"is an estimate on another record than that of periodic"):
+        read_series(made / "sampled.parquet", parameters, "observe", "periodic", "sampled")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
@@ -332,15 +341,15 @@ def test_design_for_another_observer_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gains.design.json"
     reported = {"paper": "eso", "stage": "design", "job": "pi", **MADE}
     path.write_text(json.dumps({"design": ESO, "provenance": reported}))
-    assert read_design(path, ("eso", "pi")) == ESO
+    assert read_design(path, "eso", "pi") == ESO
     with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'pd' of eso$"):
-        read_design(path, ("eso", "pd"))
+        read_design(path, "eso", "pd")
     path.write_text(json.dumps({"design": ESO, "provenance": {**reported, "stage": "search"}}))
-    with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'a design' of eso$"):
-        read_design(path)
+    with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'pi' of eso$"):
+        read_design(path, "eso", "pi")
     path.write_text('{"design": {"a": NaN}, "provenance": {}}')
     with pytest.raises(InputError, match=r"design.a: nan must be a finite number$"):
-        read_design(path)
+        read_design(path, "eso", "pi")
 
 
 # --- Robustness, parameter files, studies

@@ -5,46 +5,36 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.core.files import write_text
-from reobserve_papers.cli.stages.records import read_estimates, read_record
-from reobserve_papers.metrics.metrics import read_metrics
+from reobserve_papers.parameters.names import caption_template, style_sheet
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plotting.captions import render, with_note
 from reobserve_papers.plotting.figures import note_of
 from reobserve_papers.plotting.formats import save
 from reobserve_papers.plotting.look import use_sheet
-from reobserve_papers.steps.compute import read_study, rows_from
+from reobserve_papers.steps.chain import project_of, result
+from reobserve_papers.steps.compute import behind_figure, rows_from
 from reobserve_papers.steps.evaluation import Replication, draw
+from reobserve_papers.steps.job import stored, study_file
 
 
 def run(
-    parameter_file: Path,
-    figure: str,
-    plant_file: Path,
-    estimate_files: list[Path],
-    study_file: Path | None,
-    metrics_file: Path,
-    template: Path,
-    outputs: list[Path],
-    caption: Path,
-    style: Path | None = None,
-    notes: bool = True,
+    parameter_file: Path, figure: str, formats: list[str], style: str = "", notes: bool = True
 ) -> None:
-    """Draw, save and caption. The estimates come in the order the figure names observers.
+    """Draw, save and caption.
 
-    ``style`` is a sheet of matplotlib's; without ``notes`` they go into the caption.
+    ``style`` is the name of a sheet of matplotlib's; without ``notes`` they go into the caption.
     """
-    use_sheet(style)
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("plot", figure)
-    metrics = read_metrics(metrics_file)
-    text = render(template, settings, metrics)
-    plant = read_record(plant_file, parameters, settings["figure"]["scenario"])
-    estimates = read_estimates(settings["figure"]["observers"], estimate_files, parameters, plant)
-    study = read_study(parameters.package, study_file)
-    with rows_from(study_file):
-        drawing = draw(
-            Replication(parameters, figure, plant, estimates, study, metrics), notes=notes
-        )
-    for output in outputs:
-        save(drawing, output)
+    project, paper = project_of(parameter_file, parameters), parameters.paper
+    use_sheet(project / style_sheet(project, style) if style else None)
+    inputs = stored(parameters, project, "plot", figure)
+    metrics = inputs["metrics", figure]
+    text = render(project / caption_template(project, paper, figure, "figure"), settings, metrics)
+    shown = Replication(parameters, figure, *behind_figure(inputs), metrics)
+    with rows_from(study_file(parameters, project, inputs)):
+        drawing = draw(shown, notes=notes)
+    caption = project / result(paper, "plot", figure)
+    for kind in formats:
+        save(drawing, caption.with_name(f"{figure}.{kind}"))
     write_text(caption, text if notes else with_note(text, note_of(drawing)))

@@ -332,12 +332,19 @@ def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+def kept_in(project: Path, parameters: Parameters) -> Path:
+    """The folder of results with the parameters and the record that the search reads."""
+    folder = project / "results/imm"
+    (folder / "step").mkdir(parents=True)
+    (folder / "parameters.json").write_text(parameters.text(), encoding="utf-8")
+    write_record(folder / "step/plant.parquet", parameters)
+    return folder
+
+
 def test_search_command_writes_its_result_and_reports_progress(tmp_path: Path) -> None:
-    (tmp_path / "parameters.json").write_text(small_parameters().text(), encoding="utf-8")
-    write_record(tmp_path / "plant.parquet", small_parameters())
-    output = tmp_path / "found.search.json"
-    files = tmp_path / "parameters.json", tmp_path / "plant.parquet"
-    done = reobserve("stage", "search", *files, "calibrated", "--output", output)
+    folder = kept_in(tmp_path, small_parameters())
+    output = folder / "calibrated.search.json"
+    done = reobserve("stage", "search", folder / "parameters.json", "calibrated")
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
     assert done.stderr.splitlines() == first()[1]
@@ -349,10 +356,7 @@ def test_search_command_writes_its_result_and_reports_progress(tmp_path: Path) -
 
 def test_failing_search_command_reports_why_and_writes_nothing(tmp_path: Path) -> None:
     bad = parameters({**SMALL, "searches": {"calibrated": {"leave": [0.2, 0.1]}}})
-    (tmp_path / "parameters.json").write_text(bad.text(), encoding="utf-8")
-    write_record(tmp_path / "plant.parquet", bad)
-    files = tmp_path / "parameters.json", tmp_path / "plant.parquet"
-    output = tmp_path / "found.search.json"
+    folder = kept_in(tmp_path, bad)
     for name, said in (
         ("calibrated", "reobserve-papers: imm.search.leave: [0.2, 0.1] must be above 0 and rise\n"),
         (
@@ -360,11 +364,11 @@ def test_failing_search_command_reports_why_and_writes_nothing(tmp_path: Path) -
             "reobserve-papers: imm.searches: there is no 'calibratd'; did you mean 'calibrated",
         ),
     ):
-        done = reobserve("stage", "search", *files, name, "--output", output)
+        done = reobserve("stage", "search", folder / "parameters.json", name)
         assert done.returncode == 1
         assert done.stderr.startswith(said)
         assert done.stderr.count("\n") == 1
-        assert not output.exists()
+        assert not list(folder.glob("*.search.json"))
 
 
 def test_search_over_parameters_not_shared_by_the_banks_is_refused() -> None:
