@@ -25,6 +25,8 @@ def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
     kind, tree = KINDS[step], parameters.tree
     body = tree[kind.section][names[-1]] if kind.about else {}
     scenario: str = names[0] if step == "observe" else body.get("scenario", "")
+    if step == "observe" and scenario not in tree["scenarios"]:
+        parameters.section("scenarios", scenario)  # refuses it, by the names that there are
     found: list[Step] = []
     for result in kind.results:
         if result == "plant" and scenario:
@@ -51,8 +53,6 @@ def behind(parameters: Parameters, *step: str) -> list[Step]:
 def inputs(parameters: Parameters, project: Path, step: str, *names: str) -> list[str]:
     """The files, by paths in a project, that a job of a step reads beside the parameters."""
     settings = parameters.settings(step, names[-1] if names else "")
-    if step == "observe":
-        parameters.section("scenarios", names[0])
     found = [result(parameters.paper, *need) for need in reads(parameters, step, *names)]
     found += [file for value in _values(settings) for file in sample_files(value)]
     if step == "study":
@@ -92,7 +92,7 @@ def log(paper: str, step: str, *names: str) -> str:
 
 
 def result(paper: str, step: str, *names: str) -> str:
-    """The path of the result of a step, in a project; of a plot, the caption."""
+    """The path of the result of a step, in a project, and that of the caption of a plot."""
     folder = f"results/{paper}"
     match step:
         case "plant" | "observe":

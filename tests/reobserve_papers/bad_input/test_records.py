@@ -14,11 +14,11 @@ from tests.reobserve.bad_input.odd import changed
 from tests.reobserve.bad_input.test_records import KEY, ROWS, changed_table, written
 
 from . import valid
-from .outcome import command, is_accepted
+from .test_files import observed_record
 
 
 def observed(paper: str, content: bytes) -> bool:
-    return is_accepted(lambda: command(*valid.observing(paper)), {"in.parquet": content})
+    return observed_record(paper).accepts(content)
 
 
 @pytest.mark.parametrize("options", [{"compression": one} for one in ("none", "snappy", "gzip")])
