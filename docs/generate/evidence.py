@@ -16,13 +16,11 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
 from reobserve_papers.claims.alternatives import Changed, Decider, Title, decide
-from reobserve_papers.claims.cached_samples import CachedSamples, read_cached
 from reobserve_papers.claims.checks import THEORY
-from reobserve_papers.claims.choices import chosen
 from reobserve_papers.claims.errata import Erratum, read_errata
 from reobserve_papers.claims.registry import Claim as Registered
 from reobserve_papers.claims.registry import Registry, read_registry
-from reobserve_papers.claims.robustness import Robustness, Trial
+from reobserve_papers.claims.robustness import read_robustness
 from reobserve_papers.claims.table import HEADER, row
 from reobserve_papers.golden.files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
@@ -82,13 +80,9 @@ class Paper:
     @cached_property
     def decider(self) -> Decider:
         """Whoever decides the claims, from golden numbers and cached samples."""
-        cached = read_cached(self.root / samples_path(self.name), self.name)
         numbers = {name: lookup(found) for name, found in self.numbers.items()}
-        samples = {
-            one.name: _samples(self.parameters, one, found)
-            for one in self.registry.claims
-            if (found := cached.get(one.name)) is not None
-        }
+        path = self.root / samples_path(self.name)
+        samples = read_robustness(path, self.parameters, self.registry.claims)
         return Decider(self.registry, numbers, samples, self.seed)
 
     @cached_property
@@ -115,7 +109,7 @@ class Paper:
                 f"{cells['verdict']} by golden numbers and cached samples, accepted as {accepted}"
             )
             raise InputError(place, f"{problem}: make accept keeps what is so")
-        return claim_of_row({**dict.fromkeys(HEADER, ""), **cells}, drawn or Robustness())
+        return claim_of_row({**dict.fromkeys(HEADER, ""), **cells})
 
     @cached_property
     def errata(self) -> tuple[Erratum, ...]:
@@ -131,15 +125,3 @@ def papers(root: Path) -> list[Paper]:
         Paper(root, name, {row["claim"]: row for row in rows if row["paper"] == name}, seed)
         for name in known_papers(root)
     ]
-
-
-def _samples(parameters: Parameters, claim: Registered, cached: CachedSamples) -> Robustness:
-    """The cached samples of a claim."""
-    cells = claim.cells
-    trials = [
-        Trial(chosen(parameters, claim.choices, number), cached.found(number))
-        for number in range(len(cached.samples))
-    ]
-    return Robustness(
-        {}, claim.knob_names, trials, None if cells is None else len(cells), cached.basis
-    )

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, ReobserveError, located, nearest, shown
-from reobserve_papers.claims.cached_samples import read_cached
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.claims.conventions import read_conventions
 from reobserve_papers.claims.errata import errata_file, read_errata
@@ -21,9 +20,9 @@ from reobserve_papers.claims.registry import (
     claims_file,
     read_registry,
 )
+from reobserve_papers.claims.samples import read_cached
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.job import read_parameters
-from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.prepare import check_files
 from reobserve_papers.steps.meanings import meanings
@@ -77,8 +76,7 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
         if entry["unit"] == "file" and str(entry["value"]).endswith(".json"):
             with located(f"{paper}.{key}"):
                 read_json(project / entry["value"])
-    if (samples := project / samples_path(paper)).exists():
-        read_cached(samples, paper)
+    read_cached(project, paper)
 
 
 def _check_papers(project: Path) -> None:

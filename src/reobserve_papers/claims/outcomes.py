@@ -66,10 +66,6 @@ class Outcomes:
             if (one.observer, one.metric) in self._stated.get(one.figure, {})
         }
 
-    def basis(self, claim: Claim, known: Sequence[str] | None = None) -> str:
-        """See `basis_of`."""
-        return basis_of(self._base, claim, known)
-
 
 def basis_of(evaluator: Evaluator, claim: Claim, known: Sequence[str] | None = None) -> str:
     """A digest of all but code that samples of a claim depend on.

@@ -15,9 +15,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve_papers.claims.checks import Check
+from reobserve_papers.claims.checks import Check, Numbers
 from reobserve_papers.claims.outcomes import deciding as deciding_of
-from reobserve_papers.claims.outcomes import nested
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.sensitivity import (
@@ -45,7 +44,9 @@ _TITLE = 2.6  # rows, with a gap above it
 _MAX_BARS = 6  # the largest; the others seldom explain more than chance does
 
 
-def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
+def specification_curves(
+    claims: Sequence[Claim], found: Mapping[str, Robustness], parameter_file: Numbers
+) -> Figure:
     """Draw specification curves of the main claims that were sampled, one below the other."""
     drawn = [claim for claim in claims if claim.is_main and claim.name in found]
     drawn = [claim for claim in drawn if found[claim.name].samples]
@@ -56,7 +57,7 @@ def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness
         [place for count in rows for place in ((0.45, 1.5), (0.06, 0.05 + 0.13 * count))], 0.25
     )
     for claim, curve, choices in zip(drawn, panels[::2], panels[1::2], strict=True):
-        _curve(curve, choices, claim, found[claim.name])
+        _curve(curve, choices, claim, found[claim.name], parameter_file)
     return figure
 
 
@@ -117,7 +118,9 @@ def _stack(places: Sequence[tuple[float, float]], below: float) -> tuple[Figure,
     return figure, panels
 
 
-def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
+def _curve(
+    curve: Axes, choices: Axes, claim: Claim, one: Robustness, parameter_file: Numbers
+) -> None:
     k = deciding_check(claim, one)
     check = claim.checks[k]
     outcomes, deciding = one.outcomes(claim), deciding_numbers(claim, one)
@@ -138,7 +141,7 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
             curve.plot(places, shown, marker, color=color, markersize=3, label=label)
     for bound in _bounds(check):
         curve.axhline(bound, color="0.4", linewidth=0.8, linestyle=(0, (5, 2)))
-    own = deciding_of(claim, nested(one.stated))
+    own = deciding_of(claim, parameter_file)
     stated = own[k] if own else math.nan
     if math.isfinite(stated):
         curve.axhline(stated, color=_STATED, linewidth=0.8, label="parameter file")

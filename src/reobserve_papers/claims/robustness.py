@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.cached_samples import (
-    Cache,
-    CachedSamples,
+from reobserve_papers.claims.choices import chosen, with_values
+from reobserve_papers.claims.outcomes import Found, Outcome, Outcomes, basis_of, nested, outcome
+from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.samples import (
+    KnownSamples,
+    Samples,
+    SampleTable,
     as_text,
     from_text,
+    read_samples,
+    to_repeat,
 )
-from reobserve_papers.claims.choices import chosen, with_values
-from reobserve_papers.claims.known_samples import KnownSamples, MadeSamples
-from reobserve_papers.claims.outcomes import Found, Outcome, Outcomes, nested, outcome
-from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.repeated_samples import to_repeat
 from reobserve_papers.claims.verdicts import Counted, possible
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
@@ -43,31 +45,27 @@ class Trial:
 class Robustness:
     """The samples of one claim.
 
-    ``stated`` is what came out with the parameter file as it is, ``names`` are those of the
-    choices, ``whole`` is the number of all their combinations if these are counted and not sampled.
-    ``basis`` is a digest of what the samples depend on, ``cached`` says how many were made earlier.
+    ``names`` are those of the choices, ``whole`` is the number of all their combinations if these
+    are counted and not sampled. ``basis`` is a digest of what the samples depend on, ``cached``
+    says how many were made earlier.
     """
 
-    stated: Found = field(default_factory=dict)
     names: tuple[str, ...] = ()
     trials: list[Trial] = field(default_factory=list)
     whole: int | None = None
     basis: str = ""
     cached: int = 0
 
+    @staticmethod
+    def begin(claim: Claim, basis: str = "") -> Robustness:
+        """No samples of a claim yet."""
+        whole = None if claim.cells is None else len(claim.cells)
+        return Robustness(claim.knob_names, whole=whole, basis=basis)
+
     @property
     def samples(self) -> int:
         """The number of samples."""
         return len(self.trials)
-
-    @property
-    def refused(self) -> int:
-        """The number of samples that the code refused, as it refuses gains that are unstable."""
-        return sum(trial.found is None for trial in self.trials)
-
-    def diverged(self, claim: Claim) -> int:
-        """The number of samples in which something diverged that decides a claim."""
-        return self.outcomes(claim).count("diverged")
 
     def outcomes(self, claim: Claim) -> list[Outcome]:
         """The outcome of a claim in each sample, as it is or as an alternative reads it."""
@@ -89,8 +87,8 @@ class Robustness:
         }
         return self.samples >= _ALIKE and len(seen) == 1 and None not in seen
 
-    def to_keep(self, claim: Claim) -> CachedSamples:
-        """The part that another build needs of it: numbers that all of its samples have."""
+    def to_keep(self, claim: Claim) -> Samples:
+        """The samples as a table holds them, with the numbers that all of them have."""
         looked = [
             one
             for one in claim.wanted
@@ -100,7 +98,23 @@ class Robustness:
             )
         ]
         samples = tuple(as_text(looked, trial.found) for trial in self.trials)
-        return CachedSamples(self.basis, tuple(map(str, looked)), samples)
+        return Samples(self.basis, tuple(map(str, looked)), samples, cached=self.cached)
+
+
+def read_robustness(
+    path: Path, parameters: Parameters, claims: Iterable[Claim]
+) -> dict[str, Robustness]:
+    """The samples of claims by name, from a table of all of them."""
+    table = read_samples(path, parameters.paper)
+    found = {}
+    for claim in claims:
+        if (stored := table.claims.get(claim.name)) is not None:
+            one = found[claim.name] = Robustness.begin(claim, stored.basis)
+            one.cached = stored.cached
+            for number in stored.numbers:
+                values = chosen(parameters, claim.choices, number)
+                one.trials.append(Trial(values, stored.found(number)))
+    return found
 
 
 def counted(outcomes: Sequence[Outcome], whole: bool = False) -> Counted:
@@ -130,18 +144,21 @@ class Inquiry:
         evaluator: Evaluator,
         claims: Sequence[Claim],
         share: float,
-        cached: Cache | None = None,
-        made: MadeSamples | None = None,
+        cached: SampleTable | None = None,
+        chunks: Iterable[SampleTable] = (),
+        *,
+        complete: bool = False,
     ) -> Inquiry:
         """Begin with no samples, leaving out claims that are broken or depend on nothing.
 
-        Of cached samples, those that the code does not give any more are dropped.
+        Of cached samples, those that the code does not give any more are dropped, and those without
+        all numbers that a claim and its null name; if they must be ``complete``, also those without
+        the numbers of alternatives.
         """
-        cached = cached or Cache()
         outcomes = Outcomes(
             evaluator, [claim for claim in claims if claim.checks and claim.choices]
         )
-        asked, found, known = [], {}, {}
+        chunks, asked, found, known = list(chunks), [], {}, {}
         for claim in claims:
             if not (claim.checks and claim.choices) or (stated := outcomes.stated(claim)) is None:
                 continue
@@ -149,17 +166,15 @@ class Inquiry:
                 if one not in stated:
                     place = f"claims.{claim.paper}.{claim.name}"
                     raise InputError(place, f"an alternative names {one}, which there is not")
-            basis = outcomes.basis(claim)
-            past = cached.get(claim.name)
-            if past and not _fits(claim, past, outcomes.basis(claim, cached.keys)):
-                past = None
             asked.append(claim)
-            cells = claim.cells
-            found[claim.name] = Robustness(
-                stated, claim.knob_names, whole=None if cells is None else len(cells), basis=basis
-            )
-            ahead = (made or {}).get(claim.name, {}).get(basis, {})
-            known[claim.name] = KnownSamples.of(claim.wanted, past, ahead)
+            found[claim.name] = Robustness.begin(claim, basis_of(evaluator, claim))
+            needed = claim.wanted if complete else claim.references_of_all
+            past = cached.current(evaluator, claim, needed) if cached else None
+            here = known[claim.name] = KnownSamples(claim.wanted, past)
+            for table in chunks:
+                if (made := table.current(evaluator, claim, claim.wanted)) is not None:
+                    for number in made.numbers:
+                        here.take(number, made.found(number))
         inquiry = Inquiry(evaluator.parameters, outcomes, asked, found, known, share)
         inquiry._verify(evaluator)
         return inquiry
@@ -179,21 +194,55 @@ class Inquiry:
         whole = self.found[claim.name].whole
         return whole if whole is not None else max(samples(claim), self.known[claim.name].length)
 
+    def possible(self, claim: Claim) -> tuple[str, ...]:
+        """The verdicts on a claim that are possible by the samples so far."""
+        counted = self.found[claim.name].counted(self._held[claim.name])
+        return possible(claim.quantifier, counted, self.share)
+
     def decided(self, claim: Claim) -> bool:
         """True if no more samples of a claim are needed."""
-        one, outcomes = self.found[claim.name], self._held[claim.name]
+        one = self.found[claim.name]
         if one.whole is not None:
             return one.samples == one.whole
-        found = counted(outcomes)
-        return one.samples >= _LEAST and len(possible(claim.quantifier, found, self.share)) == 1
+        return one.samples >= _LEAST and len(self.possible(claim)) == 1
+
+    def fill(self, samples: Callable[[Claim], int], chunk: range | None = None) -> None:
+        """Make samples until claims are decided or have their maximum, or only those of a chunk.
+
+        Samples before a chunk are used if they are known. So chunks need not wait for each other:
+        one may make samples that are not needed, and lacks none that would decide otherwise.
+        """
+        longest = max((self.limit(claim, samples) for claim in self.claims), default=0)
+        made = range(longest) if chunk is None else chunk
+        for number in range(made.stop):
+            going = [
+                claim
+                for claim in self.claims
+                if not self.decided(claim) and number < self.limit(claim, samples)
+            ]
+            if not going:
+                break
+            if number in made:
+                self.ask(number, [one for one in going if number not in self.known[one.name]])
+            for claim in going:
+                if number == self.found[claim.name].samples and number in self.known[claim.name]:
+                    self.add(number, claim)
+
+    def to_keep(self) -> dict[str, Samples]:
+        """The samples of each claim that was not left out, for a table."""
+        return {claim.name: self.found[claim.name].to_keep(claim) for claim in self.claims}
+
+    def chunk(self, numbers: range) -> dict[str, Samples]:
+        """The samples made between two numbers, beyond those that are cached, by claim."""
+        return {
+            name: one.chunk(self.found[name].basis, numbers) for name, one in self.known.items()
+        }
 
     def ask(self, number: int, claims: Iterable[Claim]) -> None:
         """Make a sample of some claims, whose outcome is known from then on."""
         together = defaultdict(list)
         for claim in claims:
-            whole = self.found[claim.name].whole
-            if whole is None or number < whole:
-                together[tuple(claim.keys)].append(claim)
+            together[tuple(claim.keys)].append(claim)
         here = self.outcomes.apart()  # claims that depend on the same choices share what they need
         for members in together.values():
             choices = members[0].choices
@@ -214,52 +263,6 @@ class Inquiry:
         self._held[claim.name].append(outcome(claim, None if found is None else nested(found)))
 
 
-def _fits(claim: Claim, past: CachedSamples, basis: str) -> bool:
-    """True if cached samples are of the claim, and have the numbers that it and its null name."""
-    return past.basis == basis and set(claim.references_of_all).issubset(past.references)
-
-
 def _rounded(claim: Claim, found: Found | None) -> Found | None:
     """The numbers with as many digits as are kept, so that it does not matter who made them."""
     return from_text(claim.wanted, as_text(claim.wanted, found))
-
-
-def assess(
-    evaluator: Evaluator,
-    claims: Sequence[Claim],
-    samples: Callable[[Claim], int],
-    share: float,
-    cached: Cache | None = None,
-    made: MadeSamples | None = None,
-) -> dict[str, Robustness]:
-    """The samples of every claim that depends on something, by name.
-
-    Parameters
-    ----------
-    evaluator
-        Samples start from its parameter file, and from what it has made of that.
-    claims
-        Of the same paper; left out are those that are broken or depend on nothing.
-    samples
-        The maximum for a claim, if fewer do not decide and no more are cached.
-    share
-        The share of settings that decides (see `verdicts.possible`).
-    cached
-        Samples that need not be made again.
-    made
-        Samples that were made ahead, see `known_samples.read_chunks`.
-    """
-    inquiry = Inquiry.begin(evaluator, claims, share, cached, made)
-    longest = max((inquiry.limit(claim, samples) for claim in inquiry.claims), default=0)
-    for number in range(longest):
-        going = [
-            claim
-            for claim in inquiry.claims
-            if not inquiry.decided(claim) and number < inquiry.limit(claim, samples)
-        ]
-        if not going:
-            break
-        inquiry.ask(number, [one for one in going if number not in inquiry.known[one.name]])
-        for claim in going:
-            inquiry.add(number, claim)
-    return inquiry.found

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError, nearest, shown
-from reobserve_papers.claims.cached_samples import (
-    Cache,
-    CachedSamples,
-    alike,
-    read_cached,
-    write_cached,
-)
-from reobserve_papers.claims.outcomes import basis_of
-from reobserve_papers.claims.registry import Claim, claims_file, read_registry
-from reobserve_papers.claims.robustness import assess
-from reobserve_papers.claims.verdicts import possible
+from reobserve_papers.claims.registry import Claim, Registry, claims_file, read_registry
+from reobserve_papers.claims.robustness import Inquiry
+from reobserve_papers.claims.samples import alike, keep, read_cached
 from reobserve_papers.parameters.config import known_papers, named_papers
-from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.evaluation import Evaluator
 
@@ -42,30 +31,13 @@ def sample_command(
         parameters = default_parameters(project, one)
         registry = read_registry(project, parameters)
         claims = _named(registry.claims, claim)
-        most = max_samples or registry.conventions.values["samples"]
-        share = registry.conventions.values["share"]
         if check:
-            differing += _differences(parameters, claims, share, _cached(project, one), most)
+            differing += _differences(project, parameters, registry, claims, max_samples)
         else:
-            _sample_on(project, parameters, claims, share, max_samples, most)
+            _sample_on(project, parameters, registry, claims, max_samples)
     if differing:
         print("\n".join(differing))
         raise ReobserveError(f"{len(differing)} claims have samples that differ")
-
-
-def keep(project: Path, parameters: Parameters, found: Mapping[str, CachedSamples]) -> None:
-    """Keep the samples of a paper's claims, and those that there were of others."""
-    cached, evaluator = _cached(project, parameters.paper), Evaluator(parameters)
-    kept = {}
-    for claim in read_registry(project, parameters).claims:
-        if claim.name in found:
-            kept[claim.name] = found[claim.name]
-        elif (past := cached.get(claim.name)) is not None:
-            # They are kept with the keys that there are now.
-            if past.basis == basis_of(evaluator, claim, cached.keys):
-                past = replace(past, basis=basis_of(evaluator, claim))
-            kept[claim.name] = past
-    write_cached(project, parameters, kept)
 
 
 def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:
@@ -77,70 +49,48 @@ def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:
 
 
 def _sample_on(
-    project: Path,
-    parameters: Parameters,
-    claims: list[Claim],
-    share: float,
-    asked: int | None,
-    most: int,
-) -> None:
+    project: Path, parameters: Parameters, registry: Registry, claims: list[Claim],
+    max_samples: int | None,
+) -> None:  # fmt: skip
     """Sample in steps, so that little is lost if the command is stopped."""
-    limits = {one.name: asked or one.maximum or most for one in claims}
-    longest, step = max(limits.values(), default=0), _FIRST
-    evaluator = Evaluator(parameters)
+    values = registry.conventions.values
+    limits = {one.name: max_samples or one.maximum or values["samples"] for one in claims}
+    cached = read_cached(project, parameters.paper)
+    inquiry = Inquiry.begin(Evaluator(parameters), claims, values["share"], cached, complete=True)
+    found, step = inquiry.found, _FIRST
+
+    def limit(claim: Claim) -> int:
+        return min(step, limits[claim.name])
+
     while True:
-        cached = _with_all_numbers(_cached(project, parameters.paper), claims)
-        found = assess(
-            evaluator.apart(), claims, partial(_limited, limits, step),
-            share, cached,
-        )  # fmt: skip
-        by_name = {one.name: one for one in claims}
-        keep(project, parameters, {name: one.to_keep(by_name[name]) for name, one in found.items()})
-        judged = {
-            name: possible(
-                by_name[name].quantifier, one.counted(one.outcomes(by_name[name])), share
-            )
-            for name, one in found.items()
-        }
-        left = [name for name, one in judged.items() if len(one) > 1]
+        inquiry.fill(limit)
+        keep(project, parameters, inquiry.to_keep())
+        left = [one.name for one in inquiry.claims if len(inquiry.possible(one)) > 1]
         drawn = f"{sum(one.samples for one in found.values())} samples"
         print(
             f"{parameters.paper}: {drawn}, {len(left)} of {len(found)} claims undecided", flush=True
         )
-        if step >= longest or all(found[name].samples >= limits[name] for name in left):
+        if all(max(step, found[name].samples) >= limits[name] for name in left):
             return
         step *= 2
 
 
-def _limited(limits: Mapping[str, int], step: int, claim: Claim) -> int:
-    return min(step, limits[claim.name])
-
-
-def _with_all_numbers(cached: Cache, claims: list[Claim]) -> Cache:
-    """The cached samples that have all numbers which checks and alternatives name."""
-    wanted = {one.name: set(one.wanted) for one in claims}
-    return Cache(
-        cached.keys,
-        {
-            name: one
-            for name, one in (cached.claims or {}).items()
-            if wanted.get(name, set()).issubset(one.references)
-        },
-    )
-
-
 def _differences(
-    parameters: Parameters, claims: list[Claim], share: float, cached: Cache, max_samples: int
-) -> list[str]:
+    project: Path, parameters: Parameters, registry: Registry, claims: list[Claim],
+    max_samples: int | None,
+) -> list[str]:  # fmt: skip
     """The claims whose recomputed samples differ from the cached ones, a sentence each."""
+    values, evaluator = registry.conventions.values, Evaluator(parameters)
+    cached = read_cached(project, parameters.paper)
+    inquiry = Inquiry.begin(evaluator, claims, values["share"])
+    inquiry.fill(lambda _: max_samples or values["samples"])
     said = []
-    by_name, evaluator = {one.name: one for one in claims}, Evaluator(parameters)
-    for name, one in assess(evaluator, claims, lambda _: max_samples, share).items():
-        place, past = f"claims.{parameters.paper}.{name}", cached.get(name)
-        if past is None or past.basis != basis_of(evaluator, by_name[name], cached.keys):
+    for claim in inquiry.claims:
+        place = f"claims.{parameters.paper}.{claim.name}"
+        if (past := cached.current(evaluator, claim)) is None:
             said.append(f"{place}: there are no cached samples of the claim as it is")
             continue
-        made = one.to_keep(by_name[name])
+        made = inquiry.found[claim.name].to_keep(claim)
         looked = set(made.references).intersection(past.references)
         both = range(min(len(made.samples), len(past.samples)))
         moved = [k for k in both if not alike(made.found(k), past.found(k), looked)]
@@ -151,8 +101,3 @@ def _differences(
                 f"{past.samples[k]} was cached, now {made.samples[k]}"
             )
     return said
-
-
-def _cached(project: Path, paper: str) -> Cache:
-    path = project / samples_path(paper)
-    return read_cached(path, paper) if path.exists() else Cache()

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import write_text
-from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.claims.robustness_file import read_robustness
-from reobserve_papers.claims.sample_command import keep
+from reobserve_papers.claims.samples import keep, read_samples
 from reobserve_papers.claims.verdict_table import put_into
 from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.beside import differences
@@ -112,11 +110,7 @@ def _keep_samples(project: Path, results: Path, paper: str) -> None:
     """Keep the Monte Carlo samples of the build, if the paper has claims."""
     path = results / paper / "robustness.json"
     if path.exists():
-        parameters = default_parameters(project, paper)
-        claims = read_registry(project, parameters).claims
-        found = read_robustness(path, paper)
-        kept = {one.name: found[one.name].to_keep(one) for one in claims if one.name in found}
-        keep(project, parameters, kept)
+        keep(project, default_parameters(project, paper), read_samples(path, paper).claims)
 
 
 def _renew_references(reference: Path, results: Path, paper: str, only: str = "") -> list[str]:

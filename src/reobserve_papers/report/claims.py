@@ -6,7 +6,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from reobserve_papers.claims.robustness import Robustness as Drawn
 from reobserve_papers.report.reading import Gap
 
 _DRAWN = ("samples", "held", "share", "low", "high")
@@ -62,9 +61,12 @@ class ReportedClaim:
 
 
 def claim_of_row(
-    row: Mapping[str, str], samples: Drawn, problem: Gap | None = None
+    row: Mapping[str, str], cached: int = 0, problem: Gap | None = None
 ) -> ReportedClaim:
-    """Return a claim, from its row of the table with all cells as text, and from its samples."""
+    """Return a claim, from its row of the table with all cells as text.
+
+    ``cached`` is how many of its samples were cached.
+    """
     texts = {
         key: row[key]
         for key in (
@@ -86,13 +88,13 @@ def claim_of_row(
         figures=tuple(row["figures"].split()),
         depends_on=tuple(row["depends_on"].split()),
         changes=tuple(filter(None, row["changes"].split("; "))),
-        robustness=_robustness(row, samples),
+        robustness=_robustness(row, cached),
         problem=problem,
         **texts,
     )
 
 
-def _robustness(row: Mapping[str, str], samples: Drawn) -> ReportedRobustness | None:
+def _robustness(row: Mapping[str, str], cached: int) -> ReportedRobustness | None:
     if not all(row[key] for key in _DRAWN) or int(row["samples"]) == 0:
         return None
     counted, held, tied, opposed = (int(row[key]) for key in ("samples", "held", "tied", "opposed"))
@@ -104,8 +106,8 @@ def _robustness(row: Mapping[str, str], samples: Drawn) -> ReportedRobustness | 
         share=float(row["share"]),
         low=float(row["low"]),
         high=float(row["high"]),
-        whole=samples.whole == counted,
+        whole=row["low"] == row["high"],
         null=float(row["null"]) if row["null"] else None,
         lost=counted - held - tied - opposed,
-        cached=samples.cached,
+        cached=cached,
     )

@@ -19,8 +19,7 @@ from reobserve_papers.claims.alternatives import Title, read_alternatives
 from reobserve_papers.claims.entries import PaperFigure
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import read_claims
-from reobserve_papers.claims.robustness import Robustness
-from reobserve_papers.claims.robustness_file import read_robustness
+from reobserve_papers.claims.samples import read_samples
 from reobserve_papers.claims.table import HEADER, KINDS
 from reobserve_papers.claims.verdicts import BROKEN, count
 from reobserve_papers.metrics.metrics import Metric, read_metrics
@@ -174,15 +173,16 @@ class _Build:
         if isinstance(rows, Gap):
             return {"claims": rows, "undrawn": None, "counts": {}, "replication": None}
         path = self.folder / f"results/{paper}/robustness.json"
-        drawn = self.gaps.attempt(f"{paper}-claims", read_robustness, path, paper)
-        known = {} if isinstance(drawn, Gap) else drawn
+        drawn = self.gaps.attempt(f"{paper}-claims", read_samples, path, paper)
+        known = {} if isinstance(drawn, Gap) else drawn.claims
         claims = []
         for row in rows:
             problem = None
             if row["verdict"] == BROKEN:
                 sentence = row["problem"] or f"{paper}.{row['claim']}: cannot be decided"
                 problem = self.gaps.add(f"{paper}-claim-{row['claim']}", sentence)
-            claims.append(claim_of_row(row, known.get(row["claim"], Robustness()), problem))
+            cached = known[row["claim"]].cached if row["claim"] in known else 0
+            claims.append(claim_of_row(row, cached, problem))
         return {
             "claims": claims,
             "undrawn": drawn if isinstance(drawn, Gap) else None,

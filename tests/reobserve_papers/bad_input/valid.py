@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from contextlib import suppress
 from dataclasses import asdict
@@ -15,11 +14,9 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
 from reobserve_papers.claims.alternatives import Title, write_alternatives
 from reobserve_papers.claims.checks import Numbers
-from reobserve_papers.claims.choices import chosen
 from reobserve_papers.claims.outcomes import taken
 from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.claims.robustness import Robustness, Trial
-from reobserve_papers.claims.robustness_file import to_data
+from reobserve_papers.claims.samples import Samples, as_text, write_samples
 from reobserve_papers.golden.files import read_metrics
 from reobserve_papers.metrics.metrics import HEADER, lookup
 from reobserve_papers.parameters.parameters import Parameters
@@ -92,23 +89,23 @@ def results() -> dict[str, bytes]:
         write_table(file, map(asdict, accepted), HEADER)
         numbers[figure] = lookup(accepted)
         found[file.name] = file.read_bytes()
-    found["robustness.json"] = json.dumps(_samples(numbers)).encode()
+    write_samples(Path(_FOLDER.name) / "robustness.json", *_samples(numbers))
+    found["robustness.json"] = Path(_FOLDER.name, "robustness.json").read_bytes()
     write_alternatives(Path(_FOLDER.name) / "alternatives.csv", [], Title("[Re?]", ("It is.",)))
     found["alternatives.csv"] = Path(_FOLDER.name, "alternatives.csv").read_bytes()
     return {f"results/eso/{name}": content for name, content in found.items()}
 
 
-def _samples(numbers: Numbers) -> dict[str, object]:
+def _samples(numbers: Numbers) -> tuple[Parameters, dict[str, Samples]]:
     """Two samples of each claim, which are the accepted numbers."""
     read, claims = Parameters.load(ROOT, "eso"), {}
     for claim in read_registry(ROOT, read).claims:
         if claim.choices and claim.checks:
             with suppress(InputError):  # of a number that has yet to be accepted
                 found = taken(claim.wanted, numbers)
-                values = [chosen(read, claim.choices, number) for number in range(2)]
-                trials = [Trial(one, found) for one in values]
-                claims[claim.name] = to_data(claim, Robustness(found, claim.knob_names, trials))
-    return {"paper": "eso", "seed": 0, "samples": 2, "claims": claims}
+                text = as_text(claim.wanted, found)
+                claims[claim.name] = Samples("", tuple(map(str, claim.wanted)), (text, text))
+    return read, claims
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,8 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve_papers.claims.checks import Check
 from reobserve_papers.claims.choices import find_choice
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
+from reobserve_papers.claims.robustness import Inquiry, Robustness
+from reobserve_papers.claims.samples import SampleTable
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
@@ -72,6 +74,20 @@ def claim(value: str, *keys: str, name: str = "it", **relation: Any) -> Claim:
     return with_checks(
         Claim("ilo", name, choices=tuple(find_choice(ILO, key) for key in keys)), *checks
     )
+
+
+def assess(
+    evaluator: Evaluator,
+    claims: Sequence[Claim],
+    samples: Callable[[Claim], int],
+    share: float,
+    cached: SampleTable | None = None,
+    chunks: Iterable[SampleTable] = (),
+) -> dict[str, Robustness]:
+    """The samples of claims, as the job `robustness` makes them."""
+    inquiry = Inquiry.begin(evaluator, claims, share, cached, chunks)
+    inquiry.fill(samples)
+    return inquiry.found
 
 
 def with_checks(one: Claim, *checks: Check) -> Claim:

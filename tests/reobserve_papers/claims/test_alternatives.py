@@ -25,7 +25,7 @@ from reobserve_papers.claims.conventions import SingleAlternative
 from reobserve_papers.claims.kept_samples import kept_by, narrower
 from reobserve_papers.claims.plot_alternatives import alternatives_curve
 from reobserve_papers.claims.registry import Registry
-from reobserve_papers.claims.robustness import Robustness, assess
+from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.verdicts import (
     CONTRADICTED,
     DEPENDS,
@@ -37,7 +37,7 @@ from reobserve_papers.claims.verdicts import (
 from reobserve_papers.metrics.metrics import lookup
 from reobserve_papers.steps.evaluation import Evaluator
 
-from .stub import GAIN, ILO, SHARE, VARIANT, VARIANTS, Code, registry
+from .stub import GAIN, ILO, SHARE, VARIANT, VARIANTS, Code, assess, registry
 
 PLAIN = "fig1 sampled relative_rms_error"
 

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from reobserve_papers.claims.cached_samples import Cache, read_cached
 from reobserve_papers.claims.outcomes import Found, nested, outcome
 from reobserve_papers.claims.registry import Claim, read_registry
-from reobserve_papers.parameters.names import samples_path
+from reobserve_papers.claims.samples import read_cached
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
 PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]
-CACHED = {
-    paper: read_cached(path, paper) if (path := ROOT / samples_path(paper)).is_file() else Cache()
-    for paper in PAPERS
-}
+CACHED = {paper: read_cached(ROOT, paper).claims for paper in PAPERS}
 CLAIMS = [
     pytest.param(claim, id=f"{paper}-{claim.name}")
     for paper in PAPERS
@@ -34,8 +30,8 @@ def test_null_fails_in_most_samples(claim: Claim) -> None:
     named = {ref for check in claim.with_null.checks for ref in check.references}
     samples = CACHED[claim.paper].get(claim.name)
     if samples is None or not named.issubset(samples.references):
-        pytest.skip("samples are not cached; test_cached_samples fails then, too")
-    passed = [holds(claim.with_null, samples.found(k)) for k in range(len(samples.samples))]
+        pytest.skip("samples are not cached; test_samples fails then, too")
+    passed = [holds(claim.with_null, samples.found(k)) for k in samples.numbers]
     assert sum(passed) < len(passed) / 2
 
 

@@ -6,20 +6,18 @@ from collections import Counter
 
 import pytest
 
-from reobserve_papers.claims.cached_samples import Cache, CachedSamples, read_cached
 from reobserve_papers.claims.checks import THEORY
 from reobserve_papers.claims.choices import chosen, with_values
 from reobserve_papers.claims.registry import Claim, read_registry
-from reobserve_papers.claims.repeated_samples import to_repeat
-from reobserve_papers.claims.robustness import Robustness, assess
-from reobserve_papers.parameters.names import samples_path
+from reobserve_papers.claims.robustness import Robustness
+from reobserve_papers.claims.samples import Samples, SampleTable, read_cached, to_repeat
 from reobserve_papers.parameters.parameters import default_parameters
 from reobserve_papers.steps import evaluation
 from reobserve_papers.steps.chain import reads
 from reobserve_papers.steps.evaluation import Evaluator
 from tests import FIVE, ROOT
 
-from .stub import GAIN, ILO, Code, claim
+from .stub import GAIN, ILO, Code, assess, claim
 
 STUDY = [
     claim("fig4_matched a gain", GAIN, name="gain", above=620),
@@ -64,8 +62,7 @@ def test_all_that_cached_samples_run_is_repeated_and_studies_once(
 ) -> None:
     parameters, recorded = default_parameters(ROOT, paper), Recorded(monkeypatch)
     claims = [one for one in read_registry(ROOT, parameters).claims if one.checks and one.choices]
-    cached = read_cached(ROOT / samples_path(paper), paper).claims
-    assert cached is not None
+    cached = read_cached(ROOT, paper).claims
     base = Evaluator(parameters)
     for one in claims:
         recorded.of(base, one)
@@ -87,8 +84,8 @@ def test_all_that_cached_samples_run_is_repeated_and_studies_once(
     assert {n for step, n in repeated.items() if step[0] == "study"} <= {1}
 
 
-def past(*samples: str | None) -> CachedSamples:
-    return CachedSamples("", ("fig4_matched a gain",), samples)
+def past(*samples: str | None) -> Samples:
+    return Samples("", ("fig4_matched a gain",), samples)
 
 
 def test_sample_that_was_refused_verifies_nothing() -> None:
@@ -106,13 +103,15 @@ def test_sample_that_was_refused_verifies_nothing() -> None:
     assert to_repeat(Evaluator(ILO), [one, two], {"b": past("1")}) == ({"b": 0}, {})
 
 
-def found(cached: Cache | None = None) -> dict[str, Robustness]:
+def found(cached: SampleTable | None = None) -> dict[str, Robustness]:
     return assess(Evaluator(ILO), STUDY, lambda _: 40, 0.9, cached)
 
 
 def test_claims_of_one_study_are_verified_by_one_sample_unless_it_differs(code: Code) -> None:
     first = found()
-    cached = Cache(tuple(ILO.by_key), {one.name: first[one.name].to_keep(one) for one in STUDY})
+    cached = SampleTable(
+        tuple(ILO.by_key), {one.name: first[one.name].to_keep(one) for one in STUDY}
+    )
 
     def counts() -> dict[str, int]:
         code.asked.clear()

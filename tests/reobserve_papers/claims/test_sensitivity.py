@@ -12,6 +12,7 @@ from scipy.stats import chatterjeexi
 
 from reobserve_papers.claims.checks import Check, Reference
 from reobserve_papers.claims.margins import format_margins, margins
+from reobserve_papers.claims.outcomes import nested
 from reobserve_papers.claims.plot import sensitivity_bars, specification_curves
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Robustness, Trial
@@ -42,7 +43,7 @@ def drawn(samples: int = 40) -> Robustness:
         error = abs(2 * strong - 1) + 0.01 * weak
         values = (strong, weak, ("x", "y")[k % 2], k)
         trials.append(Trial(values, numbers(error)))
-    return Robustness(numbers(0.2), NAMES, trials)
+    return Robustness(NAMES, trials)
 
 
 def test_deciding_choice_explains_nearly_everything() -> None:
@@ -58,7 +59,7 @@ def test_deciding_choice_explains_nearly_everything() -> None:
 
 def test_word_separating_all_samples_explains_everything() -> None:
     trials = [Trial((("x", "y")[k % 2],), numbers(k % 2)) for k in range(40)]
-    (found,) = influences([(ONE, Robustness(numbers(0.2), ("a.word",), trials))])
+    (found,) = influences([(ONE, Robustness(("a.word",), trials))])
     assert found[0].share == pytest.approx(1 - 1 / 20)  # one change of the outcome in 40
 
 
@@ -164,7 +165,7 @@ def test_bound_margin_is_put_into_words(ends: tuple[float, float], said: str) ->
 
 def test_curve_shows_all_samples_in_order() -> None:
     one = drawn()
-    figure = specification_curves([claim(BELOW, ABOVE)], {"it_is_small": one})
+    figure = specification_curves([claim(BELOW, ABOVE)], {"it_is_small": one}, nested(numbers(0.2)))
     curve, choices = figure.axes
     shown = {line.get_label(): line for line in curve.lines}
     held, failed = shown["claim holds"], shown["claim fails"]
@@ -190,6 +191,9 @@ def test_bars_are_ordered_by_sensitivity() -> None:
 
 
 def test_empty_sensitivity_figure_states_the_reason() -> None:
-    for draw in (specification_curves, sensitivity_bars):
-        (text,) = draw([claim(BELOW)], {}).texts
+    for figure in (
+        specification_curves([claim(BELOW)], {}, {}),
+        sensitivity_bars([claim(BELOW)], {}),
+    ):
+        (text,) = figure.texts
         assert text.get_text().startswith("No ")

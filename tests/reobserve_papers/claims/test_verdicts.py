@@ -179,11 +179,11 @@ SAMPLED = claim("fig1 a gain", GAIN, above=1.0)
 FREE = claim("fig1 a gain", above=1.0)
 
 
-def drawn(held: int, samples: int, whole: int | None = None, stated: float = 2.0) -> Robustness:
+def drawn(held: int, samples: int, whole: int | None = None) -> Robustness:
     """Samples of one choice and one check, of which the first ones held."""
     gain = Reference("fig1", "a", "gain")
     trials = [Trial((float(k),), {gain: 2.0 if k < held else 0.5}) for k in range(samples)]
-    return Robustness({gain: stated}, (GAIN,), trials, whole)
+    return Robustness((GAIN,), trials, whole)
 
 
 def stated(gain: float) -> Numbers:
@@ -200,7 +200,7 @@ def judged(one: Claim, gain: float, samples: Robustness | None = None) -> Decide
     ("held", "word"), [(36, REPRODUCED), (0, CONTRADICTED), (18, DEPENDS), (34, UNDECIDED)]
 )
 def test_parameter_file_has_no_vote(gain: float, held: int, word: str) -> None:
-    found = judged(SAMPLED, gain, drawn(held, 36, stated=gain))
+    found = judged(SAMPLED, gain, drawn(held, 36))
     assert found.judged["it"].verdict == word
     assert found.holds(SAMPLED) is (gain > 1)
 
@@ -364,7 +364,7 @@ def test_table_counts_ties_and_the_null() -> None:
     errors = [0.5] * 24 + [1.0] * 8 + [2.0] * 7
     found = [{a: error, b: 1.0, idle: 0.1} for error in errors]
     trials = [Trial((float(k),), each) for k, each in enumerate([*found, None])]
-    samples = Robustness(found[0], (GAIN,), trials)
+    samples = Robustness((GAIN,), trials)
     numbers = {"fig1": {("a", "error"): 0.5, ("b", "error"): 1.0, ("idle", "error"): 0.1}}
     decider = Decider(Registry(claims=[one]), numbers, {"it": samples}, 1)
     cells = row(one, decider, numbers, samples)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 from reobserve.core.files import write_table
 from reobserve_papers.claims.alternatives import Title, write_alternatives
+from reobserve_papers.claims.samples import Samples, write_samples
 from reobserve_papers.claims.table import HEADER
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
@@ -127,15 +128,10 @@ def make_project(folder: Path) -> Path:
     write_claims(folder, CLAIMS)
     write_alternatives(built / "alternatives.csv", [], TITLE)
     error = "fig1 slow late_rms_error"
-    drawn = {
-        "stated": "0.4", "names": ["observers.slow.gains.1"], "metrics": [error],
-        "values": [[k] for k in range(40)],
-        "samples": ["0.4"] * 30 + ["1.5"] * 7 + ["-"] * 2 + [None],
-        "whole": None, "basis": "", "cached": 38,
-    }  # fmt: skip
-    drawn_of = {"placed_is_better": drawn, "tuned": {**drawn, "cached": 40}}
-    stored = {"paper": "toy", "seed": 1, "samples": 40, "claims": drawn_of}
-    (built / "robustness.json").write_text(json.dumps(stored))
+    texts = ("0.4",) * 30 + ("1.5",) * 7 + ("-",) * 2 + (None,)
+    drawn = Samples("", (error,), texts, cached=38)
+    drawn_of = {"placed_is_better": drawn, "tuned": replace(drawn, cached=40)}
+    write_samples(built / "robustness.json", Parameters.load(folder, "toy", seed=1), drawn_of)
     for name in ("fig1.plot", "theory"):
         log = folder / "logs" / "toy" / f"{name}.log"
         log.parent.mkdir(parents=True, exist_ok=True)

@@ -18,7 +18,6 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve_papers.claims.robustness_file import read_robustness
 from reobserve_papers.cli.main import main
 from reobserve_papers.papers.eso import keys as eso_keys
 from reobserve_papers.papers.eso.design import stored_design
@@ -352,44 +351,8 @@ def test_design_for_another_observer_is_refused(tmp_path: Path) -> None:
         read_design(path, "eso", "pi")
 
 
-# --- Robustness, parameter files, studies
+# --- Parameter files, studies
 # -----------------------------------------------------------------
-
-DRAWN = {
-    "stated": "inf 1", "names": ["a.b"], "metrics": ["fig1 a x", "fig2 a x"],
-    "values": [["x"]] * 4 + [[1.0], ["x"]], "samples": ["0.5 nan"] * 4 + ["- 2e-300", None],
-    "whole": None, "basis": "0a", "cached": 0,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"cached": 7}, "claims.one.cached: 7 must be a number of samples$"),
-        ({"values": [["x"]]}, "claims.one.values: 1 must be 6$"),
-        ({"values": [["x"]] * 5 + [[]]}, r"claims.one.values.5: has 0 values, must have 1$"),
-        ({"samples": ["0.5 1"] * 5 + ["x 1"]}, "claims.one.samples: must be numbers"),
-        ({"samples": ["0.5 1"] * 5 + ["1"]}, "claims.one.samples: must be numbers"),
-        ({"samples": ["0.5 1"] * 5 + [1]}, "claims.one.samples.5"),
-        ({"stated": "1"}, "claims.one.samples: must be numbers"),
-        ({"metrics": ["fig1 a"]}, "claims.one.reference: 'fig1 a' must be FIGURE OBSERVER METRIC"),
-        ({"whole": "all"}, "claims.one.whole: 'all' must be a whole number"),
-        ({"names": [1]}, r"claims.one.names.0: 1 must be a word$"),
-    ],
-)
-def test_invalid_robustness_file_is_refused(
-    change: dict[str, Any], said: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "robustness.json"
-    stored = {"paper": "toy", "seed": 1, "samples": 8, "claims": {"one": DRAWN}}
-    path.write_text(json.dumps(stored))
-    read = read_robustness(path, "toy")["one"]
-    assert (read.samples, read.refused) == (6, 1)
-    with pytest.raises(InputError, match=r"is of toy, must be of ilo$"):
-        read_robustness(path, "ilo")
-    path.write_text(json.dumps({**stored, "claims": {"one": {**DRAWN, **change}}}))
-    with pytest.raises(InputError, match=said):
-        read_robustness(path, "toy")
 
 
 @pytest.mark.parametrize(

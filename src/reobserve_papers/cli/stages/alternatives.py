@@ -7,7 +7,7 @@ from pathlib import Path
 from reobserve_papers.claims.alternatives import Decider, decide, write_alternatives
 from reobserve_papers.claims.checks import THEORY, Numbers
 from reobserve_papers.claims.registry import Registry, read_registry
-from reobserve_papers.claims.robustness_file import read_robustness
+from reobserve_papers.claims.robustness import read_robustness
 from reobserve_papers.metrics.metrics import lookup, read_metrics
 from reobserve_papers.parameters.parameters import Parameters
 
@@ -23,7 +23,7 @@ def run(parameter_file: Path, robustness_file: Path, output: Path, project: Path
 def decider_of(parameters: Parameters, registry: Registry, robustness_file: Path) -> Decider:
     """Whoever decides the claims of a paper, from the metrics and samples of a build."""
     numbers = numbers_of(parameters, robustness_file.parent)
-    samples = read_robustness(robustness_file, parameters.paper)
+    samples = read_robustness(robustness_file, parameters, registry.claims)
     return Decider(registry, numbers, samples, parameters.seed)
 
 

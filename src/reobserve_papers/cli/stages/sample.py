@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError, shown
-from reobserve_papers.claims.cached_samples import read_cached
-from reobserve_papers.claims.known_samples import write_chunk
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.robustness import Inquiry
-from reobserve_papers.claims.samples_ahead import make_ahead
+from reobserve_papers.claims.samples import read_samples, write_samples
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
 
@@ -26,13 +24,12 @@ def run(
     evaluator = Evaluator(parameters)
     if study_files:
         evaluator.take_studies(study_files)
-    past = None if cached is None else read_cached(cached, parameters.paper)
+    past = None if cached is None else read_samples(cached, parameters.paper)
     registry = read_registry(project, parameters)
     share = registry.conventions.values["share"]
     inquiry = Inquiry.begin(evaluator, registry.claims, share, past)
-    bases = {name: one.basis for name, one in inquiry.found.items()}
-    wanted = {claim.name: claim.wanted for claim in inquiry.claims}
-    write_chunk(output, parameters.paper, bases, wanted, make_ahead(inquiry, numbers))
+    inquiry.fill(lambda _: numbers.stop, numbers)
+    write_samples(output, parameters, inquiry.chunk(numbers))
 
 
 def numbers_of(chunk: str) -> range:

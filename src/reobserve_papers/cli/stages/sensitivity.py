@@ -26,7 +26,7 @@ def run(
     verdicts = {name: one.verdict for name, one in decider.judged.items()}
     plots = {
         "alternatives": alternatives_curve(registry.claims, title, rows, verdicts),
-        "specification": specification_curves(registry.claims, decider.samples),
+        "specification": specification_curves(registry.claims, decider.samples, decider.numbers),
         "sensitivity": sensitivity_bars(registry.claims, decider.samples),
     }
     for name, plot in plots.items():

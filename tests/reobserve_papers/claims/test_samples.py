@@ -8,38 +8,52 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve_papers.claims import sample_command as commands
-from reobserve_papers.claims.cached_samples import Cache, CachedSamples, alike, read_cached
+from reobserve_papers.claims import samples as tables
 from reobserve_papers.claims.checks import Check, Reference
 from reobserve_papers.claims.choices import Choice, Knob, find_choice
-from reobserve_papers.claims.outcomes import basis_of
+from reobserve_papers.claims.outcomes import Found, basis_of
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
-from reobserve_papers.claims.robustness import Robustness, assess
-from reobserve_papers.claims.sample_command import keep, sample_command
+from reobserve_papers.claims.robustness import Robustness, read_robustness
+from reobserve_papers.claims.sample_command import sample_command
+from reobserve_papers.claims.samples import (
+    Samples,
+    SampleTable,
+    alike,
+    as_text,
+    keep,
+    read_cached,
+    read_samples,
+    write_samples,
+)
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.evaluation import Evaluator
-from tests import ROOT
+from tests import FIVE, ROOT
 
-from .stub import GAIN, ILO, SHARE, Code, claim, registry, with_checks
+from .stub import GAIN, ILO, SHARE, VARIANT, Code, assess, claim, registry, with_checks
 
 NEAR = claim("fig1 a gain", GAIN, above=620)  # so that no number of samples decides
 KEYS = tuple(ILO.by_key)
+GAINS, SHARES = Reference("fig1", "a", "gain"), Reference("fig1", "a", "share")
 
 
 def found(
     one: Claim,
-    past: CachedSamples | None = None,
+    past: Samples | None = None,
     samples: int = 40,
     parameters: Parameters = ILO,
     keys: tuple[str, ...] = KEYS,
 ) -> Robustness:
-    cached = Cache(keys, {} if past is None else {one.name: past})
+    cached = SampleTable(keys, {} if past is None else {one.name: past})
     return assess(Evaluator(parameters), [one], lambda _: samples, 0.9, cached)[one.name]
 
 
@@ -54,41 +68,36 @@ def first(code: Code) -> Robustness:
     code.refused, code.lost = (600, 700), (900, 1000)
     one = found(NEAR, samples=60)
     assert one.samples == 60
-    assert one.refused
-    assert one.diverged(NEAR)
+    assert {"refused", "diverged"} <= {*one.outcomes(NEAR)}
     code.asked.clear()
     return one
 
 
 @pytest.fixture
-def past(first: Robustness) -> CachedSamples:
+def past(first: Robustness) -> Samples:
     """As it is cached."""
     return first.to_keep(NEAR)
 
 
-def test_cached_samples_equal_new_samples(
-    code: Code, first: Robustness, past: CachedSamples
-) -> None:
+def test_cached_samples_equal_new_samples(code: Code, first: Robustness, past: Samples) -> None:
     again = found(NEAR, past, samples=60)
     assert as_made(again) == first
     assert len(code.asked) == 1 + 1  # nominal, and one sample
     assert again.cached == 59
 
 
-def test_missing_samples_are_added_to_cached_ones(first: Robustness, past: CachedSamples) -> None:
+def test_missing_samples_are_added_to_cached_ones(first: Robustness, past: Samples) -> None:
     longer = found(NEAR, past, samples=80)
     assert longer.samples == 80
     assert longer.trials[:60] == first.trials
     assert as_made(longer) == found(NEAR, samples=80)
 
 
-def test_requesting_fewer_samples_keeps_all_cached_ones(
-    first: Robustness, past: CachedSamples
-) -> None:
+def test_requesting_fewer_samples_keeps_all_cached_ones(first: Robustness, past: Samples) -> None:
     assert as_made(found(NEAR, past, samples=20)) == first
 
 
-def test_change_of_the_code_invalidates_cached_samples(code: Code, past: CachedSamples) -> None:
+def test_change_of_the_code_invalidates_cached_samples(code: Code, past: Samples) -> None:
     code.factor = 1.001
     moved = found(NEAR, past, samples=60)
     assert moved.cached == 0
@@ -167,7 +176,7 @@ def with_key(parameters: Parameters, section: str, name: str) -> Parameters:
 
 @pytest.mark.parametrize("section", ["plant", "observers.continuous", "metrics"])
 def test_new_key_of_a_section_drops_no_cached_samples(
-    code: Code, past: CachedSamples, section: str
+    code: Code, past: Samples, section: str
 ) -> None:
     more = with_key(ILO, section, "brand_new")
     assert basis_of(Evaluator(more), NEAR) != past.basis
@@ -175,7 +184,7 @@ def test_new_key_of_a_section_drops_no_cached_samples(
     assert found(NEAR, past, 60, more, keys=tuple(more.by_key)).cached == 0
 
 
-def test_renamed_class_drops_no_cached_samples(code: Code, past: CachedSamples) -> None:
+def test_renamed_class_drops_no_cached_samples(code: Code, past: Samples) -> None:
     """Digests are of plain values, and name no class."""
     choice = NEAR.choices[0]
     knob = type("RenamedKnob", (Knob,), {})(**vars(choice.knobs[0]))
@@ -185,7 +194,7 @@ def test_renamed_class_drops_no_cached_samples(code: Code, past: CachedSamples) 
 
 
 def test_measure_that_only_an_alternative_names_drops_none_in_a_build(
-    code: Code, past: CachedSamples, first: Robustness
+    code: Code, past: Samples, first: Robustness
 ) -> None:
     """Its numbers are missing from the samples until the command makes them again."""
     more = replace(NEAR, wanted=(*NEAR.wanted, Reference("fig1", "a", "share")))
@@ -202,13 +211,13 @@ def test_measure_that_only_an_alternative_names_drops_none_in_a_build(
     "check", [{"value": "fig1 a share", "above": 0}, {"value": "fig1 idle gain", "above": 0}]
 )
 def test_new_measure_of_a_check_makes_samples_again(
-    code: Code, past: CachedSamples, check: dict[str, Any]
+    code: Code, past: Samples, check: dict[str, Any]
 ) -> None:
     other = with_checks(NEAR, Check.parse(check))
     assert found(other, past, 60).cached == 0
 
 
-def test_new_null_makes_samples_again(code: Code, past: CachedSamples) -> None:
+def test_new_null_makes_samples_again(code: Code, past: Samples) -> None:
     null = with_checks(replace(NEAR, null={"a": "idle"}), *NEAR.checks)
     again = found(null, past, 60)
     assert again.cached == 0
@@ -224,7 +233,7 @@ def other_range(parameters: Parameters) -> Parameters:
 
 @pytest.mark.parametrize("what", ["seed", "value", "range", "choice"])
 def test_other_parameters_or_choices_make_samples_again(
-    code: Code, past: CachedSamples, what: str
+    code: Code, past: Samples, what: str
 ) -> None:
     parameters, one = ILO, NEAR
     if what == "seed":
@@ -249,34 +258,76 @@ def project_with(
         shutil.copytree(ROOT / "workflow", project / "workflow")
         (project / samples_path("ilo")).unlink(missing_ok=True)
     listed = [replace(one, name=name) for name, one in claims.items()]
-    monkeypatch.setattr(commands, "read_registry", lambda *_: Registry(claims=listed))
+    for module in (commands, tables):
+        monkeypatch.setattr(module, "read_registry", lambda *_: Registry(claims=listed))
     return project
 
 
-def kept(project: Path) -> Cache:
-    return read_cached(project / samples_path("ilo"), "ilo")
+def kept(project: Path) -> SampleTable:
+    return read_cached(project, "ilo")
 
 
-def test_damaged_file_is_reported(
-    code: Code, past: CachedSamples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+numbers = st.dictionaries(st.sampled_from([GAINS, SHARES]), st.floats(width=32)) | st.none()
+
+
+@given(st.lists(numbers), st.integers(0, 2000), st.booleans(), st.data())
+def test_table_is_read_as_it_was_written(
+    found: list[Found | None], first: int, seal: bool, data: st.DataObject
 ) -> None:
-    project = project_with(tmp_path, monkeypatch, {"it": NEAR})
-    path = project / samples_path("ilo")
-    keep(project, ILO, {"it": past})
-    assert kept(project).claims == {"it": past}
-    assert kept(project).keys == KEYS
+    texts = tuple(as_text([GAINS, SHARES], one) for one in found)
+    cached = data.draw(st.integers(0, len(texts)))
+    one = Samples("0a", (str(GAINS), str(SHARES)), texts, first, cached)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "ilo.json"
+        write_samples(path, ILO, {"it": one, "none": replace(one, samples=(), cached=0)}, seal=seal)
+        table = read_samples(path, "ilo")
+    assert table.keys == KEYS
+    assert table.claims == {"it": one, "none": replace(one, samples=(), cached=0)}
+    for number, numbers in zip(one.numbers, found, strict=True):
+        assert alike(table.claims["it"].found(number), numbers, [GAINS, SHARES])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"samples": ["1", "12 a"]}, r"claims.it.samples.1: '12 a' must be 1 numbers$"),
+        ({"samples": ["1", "1 2"]}, r"claims.it.samples.1: '1 2' must be 1 numbers$"),
+        ({"samples": [None, ""]}, r"claims.it.samples.1: '' must be 1 numbers$"),
+        ({"samples": [1]}, r"claims.it.samples.0"),
+        ({"metrics": ["fig1 a"]}, r"claims.it.reference: 'fig1 a' must be FIGURE OBSERVER METRIC"),
+        ({"cached": 61}, r"claims.it.cached: 61 must be a number of samples, up to 60$"),
+        ({"cached": -1}, r"claims.it.cached: -1 must be a number of samples, up to 60$"),
+        ({"first": -1}, r"claims.it.first: -1 must be the number of a sample$"),
+        ({"first": "all"}, r"claims.it.first: 'all' must be a whole number"),
+        ({"basis": None}, r"claims.it.basis"),
+        ({"values": []}, r"claims.it.values"),
+    ],
+)
+def test_damaged_table_is_refused(
+    past: Samples, tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    path = tmp_path / "ilo.json"
+    write_samples(path, ILO, {"it": past}, seal=False)
     with pytest.raises(InputError, match="is of ilo, must be of lie"):
-        read_cached(path, "lie")
+        read_samples(path, "lie")
     stored = json.loads(path.read_text())
-    for text in ("12 a", "1 2", ""):
-        stored["claims"]["it"]["samples"][3] = text
-        path.write_text(json.dumps(stored))
-        with pytest.raises(InputError, match=rf"samples\.3: '{text}' must be 1 numbers"):
-            read_cached(path, "ilo")
+    stored["claims"]["it"].update(change)
+    path.write_text(json.dumps(stored))
+    with pytest.raises(InputError, match=said) as caught:
+        read_samples(path, "ilo")
+    assert str(path) in str(caught.value)
+
+
+def test_more_samples_than_settings_are_refused(code: Code, tmp_path: Path) -> None:
+    words = claim("fig1 a variant", VARIANT, below=1.5)
+    path, all_three = tmp_path / "ilo.json", found(words).to_keep(words)
+    write_samples(path, ILO, {"it": replace(all_three, samples=(*all_three.samples, "0"))})
+    with pytest.raises(InputError, match=r"^samples: there is no 3: all 3 settings count$"):
+        read_robustness(path, ILO, [words])
 
 
 def test_new_key_keeps_samples_of_claims_that_are_not_sampled_then(
-    code: Code, past: CachedSamples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    code: Code, past: Samples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Their digest is renewed with the list of keys, unless they were stale before."""
     project = project_with(tmp_path, monkeypatch, {"it": NEAR, "new": NEAR, "stale": NEAR})
@@ -284,13 +335,13 @@ def test_new_key_keeps_samples_of_claims_that_are_not_sampled_then(
     more = with_key(ILO, "plant", "brand_new")
     keep(project, more, {"new": found(NEAR, parameters=more).to_keep(NEAR)})
     assert kept(project).keys == tuple(more.by_key)
-    bases = {name: one.basis for name, one in (kept(project).claims or {}).items()}
+    bases = {name: one.basis for name, one in (kept(project).claims).items()}
     here = basis_of(Evaluator(more), NEAR)
     assert bases == {"it": here, "new": here, "stale": "0a"}
 
 
 def test_samples_agree_up_to_rounding() -> None:
-    a, b = Reference("fig1", "a", "gain"), Reference("fig1", "a", "share")
+    a, b = GAINS, SHARES
     nan, inf = float("nan"), float("inf")
     assert alike({a: nan, b: inf}, {a: nan, b: inf}, {a, b})
     assert alike({a: 1.0}, {a: 1.0 + 1e-9}, {a})
@@ -302,19 +353,30 @@ def test_samples_agree_up_to_rounding() -> None:
     assert not alike({a: 1.0}, {b: 1.0}, set())  # nothing is compared
 
 
-@pytest.mark.parametrize("paper", ["delay", "eso", "ilo", "imm", "lie"])
+@pytest.mark.parametrize("paper", FIVE)
 def test_every_claim_has_current_cached_samples(paper: str) -> None:
     """If this fails, `make samples` adds the missing ones."""
     parameters = default_parameters(ROOT, paper)
     claims = [one for one in read_registry(ROOT, parameters).claims if one.checks and one.choices]
-    cached, here = read_cached(ROOT / samples_path(paper), paper), Evaluator(parameters)
-    assert {name: one.basis for name, one in (cached.claims or {}).items()} == {
+    cached, here = read_cached(ROOT, paper), Evaluator(parameters)
+    assert {name: one.basis for name, one in (cached.claims).items()} == {
         claim.name: basis_of(here, claim, cached.keys) for claim in claims
     }
     for one in claims:
-        past = cached.get(one.name)
-        assert past is not None
-        assert set(one.wanted) <= set(past.references), f"{one.name}: numbers of alternatives"
+        assert set(one.wanted) <= set(cached.claims[one.name].references), (
+            f"{one.name}: numbers of alternatives"
+        )
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_cached_samples_are_stored_as_they_are_written(paper: str, tmp_path: Path) -> None:
+    """A line for each claim, so that caching one of them changes no other line."""
+    stored, path = ROOT / samples_path(paper), tmp_path / "cached.json"
+    table = read_cached(ROOT, paper)
+    write_samples(path, default_parameters(ROOT, paper), table.claims, seal=False)
+    rows = [text.read_text().partition(' "claims": {\n')[2] for text in (stored, path)]
+    assert rows[0] == rows[1]
+    assert len(rows[0].splitlines()) == len(table.claims) + 2
 
 
 # The command.
@@ -332,7 +394,7 @@ def test_samples_command_resumes_and_checks(
     run(project, 100)
     reported = capsys.readouterr().out.splitlines()
     assert [line.split(", ")[1] for line in reported] == ["1 of 2 claims undecided"] * 3
-    assert [len(one.samples) for one in (kept(project).claims or {}).values()] == [100, 36]
+    assert [len(one.samples) for one in (kept(project).claims).values()] == [100, 36]
     run(project, 100, check=True)
     project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never, "new": never})
     with pytest.raises(ReobserveError, match="1 claims have samples that differ"):
@@ -359,12 +421,12 @@ def test_samples_command_makes_samples_with_a_new_measure_again(
     code.asked.clear()
     run(project, 60)
     after = kept(project)
-    assert after.get("other") == before.get("other")
-    renewed = after.get("it")
+    assert after.claims.get("other") == before.claims.get("other")
+    renewed = after.claims.get("it")
     assert renewed is not None
     assert renewed.metrics == ("fig1 a gain", "fig1 a share")
     stripped = tuple(text and text.split()[0] for text in renewed.samples)
-    assert stripped == before.get("it").samples  # type: ignore[union-attr]
+    assert stripped == before.claims.get("it").samples  # type: ignore[union-attr]
     assert len(code.asked) < 80
 
 
@@ -374,8 +436,6 @@ def test_samples_command_samples_named_claims_only(
     claims = {"it": NEAR, "cheap": replace(NEAR, maximum=90), "word": NEAR}
     project = project_with(tmp_path, monkeypatch, claims)
     run(project, None, "cheap")
-    assert {name: len(one.samples) for name, one in (kept(project).claims or {}).items()} == {
-        "cheap": 90
-    }
+    assert {name: len(one.samples) for name, one in (kept(project).claims).items()} == {"cheap": 90}
     with pytest.raises(InputError, match=r"^--claim: there is no 'wrod'; did you mean 'word'\?$"):
         run(project, None, "wrod")

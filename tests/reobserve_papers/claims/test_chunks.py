@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from random import Random
@@ -10,17 +9,14 @@ from random import Random
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.cached_samples import Cache
 from reobserve_papers.claims.checks import Check
-from reobserve_papers.claims.known_samples import read_chunks, write_chunk
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Inquiry, Robustness, assess
-from reobserve_papers.claims.robustness_file import to_data
-from reobserve_papers.claims.samples_ahead import make_ahead
+from reobserve_papers.claims.robustness import Inquiry, Robustness
+from reobserve_papers.claims.samples import Samples, SampleTable, read_samples, write_samples
 from reobserve_papers.cli.stages.sample import numbers_of
 from reobserve_papers.steps.evaluation import Evaluator
 
-from .stub import GAIN, ILO, SHARE, VARIANT, Code, claim, with_checks
+from .stub import GAIN, ILO, SHARE, VARIANT, Code, assess, claim, with_checks
 
 DRAWS = 90
 
@@ -43,23 +39,24 @@ CLAIMS = [
 def assessed(
     claims: Sequence[Claim] = tuple(CLAIMS),
     samples: int = DRAWS,
-    cached: Cache | None = None,
+    cached: SampleTable | None = None,
     chunks: Sequence[Path] = (),
 ) -> dict[str, Robustness]:
-    made = read_chunks(chunks, "ilo")
+    made = [read_samples(path, "ilo") for path in chunks]
     return assess(Evaluator(ILO), claims, lambda _: samples, 0.9, cached, made)
 
 
-def gathered(chunks: Sequence[Path] = (), cached: Cache | None = None, samples: int = DRAWS) -> str:
+def gathered(
+    chunks: Sequence[Path] = (), cached: SampleTable | None = None, samples: int = DRAWS
+) -> dict[str, Samples]:
     """The output of the robustness stage."""
     found = assessed(samples=samples, cached=cached, chunks=chunks)
-    return json.dumps({one.name: to_data(one, found[one.name]) for one in CLAIMS})
+    return {one.name: found[one.name].to_keep(one) for one in CLAIMS}
 
 
-def cache_of(samples: int) -> Cache:
+def cache_of(samples: int) -> SampleTable:
     """The samples of all claims, as cached."""
-    found = assessed(samples=samples)
-    return Cache(tuple(ILO.by_key), {one.name: found[one.name].to_keep(one) for one in CLAIMS})
+    return SampleTable(tuple(ILO.by_key), gathered(samples=samples))
 
 
 def chunks_of(samples: int, chunks: int) -> list[str]:
@@ -68,35 +65,46 @@ def chunks_of(samples: int, chunks: int) -> list[str]:
     return [f"{start}-{start + size - 1}" for start in range(0, samples, size)]
 
 
-def make(folder: Path, chunk: str, cached: Cache | None = None) -> Path:
+def make(folder: Path, chunk: str, cached: SampleTable | None = None) -> Path:
     """The file of a chunk."""
     inquiry = Inquiry.begin(Evaluator(ILO), CLAIMS, 0.9, cached)
-    bases = {name: one.basis for name, one in inquiry.found.items()}
-    wanted = {one.name: one.wanted for one in inquiry.claims}
-    path = folder / f"{chunk}.json"
-    write_chunk(path, "ilo", bases, wanted, make_ahead(inquiry, numbers_of(chunk)))
+    path, numbers = folder / f"{chunk}.json", numbers_of(chunk)
+    inquiry.fill(lambda _: numbers.stop, numbers)
+    write_samples(path, ILO, inquiry.chunk(numbers))
     return path
 
 
-def make_all(folder: Path, chunks: int, cached: Cache | None = None) -> list[Path]:
+def numbers_in(chunk: Path) -> dict[str, range]:
+    """The samples of each claim in a chunk."""
+    return {name: one.numbers for name, one in read_samples(chunk, "ilo").claims.items()}
+
+
+def make_all(folder: Path, chunks: int, cached: SampleTable | None = None) -> list[Path]:
     return [make(folder, chunk, cached) for chunk in chunks_of(DRAWS, chunks)]
 
 
-@pytest.mark.parametrize("chunks", [1, 2, 5, 18])
-def test_chunks_in_any_order_give_the_bytes_of_a_single_run(tmp_path: Path, chunks: int) -> None:
+@pytest.mark.parametrize("cached", [0, 25, 60])
+@pytest.mark.parametrize(
+    "chunks",
+    [*(chunks_of(DRAWS, count) for count in (1, 2, 5, 18)), ["0-0", "1-50", "30-44", "70-200"]],
+)
+def test_chunks_in_any_order_give_the_bytes_of_a_single_run(
+    tmp_path: Path, chunks: list[str], cached: int
+) -> None:
     """Numbers have as many digits as are kept, wherever they were computed."""
-    whole = gathered()
-    paths = make_all(tmp_path, chunks)
+    past = cache_of(cached) if cached else None
+    whole = gathered(cached=past)
+    paths = [make(tmp_path, chunk, past) for chunk in chunks]
     for _ in range(2):
-        Random(chunks).shuffle(paths)
-        assert gathered(paths) == whole
-    assert gathered(paths[: len(paths) // 2]) == whole  # missing samples are computed
+        Random(len(chunks)).shuffle(paths)
+        assert gathered(paths, past) == whole
+    assert gathered(paths[: len(paths) // 2], past) == whole  # missing samples are computed
 
 
 def test_gathering_chunks_computes_no_samples_again(code: Code, tmp_path: Path) -> None:
     chunks = make_all(tmp_path, 5)
     code.asked.clear()
-    assert any(one.refused for one in assessed(chunks=chunks).values())
+    assert any(None in one.samples for one in gathered(chunks).values())
     assert len(code.asked) == 1  # nominal
 
 
@@ -107,16 +115,15 @@ def test_chunk_stops_sampling_a_decided_claim(tmp_path: Path) -> None:
     ends = {name: one.samples for name, one in assessed().items()}
     assert ends.pop("counted") == 3
     assert ends["soon decided"] < 45 < ends["later decided"] < DRAWS == ends["near the line"]
-    first, second = (json.loads(path.read_text())["claims"] for path in make_all(tmp_path, 2))
+    first, second = map(numbers_in, make_all(tmp_path, 2))
     for name, end in ends.items():
-        assert first[name]["numbers"] == list(range(min(end, 45)))
-        assert second[name]["numbers"] == list(range(45, DRAWS))
-    assert (first["counted"]["numbers"], second["counted"]["numbers"]) == ([0, 1, 2], [])
+        assert first[name] == range(min(end, 45))
+        assert second[name] == range(45, DRAWS)
+    assert (first["counted"], second["counted"]) == (range(3), range(0))
 
 
 def test_chunk_skips_claims_decided_by_cached_samples(tmp_path: Path) -> None:
-    chunk = json.loads(make(tmp_path, "50-59", cache_of(DRAWS)).read_text())["claims"]
-    assert chunk["soon decided"]["numbers"] == []
+    assert not numbers_in(make(tmp_path, "50-59", cache_of(DRAWS)))["soon decided"]
 
 
 @pytest.mark.parametrize("name", ["", "7", "9-2", "1-2-3", "-1-5", "0-1e3"])
@@ -146,8 +153,7 @@ def test_chunks_omit_cached_samples_unless_the_code_changed(
     code.factor = factor
     paths = make_all(tmp_path, 5, cached)
     assert gathered(paths, cached) == gathered(cached=cached)
-    drawn = json.loads(paths[1].read_text())["claims"]["near the line"]["numbers"]
-    assert bool(drawn) == (factor != 1)
+    assert bool(numbers_in(paths[1])["near the line"]) == (factor != 1)
 
 
 def test_samples_of_other_choices_are_not_taken_from_chunks(code: Code, tmp_path: Path) -> None:
@@ -163,29 +169,3 @@ def test_chunks_serve_another_bound(code: Code, tmp_path: Path) -> None:
     code.asked.clear()
     assert assessed([moved], chunks=paths)["near the line"].samples == DRAWS
     assert len(code.asked) == 1
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "said"),
-    [
-        (("paper",), "lie", "is of lie, must be of ilo"),
-        (("claims", "soon decided", "numbers", 0), 7, "must be numbers of samples, rising"),
-        (("claims", "soon decided", "numbers"), [1], "must be 1"),
-        (("claims", "soon decided", "samples", 0), "1 a", "must be numbers"),
-        (("claims", "soon decided", "basis"), None, "basis"),
-    ],
-)
-def test_damaged_chunk_is_reported(
-    tmp_path: Path, path: tuple[str | int, ...], value: object, said: str
-) -> None:
-    chunk = make(tmp_path, "0-5")
-    stored = json.loads(chunk.read_text())
-    del stored["sha256"]
-    place = stored
-    for step in path[:-1]:
-        place = place[step]
-    place[path[-1]] = value
-    chunk.write_text(json.dumps(stored))
-    with pytest.raises(InputError, match=said) as caught:
-        read_chunks([chunk], "ilo")
-    assert str(chunk) in str(caught.value)
