@@ -158,8 +158,6 @@ def chosen(parameters: Parameters, choices: Iterable[Choice], number: int) -> tu
     """
     choices = tuple(choices)
     if (counted := cells(choices)) is not None:
-        if number >= len(counted):
-            raise InputError("samples", f"there is no {number}: all {len(counted)} settings count")
         return counted[number]
 
     def stream(name: str) -> np.random.Generator:

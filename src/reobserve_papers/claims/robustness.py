@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +36,15 @@ _ALIKE = 8
 
 @dataclass(frozen=True)
 class Trial:
-    """One sample: the values that were chosen, and what came out, None where it was refused."""
+    """One sample: how its values are chosen, and what came out, None where it was refused."""
 
-    values: tuple[Any, ...]
+    choose: Callable[[], tuple[Any, ...]] = field(compare=False, repr=False)
     found: Found | None
+
+    @cached_property
+    def values(self) -> tuple[Any, ...]:
+        """The values that were chosen, which takes longer than reading what came out."""
+        return self.choose()
 
 
 @dataclass
@@ -108,12 +114,12 @@ def read_robustness(
     table = read_samples(path, parameters.paper)
     found = {}
     for claim in claims:
-        if (stored := table.claims.get(claim.name)) is not None:
+        if (stored := table.of(claim)) is not None:
             one = found[claim.name] = Robustness.begin(claim, stored.basis)
             one.cached = stored.cached
             for number in stored.numbers:
-                values = chosen(parameters, claim.choices, number)
-                one.trials.append(Trial(values, stored.found(number)))
+                choose = partial(chosen, parameters, claim.choices, number)
+                one.trials.append(Trial(choose, stored.found(number)))
     return found
 
 
@@ -256,9 +262,9 @@ class Inquiry:
 
     def add(self, number: int, claim: Claim) -> None:
         """Take the next sample of a claim, which must be known, for what is found."""
-        known, values = self.known[claim.name], chosen(self.parameters, claim.choices, number)
-        one, found = self.found[claim.name], known[number]
-        one.trials.append(Trial(values, found))
+        one, known = self.found[claim.name], self.known[claim.name]
+        found = known[number]
+        one.trials.append(Trial(partial(chosen, self.parameters, claim.choices, number), found))
         one.cached += known.is_cached(number)
         self._held[claim.name].append(outcome(claim, None if found is None else nested(found)))
 

@@ -115,11 +115,20 @@ class SampleTable:
     keys: tuple[str, ...] = ()
     claims: Mapping[str, Samples] = field(default_factory=dict)
 
+    def of(self, claim: Claim) -> Samples | None:
+        """The samples of a claim, or `InputError` if they are more than all its settings."""
+        found = self.claims.get(claim.name)
+        if found and claim.cells is not None and found.numbers.stop > len(claim.cells):
+            allowed = f"at most {len(claim.cells)}, which are all settings"
+            place = f"samples.{claim.paper}.{claim.name}"
+            raise InputError(place, f"there are {found.numbers.stop}, must be {allowed}")
+        return found
+
     def current(
         self, evaluator: Evaluator, claim: Claim, needed: Iterable[Reference] = ()
     ) -> Samples | None:
         """The samples of a claim, if they are of its present parameters and have these numbers."""
-        past = self.claims.get(claim.name)
+        past = self.of(claim)
         if past is None or not set(needed) <= set(past.references):
             return None
         return past if past.basis == basis_of(evaluator, claim, self.keys) else None

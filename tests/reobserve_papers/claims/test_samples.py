@@ -322,8 +322,11 @@ def test_more_samples_than_settings_are_refused(code: Code, tmp_path: Path) -> N
     words = claim("fig1 a variant", VARIANT, below=1.5)
     path, all_three = tmp_path / "ilo.json", found(words).to_keep(words)
     write_samples(path, ILO, {"it": replace(all_three, samples=(*all_three.samples, "0"))})
-    with pytest.raises(InputError, match=r"^samples: there is no 3: all 3 settings count$"):
+    said = r"^samples\.ilo\.it: there are 4, must be at most 3, which are all settings$"
+    with pytest.raises(InputError, match=said):
         read_robustness(path, ILO, [words])
+    with pytest.raises(InputError, match=said):
+        assess(Evaluator(ILO), [words], lambda _: 40, 0.9, read_samples(path, "ilo"))
 
 
 def test_new_key_keeps_samples_of_claims_that_are_not_sampled_then(

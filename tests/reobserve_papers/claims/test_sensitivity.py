@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -42,7 +43,7 @@ def drawn(samples: int = 40) -> Robustness:
         strong, weak = stream.random(2)
         error = abs(2 * strong - 1) + 0.01 * weak
         values = (strong, weak, ("x", "y")[k % 2], k)
-        trials.append(Trial(values, numbers(error)))
+        trials.append(Trial(partial(tuple, values), numbers(error)))
     return Robustness(NAMES, trials)
 
 
@@ -58,7 +59,7 @@ def test_deciding_choice_explains_nearly_everything() -> None:
 
 
 def test_word_separating_all_samples_explains_everything() -> None:
-    trials = [Trial((("x", "y")[k % 2],), numbers(k % 2)) for k in range(40)]
+    trials = [Trial(partial(tuple, "xy"[k % 2]), numbers(k % 2)) for k in range(40)]
     (found,) = influences([(ONE, Robustness(("a.word",), trials))])
     assert found[0].share == pytest.approx(1 - 1 / 20)  # one change of the outcome in 40
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -182,7 +183,9 @@ FREE = claim("fig1 a gain", above=1.0)
 def drawn(held: int, samples: int, whole: int | None = None) -> Robustness:
     """Samples of one choice and one check, of which the first ones held."""
     gain = Reference("fig1", "a", "gain")
-    trials = [Trial((float(k),), {gain: 2.0 if k < held else 0.5}) for k in range(samples)]
+    trials = [
+        Trial(partial(tuple, [float(k)]), {gain: 2.0 if k < held else 0.5}) for k in range(samples)
+    ]
     return Robustness((GAIN,), trials, whole)
 
 
@@ -363,7 +366,7 @@ def test_table_counts_ties_and_the_null() -> None:
     one = replace(one, null={"a": "idle"})
     errors = [0.5] * 24 + [1.0] * 8 + [2.0] * 7
     found = [{a: error, b: 1.0, idle: 0.1} for error in errors]
-    trials = [Trial((float(k),), each) for k, each in enumerate([*found, None])]
+    trials = [Trial(partial(tuple, [float(k)]), each) for k, each in enumerate([*found, None])]
     samples = Robustness((GAIN,), trials)
     numbers = {"fig1": {("a", "error"): 0.5, ("b", "error"): 1.0, ("idle", "error"): 0.1}}
     decider = Decider(Registry(claims=[one]), numbers, {"it": samples}, 1)
