@@ -12,7 +12,6 @@ from reobserve.core.errors import InputError, ReobserveError, located, nearest, 
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.claims.conventions import read_conventions
 from reobserve_papers.claims.errata import errata_file, read_errata
-from reobserve_papers.claims.kept_samples import kept_by
 from reobserve_papers.claims.registry import (
     Registry,
     amiss,
@@ -20,6 +19,7 @@ from reobserve_papers.claims.registry import (
     claims_file,
     read_registry,
 )
+from reobserve_papers.claims.restrictions import kept_by
 from reobserve_papers.claims.samples import read_cached
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.job import read_parameters

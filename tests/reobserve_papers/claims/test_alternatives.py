@@ -22,9 +22,9 @@ from reobserve_papers.claims.alternatives import (
     write_alternatives,
 )
 from reobserve_papers.claims.conventions import SingleAlternative
-from reobserve_papers.claims.kept_samples import kept_by, narrower
 from reobserve_papers.claims.plot_alternatives import alternatives_curve
 from reobserve_papers.claims.registry import Registry
+from reobserve_papers.claims.restrictions import kept_by, narrower
 from reobserve_papers.claims.robustness import Robustness
 from reobserve_papers.claims.verdicts import (
     CONTRADICTED,

@@ -120,9 +120,6 @@ def test_chunk_stops_sampling_a_decided_claim(tmp_path: Path) -> None:
         assert first[name] == range(min(end, 45))
         assert second[name] == range(45, DRAWS)
     assert (first["counted"], second["counted"]) == (range(3), range(0))
-
-
-def test_chunk_skips_claims_decided_by_cached_samples(tmp_path: Path) -> None:
     assert not numbers_in(make(tmp_path, "50-59", cache_of(DRAWS)))["soon decided"]
 
 
@@ -130,19 +127,6 @@ def test_chunk_skips_claims_decided_by_cached_samples(tmp_path: Path) -> None:
 def test_chunk_is_named_by_two_increasing_numbers(name: str) -> None:
     with pytest.raises(InputError, match=r"^chunk: .* must be two rising numbers, as 50-99$"):
         numbers_of(name)
-
-
-def test_recomputed_chunk_is_identical(tmp_path: Path) -> None:
-    paths = make_all(tmp_path, 5)
-    before = [path.read_bytes() for path in paths]
-    for chunk in reversed(chunks_of(DRAWS, 5)):
-        make(tmp_path, chunk)
-    assert [path.read_bytes() for path in paths] == before
-
-
-def test_chunks_can_be_extended_with_more_samples(tmp_path: Path) -> None:
-    paths = make_all(tmp_path, 5)
-    assert gathered(paths, samples=2 * DRAWS) == gathered(samples=2 * DRAWS)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.001])

@@ -57,11 +57,6 @@ def found(
     return assess(Evaluator(parameters), [one], lambda _: samples, 0.9, cached)[one.name]
 
 
-def as_made(one: Robustness) -> Robustness:
-    """The same, computed in one go."""
-    return replace(one, cached=0)
-
-
 @pytest.fixture
 def first(code: Code) -> Robustness:
     """Computed without a cache."""
@@ -79,22 +74,15 @@ def past(first: Robustness) -> Samples:
     return first.to_keep(NEAR)
 
 
-def test_cached_samples_equal_new_samples(code: Code, first: Robustness, past: Samples) -> None:
-    again = found(NEAR, past, samples=60)
-    assert as_made(again) == first
-    assert len(code.asked) == 1 + 1  # nominal, and one sample
+@pytest.mark.parametrize("asked", [20, 60, 80])
+def test_cached_samples_are_all_used_and_missing_ones_added(
+    code: Code, first: Robustness, past: Samples, asked: int
+) -> None:
+    again = found(NEAR, past, samples=asked)
     assert again.cached == 59
-
-
-def test_missing_samples_are_added_to_cached_ones(first: Robustness, past: Samples) -> None:
-    longer = found(NEAR, past, samples=80)
-    assert longer.samples == 80
-    assert longer.trials[:60] == first.trials
-    assert as_made(longer) == found(NEAR, samples=80)
-
-
-def test_requesting_fewer_samples_keeps_all_cached_ones(first: Robustness, past: Samples) -> None:
-    assert as_made(found(NEAR, past, samples=20)) == first
+    assert len(code.asked) == 1 + 1 + max(asked - 60, 0)  # nominal, one sample, and the missing
+    assert replace(again, cached=0) == found(NEAR, samples=max(asked, 60))
+    assert again.trials[:60] == first.trials
 
 
 def test_change_of_the_code_invalidates_cached_samples(code: Code, past: Samples) -> None:
@@ -104,18 +92,6 @@ def test_change_of_the_code_invalidates_cached_samples(code: Code, past: Samples
     assert moved == found(NEAR, samples=60)
     code.factor = 1 + 1e-9  # rounding on another machine
     assert found(NEAR, past, samples=60).cached > 50
-
-
-def test_figure_that_diverges_now_invalidates_cached_samples(code: Code) -> None:
-    """Also where the numbers of another figure stay as they were."""
-    two = with_checks(NEAR, *NEAR.checks, Check.parse({"value": "fig4 a gain", "above": 0}))
-    past = found(two, samples=60).to_keep(two)
-    assert found(two, past, 60).cached == 59
-    whole, code.lost = past.samples[0], (0, 1e9)
-    assert whole is not None
-    one, looked = past.references
-    assert not alike({one: 1.0}, {one: 1.0, looked: 2.0}, {one, looked})
-    assert alike({one: 1.0}, {one: 1.0, looked: 2.0}, {one})
 
 
 # What a sample is made of, and what is asked of it.
@@ -197,7 +173,7 @@ def test_measure_that_only_an_alternative_names_drops_none_in_a_build(
     code: Code, past: Samples, first: Robustness
 ) -> None:
     """Its numbers are missing from the samples until the command makes them again."""
-    more = replace(NEAR, wanted=(*NEAR.wanted, Reference("fig1", "a", "share")))
+    more = replace(NEAR, wanted=(*NEAR.wanted, SHARES))
     again = found(more, past, 60)
     assert again.cached == 59
     assert again.outcomes(more) == first.outcomes(NEAR)
@@ -338,7 +314,7 @@ def test_new_key_keeps_samples_of_claims_that_are_not_sampled_then(
     more = with_key(ILO, "plant", "brand_new")
     keep(project, more, {"new": found(NEAR, parameters=more).to_keep(NEAR)})
     assert kept(project).keys == tuple(more.by_key)
-    bases = {name: one.basis for name, one in (kept(project).claims).items()}
+    bases = {name: one.basis for name, one in kept(project).claims.items()}
     here = basis_of(Evaluator(more), NEAR)
     assert bases == {"it": here, "new": here, "stale": "0a"}
 
@@ -354,6 +330,7 @@ def test_samples_agree_up_to_rounding() -> None:
     assert alike(None, None, set())
     assert alike({}, {}, {a})
     assert not alike({a: 1.0}, {b: 1.0}, set())  # nothing is compared
+    assert not alike({a: 1.0}, {a: 1.0, b: 2.0}, {a, b})  # a figure diverged
 
 
 @pytest.mark.parametrize("paper", FIVE)
@@ -362,7 +339,7 @@ def test_every_claim_has_current_cached_samples(paper: str) -> None:
     parameters = default_parameters(ROOT, paper)
     claims = [one for one in read_registry(ROOT, parameters).claims if one.checks and one.choices]
     cached, here = read_cached(ROOT, paper), Evaluator(parameters)
-    assert {name: one.basis for name, one in (cached.claims).items()} == {
+    assert {name: one.basis for name, one in cached.claims.items()} == {
         claim.name: basis_of(here, claim, cached.keys) for claim in claims
     }
     for one in claims:
@@ -397,7 +374,7 @@ def test_samples_command_resumes_and_checks(
     run(project, 100)
     reported = capsys.readouterr().out.splitlines()
     assert [line.split(", ")[1] for line in reported] == ["1 of 2 claims undecided"] * 3
-    assert [len(one.samples) for one in (kept(project).claims).values()] == [100, 36]
+    assert [len(one.samples) for one in kept(project).claims.values()] == [100, 36]
     run(project, 100, check=True)
     project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never, "new": never})
     with pytest.raises(ReobserveError, match="1 claims have samples that differ"):
@@ -418,18 +395,16 @@ def test_samples_command_makes_samples_with_a_new_measure_again(
     claims = {"it": NEAR, "other": claim("fig1 a gain", GAIN, above=640)}
     project = project_with(tmp_path, monkeypatch, claims)
     run(project, 60)
-    before = kept(project)
-    more = replace(NEAR, wanted=(*NEAR.wanted, Reference("fig1", "a", "share")))
+    before = kept(project).claims
+    more = replace(NEAR, wanted=(*NEAR.wanted, SHARES))
     project_with(tmp_path, monkeypatch, {**claims, "it": more})
     code.asked.clear()
     run(project, 60)
-    after = kept(project)
-    assert after.claims.get("other") == before.claims.get("other")
-    renewed = after.claims.get("it")
-    assert renewed is not None
-    assert renewed.metrics == ("fig1 a gain", "fig1 a share")
-    stripped = tuple(text and text.split()[0] for text in renewed.samples)
-    assert stripped == before.claims.get("it").samples  # type: ignore[union-attr]
+    after = kept(project).claims
+    assert after["other"] == before["other"]
+    assert after["it"].metrics == ("fig1 a gain", "fig1 a share")
+    stripped = tuple(text and text.split()[0] for text in after["it"].samples)
+    assert stripped == before["it"].samples
     assert len(code.asked) < 80
 
 
@@ -439,6 +414,6 @@ def test_samples_command_samples_named_claims_only(
     claims = {"it": NEAR, "cheap": replace(NEAR, maximum=90), "word": NEAR}
     project = project_with(tmp_path, monkeypatch, claims)
     run(project, None, "cheap")
-    assert {name: len(one.samples) for name, one in (kept(project).claims).items()} == {"cheap": 90}
+    assert {name: len(one.samples) for name, one in kept(project).claims.items()} == {"cheap": 90}
     with pytest.raises(InputError, match=r"^--claim: there is no 'wrod'; did you mean 'word'\?$"):
         run(project, None, "wrod")

@@ -1,4 +1,4 @@
-"""Samples that an alternative keeps: those in a narrower range, or some by other weights."""
+"""Restrictions of an alternative to some samples: a narrower range, or other weights."""
 
 from __future__ import annotations
 
