@@ -176,6 +176,8 @@ class Inquiry:
             found[claim.name] = Robustness.begin(claim, basis_of(evaluator, claim))
             needed = claim.wanted if complete else claim.references_of_all
             past = cached.current(evaluator, claim, needed) if cached else None
+            if past is not None and past.first > 0:  # a chunk, whose first samples are missing
+                past = None
             here = known[claim.name] = KnownSamples(claim.wanted, past)
             for table in chunks:
                 if (made := table.current(evaluator, claim, claim.wanted)) is not None:

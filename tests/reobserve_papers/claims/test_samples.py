@@ -85,6 +85,13 @@ def test_cached_samples_are_all_used_and_missing_ones_added(
     assert again.trials[:60] == first.trials
 
 
+@pytest.mark.parametrize("first_number", [1, 40, 10**15])
+def test_chunk_in_place_of_cached_samples_is_not_used(
+    first: Robustness, past: Samples, first_number: int
+) -> None:
+    assert found(NEAR, replace(past, first=first_number), samples=60) == first
+
+
 def test_change_of_the_code_invalidates_cached_samples(code: Code, past: Samples) -> None:
     code.factor = 1.001
     moved = found(NEAR, past, samples=60)
