@@ -116,7 +116,6 @@ def read_robustness(
     for claim in claims:
         if (stored := table.of(claim)) is not None:
             one = found[claim.name] = Robustness.begin(claim, stored.basis)
-            one.cached = stored.cached
             for number in stored.numbers:
                 choose = partial(chosen, parameters, claim.choices, number)
                 one.trials.append(Trial(choose, stored.found(number)))
@@ -221,8 +220,7 @@ class Inquiry:
         one may make samples that are not needed, and lacks none that would decide otherwise.
         """
         longest = max((self.limit(claim, samples) for claim in self.claims), default=0)
-        made = range(longest) if chunk is None else chunk
-        for number in range(made.stop):
+        for number in range(longest):
             going = [
                 claim
                 for claim in self.claims
@@ -230,7 +228,7 @@ class Inquiry:
             ]
             if not going:
                 break
-            if number in made:
+            if chunk is None or number in chunk:
                 self.ask(number, [one for one in going if number not in self.known[one.name]])
             for claim in going:
                 if number == self.found[claim.name].samples and number in self.known[claim.name]:

@@ -264,6 +264,7 @@ def test_table_is_read_as_it_was_written(
         path = Path(folder) / "ilo.json"
         write_samples(path, ILO, {"it": one, "none": replace(one, samples=(), cached=0)}, seal=seal)
         table = read_samples(path, "ilo")
+        assert ("sha256" in path.read_text()) == seal
     assert table.keys == KEYS
     assert table.claims == {"it": one, "none": replace(one, samples=(), cached=0)}
     for number, numbers in zip(one.numbers, found, strict=True):
@@ -382,6 +383,8 @@ def test_samples_command_resumes_and_checks(
     reported = capsys.readouterr().out.splitlines()
     assert [line.split(", ")[1] for line in reported] == ["1 of 2 claims undecided"] * 3
     assert [len(one.samples) for one in kept(project).claims.values()] == [100, 36]
+    run(project, 60)
+    assert capsys.readouterr().out == "ilo: 136 samples, 1 of 2 claims undecided\n"
     run(project, 100, check=True)
     project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never, "new": never})
     with pytest.raises(ReobserveError, match="1 claims have samples that differ"):
