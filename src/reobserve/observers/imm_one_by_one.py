@@ -28,7 +28,7 @@ def run_one_by_one(
     fresh: bool,
     rows: BankRows,
 ) -> tuple[int, str]:
-    """Fill the rows as `run_bank` does; return the number of good ones and why it stopped."""
+    """Fill the rows as `run_bank` does, and return the number of good ones and why it stopped."""
     transition = for_loop(bank.transition)
     work, gated = new_bank_work(posteriors, bank.mixing, bank._rules), bank.gate is not None
     for k, y in enumerate(measurements):
