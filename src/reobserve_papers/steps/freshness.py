@@ -67,7 +67,7 @@ def mark_unrecorded(project: Path) -> None:
 
 def _is_text(name: str) -> bool:
     """True if a file can be a result: its name is no bytes of another encoding."""
-    return name.isprintable()
+    return name == name.encode(errors="ignore").decode()
 
 
 def record_of(project: Path, output: str) -> Path:

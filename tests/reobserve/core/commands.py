@@ -32,7 +32,8 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     """Check that what a command calls takes its options."""
     module, name = parser.get_default("run").split(":")
     function = getattr(importlib.import_module(module), name)
-    options = {one.dest for one in parser._actions if one.dest not in ("help", "version")}
+    options = {one.dest for one in parser._actions} - {"help", "version"}
+    options |= parser._defaults.keys() - {"run", "extra"}
     inspect.signature(function).bind(**dict.fromkeys(options))
 
 

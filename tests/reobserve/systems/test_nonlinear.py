@@ -316,9 +316,5 @@ def test_indefinite_covariance_is_reported() -> None:
     model = NonlinearModel("x^2", "x", 0.0, 1.0, state_names=["x"])
     one = UnscentedKalmanFilter(model, 1.0, -2.0, -0.5)
     posterior = one.init([0.0], 1.0).posterior
-    spread = one.predict(posterior)
-    assert spread.covariance[0, 0] < 0
     with pytest.raises(DivergenceError, match="no longer positive semidefinite, so that it has no"):
-        one.predict(spread)
-    with pytest.raises(DivergenceError, match="no longer positive semidefinite, so that it has no"):
-        one.correct(spread, [1.0])
+        one.predict(posterior)
