@@ -212,15 +212,18 @@ def test_variance_that_is_zero_to_rounding_stops_nothing(
     A, scale = turning(degrees), 10.0**power
     model: Any = LinearModel(A, C=[[1.0, 0.0]], Q=0.0, R=0.01 * scale, check=False)
     if kind is ExtendedKalmanFilter:
+        parameters = {"c": float(A[0, 0]), "s": float(A[0, 1])}
         model = NonlinearModel(
-            lambda x: A @ x, lambda x: x[:1], 0.0, 0.01 * scale, states=2, outputs=1
-        )
+            ["c*a + s*b", "c*b - s*a"], ["a"], 0.0, 0.01 * scale, state_names=["a", "b"],
+            parameters=parameters,
+        )  # fmt: skip
     filter_ = KalmanFilter(model) if kind is not ExtendedKalmanFilter else kind(model)
     if kind is IMM:
         filter_ = IMM([filter_, filter_], [[0.9, 0.1], [0.1, 0.9]])
     y = np.full((100, 1), np.nan if missing else 0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", VagueStartWarning)  # of a variance that is nearly zero
         run = filter_.run(y, state=filter_.init([0.0, 0.0], np.diag([0.0, scale])))
     check(run)
     if kind is KalmanFilter:
