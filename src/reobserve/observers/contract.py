@@ -236,8 +236,8 @@ class Observer(Value, ABC, Generic[StateKind]):
             If a shape is wrong, a number is not finite, the times are not a sampling period apart,
             or the state is of another observer.
         DivergenceError
-            If an estimate leaves the range of floating-point numbers; it says, where it is known,
-            whether a shorter step would have helped.
+            If an estimate leaves the range of floating-point numbers, or rounding makes a variance
+            of a filter negative; it says, where it is known, what would have helped.
         """
         loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
         if (np.ndim(y) if isinstance(y, np.ndarray) else depth_of(y)) == 3:

@@ -245,8 +245,9 @@ class GaussianFilter(Observer[KalmanState]):
             If y (nan: missing), its input or the posterior has another size, or a Python function
             returns other shapes.
         DivergenceError
-            If the covariance of the innovation is not positive definite, or the posterior leaves
-            the range of floating-point numbers; its time counts from there.
+            If the covariance of the innovation is not positive definite, the posterior leaves the
+            range of floating-point numbers, or rounding makes a variance negative; its time counts
+            from there.
         """
         return filter_halves.correct(self, posterior, y, u)
 

@@ -32,8 +32,9 @@ _MARGIN = 64  # numbers, 512 bytes: more than processors fetch at once
 # Less of an output's variance is rounding, which moves estimates by over 1 % of their deviation.
 ROUNDED = 32 * float(np.finfo(float).eps)
 
-# How much of a variance of an innovation R must be for a negative variance of the state to be zero
-# to rounding. Negative variances of drawn vague starts are where it is 1e-14 or less.
+# S / R of a measurement above which a negative variance of the state is an error. Where it is
+# smaller, the true variance is zero. In drawn plants S / R was 1e14 or more where a vague start had
+# lost all digits, and 1e2 or less where a state was known.
 VAGUE = 1e12
 
 # Sizes up to this have loops of their own, 1.2 to 2.4 times as fast as those of all sizes, at the
@@ -153,7 +154,7 @@ def predict(
                 total += square[a, i] * A[b, i]
             next_covariance[a, b] = total
             next_covariance[b, a] = total
-    settle(next_covariance, work)
+    clip_variances(next_covariance, work)
 
 
 @inlined_kernel
@@ -364,7 +365,7 @@ def correct(
     if below_zero(covariance, work):
         if is_vague(innovation, work):
             return math.nan
-        settle(covariance, work)
+        clip_variances(covariance, work)
     # e(k|k) = y - C x - D u
     output_error(C, D, measurement, control, mean, work.scaled, work)
     for o in range(len(work.outputs)):
@@ -374,10 +375,10 @@ def correct(
 
 
 @inlined_kernel
-def settle(covariance: Array, work: LinearWork) -> None:
-    """Set variances that are negative to zero, which they are to rounding where nothing is vague.
+def clip_variances(covariance: Array, work: LinearWork) -> None:
+    """Set negative variances to zero: the true ones are zero to rounding.
 
-    A state that is known, say, where its angle has turned to that of another.
+    The position of an oscillator is known, say, each time its velocity alone is uncertain.
     """
     for a in range(len(work.states)):
         if covariance[a, a] < 0.0:  # noqa: PLR1730  # nan stays

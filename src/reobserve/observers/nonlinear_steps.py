@@ -34,10 +34,10 @@ from reobserve.observers.linear_steps import (
     assign,
     assign_matrix,
     below_zero,
+    clip_variances,
     fill,
     is_missing,
     is_vague,
-    settle,
 )
 from reobserve.observers.nonlinear_filter_work import (
     NO_POSTERIOR,
@@ -90,7 +90,7 @@ def predict(
             work.cause[0] = NO_STATE
             return False
     if weights is None:
-        settle(next_covariance, work.linear)
+        clip_variances(next_covariance, work.linear)
     elif below_zero(next_covariance, work.linear):
         work.cause[0] = NO_ROOT
         return False
@@ -126,7 +126,7 @@ def correct(
         if vague or weights is not None:
             work.cause[0] = NEGATIVE if vague else NO_ROOT
             return math.nan
-        settle(covariance, work.linear)
+        clip_variances(covariance, work.linear)
     if math.isfinite(total):
         return log_likelihood
     if work.cause[0] == 0:
