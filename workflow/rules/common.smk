@@ -14,11 +14,11 @@ from reobserve_papers.cli.job_lines import print_job_lines
 from reobserve_papers.cli.own_modules import refused_in_one_sentence
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
-from reobserve_papers.parameters.names import samples_path, style_sheet
+from reobserve_papers.parameters.names import style_sheet
 from reobserve_papers.parameters.prepare import check_folders, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
 from reobserve_papers.parameters.step_kinds import KINDS, SECTIONS
-from reobserve_papers.steps.chain import inputs
+from reobserve_papers.steps.chain import CLAIM_PLOTS, inputs
 from reobserve_papers.steps.freshness import check_code, mark_unrecorded
 from reobserve_papers.steps.provenance import code_digest, files_digest
 from reobserve_papers.steps.provenance import shared_digest, versions
@@ -69,13 +69,6 @@ def each(pattern, section):
     return [
         pattern.format(paper=paper, name=name) for paper in PAPERS for name in names(section, paper)
     ]
-
-
-def each_of_paper(pattern, section):
-    """An input function: the same for the paper of a job."""
-    return lambda wildcards: expand(
-        pattern, paper=wildcards.paper, name=names(section, wildcards.paper)
-    )
 
 
 FIGURES = [
@@ -140,15 +133,25 @@ def code_of(module):
     return lambda wildcards: shared_digest(module)
 
 
-def inputs_of(step):
-    """An input function: the files that a job of a step reads, beside the parameters."""
+def inputs_of(step, *chunks):
+    """An input function: the files that a job of a step reads, beside the parameters.
 
-    def found(wildcards):
+    Of texts, digests in the params of a rule say whether they have changed; so they are `ancient`.
+    """
+    words = KINDS[step].names if step in KINDS else ["chunk"] * (step == "sample")
+
+    def files(wildcards):
+        papers = [wildcards.paper] if "paper" in wildcards.keys() else CLAIMED
+        names = chunks or [wildcards[word] for word in words]
         with refused_in_one_sentence():
-            names = [wildcards[word] for word in KINDS[step].names]
-            return inputs(checked(wildcards.paper), Path(), step, *names)
+            paths = [
+                path
+                for paper in papers
+                for path in inputs(checked(paper), Path(), step, *names, cached=config["cached"])
+            ]
+        return [ancient(path) if path.endswith(".yaml") else path for path in dict.fromkeys(paths)]
 
-    return found
+    return files
 
 
 def table_caption(wildcards):
@@ -156,29 +159,16 @@ def table_caption(wildcards):
     return caption_template(Path(), wildcards.paper, wildcards.table, "table")
 
 
-def chunks(wildcards):
-    """An input function: the chunks of samples; none if one job computes all."""
-    size = -(-config["samples"] // config["chunks"])
-    starts = range(0, config["samples"], size) if config["chunks"] > 1 else []
-    return [
-        f"results/{wildcards.paper}/samples/{start}-{start + size - 1}.json" for start in starts
-    ]
-
-
-def cached(wildcards):
-    """An input function: the samples of a paper that are kept in config/samples."""
-    path = samples_path(wildcards.paper)
-    return [path] if config["cached"] and Path(path).is_file() else []
+# The chunks of samples; none if one job computes all.
+SIZE = -(-config["samples"] // config["chunks"])
+STARTS = range(0, config["samples"], SIZE) if config["chunks"] > 1 else []
+CHUNKS = [f"{start}-{start + SIZE - 1}" for start in STARTS]
+CACHED = "" if config["cached"] else " --no-cached"
 
 
 def of_claims(part):
     """A params function: a digest of what decides claims."""
     return lambda wildcards: claims_digest(part, Path(), checked(wildcards.paper))
-
-
-def numbers_behind(wildcards):
-    """An input function: all metrics of a paper."""
-    return [path for path in NUMBERS if path.split("/")[1] == wildcards.paper]
 
 
 def tuned_settings(wildcards):

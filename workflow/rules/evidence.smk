@@ -31,8 +31,7 @@ rule theory:
 # With `chunks` above one; else the rule robustness computes all samples.
 rule sample:
     input:
-        cached=cached,
-        studies=each_of_paper("results/{paper}/{name}.study.csv", "studies"),
+        inputs_of("sample"),
     output:
         "results/{paper}/samples/{chunk}.json",
     log:
@@ -44,20 +43,19 @@ rule sample:
         "../envs/reobserve.yaml"
     params:
         settings=of_claims("samples"),
-        code=code("sample"),
+        code=code("robustness"),
         packages=PACKAGES,
+        options=CACHED,
     message:
         "{wildcards.paper}: compute the Monte Carlo samples {wildcards.chunk}"
     shell:
-        "(set -x; reobserve-papers stage sample results/{wildcards.paper}/parameters.json {wildcards.chunk}"
-        " --cached {input.cached} --study-files {input.studies} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage sample results/{wildcards.paper}/parameters.json"
+        " {wildcards.chunk}{params.options}) &> {log}"
 
 
 rule robustness:
     input:
-        cached=cached,
-        studies=each_of_paper("results/{paper}/{name}.study.csv", "studies"),
-        chunks=chunks,
+        inputs_of("robustness", *CHUNKS),
     output:
         "results/{paper}/robustness.json",
     log:
@@ -71,19 +69,17 @@ rule robustness:
         settings=of_claims("bounds"),
         code=code("robustness"),
         packages=PACKAGES,
-        options=f"--samples {config['samples']}",
+        options=f"{' '.join([*CHUNKS, '--samples'])} {config['samples']}{CACHED}",
     message:
         "{wildcards.paper}: compute Monte Carlo samples of what is left open"
     shell:
-        "(set -x; reobserve-papers stage robustness results/{wildcards.paper}/parameters.json {params.options}"
-        " --cached {input.cached} --chunk-files {input.chunks} --study-files {input.studies}"
-        " --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage robustness results/{wildcards.paper}/parameters.json {params.options})"
+        " &> {log}"
 
 
 rule alternatives:
     input:
-        robustness="results/{paper}/robustness.json",
-        numbers=numbers_behind,
+        inputs_of("alternatives"),
     output:
         report(
             "results/{paper}/alternatives.csv",
@@ -105,19 +101,17 @@ rule alternatives:
     message:
         "{wildcards.paper}: try alternatives to conventions"
     shell:
-        "(set -x; reobserve-papers stage alternatives results/{wildcards.paper}/parameters.json"
-        " {input.robustness} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage alternatives results/{wildcards.paper}/parameters.json) &> {log}"
 
 
 rule sensitivity:
     input:
-        robustness="results/{paper}/robustness.json",
-        alternatives="results/{paper}/alternatives.csv",
+        inputs_of("sensitivity"),
     output:
         report(
             expand(
                 "results/{{paper}}/{name}.{kind}",
-                name=["alternatives", "specification", "sensitivity"],
+                name=CLAIM_PLOTS,
                 kind=FORMATS,
             ),
             caption="../report/sensitivity.rst",
@@ -135,19 +129,17 @@ rule sensitivity:
         claims=of_claims("verdicts"),
         code=code_of("reobserve_papers.cli.stages.sensitivity"),
         packages=PACKAGES,
+        options=" ".join(["--formats", *FORMATS]),
     message:
         "{wildcards.paper}: plot which choices decide the claims"
     shell:
         "(set -x; reobserve-papers stage sensitivity results/{wildcards.paper}/parameters.json"
-        " {input.robustness} --alternatives-file {input.alternatives} --outputs {output}) &> {log}"
+        " {params.options}) &> {log}"
 
 
 rule claims:
     input:
-        [path for path in NUMBERS if path.split("/")[1] in CLAIMED],
-        expand(
-            "results/{paper}/{name}", paper=CLAIMED, name=["robustness.json", "alternatives.csv"]
-        ),
+        inputs_of("claims"),
     output:
         report(
             "results/claims.csv",
@@ -162,7 +154,7 @@ rule claims:
     conda:
         "../envs/reobserve.yaml"
     params:
-        papers=CLAIMED,
+        parameters=expand("results/{paper}/parameters.json", paper=CLAIMED),
         code=code_of("reobserve_papers.cli.stages.claims"),
         claims=lambda wildcards: [
             claims_digest("table", Path(), checked(paper)) for paper in CLAIMED
@@ -170,7 +162,7 @@ rule claims:
     message:
         "decide all claims"
     shell:
-        "(set -x; reobserve-papers stage claims {params.papers} --output {output}) &> {log}"
+        "(set -x; reobserve-papers stage claims {params.parameters}) &> {log}"
 
 
 rule report:
@@ -208,8 +200,7 @@ rule report:
 # After the report, which shows broken claims: this fails then.
 rule verdicts:
     input:
-        claims="results/claims.csv",
-        alternatives=expand("results/{paper}/alternatives.csv", paper=CLAIMED),
+        inputs_of("verdicts"),
         report="results/report.html",
     output:
         "results/verdicts.md",
@@ -218,11 +209,12 @@ rule verdicts:
     conda:
         "../envs/reobserve.yaml"
     params:
+        parameters=expand("results/{paper}/parameters.json", paper=CLAIMED),
         code=code_of("reobserve_papers.cli.stages.verdicts"),
     message:
         "count the verdicts"
     shell:
-        "(set -x; reobserve-papers stage verdicts {input.claims} --alternatives-files {input.alternatives} --output {output}) 2>&1 | tee {log} | sed '\\,^+ ,d' >&2"
+        "(set -x; reobserve-papers stage verdicts {params.parameters}) 2>&1 | tee {log} | sed '\\,^+ ,d' >&2"
 
 
 # On demand: the build as an RO-Crate, with the bench if built, to be deposited and cited.

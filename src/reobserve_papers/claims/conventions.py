@@ -20,9 +20,8 @@ from pydantic import Field
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, nearest, shown
 from reobserve.core.validation import Text, distinct, items, parse
+from reobserve_papers.parameters.names import CONVENTIONS
 from reobserve_papers.parameters.parameter_file import Model
-
-PATH = "config/conventions.yaml"
 
 # What the code itself reads, with the values that hold where a project has no such file.
 SPECIAL: Mapping[str, Any] = {
@@ -95,7 +94,7 @@ class Conventions:
 
 def read_conventions(project: Path) -> Conventions:
     """The conventions of a project, those of the code where it has no file."""
-    path = project / PATH
+    path = project / CONVENTIONS
     if not path.is_file():
         return Conventions()
     found = parse(ConventionsFile, read_yaml(path))
@@ -114,7 +113,7 @@ def read_conventions(project: Path) -> Conventions:
 def conventions_text(project: Path) -> Tree:
     """The file as it stands, to see whether it has changed."""
     try:
-        return read_yaml(project / PATH) if (project / PATH).is_file() else {}
+        return read_yaml(project / CONVENTIONS) if (project / CONVENTIONS).is_file() else {}
     except InputError as error:
         return {"problem": str(error)}
 

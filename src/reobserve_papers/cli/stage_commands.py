@@ -41,7 +41,7 @@ def step_options(step: str, command: argparse.ArgumentParser) -> None:
         article = "an" if word[0] in "aeiou" else "a"
         command.add_argument(word, help=f"{article} {word} of the parameter file")
     if step == "plot":
-        command.add_argument("--formats", nargs="+", choices=FORMATS, required=True)
+        _formats(command)
         command.add_argument("--style", default="", help="a style sheet of config/styles")
         command.add_argument(
             "--no-notes", dest="notes", action="store_false", help="put the notes into the caption"
@@ -70,65 +70,37 @@ def robustness_options(command: argparse.ArgumentParser) -> None:
     most = "maximum number of samples per claim"
     command.add_argument("--samples", type=whole(1, 1_000_000), required=True, help=most)
     command.add_argument(
-        "--chunk-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve-papers stage sample`; missing samples are computed here",
+        "chunk", nargs="*",
+        help="chunks that `reobserve-papers stage sample` made; missing samples are computed here",
     )  # fmt: skip
-    _what_is_known(command)
-    add_output(command, "the samples, JSON")
-    add_project(command)
+    _cached(command)
 
 
 def sample_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `sample`."""
     _parameter_file(command)
     command.add_argument("chunk", help="numbers of its first and last sample, such as 50-99")
-    _what_is_known(command)
-    add_output(command, "the samples, JSON")
-    add_project(command)
-
-
-def sensitivity_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `sensitivity`."""
-    _parameter_file(command)
-    _robustness_file(command)
-    text = "the figures alternatives, specification and sensitivity, in any of the formats"
-    command.add_argument(
-        "--alternatives-file", type=Path, required=True,
-        help="from `reobserve-papers stage alternatives`",
-    )  # fmt: skip
-    command.add_argument("--outputs", type=Path, nargs="+", required=True, help=text)
-    add_project(command)
+    _cached(command)
 
 
 def alternatives_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `alternatives`."""
     _parameter_file(command)
-    _robustness_file(command)
-    add_output(command, "what each changes, CSV")
-    add_project(command)
+
+
+def sensitivity_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of `sensitivity`."""
+    _parameter_file(command)
+    _formats(command)
 
 
 def claims_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `claims`."""
-    command.add_argument("paper", nargs="*", help="papers whose figures are built")
-    command.add_argument(
-        "--results",
-        type=Path,
-        default=Path("results"),
-        help="the folder of results (default: results)",
-    )
-    add_output(command, "the table, CSV")
-    add_project(command)
+    """Add the options of `claims` and of `verdicts`."""
+    text = "made by `reobserve-papers stage parameters`, one for each paper that is built"
+    command.add_argument("parameter_file", type=Path, nargs="*", help=text)
 
 
-def verdicts_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `verdicts`."""
-    command.add_argument("claims_file", type=Path, help="from `reobserve-papers stage claims`")
-    command.add_argument(
-        "--alternatives-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve-papers stage alternatives`, one for each paper",
-    )  # fmt: skip
-    add_output(command, "the counts, Markdown")
+verdicts_options = claims_options
 
 
 def archive_options(command: argparse.ArgumentParser) -> None:
@@ -144,23 +116,18 @@ def _parameter_file(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _robustness_file(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "robustness_file", type=Path, help="from `reobserve-papers stage robustness`"
-    )
+def _formats(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--formats", nargs="+", choices=FORMATS, required=True)
 
 
-def _what_is_known(command: argparse.ArgumentParser) -> None:
+def _cached(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--cached", type=Path, nargs="?", metavar="FILE",
-        help="cached samples, of which only some are repeated",
-    )  # fmt: skip
-    command.add_argument(
-        "--study-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve-papers stage study`, in the order of the parameters; "
-        "else computed here",
+        "--no-cached", dest="cached", action="store_false",
+        help="compute all samples, those in config/samples too",
     )  # fmt: skip
 
+
+_RUN = {"sample": "reobserve_papers.cli.stages.robustness:run_chunk"}
 
 STAGES = CommandTable(
     "Run one stage of the pipeline, as its jobs do.",
@@ -170,7 +137,7 @@ STAGES = CommandTable(
             partial(step_options, name) if name in KINDS else f"{__name__}:{name}_options",
             "reobserve_papers.steps.job:run"
             if name in KINDS and name != "plot"
-            else f"reobserve_papers.cli.stages.{name}:run",
+            else _RUN.get(name, f"reobserve_papers.cli.stages.{name}:run"),
             "papers",
         )
         for name, text in _STAGES.items()

@@ -6,6 +6,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+CONVENTIONS = "config/conventions.yaml"  # by which claims are decided
 DEFAULT_STYLE = "default"
 
 _PACKAGE = Path(__file__).parents[1]

@@ -12,7 +12,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import read_text
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import KINDS
-from reobserve_papers.steps.chain import inputs, result
+from reobserve_papers.steps.chain import EVIDENCE, inputs, outputs
 
 _PROMPT = "+ "  # as ``set -x`` of a shell prints commands
 _WRITTEN = ("--output", "--outputs", "--caption")
@@ -49,7 +49,7 @@ def read_log(project: Path, log: str) -> LoggedJob:
         raise InputError(log, "does not begin with the command that ran")
     command = first.removeprefix(_PROMPT).strip()
     _, *words = shlex.split(command)
-    if words[:1] == ["stage"] and words[1:2] and words[1] in KINDS:
+    if words[:1] == ["stage"] and words[1:2] and words[1] in {*KINDS, *EVIDENCE}:
         return LoggedJob(log, command, *_of_step(project, *words[1:]))
     files: dict[bool, list[str]] = {True: [], False: []}
     option = ""
@@ -61,16 +61,18 @@ def read_log(project: Path, log: str) -> LoggedJob:
     return LoggedJob(log, command, tuple(files[False]), tuple(files[True]))
 
 
-def _of_step(
-    project: Path, step: str, parameter_file: str, *words: str
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _of_step(project: Path, step: str, *words: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The files that the job of a step read, and those that it wrote."""
-    parameters = Parameters.read(project / parameter_file)
-    names = words[: len(KINDS[step].names)]
-    made = result(parameters.paper, step, *names)
-    options = list(itertools.takewhile(lambda word: word[:2] != "--", words[len(names) + 1 :]))
-    plots = [f"{made.removesuffix('caption.rst')}{kind}" for kind in options]
-    return (parameter_file, *inputs(parameters, project, step, *names)), (*plots, made)
+    arguments = [*itertools.takewhile(lambda word: word[:2] != "--", words)]
+    options = words[len(arguments) :]
+    formats = [*itertools.takewhile(lambda word: word[:2] != "--", options[1:])]
+    files = arguments if step in ("claims", "verdicts") else arguments[:1]
+    names = arguments[len(files) :]
+    papers = [Parameters.read(project / path) for path in files]
+    cached = "--no-cached" not in options
+    read = [path for one in papers for path in inputs(one, project, step, *names, cached=cached)]
+    made = outputs(papers[0].paper, step, *names, formats=formats)
+    return (*files, *dict.fromkeys(read)), made
 
 
 def jobs_behind(project: Path, targets: Iterable[str]) -> list[LoggedJob]:

@@ -2,26 +2,52 @@
 
 A step is named by a tuple such as ``("plant", "constant")`` or ``("observe", "constant",
 "sampled")``: a scenario, or a scenario and an observer, or a design, study, search, table or
-figure; the theory has no name. What each reads follows from `KINDS`.
+figure; the theory has no name. What each reads follows from `KINDS`, and for jobs on the claims of
+papers from `EVIDENCE`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.errors import InputError
-from reobserve_papers.parameters.names import caption_template, stored_parameters
+from reobserve_papers.parameters.names import (
+    CONVENTIONS,
+    caption_template,
+    claims_path,
+    samples_path,
+    stored_parameters,
+)
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import KINDS
 from reobserve_papers.signals.inputs import sample_files
 
 Step = tuple[str, ...]
 
+# Jobs on the claims of a paper, and the steps whose results each reads: those of all names. A chunk
+# of samples is a step; the verdicts on all papers are in one table.
+EVIDENCE = {
+    "sample": ("study",),
+    "robustness": ("study", "sample"),
+    "alternatives": ("metrics", "robustness"),
+    "sensitivity": ("metrics", "robustness", "alternatives"),
+    "claims": ("metrics", "robustness", "alternatives"),
+    "verdicts": ("claims", "alternatives"),
+}
+
+# What the job `sensitivity` draws.
+CLAIM_PLOTS = ("alternatives", "specification", "sensitivity")
+
 
 def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
-    """The steps whose results a step reads, in the order of its paper's function."""
+    """The steps whose results a step reads, in the order of its paper's function.
+
+    The names of a job on claims are those of the chunks of samples that it gathers.
+    """
+    if step in EVIDENCE:
+        return [need for kind in EVIDENCE[step] for need in _each(parameters, kind, names)]
     kind, tree = KINDS[step], parameters.tree
     body = tree[kind.section][names[-1]] if kind.about else {}
     scenario: str = names[0] if step == "observe" else body.get("scenario", "")
@@ -42,6 +68,17 @@ def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
     return found
 
 
+def _each(parameters: Parameters, kind: str, chunks: tuple[str, ...]) -> list[Step]:
+    """The steps of a kind in a paper."""
+    tree = parameters.tree
+    if kind == "sample":
+        return [(kind, chunk) for chunk in chunks]
+    if kind not in KINDS:
+        return [(kind,)]
+    steps: list[Step] = [(kind, name) for name in tree.get(KINDS[kind].section, {})]
+    return [*steps, ("theory",)] if kind == "metrics" and "theory" in tree else steps
+
+
 def behind(parameters: Parameters, *step: str) -> list[Step]:
     """A step and all that it needs, each after what it reads."""
     found: dict[Step, None] = {}
@@ -50,19 +87,33 @@ def behind(parameters: Parameters, *step: str) -> list[Step]:
     return [*found, step]
 
 
-def inputs(parameters: Parameters, project: Path, step: str, *names: str) -> list[str]:
-    """The files, by paths in a project, that a job of a step reads beside the parameters."""
-    settings = parameters.settings(step, names[-1] if names else "")
-    found = [result(parameters.paper, *need) for need in reads(parameters, step, *names)]
-    found += [file for value in _values(settings) for file in sample_files(value)]
-    if step == "study":
-        for entry in parameters.tree["studies"][names[0]].values():
-            found += [entry["value"]] if isinstance(entry, dict) and entry["unit"] == "file" else []
+def inputs(
+    parameters: Parameters, project: Path, step: str, *names: str, cached: bool = True
+) -> list[str]:
+    """The files, by paths in a project, that a job of a step reads beside the parameters.
+
+    Samples in ``config/samples`` are among them if a job takes ``cached`` ones.
+    """
+    paper, tree = parameters.paper, parameters.tree
+    files = [result(paper, *need) for need in reads(parameters, step, *names)]
+    if step not in EVIDENCE:
+        settings = parameters.settings(step, names[-1] if names else "")
+    else:
+        samples = step in ("sample", "robustness")
+        settings = tree if samples else {}
+        texts = [claims_path(paper), CONVENTIONS, *[samples_path(paper)] * (samples and cached)]
+        files += [path for path in texts if step != "verdicts" and (project / path).is_file()]
+    files += [file for value in _values(settings) for file in sample_files(value)]
+    if step in ("study", "sample", "robustness"):
+        studies = tree.get("studies", {})
+        for study in [studies[names[0]]] if step == "study" else studies.values():
+            entries = [entry for entry in study.values() if isinstance(entry, dict)]
+            files += [entry["value"] for entry in entries if entry["unit"] == "file"]
     if step == "plot":
-        found.append(caption_template(project, parameters.paper, names[0], "figure"))
-        texts = Path(f"workflow/report/{parameters.paper}")
-        found += sorted(str(texts / path.name) for path in (project / texts).glob("_*.rst"))
-    return list(dict.fromkeys(found))
+        files.append(caption_template(project, paper, names[0], "figure"))
+        folder = Path(f"workflow/report/{paper}")
+        files += sorted(str(folder / path.name) for path in (project / folder).glob("_*.rst"))
+    return list(dict.fromkeys(files))
 
 
 def _values(settings: dict[str, Any]) -> Iterator[Any]:
@@ -93,16 +144,32 @@ def log(paper: str, step: str, *names: str) -> str:
 
 def result(paper: str, step: str, *names: str) -> str:
     """The path of the result of a step, in a project, and that of the caption of a plot."""
-    folder = f"results/{paper}"
-    match step:
-        case "plant" | "observe":
-            scenario, observer = (*names, "plant")[:2]
-            return f"{folder}/{scenario}/{observer}.parquet"
-        case "metrics" | "theory":
-            return f"{folder}/{(*names, 'theory')[0]}.metrics.csv"
-        case "table":
-            return f"{folder}/{names[0]}.csv"
-        case "plot":
-            return f"{folder}/{names[0]}.caption.rst"
-    kind = "csv" if step == "study" else "json"
-    return f"{folder}/{names[0]}.{step}.{kind}"
+    return _RESULTS[step].format(*names, paper=paper)
+
+
+_RESULTS = {
+    "plant": "results/{paper}/{0}/plant.parquet",
+    "observe": "results/{paper}/{0}/{1}.parquet",
+    "design": "results/{paper}/{0}.design.json",
+    "study": "results/{paper}/{0}.study.csv",
+    "search": "results/{paper}/{0}.search.json",
+    "table": "results/{paper}/{0}.csv",
+    "metrics": "results/{paper}/{0}.metrics.csv",
+    "theory": "results/{paper}/theory.metrics.csv",
+    "plot": "results/{paper}/{0}.caption.rst",
+    "sample": "results/{paper}/samples/{0}.json",
+    "robustness": "results/{paper}/robustness.json",
+    "alternatives": "results/{paper}/alternatives.csv",
+    "claims": "results/claims.csv",
+    "verdicts": "results/verdicts.md",
+}
+
+
+def outputs(paper: str, step: str, *names: str, formats: Iterable[str] = ()) -> tuple[str, ...]:
+    """The paths of all files that a job writes, in a project."""
+    if step == "sensitivity":
+        plots = (f"{name}.{kind}" for name in CLAIM_PLOTS for kind in formats)
+        return tuple(f"results/{paper}/{plot}" for plot in plots)
+    made = result(paper, step, *names)
+    kinds = formats if step == "plot" else ()
+    return (*(f"{made.removesuffix('caption.rst')}{kind}" for kind in kinds), made)

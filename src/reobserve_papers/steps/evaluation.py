@@ -6,13 +6,13 @@ functions of a paper, with the same settings, as the rules of the workflow.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from reobserve.core.errors import InputError, located, shown
+from reobserve.core.errors import located
 from reobserve.core.seals import digest
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.metrics.parts import only
@@ -195,16 +195,6 @@ class Evaluator:
     def apart(self) -> Evaluator:
         """A copy that starts from the results so far and keeps new ones to itself."""
         return Evaluator(self.parameters, dict(self._done), self._files)
-
-    def take_studies(self, files: Sequence[Path]) -> None:
-        """Read the studies from files, one for each study in the order of the parameter file."""
-        studies = list(self.parameters.tree.get("studies", {}))
-        if len(files) != len(studies):
-            raise InputError("--study-files", f"{len(files)} must be one for each of {studies}")
-        for name, path in zip(studies, files, strict=True):
-            if path.name != (wanted := f"{name}.study.csv"):
-                raise InputError("--study-files", f"{shown(path.name)} stands where {wanted} must")
-            self.take_study(name, path)
 
     def take_study(self, study: str, path: Path) -> None:
         """Read one study from a file, or `InputError` if that is missing or damaged."""

@@ -29,7 +29,7 @@ def stage_modules(stage: str, package: str) -> list[str]:
     ``package`` is that of the paper; parts that only some papers have may be missing in it.
     """
     needed, optional = [stage, "keys"], []
-    if stage in ("sample", "robustness"):
+    if stage == "robustness":
         needed, optional = ["keys"], [*_EVALUATED]
     if stage in _STUDIED:
         optional += ["study_rows"]

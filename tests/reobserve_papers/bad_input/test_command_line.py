@@ -82,7 +82,8 @@ def lines() -> list[list[str]]:
         ["stage", "design", lie, "linear"],
         ["stage", "table", lie, "table_coefficients"],
         ["stage", "plot", lie, "fig1", "--formats", "pdf", "png", "--no-notes"],
-        ["stage", "claims", "eso", "--results", "folder", *out, *root],
+        ["stage", "claims", lie, imm],
+        ["stage", "verdicts", lie],
         ["latex", "table.csv", "--digits", "3", *out],
         ["check", "eso", "--overrides", '{"eso": {"plant": {"inertia": 0.02}}}', *root],
         ["samples", "eso", "--max-samples", "20", "--check", *root],
@@ -93,20 +94,10 @@ def lines() -> list[list[str]]:
         ["stage", "study", imm, "causes"],
         ["stage", "search", imm, "calibrated"],
         ["stage", "theory", lie],
-        ["stage", "robustness", lie, "--samples", "8", *out, *root],
-        ["stage", "alternatives", lie, "file", *out, *root],
-        [
-            "stage",
-            "sensitivity",
-            lie,
-            "file",
-            "--alternatives-file",
-            "file",
-            "--outputs",
-            "out.pdf",
-            "out.png",
-            *root,
-        ],
+        ["stage", "robustness", lie, "0-3", "4-7", "--samples", "8", "--no-cached"],
+        ["stage", "sample", lie, "0-3"],
+        ["stage", "alternatives", lie],
+        ["stage", "sensitivity", lie, "--formats", "pdf", "png"],
         ["stage", "archive", "results/lie/fig1.pdf", *out, *root],
     ]
 
@@ -197,20 +188,13 @@ def test_invalid_command_line_arguments_are_refused_by_the_parser(
     assert os.listdir(tmp_path) == []
 
 
-def test_claims_of_an_unknown_paper_are_refused(tmp_path: Path, capsys: Capture) -> None:
-    arguments = [
-        "stage",
-        "claims",
-        "nope",
-        "--project",
-        str(ROOT),
-        "--output",
-        str(tmp_path / "c.csv"),
-    ]
-    assert main(arguments) == 1
-    assert capsys.readouterr().err.startswith(
-        "reobserve-papers: paper: there is no 'nope'; there are: "
-    )
+def test_claims_of_an_unknown_paper_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["stage", "claims", "results/nope/parameters.json"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("reobserve-papers: results/nope/parameters.json: cannot be read")
     assert os.listdir(tmp_path) == []
 
 

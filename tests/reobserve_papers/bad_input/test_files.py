@@ -58,7 +58,7 @@ def settings() -> readers.Reader:
 
 
 def claims() -> readers.Reader:
-    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    line = words("stage", "claims", "results/eso/parameters.json")
     path = "config/claims/eso.yaml"
     return Reader(path, line, valid.tree(path), others=valid.results())
 
@@ -101,13 +101,13 @@ def samples() -> readers.Reader:
 
 
 def metrics() -> readers.Reader:
-    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    line = words("stage", "claims", "results/eso/parameters.json")
     path = "results/eso/fig2.metrics.csv"
     return Reader(path, line, content=valid.results()[path], others=valid.results())
 
 
 def robustness() -> readers.Reader:
-    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    line = words("stage", "claims", "results/eso/parameters.json")
     path = "results/eso/robustness.json"
     return Reader(path, line, _unsealed(valid.results()[path]), others=valid.results())
 
@@ -121,7 +121,7 @@ def conventions() -> readers.Reader:
 
 
 def alternatives_table() -> readers.Reader:
-    line = words("stage", "claims", "eso", "--project", ".", "--output", "claims.csv")
+    line = words("stage", "claims", "results/eso/parameters.json")
     path = "results/eso/alternatives.csv"
     return Reader(path, line, content=valid.results()[path], others=valid.results())
 
@@ -136,10 +136,10 @@ def study_table() -> readers.Reader:
 
 
 def claims_table() -> readers.Reader:
-    path = "results/eso/alternatives.csv"
-    line = words("stage", "verdicts", "in.csv", "--alternatives-files", path, "--output", "v.md")
-    others = {path: valid.results()[path]}
-    return Reader("in.csv", line, content=valid.claims_table(), others=others)
+    names = ("results/eso/parameters.json", "results/eso/alternatives.csv")
+    line = words("stage", "verdicts", "results/eso/parameters.json")
+    others = {name: valid.results()[name] for name in names}
+    return Reader("results/claims.csv", line, content=valid.claims_table(), others=others)
 
 
 READERS: dict[Callable[..., readers.Reader], list[Any]] = {

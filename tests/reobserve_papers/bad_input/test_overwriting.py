@@ -12,8 +12,6 @@ from .outcome import main
 
 LINES = {
     "a table": "latex table.csv --output table.csv",
-    "samples": "stage alternatives p.json s.json --output s.json",
-    "claims": "stage verdicts claims.csv --output claims.csv",
     "a product of an archive": "stage archive table.csv r.csv --output r.csv",
     "a file of the configuration": "stage parameters ilo --output config/papers/ilo.yaml",
     "accepted figures": "figdiff --reference folder --output folder",
@@ -25,7 +23,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     (tmp_path / "config/papers").mkdir(parents=True)
-    for name in ("p.json", "s.json", "table.csv", "claims.csv", "r.csv", "config/papers/ilo.yaml"):
+    for name in ("table.csv", "r.csv", "config/papers/ilo.yaml"):
         (tmp_path / name).write_bytes(b"mine")
 
 

@@ -13,7 +13,7 @@ from reobserve_papers.claims.checks import Check
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.robustness import Inquiry, Robustness
 from reobserve_papers.claims.samples import Samples, SampleTable, read_samples, write_samples
-from reobserve_papers.cli.stages.sample import numbers_of
+from reobserve_papers.cli.stages.robustness import numbers_of
 from reobserve_papers.steps.evaluation import Evaluator
 
 from .stub import GAIN, ILO, SHARE, VARIANT, Code, assess, claim, with_checks

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError, ReobserveError
-from reobserve.core.files import read_table, write_table
+from reobserve.core.files import read_table, write_table, write_text
 from reobserve_papers.claims.alternatives import Decider, Title, write_alternatives
 from reobserve_papers.claims.checks import Check, Numbers, Reference
 from reobserve_papers.claims.entries import Quantifier
@@ -448,23 +448,25 @@ def test_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     rows = [dict.fromkeys(HEADER, "") | one for one in made("reproduced", "not testable")]
     rows[0] |= {"promised": "abstract", "threshold": "stated", "figures": "fig1 theory"}
     rows = [row | {"paper": "ilo"} for row in rows]
-    write_table(tmp_path / "claims.csv", rows, HEADER)
-    (tmp_path / "ilo").mkdir()
-    titles = [tmp_path / "ilo" / "alternatives.csv"]
-    write_alternatives(titles[0], [], Title("[Re]"))
-    count_verdicts(tmp_path / "claims.csv", titles, tmp_path / "verdicts.md")
-    written = (tmp_path / "verdicts.md").read_text().splitlines()
+    parameters = tmp_path / "results/ilo/parameters.json"
+    write_text(parameters, Parameters.load(ROOT, "ilo").text())
+    claims, verdicts = tmp_path / "results/claims.csv", tmp_path / "results/verdicts.md"
+    write_table(claims, rows, HEADER)
+    write_alternatives(tmp_path / "results/ilo/alternatives.csv", [], Title("[Re]"))
+    count_verdicts([parameters])
+    written = verdicts.read_text().splitlines()
     assert (
         written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 | 1 stated, 0 before, 1 after |"
     )
     assert written[3:] == ["", "- `ilo` [Re]: nothing tried changes it."]
+    verdicts.unlink()
     wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
     rows.append(dict.fromkeys(HEADER, "") | wrong)
-    write_table(tmp_path / "claims.csv", rows, HEADER)
+    write_table(claims, rows, HEADER)
     with pytest.raises(ReobserveError, match=r"^No x\.$"):
-        count_verdicts(tmp_path / "claims.csv", titles, tmp_path / "none.md")
-    assert not (tmp_path / "none.md").exists()
-    assert len(read_table(tmp_path / "claims.csv", HEADER)) == 3
+        count_verdicts([parameters])
+    assert not verdicts.exists()
+    assert len(read_table(claims, HEADER)) == 3
 
 
 # Every claim of the papers, with constructed results.

@@ -29,7 +29,7 @@ def test_stored_studies_give_the_same_numbers(
         raise AssertionError("the study is run again")
 
     after = Evaluator(PARAMETER_FILES["ilo"])
-    after.take_studies([study_file])
+    after.take_study("matching", study_file)
     monkeypatch.setattr(paper_module("reobserve_papers.papers.ilo", "study"), "run", refuse)
     found, wanted = (one.figure("fig4_matched").numbers for one in (after, EVALUATORS["ilo"]))
     assert repr(found) == repr(wanted)  # compares nan with nan as equal
@@ -40,23 +40,6 @@ def test_stored_studies_give_the_same_numbers(
         after.sibling(
             type(PARAMETER_FILES["ilo"])("ilo", tree, PARAMETER_FILES["ilo"].seed)
         ).figure("fig4_matched")
-
-
-def test_every_study_needs_a_file(study_file: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"--study-files: 2 must be one for each of \['matching'\]"
-    ):
-        Evaluator(PARAMETER_FILES["ilo"]).take_studies([study_file] * 2)
-
-
-def test_study_files_must_follow_the_parameter_order(tmp_path: Path) -> None:
-    """Two studies with the same columns could otherwise be exchanged unnoticed."""
-    first, second, *others = PARAMETER_FILES["imm"].tree["studies"]
-    wrong = [tmp_path / f"{name}.study.csv" for name in (second, first, *others)]
-    with pytest.raises(InputError) as caught:
-        Evaluator(PARAMETER_FILES["imm"]).take_studies(wrong)
-    said = f"--study-files: '{second}.study.csv' stands where {first}.study.csv must"
-    assert str(caught.value) == said
 
 
 def test_missing_rows_are_reported_with_the_file(

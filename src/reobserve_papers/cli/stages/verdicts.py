@@ -11,13 +11,18 @@ from reobserve_papers.claims.alternatives import read_alternatives
 from reobserve_papers.claims.table import HEADER, KINDS
 from reobserve_papers.claims.verdict_table import table
 from reobserve_papers.claims.verdicts import BROKEN
+from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.steps.chain import project_of, result
 
 
-def run(claims_file: Path, alternatives_files: Sequence[Path], output: Path) -> None:
+def run(parameter_file: Sequence[Path]) -> None:
     """Count and write a table with titles and their reasons, in Markdown."""
-    rows = read_table(claims_file, HEADER, KINDS, ("paper", "claim"))
+    papers = {path: Parameters.read(path) for path in parameter_file}
+    project = next((project_of(*item) for item in papers.items()), Path())
+    rows = read_table(project / result("", "claims"), HEADER, KINDS, ("paper", "claim"))
     broken = [row["problem"] for row in rows if row["verdict"] == BROKEN]
     if broken:
         raise ReobserveError("; ".join(broken))
-    titles = {path.parent.name: read_alternatives(path)[0] for path in alternatives_files}
-    write_text(output, table(rows, titles))
+    names = [parameters.paper for parameters in papers.values()]
+    titles = {name: read_alternatives(project / result(name, "alternatives"))[0] for name in names}
+    write_text(project / result("", "verdicts"), table(rows, titles))
