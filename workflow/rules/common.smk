@@ -84,6 +84,15 @@ WORDS = [path for path in (*FIGURES, *TABLES, *NUMBERS) if path.endswith((".rst"
 LATEX = [str(Path(path).with_suffix(".tex")) for path in WORDS if config["latex"]]
 
 
+# What pages say, beside numbers: a digest of it is among the params of the report.
+TEXTS = [
+    str(path)
+    for folder in ("config", "workflow/report")
+    for path in sorted(Path(folder).rglob("*.*"))
+    if path.is_file() and not path.name.startswith(".")
+]
+
+
 def of_task(task):
     """The figures of a task of the bench; of a detector also delays over false alarms."""
     rated = any(

@@ -170,8 +170,10 @@ rule report:
         FIGURES,
         TABLES,
         NUMBERS,
-        "results/claims.csv",
-        expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS),
+        inputs_of("verdicts"),
+        expand("results/{paper}/robustness.json", paper=CLAIMED),
+        expand("results/{paper}/{name}.{kind}", paper=CLAIMED, name=CLAIM_PLOTS, kind=FORMATS),
+        ancient(TEXTS),
     output:
         report(
             "results/report.html",
@@ -188,7 +190,7 @@ rule report:
     params:
         built=BUILT,
         bench=files_digest(*BENCH_BUILT),
-        texts=files_digest("config", "workflow/report"),
+        texts=files_digest(*TEXTS),
         code=code_of("reobserve_papers.report"),
         packages=PACKAGES,
     message:
