@@ -39,7 +39,7 @@ def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None
     task = PackagedTask.read(task_file)
     settings = read_tuned(task, tuned)
     for name, method in settings.items():
-        if missing := [one for one in task.training if one not in method.training]:
+        if missing := [training for training in task.training if training not in method.training]:
             tell(f"{name}: not tuned on {', '.join(missing)}, so these rows are left out")
     cells = score_task(task, settings)
     scores, table = outputs
@@ -56,10 +56,10 @@ def moved_command(task_file: Path, cached: Path, again: Path, output: Path) -> N
     from reobserve.tuning.tuned_file import read_tuned
 
     task = PackagedTask.read(task_file)
-    found = moved(task, read_tuned(task, cached), read_tuned(task, again))
+    moves = moved(task, read_tuned(task, cached), read_tuned(task, again))
     header = ("method", "condition", "ratio", "low", "high")
-    write_table(output, [dict(zip(header, astuple(one), strict=True)) for one in found], header)
-    far = [f"{one.method} in {one.condition} by {one.ratio:.3f}" for one in found if one.moved]
+    write_table(output, [dict(zip(header, astuple(move), strict=True)) for move in moves], header)
+    far = [f"{move.method} in {move.condition} by {move.ratio:.3f}" for move in moves if move.moved]
     if far:
         raise InputError(str(again), f"{len(far)} cells moved: {', '.join(far)}")
 
@@ -90,8 +90,8 @@ def table_command(folders: Sequence[Path], tasks: Path, tuned: Path, output: Pat
     """Write the table of all methods in Markdown, from folders of results named like tasks."""
     from reobserve.tuning.table import Results, summary
 
-    parts = []
+    tables = []
     for folder in folders:
         task = PackagedTask.read(tasks / f"{folder.name}.yaml")
-        parts.append(summary(Results.read(task, folder / "table.csv", tuned / folder.name)))
-    write_text(output, "\n".join(parts))
+        tables.append(summary(Results.read(task, folder / "table.csv", tuned / folder.name)))
+    write_text(output, "\n".join(tables))

@@ -109,15 +109,15 @@ def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True
     power = (record.truth[first:, ~healthy] ** 2).mean() * healthy.sum()
     truth = record.truth[:, healthy]
     part = _HealthyPart(record.time, record.inputs, record.measurements, truth, float(power**0.5))
-    found = record_score.score(lambda _: _channels(whole, healthy), part, since, details=details)
-    return replace(found, lag=np.nan)  # there is nothing to be late for
+    scored = record_score.score(lambda _: _channels(whole, healthy), part, since, details=details)
+    return replace(scored, lag=np.nan)  # there is nothing to be late for
 
 
-def _channels(found: Array | Estimates, chosen: NDArray[np.bool_]) -> Array | Estimates:
-    if not isinstance(found, Estimates):
-        return found[:, chosen]
-    P = found.covariances
+def _channels(estimate: Array | Estimates, chosen: NDArray[np.bool_]) -> Array | Estimates:
+    if not isinstance(estimate, Estimates):
+        return estimate[:, chosen]
+    P = estimate.covariances
     return Estimates(
-        found.values[:, chosen],
+        estimate.values[:, chosen],
         P[:, chosen] if P.ndim == 2 else P[:, chosen][:, :, chosen],
     )

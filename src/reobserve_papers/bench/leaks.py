@@ -77,10 +77,10 @@ def record_of(
     measured = velocity + noise * plant.noise * stream.standard_normal(velocity.shape)
     last = np.minimum(np.arange(steps + 1), steps - 1)
     columns = control[last, None], measured, share * mode[last, None]
-    inputs, measurements, truth = (np.asarray(one[::every], np.float64) for one in columns)
+    inputs, measurements, truth = (np.asarray(column[::every], np.float64) for column in columns)
     return LeakRecord(
         period * np.arange(0.0, steps + 1.0, every), inputs, measurements, truth, level,
-        lambda: [record_of(plant, level, seed, period, one) for one in HEALTHY],
+        lambda: [record_of(plant, level, seed, period, kind) for kind in HEALTHY],
         lambda: [
             record_of(plant, level, 10_000 + 100 * seed + k, period, HEALTHY[0], seed)
             for k in range(plant.healthy_own)

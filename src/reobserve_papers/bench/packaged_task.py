@@ -21,8 +21,8 @@ class PackagedTask(Task):
     @cached_property
     def module(self) -> ModuleType:
         """The module that simulates the task, or `InputError` if there is none."""
-        beside = Path(self.file).with_suffix(".py")
-        if beside.is_file():
+        path = Path(self.file).with_suffix(".py")
+        if path.is_file():
             return super().module
         name = f"reobserve_papers.bench.tasks.{self.name}"
         try:
@@ -30,5 +30,5 @@ class PackagedTask(Task):
         except ModuleNotFoundError as error:
             if error.name != name:
                 raise
-            problem = f"needs a module {beside.name} beside it, or in reobserve_papers.bench.tasks"
+            problem = f"needs a module {path.name} beside it, or in reobserve_papers.bench.tasks"
             raise InputError(self.file, problem) from None

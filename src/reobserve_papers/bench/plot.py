@@ -23,9 +23,9 @@ def heat_map(results: Results) -> PaperFigure:
     task, rows = results.task, results.rows()
     figure = blank(0.75 + 0.21 * len(rows))
     axes = figure.subplots()
-    for y, (_, name, training, given) in enumerate(rows):
+    for y, (_, name, training, noise_given) in enumerate(rows):
         for x, condition in enumerate(task.table):
-            cell = results.cell(condition, name, training, given)
+            cell = results.cell(condition, name, training, noise_given)
             if cell is None:
                 continue
             shade = min(math.log(max(cell["ratio"], 1.0)) / math.log(_WORST), 1.0)
@@ -46,11 +46,11 @@ def heat_map(results: Results) -> PaperFigure:
     wide = max(56 // len(task.table), 8)
     titles = [
         textwrap.fill(
-            task.conditions[one].title.replace(" %", "\u00a0%").replace("× ", "×\u00a0"),
+            task.conditions[key].title.replace(" %", "\u00a0%").replace("× ", "×\u00a0"),
             wide,
             break_long_words=False,
         )
-        for one in task.table
+        for key in task.table
     ]
     axes.set_xticks(range(len(titles)), titles, fontsize=look.points(7))
     axes.set_yticks(range(len(rows)), [label for label, *_ in rows])
@@ -74,7 +74,7 @@ def levels(results: Results) -> PaperFigure:
     tuned again.
     """
     axes_of = _axes(results.task)
-    panels = {label: sorted(found) for label, found in axes_of.items() if found[1:]} or axes_of
+    panels = {label: sorted(points) for label, points in axes_of.items() if points[1:]} or axes_of
     figure = blank(3.4)
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for panel, (label, places) in zip(axes, panels.items(), strict=True):
@@ -108,19 +108,19 @@ def _axes(task: Task) -> dict[str, list[tuple[float, str]]]:
     """The levels and conditions that differ from the first in one axis alone, by its label."""
     first = next(iter(task.conditions))
     noise, model = "noise / nominal noise", "error of the model [%]"
-    found = {noise: [(1.0, first)], model: [(0.0, first)]}
-    for name, one in task.conditions.items():
-        changed = [one.noise != 1, one.model != 0, one.period != 1, bool(one.plant)]
-        if sum(changed) != 1 or changed[2] or len(one.plant) > 1:
+    places = {noise: [(1.0, first)], model: [(0.0, first)]}
+    for name, case in task.conditions.items():
+        changed = [case.noise != 1, case.model != 0, case.period != 1, bool(case.plant)]
+        if sum(changed) != 1 or changed[2] or len(case.plant) > 1:
             continue
-        for key, value in one.plant.items():
+        for key, value in case.plant.items():
             if isinstance(value, int | float):
-                found.setdefault(key, [(task.plant[key], first)]).append((value, name))
-        if not one.plant:
-            found[noise if changed[0] else model].append(
-                (one.noise, name) if changed[0] else (100 * one.model, name)
+                places.setdefault(key, [(task.plant[key], first)]).append((value, name))
+        if not case.plant:
+            places[noise if changed[0] else model].append(
+                (case.noise, name) if changed[0] else (100 * case.model, name)
             )
-    return found
+    return places
 
 
 def _levels(
@@ -128,21 +128,21 @@ def _levels(
 ) -> None:
     """Plot a line for frozen settings, crosses where the noise is given, rings if re-tuned."""
     task, method = results.task, results.task.methods[name]
-    others = {key: one.conditions for key, one in task.training.items() if key != task.main}
+    others = {key: chosen.conditions for key, chosen in task.training.items() if key != task.main}
     again = {names[0]: key for key, names in others.items() if len(names) == 1}
-    for label, training, given, look_of in (
+    for label, training, noise_given, look_of in (
         (method.label, {}, False, {"marker": style.marker, "linestyle": style.linestyle}),
         ("", {}, True, {"marker": "x", "linestyle": "none"}),
         ("", again, method.given_noise, {"marker": "o", "linestyle": "none", "mfc": "none"}),
     ):
         cells = [
-            (place, results.cell(condition, name, training.get(condition, task.main), given))
+            (place, results.cell(condition, name, training.get(condition, task.main), noise_given))
             for place, condition in places
             if not training or condition in training
         ]
-        found = [(place, cell["error"]) for place, cell in cells if cell is not None]
-        if found:
-            x, y = zip(*found, strict=True)
+        points = [(place, cell["error"]) for place, cell in cells if cell is not None]
+        if points:
+            x, y = zip(*points, strict=True)
             axes.plot(x, y, color=style.color, label=label, markersize=look.mark(4.5), **look_of)
 
 
@@ -157,7 +157,7 @@ def evaluations(results: Results) -> PaperFigure:
     for name, style in zip(task.shown, STYLES, strict=False):
         repeats = results.held_out(name)
         counts = list(repeats[0])
-        errors = [median(one[n] / one[counts[-1]] for one in repeats) for n in counts]
+        errors = [median(repeat[n] / repeat[counts[-1]] for repeat in repeats) for n in counts]
         axes.plot(counts, errors, label=task.methods[name].label, **style.points())
     axes.set_xscale("log")
     few_ticks(axes, counts)
@@ -173,12 +173,12 @@ def detection(results: Results) -> PaperFigure:
     Points: conditions in which the threshold is for another ``rate`` of false alarms.
     """
     task = results.task
-    names = [name for name, one in task.conditions.items() if "rate" in one.plant]
+    names = [name for name, condition in task.conditions.items() if "rate" in condition.plant]
     figure = blank(2.6)
     axes = figure.subplots()
     for name, style in zip(task.shown, STYLES, strict=False):
         cells = (results.cell(condition, name) for condition in names)
-        points = [(one["quantile"], one["lag"]) for one in cells if one is not None]
+        points = [(cell["quantile"], cell["lag"]) for cell in cells if cell is not None]
         axes.plot(*zip(*points, strict=True), label=task.methods[name].label, **style.points())
     axes.set_xlabel("share of healthy records that alarm")
     axes.set_ylabel("mean delay [s]")

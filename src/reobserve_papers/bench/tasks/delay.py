@@ -90,7 +90,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     state = body.simulate(start, control, delay, period, steps)
     noise = random_stream(seed, "bench", "delay", "noise").standard_normal(state.shape)
     time, rate = period * np.arange(steps + 1.0), control.derivative("control")
-    inputs = np.hstack([one(time) for one in (control, rate, rate.derivative("control"))])
+    inputs = np.hstack([signal(time) for signal in (control, rate, rate.derivative("control"))])
     measured = state + condition.noise * plant.noise * noise
     every = slice(None, None, condition.period)
     return TaskRecord(
@@ -103,7 +103,7 @@ def _delay_terms(plant: Plant, draw: np.random.Generator, period: float) -> list
 
     As many random numbers are drawn whatever the classes are.
     """
-    order = [one for one in draw.permutation(["step", "ramp", "swing"]) if one in plant.classes]
+    order = [name for name in draw.permutation(["step", "ramp", "swing"]) if name in plant.classes]
     level, *levels = draw.uniform(*plant.levels, 4).tolist()
     terms: list[dict[str, Any]] = []
     third = period * round(plant.horizon / (3 * period))
@@ -269,8 +269,8 @@ def ekf(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
         taps = np.lib.stride_tricks.sliding_window_view(u, first + 2)[:, ::-1]
         start = observer.init([y[0, 0], plant.middle], [noise**2, (most - least) ** 2 / 12])
         noises = {"Q": Q, "R": noise**2}
-        found = estimates_with("variance", observer, "state", y, taps, state=start, **noises)
-        return _late_with(plant, first, found.values[:, 1], found.covariances[:, 1])
+        estimates = estimates_with("variance", observer, "state", y, taps, state=start, **noises)
+        return _late_with(plant, first, estimates.values[:, 1], estimates.covariances[:, 1])
 
     return run
 
@@ -304,9 +304,9 @@ def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     def run(record: TaskRecord) -> Estimates:
         (delays, late), first = _grid(plant, s, period, record), _first(plant, period)
         y = record.measurements[first:]
-        found = estimates_of(bank, "probability", y, late, state=bank.init(y[0], noise**2))
-        mean = found @ delays
-        return _late_with(plant, first, mean, found @ delays**2 - mean**2)
+        weights = estimates_of(bank, "probability", y, late, state=bank.init(y[0], noise**2))
+        mean = weights @ delays
+        return _late_with(plant, first, mean, weights @ delays**2 - mean**2)
 
     return run
 
@@ -332,10 +332,10 @@ def grid(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
         held = np.vstack([(u[1:] + u[:-1]) / 2, u[-1:]])  # u in the middle of the period after each
         start = bank.init(y[deepest], noise**2, u=held[deepest])
         start, now = replace(start, past=held[:deepest]), slice(deepest + 1, None)
-        found = estimates_with(
+        estimates = estimates_with(
             "parameter_variance", bank, "parameter", y[now], held[now], state=start
         )
-        return _late_with(plant, deepest + 1, found.values, found.covariances)
+        return _late_with(plant, deepest + 1, estimates.values, estimates.covariances)
 
     return run
 

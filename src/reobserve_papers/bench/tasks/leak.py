@@ -101,7 +101,7 @@ def score(
     (error,) = errors(np.array([late])).tolist()
     if not details:
         return Score(error)
-    false = float(np.mean([run(one)[rows].any() for one in record.healthy()]))
+    false = float(np.mean([run(healthy)[rows].any() for healthy in record.healthy()]))
     redrawn: tuple[float, ...] = ()
     if isinstance(run, Detector):
         largest = np.maximum.accumulate(run.statistic(record)[rows])  # so far
@@ -139,7 +139,7 @@ def _largest(known: _Known, level: Level) -> tuple[float, ...]:
     _, plant, _, period, _ = known
     statistic = _made(*known)
     return tuple(
-        float(statistic(one).max()) for one in healthy_records(plant, level, period / level[2])
+        float(statistic(data).max()) for data in healthy_records(plant, level, period / level[2])
     )
 
 
@@ -147,7 +147,7 @@ def _largest(known: _Known, level: Level) -> tuple[float, ...]:
 def _largest_own(known: _Known, record: LeakRecord) -> tuple[float, ...]:
     """The same of the plant of a record."""
     statistic = _made(*known)
-    return tuple(float(statistic(one).max()) for one in record.before())
+    return tuple(float(statistic(healthy).max()) for healthy in record.before())
 
 
 @lru_cache(maxsize=512)
@@ -155,7 +155,7 @@ def _redrawn(largest: tuple[float, ...], rate: float) -> tuple[float, ...]:
     """Thresholds of resampled healthy records, the same ones for all detectors."""
     stream, count = random_stream(1, "bench", "leak", "thresholds"), len(largest)
     samples = np.array(largest)[stream.integers(0, count, (REDRAWN, count))]
-    return tuple(false_alarm_threshold(one, rate) for one in samples)
+    return tuple(false_alarm_threshold(sample, rate) for sample in samples)
 
 
 def forget() -> None:
@@ -215,11 +215,11 @@ def _model(plant: Plant, mode: str, s: Settings, period: float, noise: float) ->
 
     ``process`` is the root of its density [V sqrt(s)].
     """
-    normal, other = (ActuatorModel(*getattr(plant, one)) for one in ("normal", mode))
+    normal, other = (ActuatorModel(*getattr(plant, name)) for name in ("normal", mode))
     blended = normal.blended(other, s.get("share", 1.0))
-    one = blended.sampled("velocity", period, STATE_FREQUENCY)
-    Q = s["process"] ** 2 / period * one.B @ one.B.T
-    return LinearModel(one.A, one.B, one.C, None, Q, noise**2, sampling_period=period)
+    sampled = blended.sampled("velocity", period, STATE_FREQUENCY)
+    Q = s["process"] ** 2 / period * sampled.B @ sampled.B.T
+    return LinearModel(sampled.A, sampled.B, sampled.C, None, Q, noise**2, sampling_period=period)
 
 
 def _distances(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
@@ -228,8 +228,8 @@ def _distances(plant: Plant, s: Settings, period: float, noise: float) -> Statis
     start = observer.init(np.zeros(4), REST)
 
     def run(record: TaskRecord) -> Array:
-        found = observer.run(record.measurements, record.inputs, state=start)
-        return np.asarray(found["innovation"][:, 0] ** 2 / found["innovation_covariance"][:, 0, 0])
+        rows = observer.run(record.measurements, record.inputs, state=start)
+        return np.asarray(rows["innovation"][:, 0] ** 2 / rows["innovation_covariance"][:, 0, 0])
 
     return run
 
@@ -253,11 +253,11 @@ def power(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
 
 def bank(kind: str, plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
     """Log odds of the modes that are not normal, each left at the rate ``leave`` [1/s]."""
-    models = [_model(plant, one, s, period, noise) for one in ("normal", "friction", "leakage")]
+    models = [_model(plant, mode, s, period, noise) for mode in ("normal", "friction", "leakage")]
     filters = [
-        KalmanFilter(one) if kind == "kalman"
-        else SmoothVariableStructureFilter(one, s["layer"], s["memory"])
-        for one in models
+        KalmanFilter(model) if kind == "kalman"
+        else SmoothVariableStructureFilter(model, s["layer"], s["memory"])
+        for model in models
     ]  # fmt: skip
     stay = math.exp(-s["leave"] * period)
     observer = IMM(filters, (1.5 * stay - 0.5) * np.eye(3) + (1.0 - stay) / 2)
@@ -292,16 +292,16 @@ def sum_of_ratios(
     restarts: bool, plant: Plant, s: Settings, period: float, noise: float
 ) -> Statistic:
     """Page's cumulative sum of the filters of the normal and the leaking model."""
-    one, other = (
+    normal, leaky = (
         KalmanFilter(_model(plant, mode, s, period, noise)) for mode in ("normal", "leakage")
     )
-    start = one.init(np.zeros(4), REST)
+    start = normal.init(np.zeros(4), REST)
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
         if restarts:
-            return restarted_cusum(one, other, y, u, start)
-        logs = [estimates_of(each, "log_likelihood", y, u, state=start) for each in (one, other)]
+            return restarted_cusum(normal, leaky, y, u, start)
+        logs = [estimates_of(each, "log_likelihood", y, u, state=start) for each in (normal, leaky)]
         return cusum(logs[1] - logs[0])
 
     return run

@@ -92,7 +92,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     fault = Signal.parse("fault", faults, 2)
     fault.check_jumps("fault", step, plant.horizon)
     shares = 1.0 + condition.model * draw.uniform(-1.0, 1.0, 6)
-    constants = [getattr(plant.motor, one.name) for one in fields(DCMotor)[:6]]
+    constants = [getattr(plant.motor, field.name) for field in fields(DCMotor)[:6]]
     motor = DCMotor(*(c * share for c, share in zip(constants, shares.tolist(), strict=True)))
     d = draw.uniform(-1.0, 1.0, (steps * fine // held + 1, 2)) * plant.disturbance
     square = {"kind": "square", "axis": 1, "high": plant.voltage, "low": -plant.voltage,
@@ -166,8 +166,8 @@ def _extended_state(plant: Plant, system: AugmentedSystem, gains: Gains, period:
     def run(record: TaskRecord) -> Array:
         y = record.measurements
         start = observer.init([*y[0], *y[0], 0.0, 0.0], y[0])  # begins healthy
-        found = observer.run(y, record.inputs, state=start)
-        return np.hstack([found["actuator_fault"], found["sensor_fault"]]) / plant.largest
+        outputs = observer.run(y, record.inputs, state=start)
+        return np.hstack([outputs["actuator_fault"], outputs["sensor_fault"]]) / plant.largest
 
     return run
 
@@ -179,8 +179,8 @@ def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     def run(record: TaskRecord) -> Estimates:
         y, u, name = record.measurements, record.inputs, "unknown_input"
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        found = estimates_with(f"{name}_covariance", observer, name, y, u, state=start)
-        return _over_largest(plant, found)
+        estimates = estimates_with(f"{name}_covariance", observer, name, y, u, state=start)
+        return _over_largest(plant, estimates)
 
     return run
 
@@ -193,16 +193,16 @@ def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
         y, u, cross = record.measurements, record.inputs, "state_unknown_input_covariance"
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
         late = rts_smoother(observer, observer.run(y, u, state=start, keep=[cross]), u)
-        found = Estimates(late["unknown_input"], late["unknown_input_covariance"])
-        return _over_largest(plant, found)
+        estimates = Estimates(late["unknown_input"], late["unknown_input_covariance"])
+        return _over_largest(plant, estimates)
 
     return run
 
 
-def _over_largest(plant: Plant, found: Estimates) -> Estimates:
+def _over_largest(plant: Plant, faults: Estimates) -> Estimates:
     scale = np.array(plant.largest)
-    P = found.covariances / (scale**2 if found.covariances.ndim == 2 else np.outer(scale, scale))
-    return Estimates(found.values / scale, P)
+    P = faults.covariances / (scale**2 if faults.covariances.ndim == 2 else np.outer(scale, scale))
+    return Estimates(faults.values / scale, P)
 
 
 def _augmented_filter(
@@ -236,8 +236,8 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
     def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements, record.inputs
         start = bank.init(y[0], R, fault_covariance=0.0, rate_covariance=0.0)
-        found = estimates_with("fault_variance", bank, "fault", y, u, state=start)
-        return _over_largest(plant, found)
+        estimates = estimates_with("fault_variance", bank, "fault", y, u, state=start)
+        return _over_largest(plant, estimates)
 
     return run
 

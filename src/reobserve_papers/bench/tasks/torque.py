@@ -166,8 +166,8 @@ def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     def run(record: TaskRecord) -> Estimates:
         y = unexplained(plant, record, period)
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
-        found = observer.run(y, state=start, keep=["state_unknown_input_covariance"])
-        late = rts_smoother(observer, found)
+        outputs = observer.run(y, state=start, keep=["state_unknown_input_covariance"])
+        late = rts_smoother(observer, outputs)
         return Estimates(late["unknown_input"], late["unknown_input_covariance"])
 
     return run
@@ -185,19 +185,19 @@ def _augmented(plant: Plant, s: Settings, period: float, noise: float) -> Augmen
 
 def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     """The fault with a rate that is a random walk, ``walk`` [N m/s / sqrt(s)]."""
-    T, one = period, np.eye(3)
-    A = np.kron([[1.0, T, T**2 / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]], one)
+    T, identity = period, np.eye(3)
+    A = np.kron([[1.0, T, T**2 / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]], identity)
     A[:3, 3:] = np.linalg.inv(np.array(plant.inertia)) @ A[:3, 3:]
-    Q = np.kron(np.diag([s["process"] ** 2 * T, 0.0, 0.0]), one)
-    Q[3:, 3:] = s["walk"] ** 2 * np.kron([[T**3 / 3, T**2 / 2], [T**2 / 2, T]], one)
+    Q = np.kron(np.diag([s["process"] ** 2 * T, 0.0, 0.0]), identity)
+    Q[3:, 3:] = s["walk"] ** 2 * np.kron([[T**3 / 3, T**2 / 2], [T**2 / 2, T]], identity)
     model = LinearModel(A, None, np.eye(3, 9), None, Q, noise**2, sampling_period=T)
     observer = KalmanFilter(model)
 
     def run(record: TaskRecord) -> Estimates:
         y = unexplained(plant, record, T)
         start = observer.init(np.r_[y[0], np.zeros(6)], np.repeat([noise**2, 0.0, 0.0], 3))
-        found = estimates_with("covariance", observer, "state", y, state=start)
-        return Estimates(found.values[:, 3:6], found.covariances[:, 3:6, 3:6])
+        estimates = estimates_with("covariance", observer, "state", y, state=start)
+        return Estimates(estimates.values[:, 3:6], estimates.covariances[:, 3:6, 3:6])
 
     return run
 
@@ -213,21 +213,21 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
     variances = s.get("start", 1.0) * noise**2 * (J**2).sum(axis=1)
     axes = [
         FaultBank(
-            LinearModel([[1.0]], None, [[1.0]], None, 0.0, one, sampling_period=period),
+            LinearModel([[1.0]], None, [[1.0]], None, 0.0, variance, sampling_period=period),
             [[period]], s["drift"], s["jump"], s["rate"], s["burst"],
             noise_memory=s.get("memory"),
         )
-        for one in variances
+        for variance in variances
     ]  # fmt: skip
 
     def run(record: TaskRecord) -> Estimates:
         z = unexplained(plant, record, period) @ J.T
-        found = []
+        estimates = []
         for i, bank in enumerate(axes):
             start = bank.init(z[0, [i]], variances[i], fault_covariance=0.0, rate_covariance=0.0)
-            found.append(estimates_with("fault_variance", bank, "fault", z[:, i], state=start))
+            estimates.append(estimates_with("fault_variance", bank, "fault", z[:, i], state=start))
         return Estimates(
-            np.hstack([one.values for one in found]), np.hstack([one.covariances for one in found])
+            np.hstack([e.values for e in estimates]), np.hstack([e.covariances for e in estimates])
         )
 
     return run

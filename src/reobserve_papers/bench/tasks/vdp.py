@@ -56,7 +56,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     """A record, by the classical Runge-Kutta method with the sampling period as its step."""
     draw = random_stream(seed, "bench", "vdp", "plant")
     x1, x2 = draw.uniform(-plant.start, plant.start, 2).tolist()
-    a, b = (1.0 + condition.model * float(one) for one in draw.uniform(-1.0, 1.0, 2))
+    a, b = (1.0 + condition.model * float(share) for share in draw.uniform(-1.0, 1.0, 2))
     steps = round(plant.horizon / period)
     force = plant.force * held_normal(draw, steps + 1, round(HOLD / period))[0]
     states = np.empty((steps + 1, 2))
@@ -106,14 +106,14 @@ def kalman(kind: Any, plant: Plant, s: Settings, period: float, noise: float) ->
     P = [noise**2, plant.start**2 / 3, *[s.get("spread", 0.0) ** 2] * q]
 
     def run(record: TaskRecord) -> Estimates:
-        y, given = record.measurements, {"Q": Q}
+        y, noises = record.measurements, {"Q": Q}
         start = observer.init([y[0, 0], 0.0, *[1.0] * q], P)
         if observer.noise_memory is None:
-            given["R"] = np.array(noise**2)
+            noises["R"] = np.array(noise**2)
         else:
             start = replace(start, noise=np.array([noise**2]))
-        found = estimates_with("covariance", observer, "state", y, state=start, **given)
-        return Estimates(found.values[:, :2], found.covariances[:, :2, :2])
+        estimates = estimates_with("covariance", observer, "state", y, state=start, **noises)
+        return Estimates(estimates.values[:, :2], estimates.covariances[:, :2, :2])
 
     return run
 
