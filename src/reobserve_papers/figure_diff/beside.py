@@ -16,8 +16,8 @@ _MOST = 5  # parameters of a paper
 
 def differences(project: Path, papers: Iterable[str]) -> list[str]:
     """Sentences: where this was computed, and parameters that were others at the acceptance."""
-    here, found = environment(project), package_versions()
-    versions = ", ".join(f"{name} {found[name]}" for name in _PACKAGES if name in found)
+    here, installed = environment(project), package_versions()
+    versions = ", ".join(f"{name} {installed[name]}" for name in _PACKAGES if name in installed)
     said = [f"computed at {here.get('commit', 'no commit')[:12]} on {here.get('processor', '')}"]
     said.append(f"with {versions}")
     for paper in sorted({*papers} & {*known_papers(project)}):

@@ -39,13 +39,13 @@ def figdiff_command(
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
     items, page = compare_all(project, reference, results, part), output / "index.html"
     failed = [item for item in items if item.verdict != "agrees"]
-    beside = differences(project, {item.paper for item in failed}) if failed else []
+    context = differences(project, {item.paper for item in failed}) if failed else []
     if not can_tell(project, results):
-        beside.append(
+        context.append(
             "not checked: whether these are up to date, which only a build in `results` tells"
         )
-    said = summary(items, problems, beside)
-    write_text(page, render(items, problems, shared_texts(project), beside))
+    said = summary(items, problems, context)
+    write_text(page, render(items, problems, shared_texts(project), context))
     write_text(output / "summary.md", said + "\n")
     print(said)
     if failed or problems:
@@ -64,23 +64,23 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     known, results, moved = known_papers(project), project / "results", []
     references = project / "tests" / "reference"
     parts = Chosen.read(project, paper).parts if paper else ()
-    whole = [one for one in paper if "/" not in one]
+    whole = [name for name in paper if "/" not in name]
     chosen = named_papers(known, whole) if whole or not paper else []
     _build(project, whole, cores, parts)
-    for one, part in parts:
-        tree = Parameters.load(project, one).tree
-        moved += renew(project, results / one, tree, one, cores, only=part)
-    redrawn = [line for one in parts for line in _renew_references(references, results, *one)]
-    for one in chosen:
-        moved += renew(project, results / one, Parameters.load(project, one).tree, one, cores)
-        _keep_samples(project, results, one)
+    for owner, part in parts:
+        tree = Parameters.load(project, owner).tree
+        moved += renew(project, results / owner, tree, owner, cores, only=part)
+    redrawn = [line for pair in parts for line in _renew_references(references, results, *pair)]
+    for name in chosen:
+        moved += renew(project, results / name, Parameters.load(project, name).tree, name, cores)
+        _keep_samples(project, results, name)
     tasks = [] if paper else known_tasks(project)
     moved += [line for task in tasks for line in golden_bench.renew(project, results, task)]
     if chosen:
         moved += golden_claims.renew(project, results, whole)
         put_into(project / "README.md", results / "verdicts.md", known if paper else ())
-    for one in (*chosen, *(f"bench/{task}" for task in tasks)):
-        redrawn += _renew_references(references, results, one)
+    for name in (*chosen, *(f"bench/{task}" for task in tasks)):
+        redrawn += _renew_references(references, results, name)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
     keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
 
@@ -91,7 +91,7 @@ def _build(
     """Bring results up to date: of these papers and parts, or of the bench and all papers."""
     asked_for = [["--config", f"papers=[{','.join(papers)}]"]] if papers else []
     if parts:
-        asked_for.append([path for one in parts for path in _files(project, *one)])
+        asked_for.append([path for pair in parts for path in _files(project, *pair)])
     for asked in asked_for or [["bench"], []]:
         command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *asked]
         if subprocess.run(command, cwd=project, check=False).returncode:

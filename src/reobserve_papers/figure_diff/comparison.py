@@ -67,7 +67,7 @@ class Item:
         if self.problems:
             return math.inf
         drawn = self.rms / pixels.TOLERANCE if self.rms and self.redrawn else 0.0
-        return max((one.excess for one in self.moved), default=drawn)
+        return max((move.excess for move in self.moved), default=drawn)
 
     @property
     def redrawn(self) -> bool:
@@ -101,10 +101,10 @@ class Chosen:
     def read(cls, project: Path, named: Sequence[str]) -> Chosen:
         """Parts that are named, PAPER or PAPER/FIGURE, or all that the configuration builds."""
         if not named:
-            stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
-            tasks = [] if stated else known_tasks(project)
-            return cls(tuple(stated or known_papers(project)), tasks=tuple(tasks))
-        split = [one.partition("/") for one in named]
+            listed = read_yaml(project / "config" / "config.yaml").get("papers", [])
+            tasks = [] if listed else known_tasks(project)
+            return cls(tuple(listed or known_papers(project)), tasks=tuple(tasks))
+        split = [name.partition("/") for name in named]
         papers = named_papers(known_papers(project), [paper for paper, _, _ in split])
         parts = [(paper, part) for paper, slash, part in split if slash]
         for paper, part in parts:
@@ -112,11 +112,11 @@ class Chosen:
             if part not in known:
                 raise InputError(paper, f"there is no {part!r}{nearest(part, known)}")
         whole = {paper for paper, slash, _ in split if not slash}
-        return cls(tuple(papers), tuple(one for one in parts if one[0] not in whole))
+        return cls(tuple(papers), tuple(pair for pair in parts if pair[0] not in whole))
 
     def has(self, paper: str, part: str) -> bool:
         """True if that part of a paper was asked for."""
-        asked = [name for one, name in self.parts if one == paper]
+        asked = [name for owner, name in self.parts if owner == paper]
         return not asked or part in asked
 
 
@@ -141,8 +141,8 @@ def compare_all(
     if can_tell(project, results):
         stale = out_of_date(project, chosen.papers, bench=bool(chosen.tasks))
         for item in items:
-            found = (why for path, why in stale.items() if _makes(path, why, item))
-            item.stale = next(found, "")
+            reasons = (why for path, why in stale.items() if _makes(path, why, item))
+            item.stale = next(reasons, "")
     return sorted(items, key=lambda item: -item.gravity)
 
 
@@ -204,7 +204,7 @@ def compare_task(project: Path, reference: Path, results: Path, task: str) -> It
     with table.problem_noted():
         table.moved = golden_bench.compare_task(project, results, task)
     yield table
-    accepted, drawn = (figures(one / "bench" / task) for one in (reference, results))
+    accepted, drawn = (figures(folder / "bench" / task) for folder in (reference, results))
     golden = golden_bench.golden_table(project, task)
     built = golden_bench.built_table(results, task)
     for name in sorted({*accepted, *drawn}):
@@ -218,24 +218,24 @@ def compare_task(project: Path, reference: Path, results: Path, task: str) -> It
 
 def _rms_of_numbers(project: Path, task: str, table: Path, image: Path) -> float:
     """The difference of a figure of a task from the one that is drawn of these numbers."""
-    stated, tuned = project / f"config/bench/{task}.yaml", project / f"config/bench/tuned/{task}"
+    task_file, tuned = project / f"config/bench/{task}.yaml", project / f"config/bench/tuned/{task}"
     with tempfile.TemporaryDirectory(prefix="reobserve-") as folder:
         drawn = Path(folder) / image.name
         options = ("--table", table, "--tuned", tuned, "--outputs", drawn)
-        golden_bench.run_module(task, "reobserve_papers", "bench", "plot", stated, *options)
-        right, found = map(pixels.read_pixels, (drawn, image))
-        return pixels.rms_difference(right, found, f"bench {task}_{image.stem}")
+        golden_bench.run_module(task, "reobserve_papers", "bench", "plot", task_file, *options)
+        expected, actual = map(pixels.read_pixels, (drawn, image))
+        return pixels.rms_difference(expected, actual, f"bench {task}_{image.stem}")
 
 
 def _compare_claims(project: Path, results: Path, papers: list[str]) -> list[Item]:
     """The verdicts on the claims of each paper that has some, accepted or built."""
     try:
         golden = golden_claims.read_golden(project)
-        found = golden_claims.read_built(results)
+        built = golden_claims.read_built(results)
     except InputError as error:
         return [Item("all papers", "claims", problems=[str(error)])]
     return [
-        Item(paper, "claims", moved=list(golden_claims.compare(golden, found, paper)))
+        Item(paper, "claims", moved=list(golden_claims.compare(golden, built, paper)))
         for paper in papers
-        if paper in golden or paper in found
+        if paper in golden or paper in built
     ]

@@ -36,20 +36,20 @@ def drawing(item: Item) -> str:
 
 def counts(items: Sequence[Item]) -> str:
     """The number of items with each verdict."""
-    found = Counter(item.verdict for item in items)
+    totals = Counter(item.verdict for item in items)
     words = {word: word for word in ("not compared", "not up to date", "moved")}
     words["agrees"] = "agree"
-    return ", ".join(f"{found[one]} {words[one]}" for one in words if found[one]) or "nothing"
+    return ", ".join(f"{totals[word]} {words[word]}" for word in words if totals[word]) or "nothing"
 
 
-def summary(items: Sequence[Item], problems: Sequence[str], beside: Sequence[str] = ()) -> str:
+def summary(items: Sequence[Item], problems: Sequence[str], context: Sequence[str] = ()) -> str:
     """The counts and what does not agree, the largest change first, as a list in Markdown.
 
-    It has `MOST_LINES` at most, so that it can stand in a pull request. ``beside`` are sentences on
-    what else is different.
+    It has `MOST_LINES` at most, so that it can stand in a pull request. ``context`` are sentences
+    on what else is different.
     """
     lines = [f"{len(items)} figures, tables, theories and papers' claims: {counts(items)}"]
-    lines += [f"- {sentence}" for sentence in (*problems, *beside)]
+    lines += [f"- {sentence}" for sentence in (*problems, *context)]
     failed = [item for item in items if item.verdict != "agrees"]
     for number, item in enumerate(failed):
         said = _said(item)
@@ -65,11 +65,11 @@ def _said(item: Item) -> list[str]:
     stale = [f"a build would make it again: {item.stale}"] if item.stale else []
     said = [*item.problems, *stale, *map(str, item.moved[:_MOST_MOVED]), *drawn]
     more = len(item.moved) - _MOST_MOVED
-    return [f"    - {one}" for one in (*said, *([f"and {more} more numbers"] if more > 0 else []))]
+    return [f"    - {row}" for row in (*said, *([f"and {more} more numbers"] if more > 0 else []))]
 
 
 def render(
-    items: Sequence[Item], problems: Sequence[str], templates: Path, beside: Sequence[str] = ()
+    items: Sequence[Item], problems: Sequence[str], templates: Path, context: Sequence[str] = ()
 ) -> str:
     """The page, from the template in the folder ``templates``, with what does not agree first.
 
@@ -92,7 +92,7 @@ def render(
         script=Markup(script),
         counts=counts(items),
         problems=problems,
-        beside=beside,
+        beside=context,
         failed=shown,
         agreeing=[item for item in items if item.verdict == "agrees"],
         tolerance=pixels.TOLERANCE,

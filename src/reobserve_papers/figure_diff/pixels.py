@@ -67,12 +67,12 @@ def panel_share(path: Path) -> float:
 
 def compare_images(reference: Path, new: Path, name: str) -> tuple[float, float]:
     """Root mean squares of the differences of the panels, and of the note below them."""
-    old, found = map(read_pixels, (reference, new))
-    if old.shape != found.shape:
-        return rms_difference(old, found, name), 0.0
-    rows = round(panel_share(new) * len(found))
-    note = rms_difference(old[rows:], found[rows:], name) if rows < len(found) else 0.0
-    return rms_difference(old[:rows], found[:rows], name), note
+    old, built = map(read_pixels, (reference, new))
+    if old.shape != built.shape:
+        return rms_difference(old, built, name), 0.0
+    rows = round(panel_share(new) * len(built))
+    note = rms_difference(old[rows:], built[rows:], name) if rows < len(built) else 0.0
+    return rms_difference(old[:rows], built[:rows], name), note
 
 
 def rms_difference(reference: Pixels, new: Pixels, name: str) -> float:

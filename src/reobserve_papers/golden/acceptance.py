@@ -35,10 +35,10 @@ def renew(
     one line for each column.
     """
     golden: dict[str, Numbers] = {}
-    parts = [part for part in part_names(tree) if only in ("", part)]
-    found = {part: built_numbers(folder, tree, part) for part in parts}
+    names = [part for part in part_names(tree) if only in ("", part)]
+    built = {part: built_numbers(folder, tree, part) for part in names}
     moved: list[str] = []
-    for part, numbers in found.items():
+    for part, numbers in built.items():
         path = golden_file(project, paper, part)
         golden[part] = read_numbers(path) if path.exists() else {}
         if path.exists():
@@ -48,33 +48,33 @@ def renew(
     if moved:
         print(f"measuring the tolerances of {paper}, some minutes", flush=True)
         *processors, halved = measure(project, paper, cores)
-        for part, numbers in found.items():
+        for part, numbers in built.items():
             others = [processor[part] for processor in processors]
             new = renewed(golden[part], numbers, others, halved[part])
             write_numbers(golden_file(project, paper, part), new)
     for part, path in golden_files(project, paper).items():
-        if part not in found and not only:
+        if part not in built and not only:
             path.unlink()
             moved.append(f"{paper} {part}: removed, nothing of this name is built")
     return moved
 
 
 def renewed(
-    golden: Numbers, found: Numbers, processors: Sequence[Numbers], halved: Numbers
+    golden: Numbers, built: Numbers, processors: Sequence[Numbers], halved: Numbers
 ) -> dict[Key, GoldenNumber]:
     """The numbers of a part: golden columns that have not moved, the others with new tolerances.
 
     A number that was only listed stays so: that rounding decides it does not show every time.
     """
     new: dict[Key, GoldenNumber] = {}
-    for keys in columns(found).values():
+    for keys in columns(built).values():
         old = {key: golden[key] for key in keys if key in golden}
-        column = {key: found[key] for key in keys}
+        column = {key: built[key] for key in keys}
         if list(compare(old, column, "")):
             new |= _measured(column, processors, halved)
         else:
-            compared = {key: one for key, one in old.items() if one.tolerance or one.is_word}
-            new |= {key: compared.get(key, _listed(one)) for key, one in column.items()}
+            compared = {key: cell for key, cell in old.items() if cell.tolerance or cell.is_word}
+            new |= {key: compared.get(key, _listed(number)) for key, number in column.items()}
     return new
 
 
@@ -87,14 +87,14 @@ def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -
         return column
     values = {key: float(number.value) for key, number in column.items()}
     size = max((abs(value) for value in values.values() if math.isfinite(value)), default=0.0)
-    moved = max(distance(values[key], _value(one, key)) for one in processors for key in values)
+    moved = max(distance(values[key], _value(other, key)) for other in processors for key in values)
     new = {}
     for key, value in values.items():
         change = abs(value - _value(halved, key))
         # With half the step a run may end at another time: then there is nothing to compare.
         allowed = tolerance(size, moved, change if math.isfinite(change) else 0.0)
-        one = column[key]
-        new[key] = _listed(one) if allowed is None else replace(one, tolerance=f"{allowed:g}")
+        number = column[key]
+        new[key] = _listed(number) if allowed is None else replace(number, tolerance=f"{allowed:g}")
     return new
 
 

@@ -59,7 +59,7 @@ def renew(project: Path, results: Path, task: str) -> Iterator[str]:
     """Accept the table of a build if something moved, and yield what, one line each."""
     golden, built = golden_table(project, task), built_table(results, task)
     if golden.exists():
-        moved = [str(one) for one in compare_task(project, results, task)]
+        moved = [str(move) for move in compare_task(project, results, task)]
     else:
         moved = [f"bench {task}: new"]
     if moved:
@@ -94,14 +94,14 @@ def run_module(task: str, *command: object) -> None:
 
 def wider(golden: Mapping[Key, GoldenNumber], repeats: list[dict[Key, GoldenNumber]]) -> Tolerances:
     """Ten times the largest change in the repeats, where that is more than is allowed anyway."""
-    found = {}
+    widened = {}
     for key, number in golden.items():
         if number.value and not number.is_word:
-            changes = [distance(float(number.value), float(one[key].value)) for one in repeats]
+            changes = [distance(float(number.value), float(trial[key].value)) for trial in repeats]
             allowed = two_digits_up(MARGIN * max(changes)) if any(changes) else 0.0
             if allowed > float(number.tolerance):
-                found[key[:2]] = allowed
-    return found
+                widened[key[:2]] = allowed
+    return widened
 
 
 def read_tolerances(project: Path, task: str) -> Tolerances:
@@ -115,13 +115,13 @@ def read_tolerances(project: Path, task: str) -> Tolerances:
     }
 
 
-def _write_tolerances(project: Path, task: str, found: Tolerances) -> None:
+def _write_tolerances(project: Path, task: str, allowances: Tolerances) -> None:
     path = tolerances_file(project)
-    kept = read_table(path, _HEADER, {"tolerance": NUMBER}, _HEADER[:3]) if path.exists() else []
-    rows = [row for row in kept if row["task"] != task]
+    stored = read_table(path, _HEADER, {"tolerance": NUMBER}, _HEADER[:3]) if path.exists() else []
+    rows = [row for row in stored if row["task"] != task]
     rows += [
         {"task": task, "method": method, "quantity": quantity, "tolerance": f"{allowed:g}"}
-        for (method, quantity), allowed in found.items()
+        for (method, quantity), allowed in allowances.items()
     ]
     write_table(path, rows, _HEADER)
 

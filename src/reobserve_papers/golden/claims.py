@@ -35,14 +35,14 @@ def read_built(results: Path) -> Verdicts:
 def _read(path: Path, header: Sequence[str]) -> Verdicts:
     verdicts: Verdicts = {}
     for row in read_table(path, header, _KINDS, _KEY):
-        kept = {column: row[column] for column in _COMPARED}
-        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
+        verdict = {column: row[column] for column in _COMPARED}
+        verdicts.setdefault(row["paper"], {})[row["claim"]] = verdict
     return verdicts
 
 
-def compare(golden: Verdicts, found: Verdicts, paper: str) -> Iterator[Moved]:
+def compare(golden: Verdicts, built: Verdicts, paper: str) -> Iterator[Moved]:
     """The claims of a paper that differ, that are new, or that are gone."""
-    before, now = golden.get(paper, {}), found.get(paper, {})
+    before, now = golden.get(paper, {}), built.get(paper, {})
     for claim in dict.fromkeys([*before, *now]):
         for column in _COMPARED:
             old, new = (side.get(claim, {}).get(column, "none") for side in (before, now))
@@ -52,14 +52,14 @@ def compare(golden: Verdicts, found: Verdicts, paper: str) -> Iterator[Moved]:
 
 def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
     """Accept the verdicts of a build, of all or of some papers, and return what moved."""
-    found = read_built(results)
+    built = read_built(results)
     golden = read_golden(project) if golden_file(project).exists() else {}
-    chosen = papers or list(dict.fromkeys([*golden, *found]))
-    moved = [str(one) for paper in chosen for one in compare(golden, found, paper)]
-    kept = golden | {paper: found.get(paper, {}) for paper in chosen}
+    chosen = papers or list(dict.fromkeys([*golden, *built]))
+    moved = [str(move) for paper in chosen for move in compare(golden, built, paper)]
+    accepted = golden | {paper: built.get(paper, {}) for paper in chosen}
     rows = (
         {"paper": paper, "claim": claim, **row}
-        for paper, claims in kept.items()
+        for paper, claims in accepted.items()
         for claim, row in claims.items()
     )
     write_table(golden_file(project), rows, (*_KEY, *_COMPARED))

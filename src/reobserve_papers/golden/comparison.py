@@ -70,34 +70,34 @@ def compare_built(
     return list(compare(golden, built_numbers(folder, tree, part), f"{paper} {part}"))
 
 
-def compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
+def compare(golden: Numbers, built: Numbers, name: str) -> Iterator[Moved]:
     """The number furthest off, in tolerances, of each column that moved, the furthest first."""
-    return iter(sorted(_compare(golden, found, name), key=lambda moved: -moved.excess))
+    return iter(sorted(_compare(golden, built, name), key=lambda moved: -moved.excess))
 
 
-def _compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
-    for (source, quantity, _), keys in columns(golden, found).items():
+def _compare(golden: Numbers, built: Numbers, name: str) -> Iterator[Moved]:
+    for (source, quantity, _), keys in columns(golden, built).items():
         place = f"{name}, {source} {quantity}"
-        old, new = ([key for key in keys if key in side] for side in (golden, found))
-        units = {golden[key].unit for key in old}, {found[key].unit for key in new}
+        old, new = ([key for key in keys if key in side] for side in (golden, built))
+        units = {golden[key].unit for key in old}, {built[key].unit for key in new}
         if old != new:
             yield Moved(place, _extent(old), _extent(new))
         elif units[0] != units[1]:
             before, after = (f"in {', '.join(sorted(side)) or 'no unit'}" for side in units)
             yield Moved(place, before, after)
         else:
-            worst = max(keys, key=lambda key: excess(golden, found, key))
-            if (off := excess(golden, found, worst)) > 1:
-                old_one, new_one = golden[worst], found[worst]
+            worst = max(keys, key=lambda key: excess(golden, built, key))
+            if (off := excess(golden, built, worst)) > 1:
+                old_one, new_one = golden[worst], built[worst]
                 at = f"{place} at {worst[2]} s" if worst[2] else place
                 allowed = "" if new_one.is_word else old_one.tolerance
                 values = old_one.value or "nothing", new_one.value or "nothing"
                 yield Moved(at, values[0], values[1], allowed, new_one.unit, off)
 
 
-def excess(golden: Numbers, found: Numbers, key: Key) -> float:
+def excess(golden: Numbers, built: Numbers, key: Key) -> float:
     """The distance of a number in tolerances, 0 for one that is not compared."""
-    before, after = golden[key], found[key]
+    before, after = golden[key], built[key]
     if before.value == after.value:
         return 0.0
     if before.is_word or after.is_word:
@@ -111,11 +111,11 @@ def excess(golden: Numbers, found: Numbers, key: Key) -> float:
     return off / allowed if allowed else (math.inf if off else 0.0)
 
 
-def distance(one: float, other: float) -> float:
+def distance(first: float, second: float) -> float:
     """The distance of two numbers, infinite if only one of them is nan."""
-    if one == other or (math.isnan(one) and math.isnan(other)):
+    if first == second or (math.isnan(first) and math.isnan(second)):
         return 0.0
-    off = abs(one - other)
+    off = abs(first - second)
     return math.inf if math.isnan(off) else off
 
 

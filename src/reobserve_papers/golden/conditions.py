@@ -47,7 +47,7 @@ def measure(project: Path, paper: str, cores: int) -> list[dict[str, Numbers]]:
     """The numbers of a paper by part: as on other processors, and last with every step halved."""
     settings = [(FREE, ""), *([(_OLD, "")] if _X86 else []), (None, _ROUNDED), (None, _HALVED)]
     with ThreadPoolExecutor(cores) as pool:
-        return list(pool.map(lambda one: evaluate(project, paper, *one), settings))
+        return list(pool.map(lambda setting: evaluate(project, paper, *setting), settings))
 
 
 def evaluate(

@@ -75,7 +75,7 @@ def read_numbers(path: Path) -> dict[Key, GoldenNumber]:
 
 def write_numbers(path: Path, numbers: Numbers) -> None:
     """Write the file of these numbers."""
-    rows = ({**dict(zip(_KEY, key, strict=True)), **vars(one)} for key, one in numbers.items())
+    rows = ({**dict(zip(_KEY, key, strict=True)), **vars(value)} for key, value in numbers.items())
     write_table(path, rows, _HEADER)
 
 
@@ -92,8 +92,8 @@ def read_metrics(project: Path, paper: str, part: str) -> list[Metric]:
 
 def columns(*sides: Numbers) -> dict[tuple[str, str, bool], list[Key]]:
     """The keys of numbers by column: the samples of a channel, or a metric alone."""
-    found: dict[tuple[str, str, bool], list[Key]] = {}
+    keys: dict[tuple[str, str, bool], list[Key]] = {}
     for key in dict.fromkeys(key for side in sides for key in side):
         source, quantity, time = key
-        found.setdefault((source, quantity, bool(time)), []).append(key)
-    return found
+        keys.setdefault((source, quantity, bool(time)), []).append(key)
+    return keys

@@ -30,8 +30,8 @@ def records(tree: Mapping[str, Any], figure: str) -> list[str]:
     for name, body in tree["figures"].items():
         shown = [_PLANT, *body["observers"]]
         if name == figure:
-            return [one for one in shown if f"{body['scenario']}/{one}" not in seen]
-        seen.update(f"{body['scenario']}/{one}" for one in shown)
+            return [source for source in shown if f"{body['scenario']}/{source}" not in seen]
+        seen.update(f"{body['scenario']}/{source}" for source in shown)
     return []
 
 
@@ -57,10 +57,10 @@ def evaluated_numbers(evaluator: Evaluator, part: str) -> dict[Key, GoldenNumber
         return _cells([{name: cell(row.get(name)) for name in header} for row in rows])
     if part == THEORY:
         return _metrics(evaluator.theory())
-    found = evaluator.figure(part)
-    numbers = _metrics(found.numbers)
+    result = evaluator.figure(part)
+    numbers = _metrics(result.numbers)
     for source in records(tree, part):
-        numbers |= _samples(source, found.plant if source == _PLANT else found.estimates[source])
+        numbers |= _samples(source, result.plant if source == _PLANT else result.estimates[source])
     return numbers
 
 
@@ -73,9 +73,7 @@ def _cells(rows: Iterable[Mapping[str, str]]) -> dict[Key, GoldenNumber]:
 
 
 def _metrics(metrics: Iterable[Metric]) -> dict[Key, GoldenNumber]:
-    return {
-        (one.observer, one.metric, ""): GoldenNumber(_text(one.value), one.unit) for one in metrics
-    }
+    return {(m.observer, m.metric, ""): GoldenNumber(_text(m.value), m.unit) for m in metrics}
 
 
 def _samples(source: str, series: Series) -> dict[Key, GoldenNumber]:

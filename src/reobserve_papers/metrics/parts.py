@@ -30,10 +30,10 @@ def part(
         asked = _ASKED.get()
         if asked is not None and function in _GIVES and not asked & _GIVES[function]:
             return ()
-        found = tuple(function(*args, **kwargs))
+        metrics = tuple(function(*args, **kwargs))
         if asked is None:
-            _GIVES.setdefault(function, set()).update(metric.metric for metric in found)
-        return found
+            _GIVES.setdefault(function, set()).update(metric.metric for metric in metrics)
+        return metrics
 
     return computed
 

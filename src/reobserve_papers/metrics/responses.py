@@ -77,8 +77,8 @@ def root_mean_square(values: Array) -> Array:
     """Root mean square over samples, the first axis, or nan for none."""
     if not len(values):
         return np.full(values.shape[1:], np.nan)
-    found: Array = np.sqrt(np.mean(values * values, axis=0))
-    return found
+    root: Array = np.sqrt(np.mean(values * values, axis=0))
+    return root
 
 
 def root_mean_square_of_steps(start: Array, end: Array) -> float:

@@ -59,11 +59,11 @@ class StudyTable:
 
     def value(self, column: str = "value", **at: Level) -> float:
         """The number in the one row at these coordinates."""
-        found = self.where(**at)[column]
-        if len(found) != 1:
+        values = self.where(**at)[column]
+        if len(values) != 1:
             place = ", ".join(f"{name} {shown(level)}" for name, level in at.items())
-            raise LookupError(f"{len(found)} rows with {place}")
-        return float(found[0])
+            raise LookupError(f"{len(values)} rows with {place}")
+        return float(values[0])
 
     def groups(self, *names: str) -> Iterator[tuple[tuple[Any, ...], StudyTable]]:
         """The rows that agree in some columns, by what these hold, in the order of the rows."""
@@ -79,8 +79,8 @@ class StudyTable:
 
     def by_level(self, name: str, column: str = "value") -> dict[Any, NDArray[np.float64]]:
         """The numbers at each level of a column, as a curve wants them: levels that rise."""
-        found = {level: rows[column] for (level,), rows in self.groups(name)}
-        return dict(sorted(found.items()))
+        curve = {level: rows[column] for (level,), rows in self.groups(name)}
+        return dict(sorted(curve.items()))
 
     def _rows(self, chosen: NDArray[Any]) -> StudyTable:
         return StudyTable({name: column[chosen] for name, column in self.columns.items()})
