@@ -15,7 +15,7 @@ _HIDDEN = (
 def print_job_lines(workflow: Any, logger: logging.Logger) -> None:
     """Format Snakemake's output, unless a dry run, ``--quiet host`` or the like asks for all."""
     output = workflow.output_settings
-    quiet = {one.name for one in output.quiet or ()}
+    quiet = {element.name for element in output.quiet or ()}
     if output.dryrun or output.verbose or "REASON" not in quiet:
         return
     for handler in logger.handlers:

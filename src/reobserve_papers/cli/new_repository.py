@@ -61,8 +61,8 @@ def _write(folder: Path, name: str) -> None:
 
 def _requirement() -> str:
     """The installed version of reobserve for pip: by its commit if it was installed by one."""
-    stated = metadata.distribution("reobserve").read_text("direct_url.json")
-    origin = json.loads(stated) if stated else {}
+    source = metadata.distribution("reobserve").read_text("direct_url.json")
+    origin = json.loads(source) if source else {}
     if "vcs_info" in origin:
         version = origin["vcs_info"]
         return f"reobserve[papers] @ {version['vcs']}+{origin['url']}@{version['commit_id']}"

@@ -12,7 +12,7 @@ import reobserve
 import reobserve_papers
 from reobserve.core.errors import ReobserveError, one_line
 
-_OURS = [Path(str(one.__file__)).parent for one in (reobserve, reobserve_papers)]
+_OURS = [Path(str(package.__file__)).parent for package in (reobserve, reobserve_papers)]
 
 
 def explained(error: Exception) -> str | None:
@@ -45,15 +45,15 @@ def refused_in_one_sentence() -> Iterator[None]:
 
 def _place(error: BaseException | None) -> str:
     """The innermost line of such a module, in the error or in what led to it."""
-    found = ""
+    place = ""
     while error is not None:
-        lines = [(one.filename, one.lineno) for one in traceback.extract_tb(error.__traceback__)]
+        lines = [(call.filename, call.lineno) for call in traceback.extract_tb(error.__traceback__)]
         if isinstance(error, SyntaxError):
             lines.append((error.filename or "", error.lineno))
         own = [f"{path}, line {line}" for file, line in lines if (path := _own(file))]
-        found = own[-1] if own else found
+        place = own[-1] if own else place
         error = error.__context__
-    return found
+    return place
 
 
 def _own(file: str) -> str:

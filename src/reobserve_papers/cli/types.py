@@ -15,13 +15,13 @@ def tree(text: str) -> dict[str, Any]:
     from reobserve.core.documents import parse_json
 
     try:
-        found = parse_json(sys.stdin.read() if text == "-" else text, "")
+        parsed = parse_json(sys.stdin.read() if text == "-" else text, "")
     except InputError as error:
         said = str(error).lstrip(".: ")  # argparse names the argument
         raise argparse.ArgumentTypeError(said) from None
-    if not isinstance(found, dict):
+    if not isinstance(parsed, dict):
         raise argparse.ArgumentTypeError("must be a JSON object")
-    return found
+    return parsed
 
 
 def whole(least: int, most: int = 2**53) -> Callable[[str], int]:

@@ -104,9 +104,9 @@ def thin(time: Array, values: Array, buckets: int = 1200) -> tuple[Array, Array]
         return time, values
     first = np.arange(len(time) // size) * size
     block = values[: len(first) * size].reshape(len(first), size)
-    kept = [first + block.argmin(axis=1), first + block.argmax(axis=1)]
+    extremes = [first + block.argmin(axis=1), first + block.argmax(axis=1)]
     rest = np.arange(len(first) * size, len(time))
-    index = np.unique(np.concatenate([[0], *kept, rest]))
+    index = np.unique(np.concatenate([[0], *extremes, rest]))
     return time[index], values[index]
 
 
@@ -164,6 +164,6 @@ def add_note(figure: PaperFigure, *paragraphs: str) -> None:
 
 def note_of(figure: PaperFigure) -> str:
     """The note as running text, or nothing if the figure has none."""
-    notes = [" ".join(one.split()) for one in figure.note]
-    joined = [one if one.endswith((".", ":", ";")) else f"{one};" for one in notes[:-1]]
+    notes = [" ".join(line.split()) for line in figure.note]
+    joined = [note if note.endswith((".", ":", ";")) else f"{note};" for note in notes[:-1]]
     return " ".join([*joined, *notes[-1:]])

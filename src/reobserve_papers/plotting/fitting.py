@@ -50,7 +50,7 @@ def fix_layout(figure: Figure, *, notes: bool = True) -> None:
         )  # fmt: skip
         if not fits:
             measure, wide = _Measure(figure), figure.bbox.width * (1 - 2 * _EDGE)
-            note.set_text("\n".join(measure.broken(one, note, wide) for one in paragraphs))
+            note.set_text("\n".join(measure.broken(text, note, wide) for text in paragraphs))
     if engine is not None:
         if not fits:
             _fit(figure, engine)
@@ -148,13 +148,13 @@ def _break_texts(measure: _Measure, figure: Figure, axes: Axes) -> None:
     """The title, which ends where the next panel begins, the labels, and what stands inside."""
     box = measure.box(axes)
     places = [(other, measure.box(other)) for other in figure.axes if other is not axes]
-    beside = [(o, place) for o, place in places if place.y0 < box.y1 and box.y0 < place.y1]
+    neighbours = [(o, place) for o, place in places if place.y0 < box.y1 and box.y0 < place.y1]
     ends = [
         figure.bbox.width,
-        *(place.x0 for _, place in beside if place.x0 > box.x0 + measure.gap),
+        *(place.x0 for _, place in neighbours if place.x0 > box.x0 + measure.gap),
     ]
     measure.break_up(_title(axes), min(ends) - 2 * measure.gap - box.x0)
-    alone = not any(other.get_xlabel() for other, _ in beside)
+    alone = not any(other.get_xlabel() for other, _ in neighbours)
     measure.break_up(axes.xaxis.label, (figure.bbox.width if alone else min(ends)) - box.x0)
     measure.break_up(axes.yaxis.label, 1.15 * box.height)
     for text in axes.texts:
@@ -258,12 +258,12 @@ def _fewer_labels(measure: _Measure, axis: Axis) -> None:
     ticks, shown = _labelled(axis)
     boxes = [measure.box(tick.label1).padded(measure.gap / 2) for tick in shown]
     step = 1
-    while any(one.overlaps(other) for one, other in pairwise(boxes[::step])):
+    while any(left.overlaps(right) for left, right in pairwise(boxes[::step])):
         step += 1
     if step > 1:
-        kept = {tick.get_loc(): tick.label1.get_text() for tick in shown[::step]}
+        labels = {tick.get_loc(): tick.label1.get_text() for tick in shown[::step]}
         places = [tick.get_loc() for tick in ticks]
-        axis.set_ticks(places, [kept.get(place, "") for place in places])
+        axis.set_ticks(places, [labels.get(place, "") for place in places])
 
 
 def _labelled(axis: Axis) -> tuple[list[Tick], list[Tick]]:

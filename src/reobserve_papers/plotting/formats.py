@@ -56,7 +56,7 @@ PANELS = "Panels"
 
 
 def _panels(figure: Figure) -> dict[str, str]:
-    note = next((one for one in figure.texts if one.get_text() == figure.get_supxlabel()), None)
+    note = next((text for text in figure.texts if text.get_text() == figure.get_supxlabel()), None)
     if note is None:
         return {}
     return {PANELS: f"{1 - note.get_window_extent().y1 / figure.bbox.height:.4f}"}
@@ -104,7 +104,7 @@ def _on_white(colors: Array) -> Array:
 
 
 def _paint(artist: Any, faces: Array, edges: Array, alpha: float | None) -> None:
-    one = isinstance(artist, Patch)
+    single = isinstance(artist, Patch)
     artist.set_alpha(alpha)
-    artist.set_facecolor(faces[0] if one else faces)
-    artist.set_edgecolor(edges[0] if one else edges)
+    artist.set_facecolor(faces[0] if single else faces)
+    artist.set_edgecolor(edges[0] if single else edges)

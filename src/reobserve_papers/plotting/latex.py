@@ -18,8 +18,8 @@ from reobserve.core.extras import package
 
 def latex(text: str) -> str:
     """The text in LaTeX, its lines joined by blanks."""
-    found: str = _encoder().unicode_to_latex(unicodedata.normalize("NFC", " ".join(text.split())))
-    return found
+    encoded: str = _encoder().unicode_to_latex(unicodedata.normalize("NFC", " ".join(text.split())))
+    return encoded
 
 
 def booktabs(header: Sequence[str], rows: Iterable[Sequence[str]], columns: str) -> str:
@@ -99,12 +99,12 @@ _SIGNS = {"◂": "triangleleft", "▸": "triangleright", "←": "leftarrow", "�
 # Before the rules of the library: what it lacks, takes letter by letter or needs packages for.
 _RULES: list[tuple[str, Any]] = [
     *(
-        (f"(\\w){mark}", lambda found, name=name: rf"\ensuremath{{\{name}{{{latex(found[1])}}}}}")
+        (f"(\\w){mark}", lambda match, name=name: rf"\ensuremath{{\{name}{{{latex(match[1])}}}}}")
         for mark, name in _ACCENTS.items()
     ),
-    (f"[{_HIGH}]+", lambda found: rf"\textsuperscript{{{_plain(found)}}}"),
-    (f"[{_LOW}]+", lambda found: rf"\textsubscript{{{_plain(found)}}}"),
-    ("[¼½¾⅐-⅞]", lambda found: rf"\ensuremath{{\frac{{{_over(found)[0]}}}{{{_over(found)[1]}}}}}"),
+    (f"[{_HIGH}]+", lambda match: rf"\textsuperscript{{{_plain(match)}}}"),
+    (f"[{_LOW}]+", lambda match: rf"\textsubscript{{{_plain(match)}}}"),
+    ("[¼½¾⅐-⅞]", lambda match: rf"\ensuremath{{\frac{{{_over(match)[0]}}}{{{_over(match)[1]}}}}}"),
     *((sign, rf"\\ensuremath{{\\{name}}}") for sign, name in _SIGNS.items()),
     ("′", r"\\ensuremath{'}"),
     ("-(?=-)", "-{}"),  # no dash

@@ -101,7 +101,7 @@ def use_sheet(path: Path | None) -> None:
 
 def read_sheet(path: Path) -> dict[str, Any]:
     """The statements of a sheet, by the names of matplotlib's parameters."""
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for number, key, text in _lines(path):
         place = f"line {number}: {key}"
         if key.startswith(_NO_LOOK):
@@ -109,7 +109,7 @@ def read_sheet(path: Path) -> dict[str, Any]:
         if key not in _DEFAULT:
             near = nearest(key, list(_DEFAULT))
             raise InputError(str(path), f"line {number}: there is no parameter {shown(key)}{near}")
-        if key in found:
+        if key in settings:
             raise InputError(str(path), f"{place} stands there twice")
         try:
             parameters: Any = matplotlib.RcParams({key: text})
@@ -125,15 +125,15 @@ def read_sheet(path: Path) -> dict[str, Any]:
         if key == "figure.figsize":
             _check_bounds(f"{path}", f"{place}, width in inches", value[0], _WIDTHS)
             _check_bounds(f"{path}", f"{place}, height in inches", value[1], _HEIGHTS)
-        found[key] = value
-    return found
+        settings[key] = value
+    return settings
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str, str]]:
     """Number, key and value of each line that has them, up to a # outside quotes: a comment."""
     for number, line in enumerate(read_text(path).splitlines(), start=1):
-        stated = re.match(r'(?:[^"#]|"[^"]*")*', line)
-        content = (stated[0] if stated else "").strip()
+        statement = re.match(r'(?:[^"#]|"[^"]*")*', line)
+        content = (statement[0] if statement else "").strip()
         if not content:
             continue
         key, colon, text = (part.strip() for part in content.partition(":"))
@@ -151,7 +151,7 @@ def _check_font(path: str, place: str, key: str, value: Any) -> None:
     known = sorted({font.name for font in _FONTS})
     for name in value:
         if name not in (*known, *(_GENERIC if key == "font.family" else ())):
-            listed = ", ".join(one for one in known if one.startswith(("DejaVu", "STIXG", "cm")))
+            listed = ", ".join(font for font in known if font.startswith(("DejaVu", "STIXG", "cm")))
             raise InputError(
                 path, f"{place}: {shown(name)} does not come with matplotlib, must be of {listed}"
             )

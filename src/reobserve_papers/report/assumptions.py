@@ -106,8 +106,8 @@ def _interval(interval: list[float]) -> str:
 def _text(value: Any) -> str:
     if isinstance(value, Mapping):
         kind = f"{value['kind']}: " if "kind" in value else ""
-        parts = (f"{key} {_text(part)}" for key, part in value.items() if key != "kind")
-        return kind + ", ".join(parts)
+        fields = (f"{key} {_text(part)}" for key, part in value.items() if key != "kind")
+        return kind + ", ".join(fields)
     if isinstance(value, list):
         return f"({', '.join(map(_text, value))})"
     if isinstance(value, bool):

@@ -140,32 +140,32 @@ class _Build:
             own = self.gaps.add(f"{name}-claims", f"{CLAIMS_FILE}: has no claim of {name}")
         scored = self._scored(name, own)
         claims = [] if isinstance(own, Gap) else scored["claims"]
-        parts = _Paper(self, parameters, claims)
+        page = _Paper(self, parameters, claims)
         theory = f"results/{name}/theory.metrics.csv"
-        found = entries(parameters, claims)
-        stated = self.gaps.attempt(name, read_claims, self.folder, name)
-        statuses = [entry.status for entry in found for _ in entry.keys]
+        assumed = entries(parameters, claims)
+        registry = self.gaps.attempt(name, read_claims, self.folder, name)
+        statuses = [entry.status for entry in assumed for _ in entry.keys]
         return {
             "name": name,
             **{key: tree["about"][key] for key in ("title", "authors")},
             **{key: tree["about"].get(key, "") for key in ("year", "doi")},
             "short": cited(tree["about"]),
             "gaps": [stored] if isinstance(stored, Gap) else [],
-            "limitations": stated if isinstance(stated, Gap) else stated.limitations,
-            "rows": stated if isinstance(stated, Gap) else parts.rows(stated.figures, found),
+            "limitations": registry if isinstance(registry, Gap) else registry.limitations,
+            "rows": registry if isinstance(registry, Gap) else page.rows(registry.figures, assumed),
             "corrections": {}
-            if isinstance(stated, Gap)
-            else {claim: one.errata for claim, one in stated.claims.items() if one.errata},
-            "figures": [parts.figure(*one) for one in tree["figures"].items()],
-            "tables": [parts.table(*one) for one in tree.get("tables", {}).items()],
-            "theory": parts.numbers(theory, "theory") if "theory" in tree else None,
+            if isinstance(registry, Gap)
+            else {claim: body.errata for claim, body in registry.claims.items() if body.errata},
+            "figures": [page.figure(*figure) for figure in tree["figures"].items()],
+            "tables": [page.table(*table) for table in tree.get("tables", {}).items()],
+            "theory": page.numbers(theory, "theory") if "theory" in tree else None,
             **scored,
             "verdicts": {claim.name: claim.verdict for claim in claims},
-            "plots": [parts.plot(*one) for one in _PLOTS.items()] if claims else [],
+            "plots": [page.plot(*plot) for plot in _PLOTS.items()] if claims else [],
             "errata": self.gaps.attempt(f"{name}-errata", read_errata, self.folder, name),
-            "entries": found,
-            "known_keys": [key for entry in found for key in entry.keys],
-            "statuses": {one: statuses.count(one) for one in ("assumed", "overridden", "stated")},
+            "entries": assumed,
+            "known_keys": [key for entry in assumed for key in entry.keys],
+            "statuses": {key: statuses.count(key) for key in ("assumed", "overridden", "stated")},
         }
 
     def _scored(self, paper: str, rows: list[dict[str, str]] | Gap) -> Data:
@@ -193,10 +193,10 @@ class _Build:
     def _replication(self, paper: str) -> Title | Gap:
         """The title of a paper's replication, and its reasons."""
         path = f"results/{paper}/alternatives.csv"
-        found = self.read(
+        title = self.read(
             f"{paper}-title", path, f"logs/{paper}/alternatives.log", read_alternatives
         )
-        return found if isinstance(found, Gap) else found[0]
+        return title if isinstance(title, Gap) else title[0]
 
     def read(self, place: str, path: str, logged: str, read: Any, *arguments: Any) -> Any:
         """Read a file that a job with this log should have made, or add a gap."""
@@ -220,7 +220,7 @@ class _Build:
     def task(self, name: str) -> Data:
         """A task of the bench: its figures, and a link to its table."""
         texts, logged = self.folder / "workflow/report/bench", f"logs/bench/{name}/figures.log"
-        stated = self.gaps.attempt(
+        settings = self.gaps.attempt(
             f"bench-{name}", read_yaml, self.folder / f"config/bench/{name}.yaml"
         )
         figures = []
@@ -231,7 +231,7 @@ class _Build:
                 figures.append(
                     {"name": figure, "caption": caption, **self.drawing(base, place, logged)}
                 )
-        title = name if isinstance(stated, Gap) else stated.get("title", name)
+        title = name if isinstance(settings, Gap) else settings.get("title", name)
         link = self.link(_TASK_TABLE.format(name))
         return {"name": name, "title": title, "figures": figures, "link": link}
 
@@ -254,11 +254,11 @@ class _Build:
             gaps.append(self.gaps.add(place, f"{', '.join(old)}: {_STALE} ({why})"))
         for path in sorted(there, key=lambda path: path.endswith(".png")):
             if shown is None and path.endswith((".svg", ".png")):
-                found = self.gaps.attempt(place, image, self.folder / path)
-                if isinstance(found, Gap):
-                    gaps.append(found)
+                picture = self.gaps.attempt(place, image, self.folder / path)
+                if isinstance(picture, Gap):
+                    gaps.append(picture)
                 else:
-                    shown = found
+                    shown = picture
         return {"image": shown, "links": [*map(self.link, there)], "gaps": gaps}
 
 
@@ -295,7 +295,7 @@ class _Paper:
         }
 
     def rows(
-        self, stated: Mapping[str, PaperFigure], found: Sequence[AssumptionRow]
+        self, figures: Mapping[str, PaperFigure], rows: Sequence[AssumptionRow]
     ) -> list[FigureRow] | Gap:
         """The figures of the paper, one by one."""
 
@@ -307,7 +307,7 @@ class _Paper:
                 return None  # a gap where the numbers of that figure are
 
         place = self._place("figures")
-        return self.build.gaps.attempt(place, figure_rows, stated, self.parameters, found, metrics)
+        return self.build.gaps.attempt(place, figure_rows, figures, self.parameters, rows, metrics)
 
     def plot(self, name: str, title: str) -> Data:
         """A plot of the samples that decided the claims."""
@@ -333,8 +333,8 @@ class _Paper:
         most = MAX_ROWS if step[1:] else None
         known = meanings(self.parameters.package)
         place, logged = self._place(step[-1]), self._log(*step)
-        found: Data | Gap = self.build.read(place, path, logged, metrics_table, known, most)
-        return found if isinstance(found, Gap) else found | {"link": self.build.link(path)}
+        rows: Data | Gap = self.build.read(place, path, logged, metrics_table, known, most)
+        return rows if isinstance(rows, Gap) else rows | {"link": self.build.link(path)}
 
     def _caption(self, path: str, title: str, name: str, logged: str) -> tuple[str | Gap, str]:
         """The caption without the title, and the source that it names."""
@@ -342,5 +342,5 @@ class _Paper:
         def read(file: Path) -> tuple[str, str]:
             return without_title(to_html(path, read_text(file)), title)
 
-        found: tuple[str, str] | Gap = self.build.read(self._place(name), path, logged, read)
-        return (found, "") if isinstance(found, Gap) else found
+        caption: tuple[str, str] | Gap = self.build.read(self._place(name), path, logged, read)
+        return (caption, "") if isinstance(caption, Gap) else caption

@@ -84,7 +84,7 @@ def jobs_behind(project: Path, targets: Iterable[str]) -> list[LoggedJob]:
         except InputError:
             continue
         makers |= dict.fromkeys(job.outputs, job)
-    found: dict[str, LoggedJob] = {}
+    jobs: dict[str, LoggedJob] = {}
 
     def visit(path: str) -> None:
         if path not in makers:
@@ -92,11 +92,11 @@ def jobs_behind(project: Path, targets: Iterable[str]) -> list[LoggedJob]:
                 raise InputError(path, "no log in logs/ names the command that made it")
             return
         job = makers[path]
-        if job.log not in found:
+        if job.log not in jobs:
             for needed in job.inputs:
                 visit(needed)
-            found[job.log] = job
+            jobs[job.log] = job
 
     for target in targets:
         visit(target)
-    return list(found.values())
+    return list(jobs.values())

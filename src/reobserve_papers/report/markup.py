@@ -34,11 +34,11 @@ def without_title(text: str, title: str) -> tuple[str, str]:
     Cut from the HTML: "(a)" at the beginning of reStructuredText would be a list.
     """
     bold = re.escape(html.escape(" ".join(title.split()), quote=False))
-    found = re.match(rf"<p><strong>{bold}</strong>\s+\((.+?)\)[.,;]?\s+", text)
-    if found is None:
+    head = re.match(rf"<p><strong>{bold}</strong>\s+\((.+?)\)[.,;]?\s+", text)
+    if head is None:
         return text, ""
-    rest = text[found.end() :]
-    return f"<p>{rest[:1].upper()}{rest[1:]}", html.unescape(found[1])
+    rest = text[head.end() :]
+    return f"<p>{rest[:1].upper()}{rest[1:]}", html.unescape(head[1])
 
 
 def first_sentence(text: str) -> str:

@@ -37,7 +37,7 @@ class FigureRow:
 
 
 def figure_rows(
-    stated: Mapping[str, PaperFigure],
+    figures: Mapping[str, PaperFigure],
     parameters: Parameters,
     entries: Iterable[AssumptionRow],
     metrics: Callable[[str], Sequence[Metric] | None],
@@ -47,29 +47,29 @@ def figure_rows(
     ``metrics`` gives those of one of our figures, or of the theory, or None if these are missing.
     """
     known = list(entries)
-    return [_row(name, one, parameters, known, metrics) for name, one in stated.items()]
+    return [_row(name, figure, parameters, known, metrics) for name, figure in figures.items()]
 
 
 def _row(
     name: str,
-    stated: PaperFigure,
+    figure: PaperFigure,
     parameters: Parameters,
     entries: Sequence[AssumptionRow],
     metrics: Callable[[str], Sequence[Metric] | None],
 ) -> FigureRow:
-    settings = _settings(parameters, stated.ours[0], entries) if stated.ours else []
-    searched = [one.keys[0] for one in settings if one.chosen_for]
-    assumed = sum(one.status == "assumed" for one in settings if not one.chosen_for)
+    settings = _settings(parameters, figure.ours[0], entries) if figure.ours else []
+    searched = [row.keys[0] for row in settings if row.chosen_for]
+    assumed = sum(row.status == "assumed" for row in settings if not row.chosen_for)
     return FigureRow(
         name=name,
-        shows=stated.shows,
-        ours=tuple(stated.ours),
-        not_reproduced=stated.not_reproduced or "",
+        shows=figure.shows,
+        ours=tuple(figure.ours),
+        not_reproduced=figure.not_reproduced or "",
         printed=len(settings) - assumed - len(searched),
         assumed=assumed,
         searched=tuple(searched),
-        numbers=tuple((one.what, one.text, _ours(one, metrics)) for one in stated.printed),
-        differs=stated.differs or "",
+        numbers=tuple((entry.what, entry.text, _ours(entry, metrics)) for entry in figure.printed),
+        differs=figure.differs or "",
     )
 
 
@@ -82,15 +82,15 @@ def _settings(
     """
     body = parameters.tree["figures"][figure]
     observers = body.get("observers", [])
-    designs = {parameters.tree["observers"][one].get("design") for one in observers} - {None}
-    branches = [("plant",), *(("observers", one) for one in observers)]
+    designs = {parameters.tree["observers"][name].get("design") for name in observers} - {None}
+    branches = [("plant",), *(("observers", name) for name in observers)]
     branches += [("scenarios", body["scenario"])] if "scenario" in body else []
-    branches += [("designs", one) for one in designs]
+    branches += [("designs", name) for name in designs]
     return [
-        one
-        for one in entries
-        if not one.numerical
-        and any(tuple(key.split("."))[: len(path)] == path for key in one.keys for path in branches)
+        row
+        for row in entries
+        if not row.numerical
+        and any(tuple(key.split("."))[: len(path)] == path for key in row.keys for path in branches)
     ]
 
 
@@ -100,11 +100,11 @@ def _ours(printed: PrintedNumber, metrics: Callable[[str], Sequence[Metric] | No
     if rows is None:
         return "not there"
     value = reference.look_up(
-        {reference.figure: {(one.observer, one.metric): one.value for one in rows}}
+        {reference.figure: {(metric.observer, metric.metric): metric.value for metric in rows}}
     )
     if printed.text.endswith("%"):
         return f"{_short(100 * value)} %"
-    units = {(one.observer, one.metric): one.unit for one in rows}
+    units = {(metric.observer, metric.metric): metric.unit for metric in rows}
     unit = printed.unit or units[reference.observer, reference.metric]
     return f"{_short(printed.scale * value)} {'' if unit in ('1', 'word') else unit}".strip()
 

@@ -100,7 +100,7 @@ def alike(keys: Sequence[str]) -> list[tuple[str, list[tuple[str, str]], str]]:
             groups.setdefault((f"{first}.", f".{last}"), []).append((second, key))
         else:
             groups.setdefault((key, ""), []).append((key, key))
-    return [(first if last else "", found, last) for (first, last), found in groups.items()]
+    return [(first if last else "", members, last) for (first, last), members in groups.items()]
 
 
 def parts(text: str, figures: Sequence[str]) -> list[tuple[str, bool]]:
