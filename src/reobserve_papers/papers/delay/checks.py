@@ -44,7 +44,7 @@ def _figure(job: keys.Job) -> None:
 
 def _metrics(job: keys.Job) -> None:
     """Check the windows, with the samples that are furthest apart."""
-    periods = [one.sampling_period for one in job.observers.values()]
+    periods = [body.sampling_period for body in job.observers.values()]
     check_rules(job.metrics, job.plant.horizon, max(periods, default=job.plant.step))
 
 

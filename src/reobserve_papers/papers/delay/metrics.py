@@ -150,8 +150,8 @@ def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
         if isinstance(observer, keys.Extended) and observer.model == "lag":
             from reobserve_papers.papers.delay import without_threshold  # it loads numba
 
-            found = without_threshold.estimate(data.job, observer, plant)
-            for score in _varying(data, found):
+            estimate = without_threshold.estimate(data.job, observer, plant)
+            for score in _varying(data, estimate):
                 yield Metric.at(name, score, threshold="none")
     yield from scores_of(GUESS, _guess(data, clean=False))
 
@@ -173,7 +173,7 @@ def _guess(data: FigureData[keys.Job], *, clean: bool) -> Iterator[Score]:
     ``clean`` or with its noise, and the difference quotient of that over a sampling period.
     """
     job, plant = data.job, data.plant
-    observer = next(one for one in job.observers.values() if isinstance(one, keys.Extended))
+    observer = next(body for body in job.observers.values() if isinstance(body, keys.Extended))
     every = 2 * stride(job.plant, observer.sampling_period)
     time = plant.time[::every]
     channels = {"delay": Channel(np.full(len(time), observer.initial_delay), "s")}

@@ -29,9 +29,9 @@ def gains(job: keys.Job) -> str:
     switched = [body for body in bodies if body.threshold > 0]
     if not switched:
         return begun
-    parts = _each("gain of the delay" if one.switched == "delay" else "gain" for one in switched)
-    bounds = _each(f"{one.threshold:g}" for one in switched)
-    return f"{begun}; {parts} off where the estimated |ξ| < {bounds}"
+    what = _each("gain of the delay" if body.switched == "delay" else "gain" for body in switched)
+    bounds = _each(f"{body.threshold:g}" for body in switched)
+    return f"{begun}; {what} off where the estimated |ξ| < {bounds}"
 
 
 def noise(job: keys.Job) -> str:

@@ -43,13 +43,13 @@ def _differentiated(job: keys.Job, observer: keys.Extended, u: Array, plant: Ser
 
     Between samples of the differentiator u' is extrapolated with u''.
     """
-    found = differentiator(job, observer)
-    every = round(found.sampling_period / job.plant.step)
+    levant = differentiator(job, observer)
+    every = round(levant.sampling_period / job.plant.step)
     samples = u[::every]
-    start = np.zeros(found.order + 1)
+    start = np.zeros(levant.order + 1)
     if observer.initial_derivatives == "exact":
         start = np.append(plant["input"][0], plant["input_derivatives"][0])
-    estimate = found.run(samples, state=found.init(start))["derivatives"]
+    estimate = levant.run(samples, state=levant.init(start))["derivatives"]
     index = np.arange(len(u))
     rates = estimate[index // every, 1:].copy()
     rates[:, 0] += rates[:, 1] * (index % every) * job.plant.step

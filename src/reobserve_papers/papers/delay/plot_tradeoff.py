@@ -69,9 +69,9 @@ def _compare(axes: Axes, data: FigureData[keys.Job]) -> None:
         for sweep, kind, face in _KINDS:
             above, below = (
                 data.study.where(
-                    observer=one, quantity="varying_rms_delay_error", sweep=sweep
+                    observer=who, quantity="varying_rms_delay_error", sweep=sweep
                 ).by_level("level")
-                for one in (name, last)
+                for who in (name, last)
             )
             ratios = [float(np.mean(above[rho]) / np.mean(below[rho])) for rho in above]
             filled = {"markerfacecolor": face or style.color}

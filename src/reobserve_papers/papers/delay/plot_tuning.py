@@ -32,9 +32,9 @@ def draw(data: FigureData[keys.Job]) -> Figure:
         runs = data.study.where(observer=name, sweep=parameter)
         style = style_of(job.observers[name])
         for quantity, text, filled in _QUANTITIES:
-            found = runs.where(quantity=quantity)
+            scores = runs.where(quantity=quantity)
             face = {"markerfacecolor": style.color if filled else "none"}
-            axes.loglog(found["level"], found["value"], **style.points(), **face, label=text)
+            axes.loglog(scores["level"], scores["value"], **style.points(), **face, label=text)
         chosen = getattr(job.observers[name], parameter)
         if chosen > 0:
             axes.axvline(chosen, color="0.4", linewidth=thick(0.8), linestyle=":")

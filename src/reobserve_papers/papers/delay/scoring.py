@@ -54,21 +54,21 @@ def rms_scores(
 
     Where the delay varies, its largest error, too.
     """
-    found, units = errors(plant, estimate), UNITS[model][0].split(", ")
+    error, units = errors(plant, estimate), UNITS[model][0].split(", ")
     for name, key, span in (
         ("rms_{}", "start", (rules.start, np.inf)),
         ("rms_{}_from_start", "start", (0.0, np.inf)),
         ("varying_rms_{}", "varying_from", (rules.varying_from, rules.varying_until)),
     ):
         chosen = scored(f"metrics.{key}", estimate.time, *span)
-        if "delay" in found:
-            value = float(root_mean_square(found["delay"][chosen]))
+        if "delay" in error:
+            value = float(root_mean_square(error["delay"][chosen]))
             yield name.format("delay_error"), value, "s"
-        if "state" in found and model == "pendulum":  # the state of the lag is measured
-            for i, value in enumerate(root_mean_square(found["state"][chosen])):
+        if "state" in error and model == "pendulum":  # the state of the lag is measured
+            for i, value in enumerate(root_mean_square(error["state"][chosen])):
                 yield name.format(f"error_{i + 1}"), float(value), units[i]
-    if "delay" in found:
-        yield "varying_largest_delay_error", float(np.max(np.abs(found["delay"][chosen]))), "s"
+    if "delay" in error:
+        yield "varying_largest_delay_error", float(np.max(np.abs(error["delay"][chosen]))), "s"
 
 
 def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float, float]]:
@@ -96,8 +96,8 @@ def singular_instants(plant: Series) -> Array:
     time, rate = plant.time, plant["input_derivatives"][:, 0]
     last = np.flatnonzero(rate[:-1] * rate[1:] < 0)
     share = rate[last] / (rate[last] - rate[last + 1])
-    found: Array = np.concatenate([time[last] + share * plant.step, time[rate == 0]])
-    return np.sort(found)
+    times: Array = np.concatenate([time[last] + share * plant.step, time[rate == 0]])
+    return np.sort(times)
 
 
 def half_periods(plant: Series, time: Array) -> Iterator[tuple[float, Mask]]:

@@ -49,7 +49,7 @@ def grid(plant: keys.Plant) -> tuple[int, float]:
 
 def input_and_derivatives(name: str, signal: Signal, order: int) -> list[Signal]:
     """u, u', ..., up to an order."""
-    found = [signal]
+    signals = [signal]
     for _ in range(order):
-        found.append(found[-1].derivative(name))
-    return found
+        signals.append(signals[-1].derivative(name))
+    return signals

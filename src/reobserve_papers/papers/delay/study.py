@@ -56,9 +56,9 @@ def tradeoff(job: keys.Job, study: keys.Tradeoff, plant: Series) -> Iterator[Row
             for rho in study.rhos:
                 changed = replace(body, rho=rho, sampling_period=study.sampling_period)
                 with located(f"observers.{name}"):
-                    found = estimate(keys.Job(job.plant, observer=changed), record)
+                    result = estimate(keys.Job(job.plant, observer=changed), record)
                 sweep = "noise_rho" if number else "rho"
-                for quantity, value, unit in rms_scores(job.metrics, body.model, record, found):
+                for quantity, value, unit in rms_scores(job.metrics, body.model, record, result):
                     if "start" not in quantity:
                         yield name, sweep, rho, number, quantity, value, unit
 
@@ -77,8 +77,8 @@ def tuning(job: keys.Job, study: keys.Tuning, plant: Series) -> Iterator[Row]:
     for name, parameter, levels, observers in _tuned(job, study):
         for level, observer in observers:
             with located(f"studies.tuning.{levels}, {name}"):
-                found = estimate(keys.Job(job.plant, observer=observer), plant)
-            for quantity, value in _tuning_scores(job.metrics, plant, found):
+                result = estimate(keys.Job(job.plant, observer=observer), plant)
+            for quantity, value in _tuning_scores(job.metrics, plant, result):
                 yield name, parameter, float(level), 0, quantity, value, "s"
 
 
@@ -87,33 +87,33 @@ Levels = list[tuple[float, keys.Observer]]
 
 def _tuned(job: keys.Job, study: keys.Tuning) -> Iterator[tuple[str, str, str, Levels]]:
     """The varied parameter of each method, the key of its levels, and the observer at each."""
-    found: Levels
+    tuned: Levels
     extended = named(job.observers, "extended_lag", keys.Extended)
-    found = [(level, replace(extended, rho=level)) for level in study.rhos]
-    yield "extended_lag", "rho", "rhos", found
+    tuned = [(level, replace(extended, rho=level)) for level in study.rhos]
+    yield "extended_lag", "rho", "rhos", tuned
     squares = named(job.observers, "least_squares", keys.LeastSquares)
-    found = [(level, replace(squares, forgetting=level)) for level in study.forgetting]
-    yield "least_squares", "forgetting", "forgetting", found
-    stated = named(job.observers, "adaptive", keys.AdaptiveIdentification)
-    found = []
+    tuned = [(level, replace(squares, forgetting=level)) for level in study.forgetting]
+    yield "least_squares", "forgetting", "forgetting", tuned
+    base = named(job.observers, "adaptive", keys.AdaptiveIdentification)
+    tuned = []
     for level in study.forgetting:
         # In proportion to the forgetting, including the tuning of Fig. 3.
-        gain = stated.adaptation_gain * level / stated.forgetting
-        found.append((level, replace(stated, forgetting=level, adaptation_gain=gain)))
-    yield "adaptive", "forgetting", "forgetting", found
+        gain = base.adaptation_gain * level / base.forgetting
+        tuned.append((level, replace(base, forgetting=level, adaptation_gain=gain)))
+    yield "adaptive", "forgetting", "forgetting", tuned
     relay = named(job.observers, "relay", keys.Relay)
-    found = [(level, replace(relay, relay_gain=level)) for level in study.relay_gains]
-    yield "relay", "relay_gain", "relay_gains", found
+    tuned = [(level, replace(relay, relay_gain=level)) for level in study.relay_gains]
+    yield "relay", "relay_gain", "relay_gains", tuned
 
 
 def _tuning_scores(
-    rules: keys.Metrics, plant: Series, found: Series
+    rules: keys.Metrics, plant: Series, estimate: Series
 ) -> Iterator[tuple[str, float]]:
-    error = errors(plant, found)["delay"]
+    error = errors(plant, estimate)["delay"]
     resting = np.zeros(len(error), dtype=bool)
     for _, start, end in constant_segments(plant, rules.late):
-        resting |= scored("metrics.late", found.time, start, end)
+        resting |= scored("metrics.late", estimate.time, start, end)
     yield "resting_rms_delay_error", float(root_mean_square(error[resting]))
     varying = rules.varying_from, rules.varying_until
-    moving = scored("metrics.varying_from", found.time, *varying)
+    moving = scored("metrics.varying_from", estimate.time, *varying)
     yield "varying_rms_delay_error", float(root_mean_square(error[moving]))

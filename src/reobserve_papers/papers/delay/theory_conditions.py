@@ -76,18 +76,18 @@ def _turning_points(job: keys.Job, sine: Series) -> Iterator[Metric]:
     stream = random_stream(SEED, "delay", "theory", "turning points")
     longest = delay_bounds(job.plant)[1]
     rates = np.gradient(sine["delay"], sine.time)[:: len(sine.time) // 100]
-    found: dict[int, list[float]] = {2: [], 3: []}
+    by_order: dict[int, list[float]] = {2: [], 3: []}
     for instant in singular_instants(sine):
         at = np.array([instant])
         for _ in range(2):  # Newton
             at = at - u[1](at)[:, 0] / u[2](at)[:, 0]
         tau, rate = stream.uniform(0, longest), stream.choice(rates[np.abs(rates) < 1])
         x = stream.normal(scale=np.pi, size=model.states)
-        for order, determinants in found.items():
+        for order, determinants in by_order.items():
             z = np.array([*x, tau, float(at[0]) + tau])
             determinants.append(abs(_with_derivative(model, u[0], z, float(rate), order)))
     size = abs(_gain(model, 0.0)) * float(np.max(np.abs(u[2](sine.time))))
-    for order, determinants in found.items():
+    for order, determinants in by_order.items():
         score = "determinant_at_turning_points", min(determinants) / size, "1"
         yield Metric.at("pendulum", score, derivatives=order)
 

@@ -55,7 +55,7 @@ def record(job: keys.Job, terms: Any) -> Series:
 
 
 def _delay_error(
-    job: keys.Job, stated: keys.Extended, plant: Series, step: float | None = None
+    job: keys.Job, observer: keys.Extended, plant: Series, step: float | None = None
 ) -> tuple[Array, Array]:
     """Times and error of the delay of an observer, with the step of the theory if none is given.
 
@@ -63,9 +63,9 @@ def _delay_error(
     gain has converged to it.
     """
     step = job.theory.sampling_period if step is None else step
-    body = replace(stated, derivatives="exact", initial_matrix="algebraic", sampling_period=step)
-    found = estimate(keys.Job(job.plant, observer=body), plant)
-    return found.time, errors(plant, found)["delay"]
+    body = replace(observer, derivatives="exact", initial_matrix="algebraic", sampling_period=step)
+    result = estimate(keys.Job(job.plant, observer=body), plant)
+    return result.time, errors(plant, result)["delay"]
 
 
 @part
@@ -161,10 +161,10 @@ def _random_starts(job: keys.Job, ramp: Series) -> Iterator[Metric]:
 @part
 def _singular_peaks(job: keys.Job, sine: Series) -> Iterator[Metric]:
     for order, name in ORDERS.items():
-        stated = named(job.observers, name, keys.Extended)
+        body = named(job.observers, name, keys.Extended)
         small = job.theory.small_threshold
-        for when, threshold in (("", stated.threshold), ("_small_threshold", small)):
-            time, error = _delay_error(job, replace(stated, threshold=threshold), sine)
+        for when, threshold in (("", body.threshold), ("_small_threshold", small)):
+            time, error = _delay_error(job, replace(body, threshold=threshold), sine)
             size, distance = peaks(sine, time, error)
             yield Metric(f"order_{order}", f"peak_delay_error{when}", size, "s")
             yield Metric(f"order_{order}", f"peak_distance{when}", distance, "1")

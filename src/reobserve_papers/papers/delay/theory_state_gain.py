@@ -30,8 +30,8 @@ def measure(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     body = named(job.observers, "order2", keys.Extended)
     start = [*body.initial_estimate, body.initial_delay]
     tau = float(ramp["delay"][0])
-    found = simulate(job, job.theory.gain_of_rate, start, tau, end)
-    late = found[-round(job.metrics.late / job.theory.sampling_period) :]
+    states = simulate(job, job.theory.gain_of_rate, start, tau, end)
+    late = states[-round(job.metrics.late / job.theory.sampling_period) :]
     delay, rate = late[:, 4] - tau, late[:, 3] - late[:, 1]
     yield Metric("state_gain", "late_delay_error", float(np.max(np.abs(delay))), "s")
     yield Metric("state_gain", "late_rate_error", float(np.max(np.abs(rate))), "rad/s")
@@ -41,11 +41,11 @@ def measure(job: keys.Job, ramp: Series) -> Iterator[Metric]:
 def _on_the_sine(job: keys.Job, start: list[float]) -> Iterator[Metric]:
     step, rules = job.theory.sampling_period, job.metrics
     for rho in job.theory.rhos:
-        found = simulate_on_sine(job, job.theory.gain_of_rate, start, rho)
-        time = step * np.arange(len(found), dtype=np.float64)
+        states = simulate_on_sine(job, job.theory.gain_of_rate, start, rho)
+        time = step * np.arange(len(states), dtype=np.float64)
         delay = Signal.parse("delay", job.plant.delay, 1)(time)[:, 0]
         span = rules.varying_from, rules.varying_until
-        error = (found[:, 4] - delay)[scored("metrics.varying_from", time, *span)]
+        error = (states[:, 4] - delay)[scored("metrics.varying_from", time, *span)]
         score = "varying_rms_delay_error", float(root_mean_square(error)), "s"
         yield Metric.at("state_gain", score, rho=rho)
 

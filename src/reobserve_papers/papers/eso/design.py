@@ -32,26 +32,26 @@ def compute(job: keys.Job) -> dict[str, Any]:
     return {"filter_rate": body.filter_rate, **design(job.plant, body).to_dict()}
 
 
-def design(plant: keys.Plant, stated: keys.Design) -> CertifiedGains:
+def design(plant: keys.Plant, body: keys.Design) -> CertifiedGains:
     """The design that the parameters specify (raises as `compute`).
 
     It is cached, because samples of other parameters, such as the hold period, need it again.
     """
-    system = augmented(plant, stated.filter_rate)
+    system = augmented(plant, body.filter_rate)
     matrices = (getattr(system, each.name) for each in fields(system))
-    return _designed(tuple(tuple(map(tuple, matrix.tolist())) for matrix in matrices), stated)
+    return _designed(tuple(tuple(map(tuple, matrix.tolist())) for matrix in matrices), body)
 
 
 @lru_cache(maxsize=200)
-def _designed(matrices: Any, stated: keys.Design) -> CertifiedGains:
-    system, solver = AugmentedSystem(*matrices), stated.solver
-    if isinstance(stated, keys.Feasible):
-        return pi.design_feasible(system, stated.decay, solver, stated.solution)
-    derivative = stated.kind == "pd_pi_optimised"
-    if stated.criterion == "minimum_norm":
-        return pd_pi.design(system, stated.factor, solver=solver, derivative=derivative)
+def _designed(matrices: Any, body: keys.Design) -> CertifiedGains:
+    system, solver = AugmentedSystem(*matrices), body.solver
+    if isinstance(body, keys.Feasible):
+        return pi.design_feasible(system, body.decay, solver, body.solution)
+    derivative = body.kind == "pd_pi_optimised"
+    if body.criterion == "minimum_norm":
+        return pd_pi.design(system, body.factor, solver=solver, derivative=derivative)
     return pd_pi.design_minimum_gamma(
-        system, 0.0, stated.pole_bound, stated.radius, solver, derivative=derivative
+        system, 0.0, body.pole_bound, body.radius, solver, derivative=derivative
     )
 
 
@@ -60,12 +60,12 @@ def stored_design(
 ) -> tuple[AugmentedSystem, CertifiedGains]:
     """The system of a stored design, and the design."""
     rest = {name: value for name, value in values.items() if name != "filter_rate"}
-    found = CertifiedGains.from_dict(rest)
+    certified = CertifiedGains.from_dict(rest)
     if "filter_rate" not in values:
         raise InputError("design", "has no key 'filter_rate'")
     system = augmented(plant, as_positive("filter_rate", values["filter_rate"]))
     wanted = (system.size, len(system.C))
-    for name, gain in (("L", found.gains.L), ("Ld", found.gains.Ld)):
+    for name, gain in (("L", certified.gains.L), ("Ld", certified.gains.Ld)):
         if gain.shape != wanted:
             raise InputError(f"design.{name}", f"has shape {gain.shape}, must be {wanted}")
-    return system, found
+    return system, certified

@@ -77,5 +77,5 @@ def held_deviation(
 
 
 def _roots(covariance: Matrix) -> Matrix:
-    found: Matrix = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return found
+    roots: Matrix = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return roots

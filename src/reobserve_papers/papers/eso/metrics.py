@@ -107,10 +107,10 @@ def _by_chance(job: keys.Job, plant: Series) -> Iterator[Metric]:
     from reobserve_papers.papers.eso.random_gains import RANDOM, medians, random_gains
     from reobserve_papers.papers.eso.setup import augmented
 
-    system, found = augmented(job.plant, 1.0), list[Metric]()
+    system, metrics = augmented(job.plant, 1.0), list[Metric]()
     for gains in random_gains(system):
         observer = ExtendedStateObserver(system, gains, sampling_period=2.0 * plant.step)
         estimate = estimates_on(observer, plant)
-        found += scores_of(RANDOM, scores(job.metrics, plant, estimate))
-        found += scores_of(RANDOM, corrected_speed(job.metrics, plant, estimate))
-    yield from medians(found)
+        metrics += scores_of(RANDOM, scores(job.metrics, plant, estimate))
+        metrics += scores_of(RANDOM, corrected_speed(job.metrics, plant, estimate))
+    yield from medians(metrics)

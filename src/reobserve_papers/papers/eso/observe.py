@@ -15,8 +15,8 @@ from reobserve_papers.signals.series import Channel, Series
 
 def build(job: keys.Job, design: Mapping[str, Any]) -> ExtendedStateObserver:
     """Construct the observer with the gains of a design, its period two steps of the plant."""
-    system, found = stored_design(job.plant, design)
-    return ExtendedStateObserver(system, found.gains, sampling_period=2.0 * job.plant.step)
+    system, certified = stored_design(job.plant, design)
+    return ExtendedStateObserver(system, certified.gains, sampling_period=2.0 * job.plant.step)
 
 
 def estimate(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> Series:

@@ -64,9 +64,9 @@ def _note(job: keys.Job) -> str:
         noise = f"and noise with a deviation of {deviation:.3g} rad/s, both {held}"
     designs = {body.design: job.designs[body.design] for body in job.observers.values()}
     first, *others = map(gains_of, designs.values())
-    stated = ";\n".join([first, "; ".join(others)]) if others else first
+    gains = ";\n".join([first, "; ".join(others)]) if others else first
     return (
-        f"Chosen here: disturbances {ranges} {noise}.\nGains: {stated}.\n"
+        f"Chosen here: disturbances {ranges} {noise}.\nGains: {gains}.\n"
         "Estimates of the faults do not depend on controller or reference."
     )
 

@@ -48,18 +48,18 @@ def draw(data: FigureData[keys.Job]) -> Figure:
             axes, letter = panels[row, column], "abcd"[2 * row + column]
             quantity = f"{source}_in_{fault}_fault"
             for kind, (style, label) in KINDS.items():
-                found = data.study.where(kind=kind)
+                rows = data.study.where(kind=kind)
                 axes.loglog(
-                    *(found.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
+                    *(rows.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
                     linestyle="", marker=style.marker, color=style.color,
                     markersize=mark(7.5 if kind in _AROUND else 4.5),
                     markerfacecolor=style.color if kind in _FILLED else "none",
                     markeredgewidth=1.1 if kind in _AROUND else 0.8, label=label,
                 )  # fmt: skip
             for at in _of_the_figures(data):
-                found = data.study.where(**at)
+                rows = data.study.where(**at)
                 axes.loglog(
-                    *(found.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
+                    *(rows.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
                     linestyle="", marker="o", color="0.2", markersize=mark(13),
                     markerfacecolor="none", markeredgewidth=0.8,
                 )  # fmt: skip

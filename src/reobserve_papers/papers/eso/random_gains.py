@@ -42,8 +42,8 @@ def random_gains(system: AugmentedSystem) -> list[Gains]:
 
 def medians(metrics: Iterable[Metric]) -> Iterator[Metric]:
     """The median of each metric over the observers that have it."""
-    found: dict[tuple[str, str], list[float]] = defaultdict(list)
-    for one in metrics:
-        found[one.metric, one.unit].append(one.value)
-    for (metric, unit), values in found.items():
+    groups: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for score in metrics:
+        groups[score.metric, score.unit].append(score.value)
+    for (metric, unit), values in groups.items():
         yield Metric(RANDOM, metric, median(values), unit)

@@ -60,8 +60,8 @@ def best_shift(time: Array, truth: Array, estimate: Array, bounds: Any, longest:
     if not 0 < best < most:
         return Shift(float(best * step), rest)
     before, least, after = error(best - 1), error(best), error(best + 1)
-    found = (best + 0.5 * (before - after) / (before - 2.0 * least + after)) * step
-    return Shift(float(found), rest)
+    lag = (best + 0.5 * (before - after) / (before - 2.0 * least + after)) * step
+    return Shift(float(lag), rest)
 
 
 def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
@@ -100,9 +100,9 @@ def corrected_speed(rules: keys.Metrics, plant: Series, estimate: Series) -> Ite
     yield "rms_corrected_speed_error_constant", float(root_mean_square(chosen)), "rad/s"
 
 
-def differences(rules: keys.Metrics, one: Series, other: Series) -> Iterator[Score]:
+def differences(rules: keys.Metrics, left: Series, right: Series) -> Iterator[Score]:
     """Root mean square differences of two estimates of the faults, where these vary."""
     for name, unit in FAULTS.items():
-        difference = one[f"{name}_fault"] - other[f"{name}_fault"]
-        chosen = difference[window(one.time, *getattr(rules, f"{name}_varying"))]
+        difference = left[f"{name}_fault"] - right[f"{name}_fault"]
+        chosen = difference[window(left.time, *getattr(rules, f"{name}_varying"))]
         yield f"rms_{name}_difference", float(root_mean_square(chosen)), unit

@@ -32,7 +32,7 @@ def run(job: keys.Job, plant: Series) -> list[Row]:
     """Compute lags, errors and standard deviations of each design."""
     undisturbed = replace(job.scenario, disturbance=[[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
     clean = plant_stage.simulate(replace(job, scenario=undisturbed))
-    return [row for one in _designs(job.study) for row in _rows(job, clean, *one)]
+    return [row for chosen in _designs(job.study) for row in _rows(job, clean, *chosen)]
 
 
 def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
@@ -41,13 +41,13 @@ def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
     for rate, decay, solution in product(study.filter_rates, study.decays, study.solutions):
         yield keys.Feasible("pi_feasible", rate, decay, solution, solver), "decay", decay
     for kind in ("pi_optimised", "pd_pi_optimised"):
-        stated = keys.Optimised(kind, 1.0, "minimum_norm", 1.0, 1.0, study.radius, solver)
+        base = keys.Optimised(kind, 1.0, "minimum_norm", 1.0, 1.0, study.radius, solver)
         for factor in study.factors:
-            yield replace(stated, factor=factor), "factor", factor
+            yield replace(base, factor=factor), "factor", factor
         for bound in study.pole_bounds:
-            yield replace(stated, criterion="minimum_gamma", pole_bound=bound), "bound", bound
+            yield replace(base, criterion="minimum_gamma", pole_bound=bound), "bound", bound
         for bound, radius in product(study.pole_bounds[:1], study.radii):
-            near = replace(stated, criterion="minimum_gamma", pole_bound=bound, radius=radius)
+            near = replace(base, criterion="minimum_gamma", pole_bound=bound, radius=radius)
             yield near, "radius", radius
 
 
@@ -55,9 +55,9 @@ def _rows(
     job: keys.Job, clean: Series, body: keys.Design, choice: str, level: float
 ) -> Iterator[Row]:
     with located(f"study.{body.name} at {choice} {level:g}"):
-        found = design(job.plant, body)
+        certified = design(job.plant, body)
     system = augmented(job.plant, body.filter_rate)
-    observer = ExtendedStateObserver(system, found.gains, sampling_period=2.0 * clean.step)
+    observer = ExtendedStateObserver(system, certified.gains, sampling_period=2.0 * clean.step)
     run = run_on(observer, clean)
     estimate = Series(
         clean.time[::2],
@@ -72,8 +72,8 @@ def _rows(
         "choice": choice,
         "level": level,
     }
-    numbers = [*_errors(job, clean, estimate), *_deviations(job, system, found.gains)]
-    numbers.append(("largest_gain", float(np.max(np.abs(found.gains.L))), "1"))
+    numbers = [*_errors(job, clean, estimate), *_deviations(job, system, certified.gains)]
+    numbers.append(("largest_gain", float(np.max(np.abs(certified.gains.L))), "1"))
     for quantity, value, unit in numbers:
         yield {**about, "quantity": quantity, "value": value, "unit": unit}
 
@@ -96,6 +96,6 @@ def _deviations(job: keys.Job, system: Any, gains: Any) -> Iterator[tuple[str, f
         ("disturbance", np.array([*uniform, 0.0])),
         ("noise", np.array([0.0, 0.0, setup.deviation])),
     ):
-        found = held_deviation(system, gains, deviations, period).ends[-2:]
-        for (name, unit), value in zip(faults, found, strict=True):
+        ends = held_deviation(system, gains, deviations, period).ends[-2:]
+        for (name, unit), value in zip(faults, ends, strict=True):
             yield f"{source}_in_{name}_fault", float(value), unit

@@ -43,7 +43,7 @@ def measure(job: keys.Job, designs: dict[str, Any]) -> list[Metric]:
     observers = {
         name: stored_design(plant, designs[body.design]) for name, body in job.observers.items()
     }
-    by_chance = {f"{k}": (system, Drawn(one)) for k, one in enumerate(random_gains(system))}
+    by_chance = {f"{k}": (system, Drawn(gains)) for k, gains in enumerate(random_gains(system))}
 
     def estimates(of: Observers) -> list[Metric]:
         return [

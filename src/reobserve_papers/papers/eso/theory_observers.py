@@ -107,8 +107,8 @@ def held(
             ("noise", [0.0, 0.0, noise]),
             ("disturbance", [*(high - low) / np.sqrt(12.0), 0.0]),
         ):
-            found = held_deviation(system, gains, sizes, period)
-            for at, values in found._asdict().items():
+            spread = held_deviation(system, gains, sizes, period)
+            for at, values in spread._asdict().items():
                 for (fault, unit), value in zip(_FAULTS, values[-2:], strict=True):
                     score = f"{source}_in_{fault}_fault", float(value), unit
                     yield Metric.at(name, score, at=at)

@@ -75,17 +75,17 @@ class Calibration:
 
     def stated(self) -> Array:
         """The tuned numbers of the parameter file, in the order of `TUNED`."""
-        found = []
+        rows = []
         for name, body in self.observers.items():
             if body.realisation != "motion":
                 raise InputError(f"observers.{name}.realisation", "must be motion to be tuned")
             with located(f"observers.{name}"):
                 process = as_vector("process_noise", body.process_noise, STATES)
                 measurement = as_vector("measurement_noise", body.measurement_noise, OUTPUTS)
-            found.append(np.concatenate([process, measurement, [1.0 - body.self_transition]]))
-            if not np.array_equal(found[0], found[-1]):
+            rows.append(np.concatenate([process, measurement, [1.0 - body.self_transition]]))
+            if not np.array_equal(rows[0], rows[-1]):
                 raise InputError(f"observers.{name}", "must have the noise of the others tuned")
-        return found[0]
+        return rows[0]
 
     def try_out(self, numbers: Array) -> CalibrationTrial:
         """Run all banks with these numbers, in the order of `TUNED`."""
@@ -98,14 +98,14 @@ class Calibration:
                 measurement_noise=numbers[STATES:-1].tolist(),
                 self_transition=1.0 - float(numbers[-1]),
             )
-            found = self._run(changed)
-            if found.diverged_at is not None:
+            run = self._run(changed)
+            if run.diverged_at is not None:
                 return CalibrationTrial({}, float("nan"))
-            probability = found["probability"]
+            probability = run["probability"]
             time, rules = self.record.time[1:], self.rules
             if isinstance(changed, keys.SmoothVariableStructure):
                 later = time > self.record.events["fault"][0]
-                saturated, _ = saturation(changed, found["innovation"])
+                saturated, _ = saturation(changed, run["innovation"])
                 outside[name] = float(np.mean(saturated[later]))
             late = np.mean(
                 probability[scored("metrics.after", time, *rules.after, closed="right")], axis=0
@@ -157,11 +157,11 @@ def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -
     Between the last factor with which all quoted values stay in their band and the next one the
     interval is bisected.
     """
-    kept = read_kept(Path(study.kept))
+    result = read_kept(Path(study.kept))
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
-    stated = calibration.stated()
+    tuned = calibration.stated()
     rows: list[Row] = [
-        ("search", "kept", 1.0, 0, name, float(getattr(kept, name)), "1")
+        ("search", "kept", 1.0, 0, name, float(getattr(result, name)), "1")
         for name in ("trials", "tuned", "targets", "distance")
     ]
     tasks: list[tuple[int | None, float]] = [(None, 1.0)]
@@ -173,7 +173,7 @@ def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -
     ]
 
     def trial(task: tuple[int | None, float]) -> CalibrationTrial:
-        numbers = stated.copy()
+        numbers = tuned.copy()
         if task[0] is not None:
             numbers[task[0]] *= task[1]
         return calibration.try_out(numbers)
@@ -188,22 +188,22 @@ def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -
             inside = outside
         else:
             return []
-        found: list[tuple[tuple[int | None, float], CalibrationTrial]] = []
+        trials: list[tuple[tuple[int | None, float], CalibrationTrial]] = []
         for _ in range(_HALVINGS):
             middle = math.sqrt(inside * outside)
-            found.append(((index, middle), trial((index, middle))))
-            if calibration.keeps(found[-1][1], study.band):
+            trials.append(((index, middle), trial((index, middle))))
+            if calibration.keeps(trials[-1][1], study.band):
                 inside = middle
             else:
                 outside = middle
-        return found
+        return trials
 
     with ThreadPoolExecutor(THREADS) as pool:
         known = dict(zip(tasks, pool.map(trial, tasks), strict=True))
         both = [(index, upwards) for index in range(len(TUNED)) for upwards in (False, True)]
         known |= dict(chain.from_iterable(pool.map(ends, both)))
-    for (index, level), found in known.items():
-        rows += trial_rows("stated" if index is None else TUNED[index], level, found)
+    for (index, level), outcome in known.items():
+        rows += trial_rows("stated" if index is None else TUNED[index], level, outcome)
     return rows
 
 
@@ -238,17 +238,17 @@ class _Stored:
 
 def read_kept(path: Path) -> KeptSearch:
     """Read the stored result of a search."""
-    kept = parse(_Stored, read_json(path), str(path)).search
-    if set(kept.found) != set(TUNED):
+    result = parse(_Stored, read_json(path), str(path)).search
+    if set(result.found) != set(TUNED):
         raise InputError(str(path), "holds other numbers than the search tunes; rerun it")
-    return kept
+    return result
 
 
 def run_changes(job: keys.Job, study: keys.Changes, plant: Series) -> list[Row]:
     """Mean probabilities of all banks for each change of the scenario or of the observers."""
-    found = list(_changes(study))
+    changes = list(_changes(study))
     with ThreadPoolExecutor(THREADS) as pool:
-        parts = pool.map(lambda change: _rows(job, plant, change), found)
+        parts = pool.map(lambda change: _rows(job, plant, change), changes)
         return [row for part in parts for row in part]
 
 

@@ -36,9 +36,9 @@ Probability = Annotated[float, within(0, 1)]
 
 def variances(place: str, value: Any) -> None:
     """A number for all, or one for each."""
-    found = as_floats(place, value)
-    if found.ndim > 2 or found.size > 100:
-        raise InputError(place, f"has shape {found.shape}, must be a number, a list or a matrix")
+    array = as_floats(place, value)
+    if array.ndim > 2 or array.size > 100:
+        raise InputError(place, f"has shape {array.shape}, must be a number, a list or a matrix")
 
 
 def bounds(place: str, value: list[float]) -> None:

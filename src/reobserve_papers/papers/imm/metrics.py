@@ -127,12 +127,12 @@ def _scores(data: FigureData[keys.Job], name: str) -> Iterator[Score]:
 
 def _neighbourhood(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """Numbers of the search, and how far each tuned number may move."""
-    study, stated = data.study, as_kind("study", data.job.study, keys.Neighbourhood)
-    yield Metric("search", "earlier_trials", float(sum(stated.earlier_trials)), "1")
+    study, settings = data.study, as_kind("study", data.job.study, keys.Neighbourhood)
+    yield Metric("search", "earlier_trials", float(sum(settings.earlier_trials)), "1")
     for (name, quantity), rows in study.where(sweep="kept").groups("observer", "quantity"):
         yield Metric(name, quantity, rows.value(), "1")
     for parameter in TUNED:
-        low, high = reach(data.job, stated.band, study, parameter)
+        low, high = reach(data.job, settings.band, study, parameter)
         yield Metric(parameter, "minimum_factor", low, "1")
         yield Metric(parameter, "maximum_factor", high, "1")
 

@@ -47,16 +47,16 @@ def note(job: keys.Job) -> str:
 
 def stimulus(terms: list[dict[str, Any]], unit: str) -> str:
     """The first term of an input, in words."""
-    one = terms[0]
-    begun = f"from {one['from']:g} s on"
-    match one["kind"]:
+    term = terms[0]
+    begun = f"from {term['from']:g} s on"
+    match term["kind"]:
         case "constant":
-            return f"A step of {one['size']:g} {unit} {begun}"
+            return f"A step of {term['size']:g} {unit} {begun}"
         case "prbs":
-            return f"A pseudo-random binary sequence of ±{one['amplitude']:g} {unit} {begun}"
+            return f"A pseudo-random binary sequence of ±{term['amplitude']:g} {unit} {begun}"
         case "square":
-            return f"A square wave of {one['low']:g} and {one['high']:g} {unit} {begun}"
-    return f"An input of the kind {one['kind']} {begun}"
+            return f"A square wave of {term['low']:g} and {term['high']:g} {unit} {begun}"
+    return f"An input of the kind {term['kind']} {begun}"
 
 
 def layers(job: keys.Job) -> str:

@@ -36,22 +36,22 @@ def estimate(job: keys.Job, plant: Series) -> Series:
     observer = job.observer
     chosen = build(job, plant.step)
     columns = measured_columns(observer)
-    found = run(chosen, observer, plant["measured"][1:, columns], plant["input"][:-1])
-    if found.diverged_at is not None:
-        raise DivergenceError(observer.algorithm, found.diverged_at)
+    outputs = run(chosen, observer, plant["measured"][1:, columns], plant["input"][:-1])
+    if outputs.diverged_at is not None:
+        raise DivergenceError(observer.algorithm, outputs.diverged_at)
     start = np.full((1, len(MODES)), 1.0 / len(MODES))
-    channels = {"probability": Channel(np.vstack([start, found["probability"]]), "1")}
+    channels = {"probability": Channel(np.vstack([start, outputs["probability"]]), "1")}
     # The velocity has no feedthrough, and the same row of C in all modes.
     row = chosen.filters[0].model.C[REALISATIONS[observer.realisation].index("velocity")]
-    velocity = np.concatenate([[0.0], found["state"] @ row])
+    velocity = np.concatenate([[0.0], outputs["state"] @ row])
     channels["velocity"] = Channel(velocity, UNITS["velocity"])
     if observer.algorithm == "smooth_variable_structure":
-        innovation = found["innovation"]
+        innovation = outputs["innovation"]
         saturated, chattering = saturation(observer, innovation)
         for name, rows_of in (("saturated", saturated), ("chattering", chattering)):
             share = np.mean(rows_of, axis=(1, 2))
             channels[name] = Channel(np.concatenate([[0.0], share]), "1")
-        jumps = chattering_correction(observer, innovation, chattering, found["probability"])
+        jumps = chattering_correction(observer, innovation, chattering, outputs["probability"])
         channels["chattering_correction"] = Channel(
             np.concatenate([[0.0], jumps]), UNITS["velocity"]
         )

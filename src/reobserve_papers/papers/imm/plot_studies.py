@@ -42,8 +42,8 @@ def draw_neighbourhood(data: FigureData[keys.Job]) -> Figure:
     """Bars of the margins, and mean probabilities over the number with the smallest margin."""
     figure, (bars, curves) = new_figure((2.5, 2.3), share_time=True)
     job, numbers = data.job, data.metrics
-    stated = as_kind("study", job.study, keys.Neighbourhood)
-    most = max(stated.factors)
+    settings = as_kind("study", job.study, keys.Neighbourhood)
+    most = max(settings.factors)
     for row, parameter in enumerate(TUNED):
         low = numbers[parameter, "minimum_factor"]
         high = numbers[parameter, "maximum_factor"]
@@ -56,7 +56,7 @@ def draw_neighbourhood(data: FigureData[keys.Job]) -> Figure:
     bars.set_yticks(range(len(TUNED)), [_NUMBERS[name] for name in TUNED])
     bars.invert_yaxis()
     bars.set_xscale("log")
-    bars.set_title(f"(a) factors that keep every quoted value within ±{stated.band:g}")
+    bars.set_title(f"(a) factors that keep every quoted value within ±{settings.band:g}")
     narrow = min(
         TUNED,
         key=lambda name: numbers[name, "maximum_factor"] / numbers[name, "minimum_factor"],
@@ -67,7 +67,7 @@ def draw_neighbourhood(data: FigureData[keys.Job]) -> Figure:
             mine = data.study.where(observer=name, quantity=quantity)
             rows = [mine.where(sweep=sweep) for sweep in (narrow, "stated")]
             level, value = (
-                np.concatenate([one[part] for one in rows]) for part in ("level", "value")
+                np.concatenate([table[part] for table in rows]) for part in ("level", "value")
             )
             order = np.argsort(level)
             curves.plot(

@@ -51,10 +51,10 @@ def run(job: keys.Job, plant: Series, progress: Callable[[str], None]) -> dict[s
         worst = 0.0
         for step in nearby:
             trial = calibration.try_out(10.0**logarithms * step)
-            found = trial.distance if np.isfinite(trial.distance) else WORST
+            loss = trial.distance if np.isfinite(trial.distance) else WORST
             if body.switching is not None and not switches(trial, job.observers, body.switching):
-                found += STILL
-            worst = max(worst, found)
+                loss += STILL
+            worst = max(worst, loss)
         return worst
 
     def report(intermediate_result: Any) -> None:
@@ -82,7 +82,7 @@ def run(job: keys.Job, plant: Series, progress: Callable[[str], None]) -> dict[s
         )
     rounded = [float(f"{10.0**value:.{DIGITS}g}") for value in result.x]
     trial = calibration.try_out(np.array(rounded))
-    targets = sum(3 if one.quoted_high else 2 for one in job.observers.values())
+    targets = sum(3 if observer.quoted_high else 2 for observer in job.observers.values())
     return {
         "found": dict(zip(TUNED, rounded, strict=True)),
         "distance": trial.distance,
@@ -101,13 +101,13 @@ def _nearby(seed: int, pairs: int, spread: float) -> Array:
     stream = random_stream(seed, "imm", "search", "neighbours")
     # Corners of the cube, so that all numbers move by the same factor.
     steps = np.log1p(spread) * (2.0 * stream.integers(0, 2, (pairs, len(TUNED))) - 1.0)
-    found: Array = np.exp(np.vstack([np.zeros((1, len(TUNED))), steps, -steps]))
-    return found
+    factors: Array = np.exp(np.vstack([np.zeros((1, len(TUNED))), steps, -steps]))
+    return factors
 
 
 def bounds(body: keys.Search) -> tuple[Array, Array]:
     """Logarithms of the lower and upper bounds of the numbers of `TUNED`."""
-    found = []
+    limits = []
     for (low, high), places in (
         (body.process_noise, STATES),
         (body.position_noise, 1),
@@ -115,8 +115,8 @@ def bounds(body: keys.Search) -> tuple[Array, Array]:
         (body.acceleration_noise, OUTPUTS - 2),
         (body.leave, 1),
     ):
-        found += [(np.log10(low), np.log10(high))] * places
-    low_high: Array = np.array(found)
+        limits += [(np.log10(low), np.log10(high))] * places
+    low_high: Array = np.array(limits)
     return low_high[:, 0], low_high[:, 1]
 
 

@@ -49,16 +49,16 @@ _KEYS = {
 
 def modes(plant: keys.Plant) -> list[ActuatorModel]:
     """The identified models, in the order of `MODES`, or `InputError` with the wrong one."""
-    found = []
+    models = []
     for name in MODES:
         try:
             numerator, denominator = (
                 getattr(plant, f"{name}_{part}") for part in ("numerator", "denominator")
             )
-            found.append(ActuatorModel(numerator, denominator))
+            models.append(ActuatorModel(numerator, denominator))
         except InputError as error:
             raise InputError(f"plant.{name}_{error.parameter}", error.problem) from None
-    return found
+    return models
 
 
 @dataclass(frozen=True)
@@ -121,26 +121,26 @@ def bank(
 
 
 def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> GaussianFilter:
-    one = mode.sampled(observer.realisation, period, STATE_FREQUENCY)
+    sampled = mode.sampled(observer.realisation, period, STATE_FREQUENCY)
     # A number stands for all states, or all outputs.
     noise = observer.process_noise, observer.measurement_noise
-    Q = _picked(noise[0], range(ORDER + 1), range(ORDER + 1 - len(one.A), ORDER + 1))
+    Q = _picked(noise[0], range(ORDER + 1), range(ORDER + 1 - len(sampled.A), ORDER + 1))
     R = _picked(noise[1], MOTION, measured_columns(observer))
-    model = _model(one, Q, R, period)
+    model = _model(sampled, Q, R, period)
     if isinstance(observer, keys.Kalman):
         return KalmanFilter(model)
     layer = boundary_layer(observer, model.outputs)
     return SmoothVariableStructureFilter(model, layer, observer.convergence_rate, observer.inverse)
 
 
-def _model(one: SampledActuator, Q: Any, R: Any, period: float) -> LinearModel:
+def _model(mode: SampledActuator, Q: Any, R: Any, period: float) -> LinearModel:
     """The model of a filter, whose inputs are those of `stacked_inputs`.
 
     x(k+1) = A x(k) + [B 0] [u(k), u(k-1)]'
     y(k)   = C x(k) + [0 D] [u(k), u(k-1)]'
     """
-    B, D = np.hstack([one.B, np.zeros_like(one.B)]), np.hstack([np.zeros_like(one.D), one.D])
-    return LinearModel(one.A, B, one.C, D, Q, R, sampling_period=period)
+    B, D = np.hstack([mode.B, np.zeros_like(mode.B)]), np.hstack([np.zeros_like(mode.D), mode.D])
+    return LinearModel(mode.A, B, mode.C, D, Q, R, sampling_period=period)
 
 
 def stacked_inputs(held: Array) -> Array:

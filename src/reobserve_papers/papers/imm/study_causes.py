@@ -66,16 +66,16 @@ def run(job: keys.Job, study: keys.Causes, plant: Series) -> list[Row]:
 
 def run_frozen(job: keys.Job, plant: Series) -> list[Row]:
     """Rows of each SVSF and of random gains with its layers, free to switch and frozen."""
-    found: list[Row] = []
+    rows: list[Row] = []
     for name, body in _svsfs(job):
         whole = bank(job.plant, body, plant.step)
-        random = tuple(RandomGainFilter(cast(KalmanFilter, one).model) for one in whole.filters)
-        for who, one in (
+        random = tuple(RandomGainFilter(cast(KalmanFilter, svsf).model) for svsf in whole.filters)
+        for who, chosen in (
             (name, whole),
             (f"{RANDOM_GAIN}_{name}", replace(whole, filters=random)),
         ):
-            found += _bank_rows(job, plant, who, body, STATED, {INTACT: one}, _FROZEN)
-    return found
+            rows += _bank_rows(job, plant, who, body, STATED, {INTACT: chosen}, _FROZEN)
+    return rows
 
 
 def check(job: keys.Job) -> None:
@@ -86,23 +86,23 @@ def check(job: keys.Job) -> None:
 def _tasks(
     job: keys.Job, study: keys.Causes
 ) -> Iterator[tuple[str, keys.SmoothVariableStructure, int]]:
-    found = list(_svsfs(job))
-    for name, body in found:
+    bodies = list(_svsfs(job))
+    for name, body in bodies:
         yield name, body, STATED
-    name, body = found[0]
+    name, body = bodies[0]
     for scale in study.scales:
         yield name, replace(body, layer_scale=scale), SCANNED
 
 
 def _svsfs(job: keys.Job) -> Iterator[tuple[str, keys.SmoothVariableStructure]]:
-    found = {
+    bodies = {
         name: body
         for name, body in job.observers.items()
         if isinstance(body, keys.SmoothVariableStructure)
     }
-    if not found:
+    if not bodies:
         raise InputError("observers", "must have an SVSF")
-    for name, body in found.items():
+    for name, body in bodies.items():
         if body.inverse != "pseudo":
             raise InputError(f"observers.{name}.inverse", "must be pseudo, to freeze the gain")
         yield name, body
@@ -131,13 +131,13 @@ def _bank_rows(
     if whole.diverged_at is None:
         banks = banks | frozen(banks[INTACT], whole["innovation"], late, asked)
     for variant in asked:
-        found = whole if variant == INTACT else None
-        if found is None and variant in banks:
-            found = run_bank(banks[variant], body, measured, held)
-        if found is None or found.diverged_at is not None:
+        run = whole if variant == INTACT else None
+        if run is None and variant in banks:
+            run = run_bank(banks[variant], body, measured, held)
+        if run is None or run.diverged_at is not None:
             yield from rows(variant, normal_after=np.nan, fault_after=np.nan)
             continue
-        mean = found["probability"][late].mean(axis=0)
+        mean = run["probability"][late].mean(axis=0)
         yield from rows(variant, normal_after=float(mean[0]), fault_after=float(mean[fault]))
     saturated, chattering = saturation(body, whole["innovation"])
     where = since[: len(saturated)]
@@ -153,10 +153,10 @@ def _bank_rows(
 
 def variants(whole: IMM) -> dict[str, IMM]:
     """A bank of SVSFs, and its variants that can be built without running it."""
-    filters = [cast(SmoothVariableStructureFilter, one) for one in whole.filters]
+    filters = [cast(SmoothVariableStructureFilter, svsf) for svsf in whole.filters]
     changed: dict[str, list[ModeFilter]] = {
-        KALMAN: [KalmanFilter(one.model) for one in filters],
-        ZERO_RATE: [replace(one, convergence_rate=0.0) for one in filters],
+        KALMAN: [KalmanFilter(svsf.model) for svsf in filters],
+        ZERO_RATE: [replace(svsf, convergence_rate=0.0) for svsf in filters],
     }
     return {
         INTACT: whole,
@@ -168,18 +168,18 @@ def frozen(
     bank: IMM, innovation: Array, rows: Bools, asked: tuple[str, ...] = _FROZEN
 ) -> dict[str, IMM]:
     """Banks with constant gains, where these are stable: the means, and the effective ones."""
-    found = {}
+    banks = {}
     for variant in {FROZEN, WEIGHTED} & set(asked):
         gains = mean_gains(bank, innovation, rows, weighted=variant == WEIGHTED)
         try:
             filters = [
-                FixedGainObserver(cast(KalmanFilter, one).model, gain)
-                for one, gain in zip(bank.filters, gains, strict=True)
+                FixedGainObserver(cast(KalmanFilter, member).model, gain)
+                for member, gain in zip(bank.filters, gains, strict=True)
             ]
         except InputError:  # the error would not decay
             continue
-        found[variant] = IMM(filters, bank.transition, bank.mixing)
-    return found
+        banks[variant] = IMM(filters, bank.transition, bank.mixing)
+    return banks
 
 
 def mean_gains(bank: IMM, innovation: Array, rows: Bools, *, weighted: bool = False) -> list[Array]:
@@ -189,22 +189,22 @@ def mean_gains(bank: IMM, innovation: Array, rows: Bools, *, weighted: bool = Fa
     mean is the effective gain, sum(s e^2) / sum(e^2): the constant s whose corrections s e are the
     nearest to those that were made.
     """
-    found = []
-    for j, one in enumerate(bank.filters):
-        shares = corrected_shares(one, innovation[:, j])[rows]
+    gains = []
+    for j, member in enumerate(bank.filters):
+        shares = corrected_shares(member, innovation[:, j])[rows]
         weights = innovation[rows, j] ** 2 if weighted else np.ones_like(shares)
         total = weights.sum(axis=0)
         effective = (weights * shares).sum(axis=0) / np.where(total > 0.0, total, 1.0)
         mean = np.where(total > 0.0, effective, shares.mean(axis=0))
-        found.append(np.linalg.pinv(cast(KalmanFilter, one).model.C) * mean)
-    return found
+        gains.append(np.linalg.pinv(cast(KalmanFilter, member).model.C) * mean)
+    return gains
 
 
-def corrected_shares(one: ModeFilter, innovation: Array) -> Array:
+def corrected_shares(member: ModeFilter, innovation: Array) -> Array:
     """The share of each innovation that a filter with the pseudo-inverse corrects, (k, m)."""
-    if isinstance(one, RandomGainFilter):
+    if isinstance(member, RandomGainFilter):
         return random_shares(innovation)
-    svsf = cast(SmoothVariableStructureFilter, one)
+    svsf = cast(SmoothVariableStructureFilter, member)
     # s = (|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi), e(k+1|k+1) = (1 - s) e(k+1|k)
     left, shares = np.zeros(innovation.shape[1]), np.empty(innovation.shape)
     for k, error in enumerate(innovation):

@@ -101,7 +101,7 @@ def _corrections(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     """The largest radius of all modes, for the first SVSF: layers do not matter."""
     name, body = next(_smooth(chosen))
     filters = cast("list[GaussianFilter]", bank(job.plant, body, job.theory.period).filters)
-    radius = max(corrected_radius(one.model, body.inverse) for one in filters)
+    radius = max(corrected_radius(member.model, body.inverse) for member in filters)
     yield Metric(name, "corrected_radius", radius, "1")
 
 
@@ -151,13 +151,13 @@ def _filtered(
     with located(f"observers.{name}"):
         filters = bank(job.plant, body, job.theory.period, models)
         if kind is not None:
-            others = tuple(kind(cast("GaussianFilter", one).model) for one in filters.filters)
+            others = tuple(kind(cast("GaussianFilter", member).model) for member in filters.filters)
             filters = replace(filters, filters=others)
         measured = leak.motion[:, measured_columns(body)] + noise
-        found = run(filters, body, measured, leak.control)
-    if found.diverged_at is not None:
-        raise DivergenceError(name, found.diverged_at)
-    return found, filters
+        result = run(filters, body, measured, leak.control)
+    if result.diverged_at is not None:
+        raise DivergenceError(name, result.diverged_at)
+    return result, filters
 
 
 @part
@@ -172,18 +172,18 @@ def _mismatches(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
         for what, observer, models in (
             ("single", alone, leak.models[:1]), ("bank", body, leak.models),
         ):  # fmt: skip
-            found, filters = _filtered(job, name, observer, leak, models)
-            size = _prediction_error(observer, leak, found, filters)
+            result, filters = _filtered(job, name, observer, leak, models)
+            size = _prediction_error(observer, leak, result, filters)
             yield Metric(name, f"{what}_prediction_error", size, UNITS["velocity"])
 
 
 def _prediction_error(
-    body: keys.Observer, leak: _Leak, found: Run[ImmState], filters: IMM
+    body: keys.Observer, leak: _Leak, result: Run[ImmState], filters: IMM
 ) -> float:
     """Root mean square from the leak on of the velocity's prediction, combined as in (22)."""
     # e(k|k-1) = sum_j c_j e_j(k|k-1), c_j = sum_i p_ij mu_i(k-1)
-    weights = found["probability"][leak.begin - 1 : -1] @ filters.transition
-    errors = found["innovation"][leak.begin :, :, REALISATIONS[body.realisation].index("velocity")]
+    weights = result["probability"][leak.begin - 1 : -1] @ filters.transition
+    errors = result["innovation"][leak.begin :, :, REALISATIONS[body.realisation].index("velocity")]
     return float(root_mean_square(np.sum(weights * errors, axis=1)))
 
 
@@ -202,16 +202,16 @@ def _layers(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     name, body = next(_smooth(chosen))
     bound = _model_error(leak, body)
     layer = job.theory.layer_share * bound
-    found, _ = _filtered(job, name, _alone(body, layer), leak, leak.models[:1])
-    ratio = np.abs(found["innovation"][late:, 0]) / layer
+    result, _ = _filtered(job, name, _alone(body, layer), leak, leak.models[:1])
+    ratio = np.abs(result["innovation"][late:, 0]) / layer
     differ = bound > LEAST_LAYER  # the model alone leaves no other layers
     yield Metric(name, "layer_ratio", float(ratio[:, differ].max(initial=0.0)), "1")
 
 
 def _model_error(leak: _Leak, body: keys.Observer) -> Array:
     """The maximum difference of each measured output of the leaking and the normal actuator."""
-    apart = np.abs(leak.motion - leak.healthy)[leak.begin :]
-    bound: Array = np.maximum(apart.max(axis=0), LEAST_LAYER)[measured_columns(body)]
+    differences = np.abs(leak.motion - leak.healthy)[leak.begin :]
+    bound: Array = np.maximum(differences.max(axis=0), LEAST_LAYER)[measured_columns(body)]
     return bound
 
 
@@ -244,8 +244,8 @@ def _informed(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     ) -> Iterator[Metric]:
         kind = RandomGainFilter if who == RANDOM_GAIN else None
         chosen = alone if layer is None else _alone(body, layer)
-        found, _ = _filtered(job, name, chosen, leak, normal, noise, kind)
-        estimate = found["state"] @ rows.T + np.outer(leak.control, feedthrough)
+        result, _ = _filtered(job, name, chosen, leak, normal, noise, kind)
+        estimate = result["state"] @ rows.T + np.outer(leak.control, feedthrough)
         for state, error in zip(STATES, _errors(leak, estimate), strict=True):
             yield Metric.at(who, (f"informed_{state}_error", error, UNITS[state]), **at)
 
@@ -256,8 +256,8 @@ def _informed(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     full = replace(
         _alone(body, np.full(len(R), LEAST_LAYER)), convergence_rate=0.0, inverse="pseudo"
     )
-    found, _ = _filtered(job, name, full, leak, normal)
-    step = np.abs(found["innovation"][leak.begin :, 0]).max(axis=0)
+    result, _ = _filtered(job, name, full, leak, normal)
+    step = np.abs(result["innovation"][leak.begin :, 0]).max(axis=0)
     for who in (name, RANDOM_GAIN):
         yield from metrics(who)
         yield from metrics(who, noise, record="noisy")
@@ -271,8 +271,8 @@ def _informed(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
 
 def _errors(leak: _Leak, states: Array) -> list[float]:
     """Root mean squares from the leak on of the errors of `STATES`, (k, 3)."""
-    apart = (states - leak.motion[:, 1:])[leak.begin :]
-    return [float(root_mean_square(column)) for column in apart.T]
+    errors = (states - leak.motion[:, 1:])[leak.begin :]
+    return [float(root_mean_square(column)) for column in errors.T]
 
 
 def state_outputs(model: ActuatorModel, realisation: str, period: float) -> tuple[Array, Array]:
@@ -285,7 +285,7 @@ def state_outputs(model: ActuatorModel, realisation: str, period: float) -> tupl
     own = model.sampled(realisation, period, STATE_FREQUENCY)
     # Both have the same velocity: C A^k x = C' A'^k x', k = 0 to 3
     there, here = (
-        np.vstack([one.C[:1] @ np.linalg.matrix_power(one.A, k) for k in range(len(one.A))])
-        for one in (shared, own)
+        np.vstack([form.C[:1] @ np.linalg.matrix_power(form.A, k) for k in range(len(form.A))])
+        for form in (shared, own)
     )
     return shared.C @ np.linalg.solve(there, here), shared.D[:, 0]

@@ -36,7 +36,7 @@ def _theory(job: keys.Job, forms: Mapping[str, NormalForm]) -> None:
 
 
 def _metrics(job: keys.Job) -> None:
-    periods = [one.sampling_period for one in job.observers.values()]
+    periods = [body.sampling_period for body in job.observers.values()]
     period = max(periods, default=job.plant.step)
     windows = {"decay_window": job.metrics.decay_window}
     check_windows(windows, job.plant.horizon, period, least=2)

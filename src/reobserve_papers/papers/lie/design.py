@@ -19,5 +19,5 @@ def compute(job: keys.Job) -> dict[str, Any]:
     series = {"S": form.S, "T": form.T, "gain": form.gain}
     return {
         "monomials": form.S.basis.exponents.tolist(),
-        **{name: one.coefficients.tolist() for name, one in series.items()},
+        **{name: part.coefficients.tolist() for name, part in series.items()},
     }

@@ -103,7 +103,7 @@ class EnsembleRecord:
             settling_time(error, step, band),
             diverged=False,
             sizes=tuple(integral_of_sizes(error, step).tolist()),
-            settling_times=tuple(settling_time_of(np.abs(one), step, level) for one in error.T),
+            settling_times=tuple(settling_time_of(np.abs(e), step, level) for e in error.T),
         )
 
 
@@ -124,9 +124,9 @@ def records(
 
 def axis(half_width: float, points: int) -> Array:
     """Evenly spaced numbers from -``half_width`` to ``half_width``."""
-    found = np.linspace(-1.0, 1.0, points)
-    found *= half_width
-    return found
+    numbers = np.linspace(-1.0, 1.0, points)
+    numbers *= half_width
+    return numbers
 
 
 def run(job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]) -> list[Row]:
@@ -140,12 +140,12 @@ def run(job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]) -> 
     rows = []
     for record in _records(job, study):
         for name, order, observer in built:
-            found = record.outcome(observer, estimate, job.metrics.settling_band)
+            outcome = record.outcome(observer, estimate, job.metrics.settling_band)
             place = (name, order, float(record.start[0]), float(record.start[1]))
             rows += [
-                Row(*place, "ise", found.ise, "s"),
-                Row(*place, "settled", float(found.settled), "1"),
-                Row(*place, "diverged", float(found.diverged), "1"),
+                Row(*place, "ise", outcome.ise, "s"),
+                Row(*place, "settled", float(outcome.settled), "1"),
+                Row(*place, "diverged", float(outcome.diverged), "1"),
             ]
     return rows
 
@@ -166,14 +166,14 @@ def run_injections(
     runs, estimate = list(_records(job, study)), _estimate(job)
 
     def squares(observer: NormalFormObserver) -> list[float]:
-        return [one.outcome(observer, estimate, job.metrics.settling_band).ise for one in runs]
+        return [run.outcome(observer, estimate, job.metrics.settling_band).ise for run in runs]
 
-    stated = _stated(job, study, design)
-    errors = {name: squares(observer) for name, observer in stated.items()}
+    observers = _stated(job, study, design)
+    errors = {name: squares(observer) for name, observer in observers.items()}
     reference = errors["constant"]
     rows: list[Row] = []
     for name, ise in errors.items():
-        rows += _summary((name, stated[name].order, "", ""), ise, reference)
+        rows += _summary((name, observers[name].order, "", ""), ise, reference)
     for pair in product(axis(study.largest, study.coefficients), repeat=2):
         first, second = map(float, pair)
         ise = squares(_with_cubic(job, cubic, (first, second), step))
@@ -222,25 +222,25 @@ def _stated(
     job: keys.Job, study: keys.EnsembleStudy | keys.InjectionsStudy, design: Mapping[str, Any]
 ) -> dict[str, NormalFormObserver]:
     """The observers of the study, with its sampling period."""
-    known, found = forms(job, study.design, design), {}
+    known, built = forms(job, study.design, design), {}
     for name, body in job.observers.items():
         changed = replace(body, sampling_period=study.sampling_period)
         with located(f"observers.{name}"):
-            found[name] = build_observer(changed, known[body.design])
-    return found
+            built[name] = build_observer(changed, known[body.design])
+    return built
 
 
 def _observers(
     job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]
 ) -> list[tuple[str, int, NormalFormObserver]]:
     step = study.sampling_period
-    found = [(name, one.order, one) for name, one in _stated(job, study, design).items()]
+    built = [(name, body.order, body) for name, body in _stated(job, study, design).items()]
     form = forms(job, study.design, design)[study.design]
     for order in study.orders:
         with located("studies.ensemble.orders"):
             for gain in GAINS:
                 observer = IdentityObserver(form, order, gain, sampling_period=step)
-                found.append((gain, order, observer))
+                built.append((gain, order, observer))
             other = TransformedObserver(form, order, sampling_period=step)
-            found.append(("transformed", order, other))
-    return found
+            built.append(("transformed", order, other))
+    return built

@@ -37,8 +37,8 @@ class LimitCycle:
         solution = solve_ivp(
             _slope(self.system), (0, self.period), self.start, t_eval=time, **_SOLVER
         )
-        found: Array = solution.y.T
-        return found
+        states: Array = solution.y.T
+        return states
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a state that is not finite leads to none
@@ -100,8 +100,8 @@ def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
     if not np.isfinite(fundamental).all():
         raise InputError("jacobians", "are so large that the fundamental matrix is not finite")
     multipliers = np.linalg.eigvals(fundamental)
-    found: Array = np.sort(np.log(np.abs(multipliers)))[::-1] / cycle.period
-    return found
+    exponents: Array = np.sort(np.log(np.abs(multipliers)))[::-1] / cycle.period
+    return exponents
 
 
 def _slope(system: PolynomialSystem) -> Callable[[float, Array], Array]:
@@ -110,7 +110,7 @@ def _slope(system: PolynomialSystem) -> Callable[[float, Array], Array]:
     def slope(_: float, x: Array) -> Array:
         if next(calls) > _MOST_CALLS:
             raise InputError("settle", f"takes more than {_MOST_CALLS} slopes; make it shorter")
-        found: Array = system.dynamics(x)
-        return found
+        x_dot: Array = system.dynamics(x)
+        return x_dot
 
     return slope

@@ -118,8 +118,8 @@ def _orders(data: FigureData[keys.Job]) -> Iterator[Metric]:
     for name, observer in job.observers.items():
         own = name in study["form"]
         form = name if own else getattr(observer, "gain", "")
-        found = study.where(form=form, quantity="floquet_exponent", order=observer.order)
-        for value in found["value"]:
+        matching = study.where(form=form, quantity="floquet_exponent", order=observer.order)
+        for value in matching["value"]:
             yield Metric(name, "floquet_exponent", float(value), "1/s")
     copy = study.value(form="copy", quantity="floquet_exponent")
     yield Metric("copy", "floquet_exponent", copy, "1/s")
@@ -149,8 +149,8 @@ def _ensemble(data: FigureData[keys.Job]) -> Iterator[Metric]:
         }
         for what, share in shares.items():
             yield Metric.at(form, (f"share_{what}", share, "1"), order=order)
-        found = ratios(ise, reference)
-        for name, ratio in (("median", np.median(found)), ("minimum", np.min(found))):
+        quotients = ratios(ise, reference)
+        for name, ratio in (("median", np.median(quotients)), ("minimum", np.min(quotients))):
             value = float(ratio) if np.isfinite(ratio) else float("nan")
             yield Metric.at(form, (f"{name}_ise_ratio", value, "1"), order=order)
 

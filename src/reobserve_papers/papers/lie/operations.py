@@ -78,11 +78,11 @@ def _counting(name: str) -> Callable[[_Counted, Any], Any]:
     plain = getattr(Fraction, name)
 
     def operation(self: _Counted, other: Any) -> Any:
-        found = plain(self, other)
-        if found is NotImplemented:
-            return found
+        result = plain(self, other)
+        if result is NotImplemented:
+            return result
         _Counted.done += self != 0 and other != 0
-        return _Counted(found)
+        return _Counted(result)
 
     return operation
 
@@ -97,8 +97,8 @@ def _counted(
 ) -> int:
     """Operations of a method without those of its linear equations."""
 
-    def counted(one: PolynomialMap) -> PolynomialMap:
-        return PolynomialMap(one.basis, _as_counted(one.coefficients))
+    def counted(source: PolynomialMap) -> PolynomialMap:
+        return PolynomialMap(source.basis, _as_counted(source.coefficients))
 
     plain = solver_for(problem)
 
@@ -114,5 +114,5 @@ def _counted(
 
 
 def _as_counted(values: Coefficients) -> Coefficients:
-    found: Coefficients = np.vectorize(_Counted, otypes=[object])(values)
-    return found
+    array: Coefficients = np.vectorize(_Counted, otypes=[object])(values)
+    return array

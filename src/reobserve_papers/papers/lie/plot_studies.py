@@ -79,24 +79,24 @@ def _curves(axes: Axes, study: StudyTable, quantity: str, *, named: bool = True)
 
 def _by_level(study: StudyTable, form: str, quantity: str) -> tuple[Any, Any]:
     """The orders or degrees, and a quantity at each."""
-    found = study.where(form=form, quantity=quantity).by_level("order")
-    return list(found), [value for (value,) in found.values()]
+    values = study.where(form=form, quantity=quantity).by_level("order")
+    return list(values), [value for (value,) in values.values()]
 
 
 def draw_ensemble(data: FigureData[keys.Job]) -> Figure:
     """Draw shares that settle and that are better by order, and where that of Fig. 1 is better."""
     job = data.job
-    stated = as_kind("study", job.study, keys.EnsembleStudy)
+    settings = as_kind("study", job.study, keys.EnsembleStudy)
     mapped, estimate = job.observers["order4"].order, job.observers["order4"].initial_estimate
     figure, axes = mosaic(
         [["settled", "plane"], ["better", "plane"]], 4.9,
         stacked={"settled": 2.0, "better": 2.0, "plane": 3.8},
     )  # fmt: skip
     settled, better, plane = axes["settled"], axes["better"], axes["plane"]
-    _shares(settled, data, stated.orders, "share_settled")
+    _shares(settled, data, settings.orders, "share_settled")
     settled.set_title(f"(a) settles within {job.plant.horizon:g} s")
     settled.set_ylim(-4, 104)
-    _shares(better, data, stated.orders, "share_better")
+    _shares(better, data, settings.orders, "share_better")
     better.set_title("(b) smaller ISE than the constant gain")
     better.set_ylim(-2, 70)
     better.set_xlabel("order")
@@ -118,7 +118,7 @@ def draw_ensemble(data: FigureData[keys.Job]) -> Figure:
     plane.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13))
     add_note(
         figure,
-        f"{len(states)} initial states on a square of half width {stated.half_width:g}, "
+        f"{len(states)} initial states on a square of half width {settings.half_width:g}, "
         f"x̂(0) = {pair(estimate)}, {job.plant.horizon:g} s. Grid, size and steps are chosen here.\n"
         f"Settled: |e| stays within {100 * job.metrics.settling_band:g} % of its first value.",
     )
@@ -153,7 +153,7 @@ def draw_injections(data: FigureData[keys.Job]) -> Figure:
         [["size", "size"], ["share", "ratio"]], 5.0, height_ratios=(1.0, 1.25),
         stacked={"size": 2.2, "share": 3.4, "ratio": 3.4},
     )  # fmt: skip
-    stated = as_kind("study", job.study, keys.InjectionsStudy)
+    settings = as_kind("study", job.study, keys.InjectionsStudy)
     shown = as_kind("figure", job.figure, keys.OfInjections).shown
     size, share, ratio = axes["size"], axes["share"], axes["ratio"]
     draw_sizes(size, data, shown)
@@ -176,7 +176,7 @@ def draw_injections(data: FigureData[keys.Job]) -> Figure:
         _mark(panel, data)
     share.legend(loc="upper left", bbox_to_anchor=(-0.2, -0.3), fontsize=points(6.5))
 
-    cubic4, count = named(job.observers, "cubic4", keys.Identity), stated.coefficients
+    cubic4, count = named(job.observers, "cubic4", keys.Identity), settings.coefficients
     note = ";\n".join(
         f"{observer.label}, ℓ(y) = {vector(job.designs[observer.design].injection)}"
         for observer in job.observers.values()
@@ -186,8 +186,8 @@ def draw_injections(data: FigureData[keys.Job]) -> Figure:
         figure,
         f"{starts(job)} in (a). {note[:1].upper()}{note[1:]}.\n"
         f"(b), (c): identity form of order {cubic4.order}, gain {GAINS[cubic4.gain][1]}, "
-        f"{count} by {count} pairs of coefficients of y³, each from {stated.points} by "
-        f"{stated.points} initial states, but for that of the estimate.\n"
+        f"{count} by {count} pairs of coefficients of y³, each from {settings.points} by "
+        f"{settings.points} initial states, but for that of the estimate.\n"
         f"In (c) black is {2**_DOUBLINGS:g} and more.",
     )
     return figure
@@ -227,14 +227,14 @@ def _mark(axes: Axes, data: FigureData[keys.Job]) -> None:
 
 def _cubic(injection: Any) -> tuple[float, ...]:
     """The coefficients of y^3 by component, or nothing if it has none."""
-    found = [(t["component"], float(t["coefficient"])) for t in injection if t["powers"] == [3]]
-    return tuple(value for _, value in sorted(found))
+    terms = [(t["component"], float(t["coefficient"])) for t in injection if t["powers"] == [3]]
+    return tuple(value for _, value in sorted(terms))
 
 
 def draw_domain(data: FigureData[keys.Job]) -> Figure:
     """Phase plane, errors of the truncated series on the cycle, and radii by degree."""
     plant, study = data.plant, data.study
-    stated = as_kind("study", data.job.study, keys.DomainStudy)
+    settings = as_kind("study", data.job.study, keys.DomainStudy)
     figure, axes = mosaic(
         [["plane", "errors"], ["plane", "radii"]], 4.7, width_ratios=(1.1, 1.0),
         stacked={"plane": 3.8, "errors": 2.0, "radii": 2.0},
@@ -276,9 +276,9 @@ def draw_domain(data: FigureData[keys.Job]) -> Figure:
     radii.set_title("(c) estimated radius of convergence of S")
     add_note(
         figure,
-        f"Series of S up to degree {stated.degree}; radius and boundary from its parts in "
+        f"Series of S up to degree {settings.degree}; radius and boundary from its parts in "
         "the upper half of the degrees.\nThe true S on the cycle is the periodic solution of "
-        f"ż = A z − ℓ(x₁(t)), ℓ(y) = {vector(data.job.designs[stated.design].injection)}.",
+        f"ż = A z − ℓ(x₁(t)), ℓ(y) = {vector(data.job.designs[settings.design].injection)}.",
     )
     return figure
 

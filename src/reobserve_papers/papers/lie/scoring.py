@@ -56,14 +56,14 @@ def decay_rate(error: Array, step: float, start: float, end: float) -> float:
 
 def share_better(ise: ArrayLike, reference: ArrayLike) -> float:
     """Share of runs with a smaller error than the reference, where nan counts as infinite."""
-    mine, other = (np.asarray(one, dtype=np.float64) for one in (ise, reference))
+    mine, other = (np.asarray(runs, dtype=np.float64) for runs in (ise, reference))
     return float(np.mean(mine < np.where(np.isnan(other), np.inf, other)))
 
 
 def ratios(ise: ArrayLike, reference: ArrayLike) -> Array:
     """Squared errors over those of the reference, or inf where a run diverged."""
-    found = np.asarray(ise, dtype=np.float64)
-    return np.where(np.isnan(found), np.inf, found) / np.asarray(reference, dtype=np.float64)
+    sizes = np.asarray(ise, dtype=np.float64)
+    return np.where(np.isnan(sizes), np.inf, sizes) / np.asarray(reference, dtype=np.float64)
 
 
 def largest_improvement(sizes: ArrayLike, reference: ArrayLike) -> float:
@@ -71,8 +71,8 @@ def largest_improvement(sizes: ArrayLike, reference: ArrayLike) -> float:
 
     An error that diverges or never settles (nan) is infinite; two of them are equal.
     """
-    mine, other = (np.asarray(one, dtype=np.float64) for one in (sizes, reference))
-    mine, other = (np.where(np.isnan(one), np.inf, one) for one in (mine, other))
+    mine, other = (np.asarray(runs, dtype=np.float64) for runs in (sizes, reference))
+    mine, other = (np.where(np.isnan(runs), np.inf, runs) for runs in (mine, other))
     with np.errstate(invalid="ignore"):
-        found = np.where(mine < other, 1.0 - mine / other, 0.0)
-    return float(np.max(np.where(np.isinf(other) & np.isfinite(mine), 1.0, found)))
+        gain = np.where(mine < other, 1.0 - mine / other, 0.0)
+    return float(np.max(np.where(np.isinf(other) & np.isfinite(mine), 1.0, gain)))

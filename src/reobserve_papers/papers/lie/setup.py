@@ -74,23 +74,23 @@ def stored_form(
     gain = PolynomialMap(S.jacobian().basis, stored.gain)
     states = problem.system.states
     for name, rows in (("S", states), ("T", states), ("gain", states * states)):
-        found = len(getattr(stored, name))
-        if found != rows:
-            raise InputError(f"design.{name}", f"has {found} rows, must have {rows}")
+        count = len(getattr(stored, name))
+        if count != rows:
+            raise InputError(f"design.{name}", f"has {count} rows, must have {rows}")
     return NormalForm(problem, None, S, T, gain)
 
 
 def forms(job: keys.Job, own: str, design: Mapping[str, Any]) -> dict[str, NormalForm]:
     """The normal forms of a study by design: its own is read, those of observers are solved."""
-    found = {own: stored_form(job.plant, job.designs[own], design)}
+    solved = {own: stored_form(job.plant, job.designs[own], design)}
     for name, body in job.designs.items():
         if name != own:
             with located(f"designs.{name}"):
                 problem = build_problem(job.plant, body)
-                found[name] = normal_form(
+                solved[name] = normal_form(
                     problem.system, problem.degree, injection=problem.injection
                 )
-    return found
+    return solved
 
 
 def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObserver:

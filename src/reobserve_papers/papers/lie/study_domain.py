@@ -114,8 +114,8 @@ def _true_coordinates(problem: NormalFormProblem, cycle: LimitCycle, x: Array) -
         rtol=1e-11,
         atol=1e-12,
     )
-    found: Array = solution.y[n:].T
-    return found
+    z_true: Array = solution.y[n:].T
+    return z_true
 
 
 def _largest(error: Array) -> float:

@@ -42,13 +42,13 @@ def rows(job: keys.Job, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     printed = {
         (term["component"], tuple(term["powers"])): term["text"] for term in job.table.printed
     }
-    found = []
+    table = []
     for name, variable, solve in (("T", "z", solve_t), ("S", "x", solve_s)):
         series = PolynomialMap(problem.basis, solve(problem, solver))
         for component, powers, value in series.terms():
             place = problem.basis.place(powers)
             text = printed.get((component + 1, powers), "") if name == "T" else ""
-            found.append(
+            table.append(
                 {
                     "component": f"{name}{component + 1}",
                     "term": _term(variable, powers),
@@ -59,7 +59,7 @@ def rows(job: keys.Job, design: Mapping[str, Any]) -> list[dict[str, Any]]:
                     "agrees": _agrees(value, text),
                 }
             )
-    return found
+    return table
 
 
 def _agrees(value: Fraction, text: str) -> str:

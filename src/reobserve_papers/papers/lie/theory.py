@@ -135,10 +135,10 @@ def _runs(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     yield from _decays("copy", [copy_decay(linear.problem, size, duration)])
 
 
-def _decays(name: str, found: list[dict[float, float]]) -> Iterator[Metric]:
+def _decays(name: str, decays: list[dict[float, float]]) -> Iterator[Metric]:
     """The slowest of some decays, until the state has grown tenfold or by another factor."""
-    for growth in found[0]:
-        slowest = max(one[growth] for one in found)
+    for growth in decays[0]:
+        slowest = max(decay[growth] for decay in decays)
         at = {} if growth == GROWTH else {"growth": growth}
         yield Metric.at(name, ("error_decay", slowest, "1/s"), **at)
 
@@ -148,9 +148,9 @@ def _series(job: keys.Job) -> Iterator[Metric]:
     """Section 4 on the example: Lie transform and direct methods, Lemma 4.17."""
     theory, body = job.theory, job.designs["linear"]
     exact = build_problem(job.plant, body, degree=theory.degree, exact=True)
-    found = Solutions(exact)
-    yield Metric("linear", "largest_difference", found.difference(), "1")
-    yield Metric("linear", "largest_residual", found.residual(), "1")
+    solutions = Solutions(exact)
+    yield Metric("linear", "largest_difference", solutions.difference(), "1")
+    yield Metric("linear", "largest_residual", solutions.residual(), "1")
     # Of z = x, in which nothing is transformed.
     yield Metric("copy", "largest_residual", residual_of_s(exact, identity(exact)), "1")
     yield Metric("remark_3_7", "series_exists", float(series_exists()), "1")
@@ -184,15 +184,15 @@ def _random_systems(
     }
     metrics: list[Metric] = []
     for name, problems in systems.items():
-        found = [Solutions(problem) for problem in problems]
+        solutions = [Solutions(problem) for problem in problems]
         decays = [
-            error_decay(one.problem, PolynomialMap(one.problem.basis, one.T), start, duration)
-            for one in found
+            error_decay(each.problem, PolynomialMap(each.problem.basis, each.T), start, duration)
+            for each in solutions
         ]
-        residual = max(one.residual() for one in found)
+        residual = max(each.residual() for each in solutions)
         metrics += [Metric(name, "largest_residual", residual, "1"), *_decays(name, decays)]
         if name == "random":
-            difference = max(one.difference() for one in found)
+            difference = max(each.difference() for each in solutions)
             metrics.append(Metric(name, "largest_difference", difference, "1"))
     slowest = max(decay_rate(problem, start, duration) for problem in systems["unobservable"])
     return (*metrics, Metric("unobservable", "decay_rate", slowest, "1/s"))
@@ -241,11 +241,11 @@ def _nonresonant_share(theory: keys.Theory, states: int) -> float:
     slowest, fastest = sorted(as_vector("poles", theory.poles, 2))
 
     def far(F: Array) -> bool:
-        found = resonance(F, np.diag(stream.uniform(slowest, fastest, states)), basis)
-        return found.distance >= theory.margin * found.size
+        nearest = resonance(F, np.diag(stream.uniform(slowest, fastest, states)), basis)
+        return nearest.distance >= theory.margin * nearest.size
 
-    parts = (stream.standard_normal((states, states)) for _ in range(theory.choices))
-    good = sum(any(far(F) for _ in range(theory.tries)) for F in parts)
+    matrices = (stream.standard_normal((states, states)) for _ in range(theory.choices))
+    good = sum(any(far(F) for _ in range(theory.tries)) for F in matrices)
     return good / theory.choices
 
 
@@ -255,9 +255,9 @@ def _operations(job: keys.Job) -> Iterator[Metric]:
     theory = job.theory
     for degree in _COUNTED:
         problem = build_problem(job.plant, job.designs["linear"], degree=degree, exact=True)
-        found = operations(problem)
+        counts = operations(problem)
         for name, method in (("lie", theory.lie_gain), ("brute_force", theory.brute_force)):
-            score = ("operations", float(getattr(found, method)), "1")
+            score = ("operations", float(getattr(counts, method)), "1")
             yield Metric.at(name, score, degree=degree)
 
 
@@ -265,7 +265,7 @@ def _operations(job: keys.Job) -> Iterator[Metric]:
 def _settled(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: share of initial states from which an order settles, in both forms."""
     for name, outcomes in _outcomes(job, designs, "identity", "transformed", "copy").items():
-        settled = float(np.mean([one.settled for one in outcomes]))
+        settled = float(np.mean([outcome.settled for outcome in outcomes]))
         yield Metric(name, "share_settled", settled, "1")
 
 
@@ -273,7 +273,7 @@ def _settled(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
 def _constant(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: how long the constant gain takes from the worst initial state."""
     for name, outcomes in _outcomes(job, designs, "constant", "copy").items():
-        latest = float(np.max([one.settling_time for one in outcomes]))
+        latest = float(np.max([outcome.settling_time for outcome in outcomes]))
         yield Metric(name, "latest_settling_time", latest, "s")
 
 
@@ -284,11 +284,11 @@ def _better(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     `over_copy` compares it with the plant's copy instead.
     """
     error = job.theory.compared_error
-    found = _outcomes(job, designs, "identity", "constant", "copy")
+    outcomes = _outcomes(job, designs, "identity", "constant", "copy")
     for name, reference in (("identity", "constant"), ("over_copy", "copy")):
         for measure in MEASURES:
-            pair = found["identity"], found[reference]
-            mine, other = ([one.size(error, measure) for one in runs] for runs in pair)
+            pair = outcomes["identity"], outcomes[reference]
+            mine, other = ([outcome.size(error, measure) for outcome in runs] for runs in pair)
             score = ("share_better", share_better(mine, other), "1")
             yield Metric.at(name, score, measure=measure)
             score = ("largest_improvement", largest_improvement(mine, other), "1")
@@ -298,10 +298,10 @@ def _better(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
 @part
 def _injected(job: keys.Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 6: how often the nonlinear injection at order 0 is better than the constant gain."""
-    found = _outcomes(job, designs, "nonlinear", "constant")
+    outcomes = _outcomes(job, designs, "nonlinear", "constant")
     for measure in MEASURES:
         mine, other = (
-            [one.size("x", measure) for one in found[name]] for name in ("nonlinear", "constant")
+            [o.size("x", measure) for o in outcomes[name]] for name in ("nonlinear", "constant")
         )
         score = ("share_better_at_order_0", share_better(mine, other), "1")
         yield Metric.at("nonlinear", score, measure=measure)
@@ -350,15 +350,15 @@ def _form(problem: NormalFormProblem) -> NormalForm:
 
 def _inverse_radius(job: keys.Job, design: keys.InjectionDesign, degree: int) -> float:
     """Inverse of the radius of convergence of S, or 0 if it ends, nan if its degree is too low."""
-    found = float("nan")
+    inverse = float("nan")
     # The high degrees of a series that ends are rounding, so the low degree is tried first.
     for each in (design.degree, degree):
         problem = build_problem(job.plant, design, degree=each)
         S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
         try:
-            found = 1.0 / convergence(S).radius
+            inverse = 1.0 / convergence(S).radius
         except InputError:
-            found = float("nan")
-        if found == 0.0:
+            inverse = float("nan")
+        if inverse == 0.0:
             break
-    return found
+    return inverse

@@ -96,8 +96,8 @@ def decay_rate(problem: NormalFormProblem, start: float, duration: float) -> flo
     def slope(_: float, xi: Array) -> Array:
         return f(xi) + injected(h(xi))
 
-    (found,) = _mean_slopes(slope, np.full(system.states, start), duration, lambda xi: xi).values()
-    return found
+    (mean,) = _mean_slopes(slope, np.full(system.states, start), duration, lambda xi: xi).values()
+    return mean
 
 
 def error_decay(
@@ -143,9 +143,9 @@ def _in_floats(source: PolynomialMap) -> Callable[[Array], Array]:
     monomials = np.empty(len(terms.parent))
 
     def values(point: Array) -> Array:
-        found = np.empty(source.components)
-        evaluate(terms, point, monomials, found)
-        return found
+        result = np.empty(source.components)
+        evaluate(terms, point, monomials, result)
+        return result
 
     return values
 
@@ -172,15 +172,15 @@ def _mean_slopes(
     events = [event(growth) for growth in growths] if states else None
     flow = solve_ivp(slope, (0, duration), first, events=events, rtol=1e-10, atol=1e-14)
     before = np.linalg.norm(error(flow.y[:, 0]).astype(np.float64))
-    found = {}
+    slopes = {}
     for k, growth in enumerate(growths):
         left = bool(states) and len(flow.t_events[k]) > 0
         time, last = (
             (flow.t_events[k][0], flow.y_events[k][0]) if left else (flow.t[-1], flow.y[:, -1])
         )
         after = np.linalg.norm(error(last).astype(np.float64))
-        found[growth] = float(np.log(after / before) / time)
-    return found
+        slopes[growth] = float(np.log(after / before) / time)
+    return slopes
 
 
 def _run(observer: NormalFormObserver, output: Array, case: Case) -> Run[NormalFormState]:

@@ -103,10 +103,10 @@ def sums_of_eigenvalues(A: Array, degree: int) -> NDArray[np.complex128]:
     """
     values = np.linalg.eigvals(A)
     basis = monomials(len(A), degree)
-    found: NDArray[np.complex128] = np.subtract.outer(
+    sums: NDArray[np.complex128] = np.subtract.outer(
         basis.exponents[basis.part(degree)] @ values, values
     )
-    return found.ravel()
+    return sums.ravel()
 
 
 def spectrum_difference(A: Array, degree: int) -> float:
@@ -114,8 +114,8 @@ def spectrum_difference(A: Array, degree: int) -> float:
 
     Thomas, Kwatny & Chang, Lemma 4.17.
     """
-    found, known = np.linalg.eigvals(ad_matrix(A, degree)), sums_of_eigenvalues(A, degree)
-    distances = np.abs(found[:, None] - known)
+    computed, known = np.linalg.eigvals(ad_matrix(A, degree)), sums_of_eigenvalues(A, degree)
+    distances = np.abs(computed[:, None] - known)
     return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
 
 
@@ -125,9 +125,9 @@ def series_exists() -> bool:
     Of S = x + s x^2 the terms of degree 2 are 1 + (2 F - A) s = 1, whatever s is.
     """
     f = PolynomialMap(monomials(1, 2), np.array([[Fraction(0), Fraction(-1), Fraction(1)]]))
-    one = np.array([[Fraction(1)]])
-    system = PolynomialSystem(f, PolynomialMap.linear(one))
-    problem = NormalFormProblem(system, PolynomialMap.linear(-one), 2)
+    unit = np.array([[Fraction(1)]])
+    system = PolynomialSystem(f, PolynomialMap.linear(unit))
+    problem = NormalFormProblem(system, PolynomialMap.linear(-unit), 2)
     try:
         solve_s(problem, solver_for(problem))
     except InputError:
@@ -179,16 +179,16 @@ def random_problem(
 def _fractions(stream: np.random.Generator, shape: tuple[int, ...], below: int) -> Coefficients:
     """One, two or three times 1 / ``below``, of either sign."""
     drawn = stream.integers(1, 4, shape) * stream.choice([-1, 1], shape)
-    found: Coefficients = drawn.astype(object) * Fraction(1, below)
-    return found
+    coefficients: Coefficients = drawn.astype(object) * Fraction(1, below)
+    return coefficients
 
 
 def _higher(stream: np.random.Generator, rows: int, basis: Monomials) -> Coefficients:
     """Coefficients of degree 2 and above: each with probability 0.4, that of x1^2 always."""
     shape = rows, len(basis.exponents)
-    kept = stream.random(shape) < 0.4
-    kept[:, : basis.first[2]] = False
-    kept[:, basis.first[2]] = True
-    found = _fractions(stream, shape, 4)
-    found[~kept] = Fraction(0)
-    return found
+    chosen = stream.random(shape) < 0.4
+    chosen[:, : basis.first[2]] = False
+    chosen[:, basis.first[2]] = True
+    coefficients = _fractions(stream, shape, 4)
+    coefficients[~chosen] = Fraction(0)
+    return coefficients
