@@ -61,15 +61,15 @@ class Alarm:
         """The alarm's name as the user calls it."""
         return self.rule.name
 
-    def threshold(self, found: AlarmReport) -> float | None:
+    def threshold(self, entry: AlarmReport) -> float | None:
         """The distance from the mean that a value may have to both sides, or None as yet."""
         rule = self.rule
         if isinstance(rule, StatedThreshold):
             one_sided = rule.above is not None or rule.below is not None
             return None if one_sided else rule.beyond or 0.0
-        if not found.ready or found.learned < 2:
+        if not entry.ready or entry.learned < 2:
             return None
-        return rule.sigma * float(np.sqrt(found.squares / (found.learned - 1)))
+        return rule.sigma * float(np.sqrt(entry.squares / (entry.learned - 1)))
 
     def raised(
         self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
@@ -78,28 +78,28 @@ class Alarm:
 
         ``numbers`` are those of all columns, shape (k, columns).
         """
-        found, values = report.alarms[self.name], numbers[:, self.column]
+        entry, values = report.alarms[self.name], numbers[:, self.column]
         sigmas, missing = self._sigmas(numbers, estimates), self._missing(values, estimates)
         grown = None
-        if sigmas is not None and found.sigmas is None:
-            grown = _grown(missing, sigmas, found)
+        if sigmas is not None and entry.sigmas is None:
+            grown = _grown(missing, sigmas, entry)
         ready = self._learned(time, values, grown, report)
         scale = 1.0 if grown is None or self.residual is None else grown
-        excess = _excess(values, scale, found)
-        margin = 0.0 if found.sigmas is None or sigmas is None else found.sigmas * sigmas
+        excess = _excess(values, scale, entry)
+        margin = 0.0 if entry.sigmas is None or sigmas is None else entry.sigmas * sigmas
         raised = (excess > margin).astype(np.float64)
         if grown is not None and sigmas is not None:
-            self._doubt(values, excess, raised, grown, sigmas, found)
+            self._doubt(values, excess, raised, grown, sigmas, entry)
         if ready is not None:
             raised[~ready] = np.nan
         shown = sigmas if self.residual is None else None
         any_raised = bool((raised == 1.0).any())
-        if any_raised or time[0] - (found.started or 0.0) < found.start_up:
+        if any_raised or time[0] - (entry.started or 0.0) < entry.start_up:
             self._start_up(time, raised, excess, shown, report, estimates)
         if sigmas is None:
             self._unknown_after_gap(time, missing, raised, report)
-        if found.current is not None or any_raised:
-            follow(time, values, shown, raised, found, self.period)
+        if entry.current is not None or any_raised:
+            follow(time, values, shown, raised, entry, self.period)
         return raised
 
     def _missing(self, values: Array, estimates: Mapping[str, Array]) -> NDArray[np.bool_]:
@@ -111,13 +111,13 @@ class Alarm:
 
     def _doubt(
         self, values: Array, excess: Array, raised: Array, grown: Array, sigmas: Array,
-        found: AlarmReport,
+        entry: AlarmReport,
     ) -> None:  # fmt: skip
         """Count what is beyond a threshold only since a gap, and is no reason for an alarm."""
-        beyond = _excess(values, 1.0, found) > 0.0
+        beyond = _excess(values, 1.0, entry) > 0.0
         if self.residual is None:
             raised[beyond & (grown > 1.0) & (excess <= _CREDIBLE * sigmas)] = np.nan
-        found.after_gap += int(np.count_nonzero(beyond & (raised != 1.0)))
+        entry.after_gap += int(np.count_nonzero(beyond & (raised != 1.0)))
 
     def _sigmas(self, numbers: Array, estimates: Mapping[str, Array]) -> Array | None:
         """The standard deviations that the observer has for the column, if it has any."""
@@ -130,56 +130,56 @@ class Alarm:
         estimates: Mapping[str, Array],
     ) -> None:  # fmt: skip
         """Raise no alarm in the start-up unless it is credible, and remember what was beyond."""
-        found = report.alarms[self.name]
-        past = time - (found.started or 0.0)
-        within = past < found.start_up - _ROUNDING * found.start_up
+        entry = report.alarms[self.name]
+        past = time - (entry.started or 0.0)
+        within = past < entry.start_up - _ROUNDING * entry.start_up
         over = within & (raised == 1.0)
         if self.rule.start_up is not None or sigmas is None:
             credible = np.zeros(len(time), dtype=bool)
         else:
             credible = over & (excess > _CREDIBLE * sigmas)
             if self.predicts:
-                credible &= ~_surprised(within, estimates, found)
+                credible &= ~_surprised(within, estimates, entry)
         raised[within & ~credible] = np.nan
-        found.ignored += int(np.count_nonzero(within & ~credible))
-        found.hidden += int(np.count_nonzero(over & ~credible))
-        first = found.first
+        entry.ignored += int(np.count_nonzero(within & ~credible))
+        entry.hidden += int(np.count_nonzero(over & ~credible))
+        first = entry.first
         for k in np.flatnonzero(over | (raised == 1.0)):
             now = float(time[k])
-            apart = not found.beyond or now - found.beyond[1] > QUIET * self.period
+            separate = not entry.beyond or now - entry.beyond[1] > QUIET * self.period
             if raised[k] == 1.0 and first is None:
                 first = now
-                if not apart and found.beyond[0] < now:
-                    found.earlier = found.beyond[0]
+                if not separate and entry.beyond[0] < now:
+                    entry.earlier = entry.beyond[0]
                     report.warn(
                         f"alarm {self.name}: its threshold was exceeded already within the start-up"
-                        f" of {found.start_up:g} s, so that it may have begun before its first row"
+                        f" of {entry.start_up:g} s, so that it may have begun before its first row"
                     )
             if not within[k]:
                 break
-            found.beyond = [now if apart else found.beyond[0], now]
+            entry.beyond = [now if separate else entry.beyond[0], now]
 
     def _unknown_after_gap(
         self, time: Array, missing: NDArray[np.bool_], raised: Array, report: DataReport
     ) -> None:
         """Warn of alarms in or soon after a gap, if no standard deviation says what to expect."""
-        found = report.alarms[self.name]
-        quiet = found.resumed is None or not (raised == 1.0).any()
-        near = found.seen is not None and time[-1] - found.seen <= QUIET * self.period
+        entry = report.alarms[self.name]
+        quiet = entry.resumed is None or not (raised == 1.0).any()
+        near = entry.seen is not None and time[-1] - entry.seen <= QUIET * self.period
         if quiet and near and not missing.any():  # as nearly all rows that come alone
-            found.seen = float(time[-1])
+            entry.seen = float(time[-1])
             return
         times = time[~missing]
-        seen = np.concatenate([[time[0] if found.seen is None else found.seen], times])
+        seen = np.concatenate([[time[0] if entry.seen is None else entry.seen], times])
         after = times[np.diff(seen) > QUIET * self.period].tolist()
-        starts = np.array([-np.inf if found.resumed is None else found.resumed, *after])
+        starts = np.array([-np.inf if entry.resumed is None else entry.resumed, *after])
         on = time[raised == 1.0]
         since = on - starts[np.searchsorted(starts, on, side="right") - 1]
         within = on - seen[np.searchsorted(seen, on, side="right") - 1] > QUIET * self.period
-        soon = within | (since < max(found.start_up, QUIET * self.period))
-        found.after_gap += int(np.count_nonzero(soon))
-        found.seen = float(seen[-1])
-        found.resumed = after[-1] if after else found.resumed
+        soon = within | (since < max(entry.start_up, QUIET * self.period))
+        entry.after_gap += int(np.count_nonzero(soon))
+        entry.seen = float(seen[-1])
+        entry.resumed = after[-1] if after else entry.resumed
         if soon.any():
             report.warn(
                 f"alarm {self.name}: it is raised in a gap or soon after, and the observer has no "
@@ -194,10 +194,10 @@ class Alarm:
         """The stretch that sets a threshold, in seconds after the first estimate."""
         place = f"alarms: {self.name}"
         since, until = (
-            self.dates.at(f"{place}: {key}", stated, report) - first
-            if isinstance(stated, str) and self.dates is not None
-            else float(stated)
-            for key, stated in (("since", rule.since), ("until", rule.until))
+            self.dates.at(f"{place}: {key}", bound, report) - first
+            if isinstance(bound, str) and self.dates is not None
+            else float(bound)
+            for key, bound in (("since", rule.since), ("until", rule.until))
         )
         if not since < until or until < 0.0:
             problem = f"{rule.until} must be after since, {rule.since}, and after the first row"
@@ -208,84 +208,84 @@ class Alarm:
         self, time: Array, values: Array, grown: Array | None, report: DataReport
     ) -> NDArray[np.bool_] | None:
         """Learn a threshold that is to be learned: True where it is known, None if all are."""
-        rule, found = self.rule, report.alarms[self.name]
+        rule, entry = self.rule, report.alarms[self.name]
         if isinstance(rule, StatedThreshold):
             return None
-        if found.origin is None:
-            found.origin = float(time[0])
-        self.stretch = self.stretch or self._stretch(rule, found.origin, report)
+        if entry.origin is None:
+            entry.origin = float(time[0])
+        self.stretch = self.stretch or self._stretch(rule, entry.origin, report)
         since, until = self.stretch
         slack = _ROUNDING * until
-        if not found.ready or time[0] - found.origin <= until + slack:
-            past = time - found.origin
+        if not entry.ready or time[0] - entry.origin <= until + slack:
+            past = time - entry.origin
             after: NDArray[np.bool_] = past > until + slack
             taken = ~after & (past >= since - slack)
             if grown is not None:
                 taken &= grown == 1.0
             for value in values[taken].tolist():
                 if value == value:  # noqa: PLR0124  # not nan
-                    found.learned += 1
-                    off = value - found.mean
-                    found.mean += off / found.learned
-                    found.squares += off * (value - found.mean)
+                    entry.learned += 1
+                    off = value - entry.mean
+                    entry.mean += off / entry.learned
+                    entry.squares += off * (value - entry.mean)
             if after.any():
-                found.ready = True
-                found.threshold = self.threshold(found)
+                entry.ready = True
+                entry.threshold = self.threshold(entry)
         else:
             after = np.ones(len(time), dtype=bool)
-        if found.threshold is None:
+        if entry.threshold is None:
             return np.zeros(len(time), dtype=bool)
-        if found.learned < FEW:
+        if entry.learned < FEW:
             report.warn(
-                f"alarm {self.name}: its threshold is learned from {found.learned} values, "
+                f"alarm {self.name}: its threshold is learned from {entry.learned} values, "
                 f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
             )
         return None if after.all() else after
 
 
-def _excess(values: Array, grown: Array | float, found: AlarmReport) -> Array:
+def _excess(values: Array, grown: Array | float, entry: AlarmReport) -> Array:
     """The distance of values beyond a threshold that has grown, negative on this side of it."""
-    if found.threshold is None and found.above is None:
+    if entry.threshold is None and entry.above is None:
         excess = np.full(len(values), -np.inf)
-    elif found.threshold is not None:
-        excess = np.abs(values - found.mean) - grown * found.threshold
+    elif entry.threshold is not None:
+        excess = np.abs(values - entry.mean) - grown * entry.threshold
     else:
-        assert found.above is not None
-        excess = values - found.above - abs(found.above) * (grown - 1.0)
-    if found.below is not None:
-        low = found.below - values - abs(found.below) * (grown - 1.0)
+        assert entry.above is not None
+        excess = values - entry.above - abs(entry.above) * (grown - 1.0)
+    if entry.below is not None:
+        low = entry.below - values - abs(entry.below) * (grown - 1.0)
         excess = np.maximum(excess, low)
     return excess  # of what is missing, nan, which exceeds nothing
 
 
 def _surprised(
-    within: NDArray[np.bool_], estimates: Mapping[str, Array], found: AlarmReport
+    within: NDArray[np.bool_], estimates: Mapping[str, Array], entry: AlarmReport
 ) -> NDArray[np.bool_]:
     """True from the first row of a start-up on that contradicts what the filter predicted."""
     variances = estimates["innovation_covariance"].diagonal(axis1=-2, axis2=-1)
     off = np.abs(estimates["innovation"]) > _CREDIBLE * np.sqrt(variances)
-    surprised = np.logical_or.accumulate(off.any(axis=1) & within) | found.surprised
-    found.surprised = bool(surprised[-1])
+    surprised = np.logical_or.accumulate(off.any(axis=1) & within) | entry.surprised
+    entry.surprised = bool(surprised[-1])
     return surprised
 
 
-def _grown(missing: NDArray[np.bool_], sigmas: Array, found: AlarmReport) -> Array | None:
+def _grown(missing: NDArray[np.bool_], sigmas: Array, entry: AlarmReport) -> Array | None:
     """Standard deviations relative to those before a gap, None without a gap."""
-    if found.before_gap is None and not missing.any():
-        found.settled = float(sigmas[-1])
+    if entry.before_gap is None and not missing.any():
+        entry.settled = float(sigmas[-1])
         return None
     grown = np.ones(len(sigmas))
     for k, sigma in enumerate(sigmas.tolist()):
         if missing[k]:
-            found.before_gap, found.near = found.before_gap or found.settled, 0
-        if found.before_gap is None:
-            found.settled = None if missing[k] else sigma
-        elif sigma > NEAR * found.before_gap:
-            grown[k], found.near = sigma / found.before_gap, 0
+            entry.before_gap, entry.near = entry.before_gap or entry.settled, 0
+        if entry.before_gap is None:
+            entry.settled = None if missing[k] else sigma
+        elif sigma > NEAR * entry.before_gap:
+            grown[k], entry.near = sigma / entry.before_gap, 0
         elif not missing[k]:  # with a constant gain, it may still swing
-            found.near += 1
-            if found.near > QUIET:
-                found.before_gap, found.settled = None, sigma
+            entry.near += 1
+            if entry.near > QUIET:
+                entry.before_gap, entry.settled = None, sigma
     return grown
 
 
@@ -319,34 +319,34 @@ def alarms(
         residual, spread = columns[place].estimate == RESIDUAL, outputs.beside(place)
         if residual and skips:
             raise InputError(f"alarms.{k}.of", f"{shown(rule.of)} {BLIND}")
-        found = AlarmReport(columns[place].unit, 0.0, learns=isinstance(rule, LearnedThreshold))
+        entry = AlarmReport(columns[place].unit, 0.0, learns=isinstance(rule, LearnedThreshold))
         if isinstance(rule, StatedThreshold):
-            found.above, found.below, found.sigmas = rule.above, rule.below, rule.sigmas
-        if found.sigmas is not None and not (residual and predicts) and spread is None:
+            entry.above, entry.below, entry.sigmas = rule.above, rule.below, rule.sigmas
+        if entry.sigmas is not None and not (residual and predicts) and spread is None:
             problem = f"the observer has no standard deviation of {names[place]!r}"
             if residual:
                 problem += f"; the kinds {PREDICTING} predict those of residuals"
             raise InputError(f"alarms.{k}.sigmas", problem)
-        if residual and found.sigmas is not None and gate is not None and found.sigmas >= gate:
-            problem = f"{found.sigmas:g} must be below the gate, {gate:g}: outliers: inflate keeps "
+        if residual and entry.sigmas is not None and gate is not None and entry.sigmas >= gate:
+            problem = f"{entry.sigmas:g} must be below the gate, {gate:g}: outliers: inflate keeps "
             raise InputError(f"alarms.{k}.sigmas", f"{problem}all innovations within it")
         alarm = Alarm(
             rule, place, spread, period, columns[place].place if residual else None, predicts,
             dates,
         )  # fmt: skip
         for key in ("since", "until"):
-            stated = getattr(rule, key, None)
-            if isinstance(stated, str) and dates is None:
-                problem = f"{shown(stated)} must be seconds, as the record has no dates"
+            bound = getattr(rule, key, None)
+            if isinstance(bound, str) and dates is None:
+                problem = f"{shown(bound)} must be seconds, as the record has no dates"
                 raise InputError(f"alarms.{k}.{key}", problem)
-            if dates is not None and stated is not None:
-                dates.at(f"alarms.{k}.{key}", stated, DataReport())
+            if dates is not None and bound is not None:
+                dates.at(f"alarms.{k}.{key}", bound, DataReport())
         if rule.start_up is not None:
-            found.start_up = rule.start_up
-        elif found.sigmas is None:
-            found.start_up = start_up(place)
-        found.threshold = alarm.threshold(found)
-        report.alarms[rule.name] = found
+            entry.start_up = rule.start_up
+        elif entry.sigmas is None:
+            entry.start_up = start_up(place)
+        entry.threshold = alarm.threshold(entry)
+        report.alarms[rule.name] = entry
         made.append(alarm)
     return made
 
@@ -363,7 +363,7 @@ def _place(
         raise InputError(key, f"{problem}{RESIDUAL} {measurements[0]}")
     if of.partition(" ")[0] == "innovation":
         if of == "innovation" and len(measurements) > 1:
-            listed = " or ".join(f"innovation {one}" for one in measurements)
+            listed = " or ".join(f"innovation {measurement}" for measurement in measurements)
             raise InputError(key, f"{of!r} is of several measurements, must be {listed}")
         name = f"{RESIDUAL} {measurements[0] if of == 'innovation' else of.partition(' ')[2]}"
     if name not in names:
@@ -373,10 +373,10 @@ def _place(
 
 def warn_of_start_up(report: DataReport) -> None:
     """Warn of alarms that could not be raised in more than a third of the rows."""
-    for name, found in report.alarms.items():
-        if 3 * found.ignored > report.estimates:
+    for name, entry in report.alarms.items():
+        if 3 * entry.ignored > report.estimates:
             report.warn(
-                f"alarm {name}: it cannot be raised in {found.ignored} of {report.estimates} rows, "
-                f"its start-up of {found.start_up:g} s; start_up states another, and sigmas "
+                f"alarm {name}: it cannot be raised in {entry.ignored} of {report.estimates} rows, "
+                f"its start-up of {entry.start_up:g} s; start_up states another, and sigmas "
                 "(standard deviations that the observer has) need none"
             )

@@ -38,72 +38,72 @@ def check(specification: Path, data: Path) -> Findings:
     """Everything that refuses a record, and what would accept it."""
     read_specification(specification)
     tree = read_yaml(specification)
-    found = Findings(copy.deepcopy(tree), data, stated=tree)
+    findings = Findings(copy.deepcopy(tree), data, stated=tree)
     for _ in range(_MOST_TRIES):
-        made = _made(found, data)
+        made = _made(findings, data)
         if made is None:
-            found.changed = []  # which do not find the columns
-            return found
-        again, cells, lines = _read(found, made, data)
-        if not (again or sample(found, made, cells, lines)):
-            return found
-    found.final = True
-    return found
+            findings.changed = []  # which do not find the columns
+            return findings
+        again, cells, lines = _read(findings, made, data)
+        if not (again or sample(findings, made, cells, lines)):
+            return findings
+    findings.final = True
+    return findings
 
 
-def _made(found: Findings, data: Path) -> Estimation | None:
+def _made(findings: Findings, data: Path) -> Estimation | None:
     """The estimation by a layout that finds the columns, if a layout does."""
     for _ in range(_MOST_TRIES):
-        stated = parse(Specification, found.tree)
-        file = File(data, Dialect.of(stated))
+        specification = parse(Specification, findings.tree)
+        file = File(data, Dialect.of(specification))
         try:
-            return Estimation(stated, file.header(), str(data))
+            return Estimation(specification, file.header(), str(data))
         except InputError as error:
             if error.parameter.startswith("observer"):
                 raise
             for problem in error.problems if isinstance(error, ColumnsError) else [error]:
-                found.refuse(problem)
-            if not _lay_out(found, error):
-                found.final = True
+                findings.refuse(problem)
+            if not _lay_out(findings, error):
+                findings.final = True
                 return None
     return None
 
 
-def _lay_out(found: Findings, error: InputError) -> bool:
+def _lay_out(findings: Findings, error: InputError) -> bool:
     """State what may mend a layout, and return whether that is anything new."""
     if error.parameter in ("sampling.missing", "sampling.at_gap"):
         key = error.parameter.partition(".")[2]
-        return found.state("sampling", **{key: "interpolate" if key == "missing" else "restart"})
+        return findings.state("sampling", **{key: "interpolate" if key == "missing" else "restart"})
     if error.parameter == "columns.time.unit":
-        time = found.tree["columns"].get("time", {})
-        guess = found.suggestion.columns.get("time", {})
+        time = findings.tree["columns"].get("time", {})
+        guess = findings.suggestion.columns.get("time", {})
         same = guess.get("column") == time.get("column")
-        return same and found.state("columns", time={**time, **guess})
+        return same and findings.state("columns", time={**time, **guess})
     if error.parameter.endswith(".unit"):
-        found.asked = "these units"
+        findings.asked = "these units"
         return False
-    return _guess(found)
+    return _guess(findings)
 
 
-def _guess(found: Findings) -> bool:
+def _guess(findings: Findings) -> bool:
     """State the layout that the text seems to have, and return whether it is another one."""
-    guess, usual = found.suggestion, vars(Dialect())
+    guess, usual = findings.suggestion, vars(Dialect())
     if not guess.titles:
         return False
     columns = {key: guess.columns.get(key, usual[key]) for key in _DIALECT}
-    stated = found.tree["columns"]
+    stated = findings.tree["columns"]
     columns = {key: v for key, v in columns.items() if v != stated.get(key, usual[key])}
-    changed = bool(columns) and found.state("columns", **columns)
-    file, kept = guess.file, found.tree.get("file", {})
-    if kept.get("names"):
+    changed = bool(columns) and findings.state("columns", **columns)
+    file, section = guess.file, findings.tree.get("file", {})
+    if section.get("names"):
         file = {k: v for k, v in file.items() if k in ("skip", "comment", "tail", "missing_values")}
-    texts = [*kept.get("missing_values", []), *file.get("missing_values", [])]
+    texts = [*section.get("missing_values", []), *file.get("missing_values", [])]
     if texts:
         file = {**file, "missing_values": list(dict.fromkeys(texts))}
-    return bool(file and found.state("file", **file)) or changed
+    return bool(file and findings.state("file", **file)) or changed
 
 
-def _read(found: Findings, made: Estimation, data: Path) -> tuple[bool, list[Array], list[int]]:
+def _read(findings: Findings, made: Estimation, data: Path) -> tuple[bool, list[Array], list[int]]:
     """The cells of all rows and their lines, and whether they are to be read by other keys."""
     file = File(data, Dialect.of(made.specification))
     layout = made.layout
@@ -122,12 +122,12 @@ def _read(found: Findings, made: Estimation, data: Path) -> tuple[bool, list[Arr
                 cells = _cells(rows, line)
             except InputError as error:
                 if not (last and tail):
-                    again = _refuse_line(found, rows, line, error) or again
+                    again = _refuse_line(findings, rows, line, error) or again
                     odd.append(rows.line)
                 continue
             if cells is None:
                 continue
-            values, unread, other = _values(found, rows, cells, last and tail)
+            values, unread, other = _values(findings, rows, cells, last and tail)
             again, stuck = again or other, stuck or unread
             if values:
                 numbers.append(values)
@@ -138,20 +138,20 @@ def _read(found: Findings, made: Estimation, data: Path) -> tuple[bool, list[Arr
     if odd and not again:
         alone = odd == [rows.line]
         many = len(odd) > len(lines)
-        again = found.state("file", tail="drop") if alone else many and _guess(found)
-    found.final = found.final or (not again and (stuck or bool(odd)))
+        again = findings.state("file", tail="drop") if alone else many and _guess(findings)
+    findings.final = findings.final or (not again and (stuck or bool(odd)))
     return again, blocks + ([np.array(numbers)] if numbers else []), lines
 
 
-def _with_last(lines: Iterator[str], stated: Specification) -> Iterator[tuple[str, bool]]:
+def _with_last(lines: Iterator[str], specification: Specification) -> Iterator[tuple[str, bool]]:
     """Lines, and whether each is the last one that is not left out."""
-    dialect, waiting = Dialect.of(stated), list[str]()
+    dialect, waiting = Dialect.of(specification), list[str]()
     for line in lines:
         if waiting and not (dialect.is_empty(line) or dialect.is_comment(line)):
-            yield from ((one, False) for one in waiting)
+            yield from ((text, False) for text in waiting)
             waiting = []
         waiting.append(line)
-    yield from ((one, k == 0) for k, one in enumerate(waiting))
+    yield from ((text, k == 0) for k, text in enumerate(waiting))
 
 
 def _cells(rows: TextRows, line: str) -> list[str] | None:
@@ -165,7 +165,7 @@ def _cells(rows: TextRows, line: str) -> list[str] | None:
 
 
 def _values(
-    found: Findings, rows: TextRows, cells: list[str], dropped: bool
+    findings: Findings, rows: TextRows, cells: list[str], dropped: bool
 ) -> tuple[list[float], bool, bool]:
     """The numbers of a row, whether one is refused, and whether a key reads it.
 
@@ -180,51 +180,51 @@ def _values(
         except InputError as error:
             if dropped:
                 return [], False, False
-            again = _refuse_cell(found, rows, column, cells, error) or again
+            again = _refuse_cell(findings, rows, column, cells, error) or again
             unread = True
             value, timed = np.nan, timed and not (column == 0 and rows.clock is not None)
         values.append(value)
     return values if timed else [], unread, again
 
 
-def _refuse_line(found: Findings, rows: TextRows, line: str, error: InputError) -> bool:
+def _refuse_line(findings: Findings, rows: TextRows, line: str, error: InputError) -> bool:
     """Take a line with another number of cells, and return whether a key reads on."""
-    found.refuse(error, "cells", rows.line)
+    findings.refuse(error, "cells", rows.line)
     sign = sign_of(line)
-    if rows.ended and sign and not found.tree.get("file", {}).get("comment"):
-        return found.state("file", comment=sign)
-    return not rows.ended and found.state("file", tail="drop")
+    if rows.ended and sign and not findings.tree.get("file", {}).get("comment"):
+        return findings.state("file", comment=sign)
+    return not rows.ended and findings.state("file", tail="drop")
 
 
 def _refuse_cell(
-    found: Findings, rows: TextRows, column: int, cells: list[str], error: InputError
+    findings: Findings, rows: TextRows, column: int, cells: list[str], error: InputError
 ) -> bool:
     """Take a cell that is no number, and return whether a key reads on."""
     timed = column == 0 and rows.clock is not None
     at = rows.clocks if timed else [rows.places[column]]
     cell = next(filter(None, (bare(cells[k]) for k in at)), "")
-    found.refuse(error, f"{column} {cell}" if not cell[:1].isdigit() else f"{column}", rows.line)
-    stated = found.tree.get("file", {})
+    findings.refuse(error, f"{column} {cell}" if not cell[:1].isdigit() else f"{column}", rows.line)
+    section = findings.tree.get("file", {})
     if rows.repeats:
-        return found.state("file", repeated_header="skip")
+        return findings.state("file", repeated_header="skip")
     if not rows.ended:
-        return found.state("file", tail="drop")
-    first = rows.is_first and not any(one.strip()[:1].isdigit() for one in cells)
-    if first and "below_header" not in stated and not stated.get("names"):
-        kind = kind_of_line([one.strip() for one in cells])
-        return found.state("file", below_header=[kind])
-    if (cell[:1].isdigit() or timed) and _guess_marks(found, rows, column):
+        return findings.state("file", tail="drop")
+    first = rows.is_first and not any(text.strip()[:1].isdigit() for text in cells)
+    if first and "below_header" not in section and not section.get("names"):
+        kind = kind_of_line([text.strip() for text in cells])
+        return findings.state("file", below_header=[kind])
+    if (cell[:1].isdigit() or timed) and _guess_marks(findings, rows, column):
         return True
     if timed and HOUR.fullmatch(cell):
-        found.asked = "columns.time.format and columns.time.day"
-    return not timed and found.state_missing(cell)
+        findings.asked = "columns.time.format and columns.time.day"
+    return not timed and findings.state_missing(cell)
 
 
-def _guess_marks(found: Findings, rows: TextRows, column: int) -> bool:
+def _guess_marks(findings: Findings, rows: TextRows, column: int) -> bool:
     """State the marks, and the way dates are written, that the text seems to have."""
-    guess = found.suggestion
+    guess = findings.suggestion
     keys = {key: guess.columns[key] for key in _DIALECT if key in guess.columns}
-    time, stated = guess.columns.get("time", {}), found.tree["columns"].get("time", {})
+    time, stated = guess.columns.get("time", {}), findings.tree["columns"].get("time", {})
     if column == 0 and rows.clock is not None and time.get("column") == stated.get("column"):
         keys["time"] = {k: v for k, v in {**stated, **time}.items() if k in time or k == "zone"}
-    return bool(keys) and found.state("columns", **keys)
+    return bool(keys) and findings.state("columns", **keys)

@@ -94,18 +94,18 @@ class Dates:
             report.zone = self.zone or (offset if len(offset) == 6 and date.utcoffset() else "UTC")
         return since_1970(date)
 
-    def at(self, place: str, stated: float | str, report: DataReport) -> float:
+    def at(self, place: str, when: float | str, report: DataReport) -> float:
         """The time [s] of the record at a stated date, or so many seconds after its beginning."""
-        if not isinstance(stated, str):
-            return stated
+        if not isinstance(when, str):
+            return when
         for form in dict.fromkeys(["" if self.day else self.format, ""]):
             with suppress(ValueError):
-                date = moment(stated, form)
+                date = moment(when, form)
                 zone = time_zone(self.zone or "UTC")
                 return report.since_origin(since_1970(
                     date if date.tzinfo is not None else date.replace(tzinfo=zone)
                 ))  # fmt: skip
-        problem = f"{shown(stated)} must be a date, as {spelled(0, report.zone)}, or seconds"
+        problem = f"{shown(when)} must be a date, as {spelled(0, report.zone)}, or seconds"
         raise InputError(place, problem)
 
     def _on_its_day(self, time: datetime, report: DataReport) -> datetime:
@@ -114,8 +114,8 @@ class Dates:
             return datetime.combine(datetime.fromisoformat(self.day), time.time())
         last = of_nanoseconds(report.latest * 1000).astimezone(time_zone(self.zone or "UTC"))
         last = last.replace(tzinfo=None)
-        found, half = datetime.combine(last, time.time()), timedelta(hours=12)
-        return found + timedelta(days=(last - found > half) - (found - last > half))
+        date, half = datetime.combine(last, time.time()), timedelta(hours=12)
+        return date + timedelta(days=(last - date > half) - (date - last > half))
 
     def local(self, date: datetime, report: DataReport) -> int:
         """Nanoseconds since 1970 of a date without an offset, after the rows of the report."""

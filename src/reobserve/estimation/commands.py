@@ -66,8 +66,8 @@ def run(
     check_not_read(written, chosen.files)
     if stream or follow:
         if plot is not None or out is not None:
-            given = "--plot" if plot is not None else "--out"
-            raise InputError(given, "is for whole records; a stream goes to standard output")
+            option = "--plot" if plot is not None else "--out"
+            raise InputError(option, "is for whole records; a stream goes to standard output")
         if follow == (data is None):
             problem = "needs a file to follow" if follow else "reads standard input, and no file"
             raise InputError("--follow" if follow else "--stream", problem)
@@ -96,9 +96,9 @@ def print_check(specification: Path, data: Path | None, out: Path | None = None)
         raise InputError("--check", "reads a specification and a record, and writes nothing")
     from reobserve.estimation.check import check
 
-    found = check(specification, data)
-    print(found.text(str(data)))
-    if number := len(found.refusals):
+    findings = check(specification, data)
+    print(findings.text(str(data)))
+    if number := len(findings.refusals):
         sys.stdout.flush()
         raise InputError(str(data), f"is refused for {number} reason{'s' * (number > 1)}")
 
@@ -283,7 +283,7 @@ def _put(lines: str) -> None:
 def _expected(specification: Specification) -> list[str]:
     """A header as the specification asks for it."""
     columns = specification.columns
-    return [*columns.time.columns, *(one.column for one in columns.read)]
+    return [*columns.time.columns, *(column.column for column in columns.read)]
 
 
 def write_example(name: str, out: Path | None, record: Path | None) -> None:

@@ -27,26 +27,26 @@ class AllInputs:
         constant = np.isfinite(self.values)
         if not constant.any():
             return columns
-        found = np.empty((len(columns), len(self.values)))
-        found[:, constant] = np.array(self.values)[constant]
-        found[:, ~constant] = columns
-        return found
+        values = np.empty((len(columns), len(self.values)))
+        values[:, constant] = np.array(self.values)[constant]
+        values[:, ~constant] = columns
+        return values
 
 
 def inputs(columns: Columns, design: Design) -> AllInputs:
     """The inputs of a design, with constants in its units."""
     units = fixed_units(design.inputs)
-    found = []
-    for k, one in enumerate(columns.inputs):
-        if not isinstance(one, Constant):
-            found.append(np.nan)
+    values = []
+    for k, column in enumerate(columns.inputs):
+        if not isinstance(column, Constant):
+            values.append(np.nan)
             continue
         unit = units[k] if k < len(units) else ""
         at = f"columns.inputs.{k}.unit"
-        way = conversion(at, one.unit, unit) if one.unit and unit else None
-        value = one.value if way is None else float(way.of(one.value))
-        found.append(as_scalar(f"columns.inputs.{k}.value", value))
-    return AllInputs(tuple(found))
+        way = conversion(at, column.unit, unit) if column.unit and unit else None
+        value = column.value if way is None else float(way.of(column.value))
+        values.append(as_scalar(f"columns.inputs.{k}.value", value))
+    return AllInputs(tuple(values))
 
 
 def fixed_units(signals: Sequence[tuple[str, str]]) -> list[str]:

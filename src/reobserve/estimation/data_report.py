@@ -121,8 +121,8 @@ class AlarmReport:
         if self.sigmas is not None:
             return []
         both = [] if self.threshold is None else [-self.threshold, self.threshold]
-        one = [bound for bound in (self.above, self.below) if bound is not None]
-        return [self.mean + bound for bound in both] + one
+        sides = [bound for bound in (self.above, self.below) if bound is not None]
+        return [self.mean + bound for bound in both] + sides
 
     def close(self) -> None:
         """End the current interval."""
@@ -137,10 +137,10 @@ class AlarmReport:
         """The alarm's findings as the report has them."""
         listed = self.intervals + ([] if self.current is None else [self.current])
         learned = {"mean": self.mean, "learned": self.learned} if self.learns else {}
-        stated = {name: getattr(self, name) for name in ("above", "below", "sigmas")}
-        stated = {name: value for name, value in stated.items() if value is not None}
+        limits = {name: getattr(self, name) for name in ("above", "below", "sigmas")}
+        limits = {name: value for name, value in limits.items() if value is not None}
         return {
-            "unit": self.unit, "threshold": self.threshold, **stated, **learned,
+            "unit": self.unit, "threshold": self.threshold, **limits, **learned,
             "start_up": self.start_up, "hidden": self.hidden, "after_gap": self.after_gap,
             "rows": self.rows, "first": self.first, "earlier": self.earlier,
             "interval_count": self.interval_count + (self.current is not None),
@@ -149,28 +149,28 @@ class AlarmReport:
 
 
 def follow(
-    time: Array, values: Array, deviations: Array | None, raised: Array, found: AlarmReport,
+    time: Array, values: Array, deviations: Array | None, raised: Array, entry: AlarmReport,
     period: float,
 ) -> None:  # fmt: skip
     """Add rows to intervals: interruptions that are shorter than ten periods belong to them."""
     for k in range(len(time)):
-        now, on, one = float(time[k]), raised[k] == 1.0, found.current
-        if one is not None and now - one.end > QUIET * period:
-            found.close()
-            one = None
-        if on and one is None:
-            one = found.current = Interval(now, now)
-            found.first = now if found.first is None else found.first
-        if one is not None and not (np.isnan(values[k]) or np.isnan(raised[k])):
+        now, on, interval = float(time[k]), raised[k] == 1.0, entry.current
+        if interval is not None and now - interval.end > QUIET * period:
+            entry.close()
+            interval = None
+        if on and interval is None:
+            interval = entry.current = Interval(now, now)
+            entry.first = now if entry.first is None else entry.first
+        if interval is not None and not (np.isnan(values[k]) or np.isnan(raised[k])):
             sigma = None if deviations is None else float(deviations[k])
-            found.waiting.append([float(values[k]), sigma])
-        if on and one is not None:
-            found.rows += 1
-            one.end = now
-            for value, sigma in found.waiting:
+            entry.waiting.append([float(values[k]), sigma])
+        if on and interval is not None:
+            entry.rows += 1
+            interval.end = now
+            for value, sigma in entry.waiting:
                 assert value is not None
-                one.add(value, sigma, found.excess)
-            found.waiting.clear()
+                interval.add(value, sigma, entry.excess)
+            entry.waiting.clear()
 
 
 @dataclass

@@ -51,10 +51,10 @@ def read(
         return None
     written = compute.binary_join_element_wise(*columns, " ") if columns[1:] else columns[0]
     texts = _as_iso(written, dates.format) if dates.format else written
-    found = None if texts is None else _nanoseconds(texts)
-    if found is None:
+    parsed = None if texts is None else _nanoseconds(texts)
+    if parsed is None:
         return None
-    ticks, floating = found[0] // 1000, found[1]
+    ticks, floating = parsed[0] // 1000, parsed[1]
     if floating and dates.zone:
         offsets = _offsets(ticks, dates.zone, True)
         if offsets is None:
@@ -119,7 +119,7 @@ def _offsets(ticks: Whole, zone: str, local: bool) -> Whole | None:
     """
     clocks = time_zone(zone)
     hours, which = np.unique(ticks // (3600 * _MICROSECONDS), return_inverse=True)
-    found = np.empty(len(hours), dtype=np.int64)
+    by_hour = np.empty(len(hours), dtype=np.int64)
     for k, hour in enumerate(hours.tolist()):
         begin = of_nanoseconds(hour * 3600 * SECOND)
         ends = (begin, begin + _HOUR - timedelta(microseconds=1))
@@ -129,8 +129,8 @@ def _offsets(ticks: Whole, zone: str, local: bool) -> Whole | None:
         offsets = {date.utcoffset() or timedelta() for date in dates}
         if len(offsets) > 1:
             return None
-        found[k] = offsets.pop() // timedelta(microseconds=1)
-    return np.asarray(found[which])
+        by_hour[k] = offsets.pop() // timedelta(microseconds=1)
+    return np.asarray(by_hour[which])
 
 
 def of_timestamps(column: Any, dates: Dates, report: DataReport) -> Array:

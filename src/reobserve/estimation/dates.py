@@ -27,8 +27,8 @@ _FORWARD = (
 
 def nanoseconds(text: str, form: str = "") -> int:
     """Nanoseconds since 1970 of a date by ISO 8601 or a format, of UTC without an offset."""
-    found = moment(text, form)
-    return since_1970(found if found.tzinfo is not None else found.replace(tzinfo=UTC))
+    instant = moment(text, form)
+    return since_1970(instant if instant.tzinfo is not None else instant.replace(tzinfo=UTC))
 
 
 def moment(text: str, form: str) -> datetime:
@@ -59,9 +59,9 @@ def looks_dated(text: str) -> bool:
 def time_zone(name: str) -> tzinfo:
     """The time zone of a name, as Europe/Berlin, or of an offset, as +01:00."""
     if re.fullmatch(r"[+-]\d\d:\d\d", name):
-        found = datetime.strptime(name, "%z").tzinfo
-        assert found is not None
-        return found
+        zone = datetime.strptime(name, "%z").tzinfo
+        assert zone is not None
+        return zone
     try:
         return ZoneInfo(name)
     except (ZoneInfoNotFoundError, OSError) as error:

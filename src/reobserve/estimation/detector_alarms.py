@@ -78,15 +78,15 @@ class DetectorAlarm:
         self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
     ) -> Array:
         """1 where the alarm is raised, 0 where not."""
-        found = report.alarms[self.name]
-        statistic = self._statistic(estimates, found)
-        assert found.threshold is not None
-        raised = (statistic > found.threshold).astype(np.float64)
-        if found.current is not None or raised.any():
-            follow(time, statistic, None, raised, found, self.period)
+        entry = report.alarms[self.name]
+        statistic = self._statistic(estimates, entry)
+        assert entry.threshold is not None
+        raised = (statistic > entry.threshold).astype(np.float64)
+        if entry.current is not None or raised.any():
+            follow(time, statistic, None, raised, entry, self.period)
         return raised
 
-    def _statistic(self, estimates: Mapping[str, Array], found: AlarmReport) -> Array:
+    def _statistic(self, estimates: Mapping[str, Array], entry: AlarmReport) -> Array:
         rule = self.rule
         distances, whitened = normalised_innovations(
             estimates["innovation"], estimates["innovation_covariance"]
@@ -96,25 +96,25 @@ class DetectorAlarm:
             # e_o / sqrt(S_oo): whitened ones of later outputs contain those before
             S = estimates["innovation_covariance"][:, self.place, self.place]
             values, both = estimates["innovation"][:, self.place] / np.sqrt(S), []
-            last = found.memory[0] if found.memory else [0.0, 0.0]
+            last = entry.memory[0] if entry.memory else [0.0, 0.0]
             for sign, start in zip((1.0, -1.0), last, strict=True):
                 both.append(cusum(sign * values - rule.shift / 2.0, start))
-            found.threshold = found.threshold or cusum_of_mean([], rule.shift, rate).threshold
-            found.memory = [[float(one[-1]) for one in both]]
+            entry.threshold = entry.threshold or cusum_of_mean([], rule.shift, rate).threshold
+            entry.memory = [[float(side[-1]) for side in both]]
             return np.maximum(*both)
         if rule.length is not None:
             values, longest = distances[:, None], rule.length
         else:
             values, longest = whitened, max(rule.lengths)
-        before = np.array(found.memory, dtype=np.float64).reshape(-1, values.shape[1])
+        before = np.array(entry.memory, dtype=np.float64).reshape(-1, values.shape[1])
         rows = np.concatenate([before, values])
         if rule.length is not None:
             result = chi_square_window(rows[:, 0], m, rule.length, rate)
         else:
             result = glr_of_mean(rows, rule.lengths, rate)
-        found.threshold = result.threshold
+        entry.threshold = result.threshold
         known = rows[~np.isnan(rows).any(axis=1)]
-        found.memory = known[max(len(known) - longest, 0) :].tolist()
+        entry.memory = known[max(len(known) - longest, 0) :].tolist()
         return result.statistic[len(before) :]
 
 

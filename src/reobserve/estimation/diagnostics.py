@@ -71,18 +71,18 @@ class FirstRows:
         """Keep rows as long as they may be of the longest stretch."""
         if stretch.fresh:
             self.current = []
-        kept = min(MOST_ROWS - _rows(self.current), _LOOKED_AT - self.rows)
+        count = min(MOST_ROWS - _rows(self.current), _LOOKED_AT - self.rows)
         self.rows += len(stretch.y)
-        if kept <= 0 or _rows(self.longest) >= MOST_ROWS > _rows(self.current):
+        if count <= 0 or _rows(self.longest) >= MOST_ROWS > _rows(self.current):
             return
         time, y, u, status, fresh = stretch
-        self.current.append(Stretch(time[:kept], y[:kept], u[:kept], status[:kept], fresh))
+        self.current.append(Stretch(time[:count], y[:count], u[:count], status[:count], fresh))
         if _rows(self.current) > _rows(self.longest):
             self.longest = self.current
 
 
 def _rows(stretches: list[Stretch]) -> int:
-    return sum(len(one.y) for one in stretches)
+    return sum(len(stretch.y) for stretch in stretches)
 
 
 def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
@@ -102,19 +102,19 @@ def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
             later = _columns(estimation, y[len(y) // 2 :], u[len(u) // 2 :])
             noisy = _columns(estimation, y + _noise(y), u)
             risen = np.abs(_columns(estimation, y + _steps(y), u) - whole)
-            found = _contradicted(estimation, y, run, where)
+            sentences = _contradicted(estimation, y, run, where)
     except ReobserveError:
         return ["the observer diverges where it starts elsewhere or with more noise"]
-    off = [c for c, one in enumerate(estimation.outputs.columns) if one.estimate == "switched_off"]
+    off = [c for c, out in enumerate(estimation.outputs.columns) if out.estimate == "switched_off"]
     if off and whole[1:, off[0]].min() >= 1.0:
-        found.append(
+        sentences.append(
             f"delay: over 100 % of {where} the input moves too little for it to be "
             "seen, and it stays as it began"
         )
     with np.errstate(over="ignore", invalid="ignore"):  # of measurements near the largest number
         sizes = _sizes(estimation, whole, risen)
-        found += _unsettled(estimation, whole, later, noisy, sizes, where)
-    return found
+        sentences += _unsettled(estimation, whole, later, noisy, sizes, where)
+    return sentences
 
 
 def _sizes(estimation: Estimation, whole: Array, risen: Array) -> dict[tuple[str, str], float]:
@@ -140,7 +140,7 @@ def _unsettled(
 ) -> list[str]:  # fmt: skip
     """A sentence for each estimate that noise or an earlier start moves."""
     half = len(later) - len(later) // 2
-    found: list[str] = []
+    sentences: list[str] = []
     for c, column in enumerate(estimation.outputs.columns):
         if column.estimate == RESIDUAL or column.deviation:
             continue
@@ -150,25 +150,25 @@ def _unsettled(
         large = _threshold(estimation, c) if fault else size
         if moved > _SHARE_OF_NOISE * large:
             what = "the threshold of its alarm" if fault else "its size"
-            found.append(
+            sentences.append(
                 f"{column.name}: noise moves it by {_percent(moved, large)} of {what} over "
                 f"{where}; a lower gain, or less process noise, smooths it"
             )
-        apart = float(abs(later[-1, c] - whole[-1, c]))
-        if apart > max(_APART * size, 3.0 * moved):
-            found.append(
+        shift = float(abs(later[-1, c] - whole[-1, c]))
+        if shift > max(_APART * size, 3.0 * moved):
+            sentences.append(
                 f"{column.name}: started again at half of {where}, it ends "
-                f"{_percent(apart, size)} of its size elsewhere; the record is too short for it to "
+                f"{_percent(shift, size)} of its size elsewhere; the record is too short for it to "
                 "settle"
             )
-    return found
+    return sentences
 
 
 def _threshold(estimation: Estimation, column: int) -> float:
     """The lowest threshold of alarms on a column, but those in its own standard deviations."""
     reports = estimation.report.alarms
-    found = [reports[alarm.name] for alarm in estimation.alarms if alarm.column == column]
-    limits = [x for a in found if a.sigmas is None for x in (a.threshold, a.above, a.below)]
+    entries = [reports[alarm.name] for alarm in estimation.alarms if alarm.column == column]
+    limits = [x for a in entries if a.sigmas is None for x in (a.threshold, a.above, a.below)]
     return min((abs(limit) for limit in limits if limit is not None), default=np.inf)
 
 
@@ -179,7 +179,7 @@ def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> lis
     residual, noise = design.residual(y, run.estimates), _noise_sizes(y)
     known = design.spread(run.state) is not None
     predicted = design.residual_variance(run.estimates) if known else None
-    found = []
+    sentences = []
     names = layout.names[layout.timed :][: residual.shape[1]]
     for c, name in enumerate(names):
         if predicted is not None:
@@ -196,12 +196,12 @@ def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> lis
             contradicted = off > max(least)
             than = f"{_percent(off, measured)} of the spread of what is measured"
         if contradicted:
-            found.append(
+            sentences.append(
                 f"residual {name}: it is {than} in the second half of {where}; a "
                 "unit, a sign, an offset, the model or the sensor is wrong, or there is a fault "
                 "from early on"
             )
-    return found
+    return sentences
 
 
 def _size(values: Array) -> float:
@@ -218,9 +218,9 @@ def _spread(values: Array) -> float:
 
 def _steps(y: Array) -> Array:
     """A constant for each measurement: its noise, or a small part of its spread."""
-    small = np.array([0.01 * (_spread(one) or _size(one) or 1.0) for one in y.T])
-    found: Array = np.maximum(_noise_sizes(y), small)
-    return found
+    small = np.array([0.01 * (_spread(signal) or _size(signal) or 1.0) for signal in y.T])
+    steps: Array = np.maximum(_noise_sizes(y), small)
+    return steps
 
 
 def _run(estimation: Estimation, y: Array, u: Array) -> Any:

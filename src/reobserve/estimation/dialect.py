@@ -103,7 +103,7 @@ class Dialect:
             return line.split(self.delimiter)
         delimiter = self.delimiter
         if delimiter == "whitespace":
-            line = re.sub(r'("[^"]*")|[ \t]+', lambda found: found[1] or "\t", line.strip(" \t"))
+            line = re.sub(r'("[^"]*")|[ \t]+', lambda match: match[1] or "\t", line.strip(" \t"))
             delimiter = "\t"
         return next(csv.reader([line], delimiter=delimiter), [])
 
@@ -246,22 +246,22 @@ def read_head(lines: Iterator[str], dialect: Dialect, place: str) -> Head:
 
 def states_delimiter(line: str, delimiter: str) -> bool:
     """True if a file's first line is ``sep=;``, as spreadsheets write it."""
-    found = _SEPARATOR.fullmatch(line)
-    if found is not None and found[1] != delimiter:
+    match = _SEPARATOR.fullmatch(line)
+    if match is not None and match[1] != delimiter:
         raise InputError(
             "columns.delimiter",
-            f"{shown(delimiter)} must be {shown(found[1])}, as the record's first line says",
+            f"{shown(delimiter)} must be {shown(match[1])}, as the record's first line says",
         )
-    return found is not None
+    return match is not None
 
 
 def _titles(header: str, dialect: Dialect, place: str) -> list[str]:
     if len(header) > LONGEST_HEADER:
         problem = f"its header has more than {LONGEST_HEADER} bytes, or no line ends"
         raise InputError(place, problem)
-    if found := UNDECODED.search(header) or re.search("\0", header):
-        wide = found[0] == "\0"
-        byte = len(header[: found.start()].encode(dialect.encoding)) + 1
+    if match := UNDECODED.search(header) or re.search("\0", header):
+        wide = match[0] == "\0"
+        byte = len(header[: match.start()].encode(dialect.encoding)) + 1
         raise InputError(
             place,
             f"its header cannot be read (byte {byte} is not {dialect.encoding.upper()}); "

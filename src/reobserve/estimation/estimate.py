@@ -118,7 +118,7 @@ class Estimation:
         names = self.layout.names[timed:]
         holds = self.layout.holds[timed:]
         every = self.design.holds_inputs  # input, and not only those whose cells are empty
-        held = tuple(c >= width and (every or one) for c, one in enumerate(holds))
+        held = tuple(c >= width and (every or hold) for c, hold in enumerate(holds))
         self.interpolation = _interpolation(self.specification, held)
         self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip, holds)
 
@@ -136,8 +136,8 @@ class Estimation:
     def run(self, y: Array, u: Array, state: Any) -> Run[Any]:
         """The run of the observer over rows, smoothed if that is asked for."""
         run: Any = self.observer.run if self.whole is None else self.whole
-        found: Run[Any] = run(y, u, state=state)
-        return found
+        result: Run[Any] = run(y, u, state=state)
+        return result
 
     def _start_up(self, column: int) -> float:
         """The time [s] that a column needs to forget how the observer started."""
@@ -150,8 +150,8 @@ class Estimation:
 
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                beside = [self.outputs.beside(c) for c in range(len(self.outputs.columns))]
-                rows = start_up(run, self.layout.measurements, beside)
+                spreads = [self.outputs.beside(c) for c in range(len(self.outputs.columns))]
+                rows = start_up(run, self.layout.measurements, spreads)
             self.start_up = (self.specification.sampling.period * rows).tolist()
         return self.start_up[column]
 
@@ -187,9 +187,9 @@ class Estimation:
         """The estimates that waited for rows which do not come."""
         *waiting, last = self.last_slots()
         parts = [self._estimate(rows, False) for rows in waiting]
-        found = _concatenated([*parts, self._estimate(last, True)])
+        result = _concatenated([*parts, self._estimate(last, True)])
         warn_of_start_up(self.report)
-        return found
+        return result
 
     def last_slots(self) -> list[Settled]:
         """The same as `slots`, of rows that waited for others."""
@@ -214,19 +214,19 @@ class Estimation:
     def _from_start_to_start(self, stretches: list[Stretch], final: bool) -> list[Stretch]:
         """Stretches from one start of the observer to the next, as far as they are complete."""
         self.waiting += stretches
-        starts = [k for k, one in enumerate(self.waiting) if one.fresh]
+        starts = [k for k, stretch in enumerate(self.waiting) if stretch.fresh]
         ends = [*starts[1:], *([len(self.waiting)] if final and starts else [])]
-        found = [joined(self.waiting[start:end]) for start, end in zip(starts, ends, strict=False)]
+        runs = [joined(self.waiting[start:end]) for start, end in zip(starts, ends, strict=False)]
         self.waiting = self.waiting[ends[-1] :] if ends else self.waiting
-        return found
+        return runs
 
     def _run(self, stretch: Stretch) -> Estimated:
         if self.first_rows is not None:
             self.first_rows.take(stretch)
         if stretch.fresh:
             self.state = self.design.begin(stretch.y[0])
-            for found in self.report.alarms.values():
-                found.start(float(stretch.time[0]))
+            for entry in self.report.alarms.values():
+                entry.start(float(stretch.time[0]))
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings(record=True) as doubts:
@@ -251,8 +251,8 @@ class Estimation:
         names = self.layout.names[self.layout.timed :]
         for name, count in zip(names, np.count_nonzero(outliers, axis=0).tolist(), strict=False):
             self.report.count(self.report.outliers, name, count)
-            found = self.report.outliers.get(name, 0)
-            if found > max(_FEW_OUTLIERS, _SHARE_OF_OUTLIERS * self.report.estimates):
+            total = self.report.outliers.get(name, 0)
+            if total > max(_FEW_OUTLIERS, _SHARE_OF_OUTLIERS * self.report.estimates):
                 self.report.warn(
                     f"{name}: the gate leaves out more than one measurement in ten; a fault, a "
                     "wrong model or a start that is far off looks like that"
@@ -306,9 +306,9 @@ def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
 
     def run(y: Array, u: Array, state: Any) -> Run[Any]:
         crossed = [name for name in observer.keeps if name not in KEPT]
-        found = observer.run(y, u, state=state, keep=crossed)
-        smooth = rts_smoother(observer, found, u if observer.inputs else None)
-        return replace(found, estimates={**found.estimates, **smooth.estimates})
+        result = observer.run(y, u, state=state, keep=crossed)
+        smooth = rts_smoother(observer, result, u if observer.inputs else None)
+        return replace(result, estimates={**result.estimates, **smooth.estimates})
 
     return run
 

@@ -42,8 +42,8 @@ class Simulated:
         """A signal at any times. A held one has the value of the period in which they are."""
         if name in self.held:
             step = np.searchsorted(self.time, times + 1e-9 * self.period, side="right") - 1
-            found: Array = self.signals[name][step]
-            return found
+            values: Array = self.signals[name][step]
+            return values
         return np.asarray(np.interp(times, self.time, self.signals[name]))
 
     def record(self, times: Array | None = None) -> dict[str, Array]:
@@ -94,8 +94,8 @@ def satellite() -> Simulated:
         known = torques[k] + np.array([fault[k], 0.0, 0.0])
         (a, b, c), (p, q, r) = w.tolist(), (inertia @ w).tolist()
         # w' = J^-1 (T - w x J w)
-        found: Array = inverse @ (known - [b * r - c * q, c * p - a * r, a * q - b * p])
-        return found
+        derivative: Array = inverse @ (known - [b * r - c * q, c * p - a * r, a * q - b * p])
+        return derivative
 
     rates = _followed(field, np.array([0.05, -0.03, 0.04]), time)
     signals = {f"w{axis}": rates[:, k] for k, axis in enumerate("xyz")}

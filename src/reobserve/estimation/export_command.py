@@ -79,15 +79,15 @@ def exported(design: Design, name: str, specified: SpecifiedDesign | None = None
     columns = len(read[0]), len(read[1])
     program = program_of(design.observer, state, columns, type(design))
     signals = listed(read[0]), listed(read[1])
-    named = {**design.estimates, **(specified.estimates if specified else {})}
+    estimates = {**design.estimates, **(specified.estimates if specified else {})}
     about = "It estimates " + "; ".join(
-        f"{each}: {listed(named[each])}" for each in program.estimates
+        f"{each}: {listed(estimates[each])}" for each in program.estimates
     )
     for note in specified.readings if specified else ():
         about += f". {note[:1].upper()}{note[1:]}"
     period = float(design.system.sampling_period)
-    y, u, found = records.test_run(design.observer, state, columns)
-    expected = {each: found[each] for each in program.estimates}
+    y, u, results = records.test_run(design.observer, state, columns)
+    expected = {each: results[each] for each in program.estimates}
     return {
         f"{name}.h": c_code.header(
             program, name, signals, about, period, design.observer.reads_missing

@@ -106,7 +106,7 @@ class Findings:
             sections.get("sampling", {}).pop("repeated", None)
             lines += ["", "state sampling.repeated, which is one of", *self.choices]
             lines += [f"what else is said here is so with {assumed}"]
-        sections = {key: one for key, one in sections.items() if one != self.stated.get(key)}
+        sections = {key: part for key, part in sections.items() if part != self.stated.get(key)}
         if sections:
             what = "the rest" if self.final or self.choices else "the record"
             lines += ["", f"stated as follows, these sections of the specification accept {what}:"]

@@ -79,7 +79,7 @@ class Gaps:
         status = np.where(
             full, np.where(rows.between.any(axis=1), FILLED, MEASURED), PARTIAL
         ).astype(np.int8)
-        kept: list[list[int]] = []
+        runs: list[list[int]] = []
         fresh: list[bool] = []
         for k in range(len(rows.time)):
             begins = False
@@ -91,13 +91,13 @@ class Gaps:
                 status[k] = PREDICTED
             else:
                 continue
-            if begins or not kept:
-                kept.append([])
+            if begins or not runs:
+                runs.append([])
                 fresh.append(begins)
-            kept[-1].append(k)
+            runs[-1].append(k)
         stretches = [
             Stretch(rows.time[part], y[part], u[part], status[part], begins)
-            for part, begins in zip(kept, fresh, strict=True)
+            for part, begins in zip(runs, fresh, strict=True)
         ]
         for stretch in stretches:
             self._tell(stretch.status)

@@ -78,12 +78,12 @@ class Interpolation:
         horizon = min(self._horizon(c, known[c], latest) for c in range(columns))
         count = int(np.searchsorted(self.asked, horizon, side="right"))
         asked, self.asked = self.asked[:count], self.asked[count:]
-        found = np.empty((count, columns))
+        values = np.empty((count, columns))
         between = np.empty((count, columns), dtype=bool)
         for c in range(columns):
-            found[:, c], between[:, c] = self._column(c, known[c], asked)
+            values[:, c], between[:, c] = self._column(c, known[c], asked)
         self._forget(asked[-1:])
-        return Settled(asked, found, between)
+        return Settled(asked, values, between)
 
     def _horizon(self, c: int, known: NDArray[np.int_], latest: float) -> float:
         """The time up to which no later row can change a column."""
@@ -101,38 +101,38 @@ class Interpolation:
         if self.held[c] and np.isfinite(self.kept[0, c]):
             at = np.concatenate([self.kept[:1, c], at])
             values = np.concatenate([self.kept[1:, c], values])
-        found = np.full(len(asked), np.nan)
+        result = np.full(len(asked), np.nan)
         early = _NEAR * self.period if self.held[c] else 0.0
         left = np.searchsorted(at, asked + early, side="right") - 1
         begun = left >= 0
         exact = begun.copy()
         exact[begun] = at[left[begun]] >= asked[begun]
-        found[exact] = values[left[exact]]
+        result[exact] = values[left[exact]]
         if self.held[c] or self.method == "previous":
             limit = self.hold if self.held[c] else self.reach
             open_ = begun & ~exact
             age = asked - at[np.maximum(left, 0)] if len(at) else np.full(len(asked), np.inf)
             open_ &= age <= limit * _ROUNDING
-            found[open_] = values[left[open_]]
+            result[open_] = values[left[open_]]
             if early:
-                found += self._later(at, values, asked, left)
-            return found, ~exact & ~(open_ & (age * _ROUNDING < self.period))
+                result += self._later(at, values, asked, left)
+            return result, ~exact & ~(open_ & (age * _ROUNDING < self.period))
         inside = begun & ~exact & (left + 1 < len(at))
         start = left[inside]
         near = at[start + 1] - at[start] <= self.reach * _ROUNDING
         inside[inside] = near
         start = start[near]
         if not len(start):
-            return found, ~exact
-        apart = np.minimum(asked[inside] - at[start], at[start + 1] - asked[inside])
+            return result, ~exact
+        distance = np.minimum(asked[inside] - at[start], at[start + 1] - asked[inside])
         between = ~exact
-        between[inside] = apart > 0.5 * self.period * _ROUNDING
+        between[inside] = distance > 0.5 * self.period * _ROUNDING
         if self.method == "linear":
             share = (asked[inside] - at[start]) / (at[start + 1] - at[start])
-            found[inside] = values[start] + (values[start + 1] - values[start]) * share
+            result[inside] = values[start] + (values[start + 1] - values[start]) * share
         else:
-            self._monotone(at, values, asked, inside, found)
-        return found, between
+            self._monotone(at, values, asked, inside, result)
+        return result, between
 
     def _later(self, at: Array, values: Array, asked: Array, left: NDArray[np.int_]) -> Array:
         """The mean over a period less the value at its beginning, of values that are held."""
@@ -145,7 +145,7 @@ class Interpolation:
         return np.bincount(row, steps, len(asked)).astype(np.float64)
 
     def _monotone(
-        self, at: Array, values: Array, asked: Array, inside: Flags, found: Array
+        self, at: Array, values: Array, asked: Array, inside: Flags, result: Array
     ) -> None:
         """Cubics by scipy, over each stretch of samples that are near enough to one another."""
         from scipy.interpolate import PchipInterpolator
@@ -154,7 +154,7 @@ class Interpolation:
         for stretch in np.split(np.arange(len(at)), cuts):
             chosen = inside & (asked > at[stretch[0]]) & (asked < at[stretch[-1]])
             if chosen.any():
-                found[chosen] = PchipInterpolator(at[stretch], values[stretch])(asked[chosen])
+                result[chosen] = PchipInterpolator(at[stretch], values[stretch])(asked[chosen])
 
     def _forget(self, last: Array) -> None:
         """Drop rows that no time after ``last`` asks for: two samples before it are needed."""

@@ -62,7 +62,7 @@ class Layout:
     @property
     def held(self) -> tuple[str, ...]:
         """The names of columns whose last value holds in empty cells."""
-        return tuple(name for name, one in zip(self.names, self.holds, strict=True) if one)
+        return tuple(name for name, hold in zip(self.names, self.holds, strict=True) if hold)
 
     @property
     def dated(self) -> bool:
@@ -142,11 +142,11 @@ def _held(values: Array, report: DataReport, name: str) -> Array:
     known = np.isfinite(values)
     every = np.concatenate([[report.levels.get(name, np.nan)], values])
     last = np.maximum.accumulate(np.where(np.isfinite(every), np.arange(len(every)), 0))[1:]
-    found: Array = every[last]
-    report.count(report.held, name, (np.isfinite(found) & ~known).sum())
-    if len(found) and np.isfinite(found[-1]):
-        report.levels[name] = float(found[-1])
-    return found
+    filled: Array = every[last]
+    report.count(report.held, name, (np.isfinite(filled) & ~known).sum())
+    if len(filled) and np.isfinite(filled[-1]):
+        report.levels[name] = float(filled[-1])
+    return filled
 
 
 def lay_out(
@@ -182,16 +182,16 @@ def lay_out(
 def _wanted(columns: Columns, design: Design) -> list[tuple[str, Column, str]]:
     """The columns to read: their keys, they themselves, and the unit that the observer states."""
     wanted: list[tuple[str, Column, str]] = []
-    for what, given, widths, signals in (
+    for what, entries, widths, signals in (
         ("measurements", columns.measurements, design.widths[0], design.measurements),
         ("inputs", columns.inputs, design.widths[1], design.inputs),
     ):
         fixed = [unit for _, unit in signals] if all(unit for _, unit in signals) else []
-        if len(given) not in widths:
+        if len(entries) not in widths:
             counts = " or ".join(map(str, widths))
-            problem = f"are {len(given)} columns, the observer reads {counts}"
+            problem = f"are {len(entries)} columns, the observer reads {counts}"
             raise InputError(f"columns.{what}", problem)
-        for k, column in enumerate(given):
+        for k, column in enumerate(entries):
             if isinstance(column, Constant):
                 continue
             wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
@@ -229,12 +229,12 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
     """The columns of timestamps and the way they are written, None if there are none."""
     if not time.columns:
         return None
-    stated = time.dated == ISO
-    found = [
-        _title("columns.time", Column(name, "" if stated else time.unit), header, place, stated)
+    is_iso = time.dated == ISO
+    columns = [
+        _title("columns.time", Column(name, "" if is_iso else time.unit), header, place, is_iso)
         for name in time.columns
     ]
-    titles, units = tuple(title for title, _ in found), [unit for _, unit in found]
+    titles, units = tuple(title for title, _ in columns), [unit for _, unit in columns]
     if ISO in units:
         return Clock(titles, SAME, Dates(titles, time.format, time.zone, period, time.day))
     for key, is_set in (("column", len(titles) > 1), ("zone", time.zone)):
@@ -253,12 +253,12 @@ def _names(columns: Columns) -> set[str]:
 def _check_delimiter(columns: Columns, title: str, place: str) -> None:
     """Refuse a header of one title in which another delimiter finds columns, or numbers."""
     names, others = _names(columns), []
-    for one in (",", ";", "\t", "|", "whitespace"):
-        cells = [cell.strip() for cell in title.split(None if one == "whitespace" else one)]
+    for mark in (",", ";", "\t", "|", "whitespace"):
+        cells = [cell.strip() for cell in title.split(None if mark == "whitespace" else mark)]
         if len(cells) > 1 and (any(_matches(name, cells) for name in names) or _numbers(cells)):
-            others.append(one)
+            others.append(mark)
     if "\t" in others:
-        others = [one for one in others if one != "whitespace"]
+        others = [other for other in others if other != "whitespace"]
     known = any(_matches(name, [title]) for name in names)
     if others and not known and columns.delimiter not in others:
         raise InputError(
@@ -273,9 +273,9 @@ def split_title(title: str) -> tuple[str, str]:
     if _INDEX.fullmatch(title):
         return title.strip(), ""
     for form in (_BRACKETS, _COMMA, _STROKE):
-        if (found := form.fullmatch(title.strip())) is not None:
-            name, *units = found.groups()
-            return name.rstrip(" \t/,"), next(one.strip() for one in units if one is not None)
+        if (match := form.fullmatch(title.strip())) is not None:
+            name, *units = match.groups()
+            return name.rstrip(" \t/,"), next(unit.strip() for unit in units if unit is not None)
     return title.strip(), ""
 
 
@@ -284,15 +284,15 @@ def _title(
 ) -> tuple[str, str]:
     """The title of a column in the header, and its unit there or in the specification."""
     parts = {title: split_title(title) for title in header}
-    whole = list(dict.fromkeys(one for one in header if one.strip() == column.column))
-    found = whole or _matches(column.column, header)
-    if not found and _matches(column.column, [header[0].lstrip("#% ")]):
-        found = list(header[:1])  # which begins as a comment
-    if len(found) != 1:
-        problem = "has two columns" if found else "has no column"
-        ending = "" if found else nearest(column.column, [name for name, _ in parts.values()])
+    whole = list(dict.fromkeys(text for text in header if text.strip() == column.column))
+    matches = whole or _matches(column.column, header)
+    if not matches and _matches(column.column, [header[0].lstrip("#% ")]):
+        matches = list(header[:1])  # which begins as a comment
+    if len(matches) != 1:
+        problem = "has two columns" if matches else "has no column"
+        ending = "" if matches else nearest(column.column, [name for name, _ in parts.values()])
         raise InputError(f"{at}.column", f"{place} {problem} {shown(column.column)}{ending}")
-    title, (name, said) = found[0], parts[found[0]]
+    title, (name, said) = matches[0], parts[matches[0]]
     unit = bool(whole and "/" in title and readings(title.strip()))  # as km/h
     if dated:
         return title, ISO
@@ -333,7 +333,7 @@ def _no_header(header: Sequence[str]) -> str:
             "; file.skip or file.comment leaves out lines above the header, and file.header: "
             "commented takes the last comment for it"
         )
-    others = [one for one in ";\t|" if any(one in title for title in header)]
+    others = [mark for mark in ";\t|" if any(mark in title for title in header)]
     if others:
         return f"; columns.delimiter may be {' or '.join(map(repr, others))}"
     if _numbers(header):

@@ -159,8 +159,8 @@ class Design(ABC):
     @property
     def measurements(self) -> tuple[NamedSignal, ...]:
         """The columns of y."""
-        named = listed(self.system.measurements)
-        return named or numbered("measurement", self.observer.measurements)
+        signals = listed(self.system.measurements)
+        return signals or numbered("measurement", self.observer.measurements)
 
     @property
     def widths(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -189,21 +189,21 @@ class Design(ABC):
 
     def start(self) -> Any:
         """The state to start from, or None if the observer starts from its first measurement."""
-        stated = getattr(self.system, "initial_state", None)
+        initial = getattr(self.system, "initial_state", None)
         observer: Any = self.observer
-        return None if stated is None else observer.init(stated)
+        return None if initial is None else observer.init(initial)
 
     def begin(self, y: Array) -> Any:
         """The state before the first row of a record, from that row of y, shape (p,)."""
-        stated = self.start()
-        return self.observer._start(y) if stated is None else stated
+        state = self.start()
+        return self.observer._start(y) if state is None else state
 
     def residual(self, y: Array, estimates: Estimates) -> Array:
         """The part of y, shape (k, p), that was not predicted, without columns if all was."""
         if not self.predicts:
             return y[:, :0]
-        found: Array = y - estimates[self.predicts][:, : y.shape[1]]
-        return found
+        residual: Array = y - estimates[self.predicts][:, : y.shape[1]]
+        return residual
 
     def spread(self, state: Any) -> Array | None:
         """The standard deviations, shape (p,), that are predicted for the next residual.
@@ -254,10 +254,10 @@ class Design(ABC):
             If it is not, with the numbers; as `certify`; or if what it is to start from cannot be.
         """
         with self.keyed():
-            found = self.certify()
+            certificate = self.certify()
         with self.keyed():
             self.start()
-        _compare("certificate", self.certificate, found)
+        _compare("certificate", self.certificate, certificate)
         with located("system"), self.keyed():
             self.start()
         return self
@@ -295,17 +295,17 @@ def pole_text(poles: list[list[float]]) -> str:
     )
 
 
-def _compare(place: str, stated: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+def _compare(place: str, stated: Mapping[str, Any], actual: Mapping[str, Any]) -> None:
     """Refuse a certificate that says other than what was found."""
-    for name in (*found, *(name for name in stated if name not in found)):
+    for name in (*actual, *(name for name in stated if name not in actual)):
         if name not in stated:
             raise InputError(f"{place}.{name}", "is missing")
-        if name not in found:
+        if name not in actual:
             raise InputError(f"{place}.{name}", "is nothing that this kind of design certifies")
         if name == "poles":
-            _compare_poles(f"{place}.{name}", stated[name], found[name])
+            _compare_poles(f"{place}.{name}", stated[name], actual[name])
             continue
-        said, computed = stated[name], found[name]
+        said, computed = stated[name], actual[name]
         if isinstance(computed, float) and _is_number(said):
             same = abs(said - computed) <= _AGREE * max(abs(computed), abs(said))
         else:
@@ -314,21 +314,21 @@ def _compare(place: str, stated: Mapping[str, Any], found: Mapping[str, Any]) ->
             raise InputError(f"{place}.{name}", f"says {said}, but the gains give {computed}")
 
 
-def _compare_poles(place: str, stated: Any, found: list[list[float]]) -> None:
+def _compare_poles(place: str, stated: Any, actual: list[list[float]]) -> None:
     """Poles that are near each other are badly determined, their polynomial is not."""
-    good = isinstance(stated, list) and len(stated) == len(found)
+    good = isinstance(stated, list) and len(stated) == len(actual)
     good = good and all(
         isinstance(p, list) and len(p) == 2 and all(map(_is_number, p)) for p in stated
     )
     if not good:
-        raise InputError(place, f"must be {len(found)} pairs of real and imaginary part")
-    said, computed = (np.array([complex(*pole) for pole in poles]) for poles in (stated, found))
+        raise InputError(place, f"must be {len(actual)} pairs of real and imaginary part")
+    said, computed = (np.array([complex(*pole) for pole in poles]) for poles in (stated, actual))
     with np.errstate(all="ignore"):
         scale = np.abs(np.poly(-np.maximum(np.abs(computed), np.finfo(float).tiny)))
         off = np.abs(np.poly(said) - np.poly(computed))
         same = bool(np.all(off <= _AGREE * scale))
     if not same:
-        raise InputError(place, f"says {pole_text(stated)}, but the gains give {pole_text(found)}")
+        raise InputError(place, f"says {pole_text(stated)}, but the gains give {pole_text(actual)}")
 
 
 def _is_number(value: Any) -> bool:

@@ -62,12 +62,12 @@ class Outputs:
         """The columns' values, shape (k, columns)."""
         parts = [estimates[name].reshape(len(y), -1) for name in self.sources]
         parts.append(self.design.residual(y, estimates))
-        found: Array = np.concatenate(parts, axis=1)[:, self.places]
+        values: Array = np.concatenate(parts, axis=1)[:, self.places]
         with np.errstate(invalid="ignore"):  # a variance below zero has no root
-            found[:, self.deviations] = np.sqrt(found[:, self.deviations])
+            values[:, self.deviations] = np.sqrt(values[:, self.deviations])
         for column, way in self.converted:
-            found[:, column] = way.of(found[:, column])
-        return found
+            values[:, column] = way.of(values[:, column])
+        return values
 
     def row(self, y: Array, estimates: Mapping[str, Array]) -> list[float]:
         """The same numbers for one row, shape (1, p), where each microsecond counts."""
@@ -75,12 +75,12 @@ class Outputs:
         for name in self.sources:
             flat += estimates[name].ravel().tolist()
         flat += self.design.residual(y, estimates)[0].tolist()
-        found = [flat[place] for place in self.places]
+        values = [flat[place] for place in self.places]
         for column in self.deviations:
-            found[column] = math.sqrt(found[column]) if found[column] >= 0.0 else math.nan
+            values[column] = math.sqrt(values[column]) if values[column] >= 0.0 else math.nan
         for column, way in self.converted:
-            found[column] = way.of(found[column])
-        return found
+            values[column] = way.of(values[column])
+        return values
 
 
 def outputs(
@@ -121,7 +121,7 @@ def outputs(
     for name in names:
         if names.count(name) > 1:
             raise InputError("estimates", f"two columns would have the name {shown(name)}")
-    read = [design.sigmas[one.estimate] if one.deviation else one.estimate for one in columns]
+    read = [design.sigmas[out.estimate] if out.deviation else out.estimate for out in columns]
     sources = tuple(name for name in dict.fromkeys(read) if name != RESIDUAL)
     ends = np.cumsum([0, *(sample[name][0].size for name in sources)]).tolist()
     starts = dict(zip((*sources, RESIDUAL), ends, strict=True))
@@ -129,7 +129,7 @@ def outputs(
         design, tuple(columns), sources,
         [starts[name] + column.place for name, column in zip(read, columns, strict=True)],
         [c for c, column in enumerate(columns) if column.deviation],
-        [(c, one.conversion) for c, one in enumerate(columns) if one.conversion != SAME],
+        [(c, out.conversion) for c, out in enumerate(columns) if out.conversion != SAME],
     )  # fmt: skip
 
 

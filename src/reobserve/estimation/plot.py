@@ -158,14 +158,14 @@ class Plot:
             self._band(ax, c, colour)
         self._limit(ax, columns)
         for alarm in self.estimation.alarms:
-            found = self.estimation.report.alarms[alarm.name]
+            entry = self.estimation.report.alarms[alarm.name]
             if alarm.column in columns:
                 _, low, high = self._broken(alarm.column)
-                for bound in found.bounds:
-                    lower, (bottom, top) = bound < found.mean, ax.get_ylim()
+                for bound in entry.bounds:
+                    lower, (bottom, top) = bound < entry.mean, ax.get_ylim()
                     # A probability has no bound below zero; one far off would flatten the curves.
-                    reached = np.nanmin(low) < found.mean if lower else np.nanmax(high) > found.mean
-                    there = reached or found.threshold is None
+                    reached = np.nanmin(low) < entry.mean if lower else np.nanmax(high) > entry.mean
+                    there = reached or entry.threshold is None
                     if there and 2 * bottom - top <= bound <= 2 * top - bottom:
                         ax.axhline(bound, color="0.35", linestyle="--", linewidth=0.8)
                         ax.set_ylim(min(bottom, bound), max(top, bound))

@@ -54,20 +54,20 @@ def conversion(place: str, given: str, wanted: str) -> Conversion:
         one, other = readings(given)[0].dimensionality, readings(wanted)[0].dimensionality
         why = "one of them has no conversion" if one == other else f"{one} is not {other}"
         raise InputError(place, f"{failed}: {why}")
-    clear = [(one, other) for one, other in pairs if not _is_unclear(one, other)]
+    clear = [(unit, other) for unit, other in pairs if not _is_unclear(unit, other)]
     if not clear:
         bare = given if _angles(pairs[0][1]) else wanted
         others = "rpm and rev/s (turns) and rad/s (radians) do"
-        if not any("[time]" in one.dimensionality for one in readings(bare)):
+        if not any("[time]" in unit.dimensionality for unit in readings(bare)):
             others = "turn, deg and rad do"
         said = "hertz" if bare == "Hz" else shown(bare)
         problem = f"{said} does not say whether turns or radians are counted; {others}"
         raise InputError(place, f"{failed}: {problem}")
-    found = {way: pair for pair in clear if (way := _way(*pair)) is not None}
-    if len({(f"{way.factor:.9g}", f"{way.offset:.9g}") for way in found}) > 1:
-        meant = " or ".join(f"{one} to {other}" for one, other in found.values())
+    ways = {way: pair for pair in clear if (way := _way(*pair)) is not None}
+    if len({(f"{way.factor:.9g}", f"{way.offset:.9g}") for way in ways}) > 1:
+        meant = " or ".join(f"{unit} to {other}" for unit, other in ways.values())
         raise InputError(place, f"{failed}, as this may be {meant}; name the unit in full")
-    return next(iter(found))
+    return next(iter(ways))
 
 
 def agree(title: str, stated: str) -> bool:
@@ -78,33 +78,33 @@ def agree(title: str, stated: str) -> bool:
     if title == stated or not readings(title):
         return True
     turn = registry().Unit("turn")
-    found = _pairs(title, stated)
-    if any(_is_unclear(one, other) for one, other in found):
-        found += [(one * turn, other) for one, other in found if not _angles(one)]
+    pairs = _pairs(title, stated)
+    if any(_is_unclear(unit, other) for unit, other in pairs):
+        pairs += [(unit * turn, other) for unit, other in pairs if not _angles(unit)]
     return any(
         math.isclose(way.factor, 1.0, rel_tol=1e-12) and not way.offset
-        for way in itertools.starmap(_way, found)
+        for way in itertools.starmap(_way, pairs)
         if way is not None
     )
 
 
 def _pairs(given: str, wanted: str) -> list[tuple[Any, Any]]:
     return [
-        (one, other)
-        for one, other in itertools.product(readings(given), readings(wanted))
-        if one.dimensionality == other.dimensionality and _way(one, other) is not None
+        (unit, other)
+        for unit, other in itertools.product(readings(given), readings(wanted))
+        if unit.dimensionality == other.dimensionality and _way(unit, other) is not None
     ]
 
 
 @cache
-def _way(one: Any, other: Any) -> Conversion | None:
+def _way(unit: Any, other: Any) -> Conversion | None:
     """The conversion of one unit of pint into another, None if it has none."""
     quantity = registry().Quantity
-    if step(one) is None or step(other) is None:
+    if step(unit) is None or step(other) is None:
         return None
     try:
-        zero = float(quantity(0.0, one).to(other).magnitude)
-        factor = float(quantity(1.0, one).to(other).magnitude)
+        zero = float(quantity(0.0, unit).to(other).magnitude)
+        factor = float(quantity(1.0, unit).to(other).magnitude)
     except Exception:  # pint's, of which there are many
         return None
     found = Conversion(factor - zero if zero else factor, zero)
@@ -118,14 +118,14 @@ def _angles(unit: Any) -> float:
 
 
 @cache
-def _is_unclear(one: Any, other: Any) -> bool:
+def _is_unclear(unit: Any, other: Any) -> bool:
     """True if one counts turns or radians, and the other does not say which.
 
     That radians are left out, as in N m s for N m s/rad, is clear.
     """
-    if _angles(one) == _angles(other):
+    if _angles(unit) == _angles(other):
         return False
-    angular, bare = (one, other) if _angles(one) else (other, one)
+    angular, bare = (unit, other) if _angles(unit) else (other, unit)
     rate = set(bare.dimensionality) == {"[time]"}
     return rate or bool(_names(bare) & _COUNTING) or _angles(bare) != 0 or not _in_radians(angular)
 

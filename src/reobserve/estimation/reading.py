@@ -211,7 +211,7 @@ class File:
                 times = date_columns.read(texts, rows.clock.dates, dialect.nothing, rows.report)
             if times is None:
                 cells = zip(*(column.to_pylist() for column in texts), strict=True)
-                times = np.array([rows.time(one) for one in cells])
+                times = np.array([rows.time(row) for row in cells])
             read.insert(0, times)
         if dialect.timed and np.isnan(read[0]).any():
             raise ValueError
@@ -304,16 +304,16 @@ class File:
         if times is not None:
             return times
         where = f"of column {' and '.join(map(shown, clock.titles))}"
-        found = []
+        seconds = []
         for row, cells in enumerate(
             zip(*(column.to_pylist() for column in columns), strict=True), rows + 1
         ):
             texts = [bare(cell or "") for cell in cells]
-            found.append(
+            seconds.append(
                 math.nan if any(text in NOTHING for text in texts) else
                 dates.seconds(" ".join(texts), f"row {row} {where}", str(self.path), report)
             )  # fmt: skip
-        return np.array(found)
+        return np.array(seconds)
 
     def _floats(self, column: Any, name: str) -> Array:
         import pyarrow as pa

@@ -58,7 +58,7 @@ def as_table(report: DataReport, period: float) -> str:
     lines.append(("estimates", f"{report.estimates}" + (f": {listed}" if listed else "")))
     for name, alarm in report.alarms.items():
         lines.append((f"alarm {name}", _alarm_line(alarm, at)))
-        lines += [("", _size(one, alarm.unit, at)) for one in alarm.summary()["intervals"][:5]]
+        lines += [("", _size(each, alarm.unit, at)) for each in alarm.summary()["intervals"][:5]]
     width = max(len(name) for name, _ in lines)
     said = [f"  {name:<{width}}  {value}" for name, value in lines]
     return "\n".join(said + [f"  warning: {warning}" for warning in report.warnings])
@@ -88,8 +88,8 @@ def _alarm_line(alarm: AlarmReport, at: Callable[[float], str]) -> str:
         said += f"; {alarm.after_gap} rows beyond it in or after gaps, as the observer predicts"
     if alarm.first is None:
         return f"none; {said}"
-    found = alarm.summary()["interval_count"]
-    times = "once" if found == 1 else f"{found} times"
+    count = alarm.summary()["interval_count"]
+    times = "once" if count == 1 else f"{count} times"
     first = f"first at {at(alarm.first)}"
     if alarm.earlier is not None:
         first += f" or earlier (beyond the threshold from {at(alarm.earlier)} on, in start-up)"

@@ -117,10 +117,10 @@ class RowByRow:
                 raise
         if "outlier" in estimates:
             made.count_outliers(estimates["outlier"])
-        found = made.outputs.row(y, estimates)
-        at, row = np.array([time]), np.array([found])
+        columns = made.outputs.row(y, estimates)
+        at, row = np.array([time]), np.array([columns])
         raised = [float(alarm.raised(at, row, report, estimates)[0]) for alarm in made.alarms]
-        return result(report.stamp(time), found, raised, MEASURED, self.digits)
+        return result(report.stamp(time), columns, raised, MEASURED, self.digits)
 
     def cut_off(self, rest: str, how: str) -> None:
         """End a file that was replaced or truncated, with the ``rest`` of an unfinished line."""
@@ -139,13 +139,13 @@ class RowByRow:
         rows, taken, place = self.rows, list[str](), self.estimation.place
         rows.line = 0
 
-        def kept() -> Iterator[str]:
+        def copied() -> Iterator[str]:
             for line in lines:
                 taken.append(line)
                 yield line
 
         try:
-            head = read_head(kept(), rows.dialect, place)
+            head = read_head(copied(), rows.dialect, place)
         except InputError:
             if any(map(str.strip, taken)):
                 raise
@@ -154,7 +154,7 @@ class RowByRow:
             rows.line = head.lines
             return lines if head.first is None else chain([head.first], lines)
         if set(head.titles) & set(rows.titles):
-            was, now = (shown(",".join(one.titles)) for one in (rows.head, head))
+            was, now = (shown(",".join(each.titles)) for each in (rows.head, head))
             raise InputError(place, f"goes on with the header {now}, must have that before, {was}")
         return chain(taken, lines)
 

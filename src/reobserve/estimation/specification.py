@@ -167,26 +167,26 @@ class Columns:
     def __post_init__(self) -> None:
         if not self.measurements:
             raise InputError("measurements", "are none, must be one or more")
-        named = list(self.time.columns)
-        if len(set(named)) < len(named):
-            raise InputError("time.column", f"takes the column {shown(named[0])} a second time")
-        for k, one in enumerate(self.measurements):
-            if one.missing is not None:
+        taken = list(self.time.columns)
+        if len(set(taken)) < len(taken):
+            raise InputError("time.column", f"takes the column {shown(taken[0])} a second time")
+        for k, column in enumerate(self.measurements):
+            if column.missing is not None:
                 problem = "hold is for inputs; sampling.missing is for measurements"
                 raise InputError(f"measurements.{k}.missing", problem)
         for place in ("measurements", "inputs"):
-            for one in getattr(self, place):
-                if isinstance(one, Constant):
+            for column in getattr(self, place):
+                if isinstance(column, Constant):
                     continue
-                if one.column in named:
-                    raise InputError(place, f"take the column {shown(one.column)} a second time")
-                named.append(one.column)
+                if column.column in taken:
+                    raise InputError(place, f"take the column {shown(column.column)} a second time")
+                taken.append(column.column)
 
     @property
     def read(self) -> tuple[Column, ...]:
         """The columns that the observer reads, measurements first."""
-        given = (*self.measurements, *self.inputs)
-        return tuple(one for one in given if isinstance(one, Column))
+        columns = (*self.measurements, *self.inputs)
+        return tuple(column for column in columns if isinstance(column, Column))
 
 
 @dataclass(frozen=True)
@@ -359,8 +359,8 @@ def as_specification(tree: Tree) -> Specification:
     InputError
         With the dotted key of what is missing, unknown or wrong.
     """
-    beside = "observer" not in tree and any(name in tree for name in ("kind", "sampling_period"))
-    if beside:
+    flat = "observer" not in tree and any(name in tree for name in ("kind", "sampling_period"))
+    if flat:
         keys = {name: part for name, part in tree.items() if name not in SECTIONS}
         tree = {name: part for name, part in tree.items() if name in SECTIONS}
         tree["observer"] = keys
@@ -374,7 +374,7 @@ def as_specification(tree: Tree) -> Specification:
     try:
         return parse(Specification, tree)
     except InputError as error:
-        name = error.parameter.removeprefix("observer.") if beside else error.parameter
+        name = error.parameter.removeprefix("observer.") if flat else error.parameter
         raise error.renamed(name) from None
 
 

@@ -80,22 +80,22 @@ def specified(
     if "columns" not in tree:
         return SpecifiedDesign(design, own, labels, (), left, from_file)
     columns = replace(chosen.columns, time=TimeColumn())
-    titles = [one.column for one in columns.read]
+    titles = [column.column for column in columns.read]
     layout = lay_out(columns, design, titles, "the specification")
     given = [
         NamedSignal(name, unit)
         for name, unit in zip(map(_identifier, layout.names), layout.units, strict=True)
     ]
     parts = given[: layout.measurements], given[layout.measurements :]
-    for k, one in enumerate(columns.inputs):
-        if isinstance(one, Constant):
+    for k, entry in enumerate(columns.inputs):
+        if isinstance(entry, Constant):
             name, unit = design.inputs[k] if k < len(design.inputs) else (f"input_{k + 1}", "")
-            parts[1].insert(k, NamedSignal(name, unit or one.unit))
+            parts[1].insert(k, NamedSignal(name, unit or entry.unit))
     for key, signals in zip(("measurements", "inputs"), parts, strict=True):
         design = _carried(design, key, dict(signals), len(signals))
     own = design.measurements, design.inputs
     named = [
-        mine if len(mine) == len(read) and not all(_NUMBERED.fullmatch(one.name) for one in mine)
+        mine if len(mine) == len(read) and not all(_NUMBERED.fullmatch(each.name) for each in mine)
         else read
         for mine, read in zip(own, parts, strict=True)
     ]  # fmt: skip
@@ -118,13 +118,13 @@ def _specification(tree: Tree, kind: str, changed: Mapping[str, Any]) -> Specifi
 def _identifier(name: str) -> str:
     """A name of letters, digits and _, without a unit at its end."""
     plain = unicodedata.normalize("NFKD", re.split(r"\s*[\[(]", name)[0] or name)
-    found = re.sub(r"\W+", "_", plain.encode("ascii", "ignore").decode()).strip("_")[:_LONGEST]
-    return found if found[:1].isalpha() else f"column_{found}"[:_LONGEST]
+    word = re.sub(r"\W+", "_", plain.encode("ascii", "ignore").decode()).strip("_")[:_LONGEST]
+    return word if word[:1].isalpha() else f"column_{word}"[:_LONGEST]
 
 
-def _renamed(design: Design, named: Mapping[str, Mapping[str, str]]) -> Design:
+def _renamed(design: Design, names: Mapping[str, Mapping[str, str]]) -> Design:
     """The design with the names of estimates, where its system can have them."""
-    for name, labels in named.items():
+    for name, labels in names.items():
         signals = {_identifier(label): unit for label, unit in labels.items()}
         key = _FIELDS.get(name, f"{name}s")
         with suppress(InputError):
@@ -161,17 +161,17 @@ def _estimates(design: Design) -> list[tuple[str, list[str]]]:
 
 def _labels(design: Design, chosen: Specification) -> dict[str, list[NamedSignal]]:
     """Names of estimates as the specification states them, in the units of the design."""
-    found = {}
+    signals = {}
     for name, labels in chosen.estimates.items():
         own = design.estimates[name]
         if len(labels) != len(own):
             problem = f"names {len(labels)} components, the observer estimates {len(own)}"
             raise InputError(f"estimates.{name}", problem)
-        found[name] = [
+        signals[name] = [
             NamedSignal(_identifier(label), part.unit or unit)
             for (label, unit), part in zip(labels.items(), own, strict=True)
         ]
-    return found
+    return signals
 
 
 def _left_out(tree: Tree) -> str:
@@ -182,19 +182,19 @@ def _left_out(tree: Tree) -> str:
 
 def _readings(columns: Columns) -> Iterator[str]:
     """Sentences on what the observer reads in place of a column's own values."""
-    for one in columns.read:
-        name = _identifier(one.column)
-        if one.offset:
-            sign = "-" if one.offset > 0 else "+"
-            value = f"{abs(one.offset):g} {one.unit}".rstrip()
+    for column in columns.read:
+        name = _identifier(column.column)
+        if column.offset:
+            sign = "-" if column.offset > 0 else "+"
+            value = f"{abs(column.offset):g} {column.unit}".rstrip()
             yield f"{name} is the deviation from the operating point, {name} {sign} {value}"
-        if one.wrap is not None:
+        if column.wrap is not None:
             yield f"{name} is an angle that goes on beyond a turn, without jumps"
-        if one.range is not None and one.saturated == "missing":
+        if column.range is not None and column.saturated == "missing":
             yield f"{name} is missing (nan) where the sensor is saturated"
 
 
 def _constants(columns: Columns, signals: Sequence[NamedSignal]) -> Iterator[str]:
-    for one, (name, _) in zip(columns.inputs, signals, strict=True):
-        if isinstance(one, Constant):
-            yield f"{name} is constant, {one.value:g} {one.unit}".rstrip()
+    for column, (name, _) in zip(columns.inputs, signals, strict=True):
+        if isinstance(column, Constant):
+            yield f"{name} is constant, {column.value:g} {column.unit}".rstrip()

@@ -97,8 +97,8 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, s
 
 def identity(specification: Path, files: Iterable[Path]) -> str:
     """The content of a specification, and of the files it names, which tells it from others."""
-    named = [digest_of(read_text(path)) for path in files]
-    return digest_of("".join([read_text(specification), *named]))
+    digests = [digest_of(read_text(path)) for path in files]
+    return digest_of("".join([read_text(specification), *digests]))
 
 
 def digest_of(text: str) -> str:

@@ -58,18 +58,18 @@ def find_time(
     dated = [k for k, cells in enumerate(some) if _all(DATE, cells) or _all(_DASHED, cells)]
     dated += [k for k, cells in enumerate(some) if _all(_COMPACT, cells) and _rises(cells, float)]
     for k in dated:
-        if found := _dated(titles[k], some[k], notes):
-            return found
+        if time := _dated(titles[k], some[k], notes):
+            return time
     for k, cells in enumerate(some):
         if not _all(DAY, cells):
             continue
         if k + 1 < len(some) and _all(HOUR, some[k + 1]):
             parts = 3 if k + 2 < len(some) and _all(_HALF, some[k + 2]) else 2
             joined = list(map(" ".join, zip(*some[k : k + parts], strict=True)))
-            if found := _dated("", joined, notes):
-                return {**found, "column": list(titles[k : k + parts])}
-        elif found := _dated(titles[k], cells, notes):
-            return found
+            if time := _dated("", joined, notes):
+                return {**time, "column": list(titles[k : k + parts])}
+        elif time := _dated(titles[k], cells, notes):
+            return time
     return (
         _in_parts(titles, some, number)
         or _of_day(titles, some, notes)
@@ -102,7 +102,7 @@ def _rises(cells: Column, number: Callable[[str], float | None], named: bool = F
     Where a column is ``named`` as time, some may fall, and many be repeated.
     """
     read = [number(cell) for cell in cells if cell]
-    known = [one for one in read if one is not None]
+    known = [value for value in read if value is not None]
     if len(known) < max(2.0, 0.9 * len(cells)):
         return False
     falls = sum(a > b for a, b in pairwise(known))
@@ -120,7 +120,7 @@ def _numbered(
 ) -> dict[str, Any]:
     """The column of numbers that looks most like time."""
     names = [_TITLE.search(re.sub(r"[^\w ].*", "", title).strip()) for title in titles]
-    rising = [k for k, one in enumerate(columns) if _rises(one, number, names[k] is not None)]
+    rising = [k for k, cells in enumerate(columns) if _rises(cells, number, names[k] is not None)]
     rising = [k for k in rising if not _is_clock(columns[k], number)]
     rising = [k for k in rising if not _is_quantity(titles[k])]
     named = [k for k in rising if names[k] is not None]
@@ -161,7 +161,7 @@ def is_time(unit: str) -> bool:
 def _is_clock(cells: Column, number: Callable[[str], float | None]) -> bool:
     """True if numbers are hours and minutes, such as 2359, and not those of rows."""
     read = [number(cell) for cell in cells if cell]
-    whole = [int(one) for one in read if one is not None and one == int(one)]
+    whole = [int(value) for value in read if value is not None and value == int(value)]
     return len(whole) == len(read) > 100 and max(whole) in (2300, 2330, 2345, 2350, 2355, 2359)
 
 
@@ -175,8 +175,8 @@ def _in_parts(
         if not year or not (_within(year, 1970, 2100) or _within(year, 0, 99)):
             continue
         count = 0
-        for one, (low, high) in zip(rest, _PARTS, strict=False):
-            if not one or not _within(one, low, high):
+        for values, (low, high) in zip(rest, _PARTS, strict=False):
+            if not values or not _within(values, low, high):
                 break
             count += 1
         if count < 3 or len(set(rest[count - 1] or ())) < 2 or len(set(year)) > 5:
@@ -244,8 +244,8 @@ def _forms(cell: str) -> list[str]:
     """Formats that a date may have."""
     if _COMPACT.fullmatch(cell):
         return ["".join(_FORMS[: len(cell) // 2 - 1])]
-    if found := _DASHED.fullmatch(cell):
-        return [f"%Y-%m-%d{found[1]}%H-%M-%S"]
+    if match := _DASHED.fullmatch(cell):
+        return [f"%Y-%m-%d{match[1]}%H-%M-%S"]
     day = DAY.match(cell)
     if day is None:
         return []
@@ -256,7 +256,7 @@ def _forms(cell: str) -> list[str]:
         return days
     between = rest[: len(rest) - len(rest.lstrip("T ,_"))]
     ends = product(_HOURS, ("", "%z", " %z"))
-    found_forms = [f"{one}{between}{hour}{zone}" for one, (hour, zone) in product(days, ends)]
+    found_forms = [f"{date}{between}{hour}{zone}" for date, (hour, zone) in product(days, ends)]
     return [form for form in found_forms if _read(form, cell) is not None]
 
 

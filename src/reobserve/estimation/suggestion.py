@@ -74,8 +74,8 @@ def suggest(path: Path) -> Suggestion:
     lines = text.split("\n")
     ended = whole and not lines[-1]
     lines = [line.rstrip("\r") for line in (lines[:-1] if ended or not whole else lines)]
-    found = [_Grid(lines, delimiter) for delimiter in _DELIMITERS]
-    best = max(found, key=lambda grid: grid.score)
+    grids = [_Grid(lines, delimiter) for delimiter in _DELIMITERS]
+    best = max(grids, key=lambda grid: grid.score)
     if not best.score:
         raise InputError(str(path), "has no lines that look like rows of numbers")
     return best.suggestion(encoding, ended or not whole)
@@ -173,8 +173,8 @@ class _Grid:
         for (decimal, thousands), form in _GROUPED.items():
             if any(map(form.fullmatch, cells)):
                 return decimal, thousands
-        commas = sum("," in one and bool(_NUMBERS[","].fullmatch(one)) for one in cells)
-        points = sum("." in one and bool(_NUMBERS["."].fullmatch(one)) for one in cells)
+        commas = sum("," in cell and bool(_NUMBERS[","].fullmatch(cell)) for cell in cells)
+        points = sum("." in cell and bool(_NUMBERS["."].fullmatch(cell)) for cell in cells)
         return ("," if commas > points else "."), ""
 
     def _is_number(self, cell: str) -> bool:
@@ -236,9 +236,9 @@ class _Grid:
         doubtful = [title[:1] in "\0" or titles.count(title) > 1 for title in titles]
         unlike = [f"\0{k}" if doubtful[k] else title for k, title in enumerate(titles)]
         time = find_time(unlike, body, self._number, notes)
-        named = [time["column"]] if isinstance(time.get("column"), str) else time.get("column", [])
-        if any(name.startswith("\0") for name in named):
-            file, titles, time = self._named(file, titles, time, named)
+        timed = [time["column"]] if isinstance(time.get("column"), str) else time.get("column", [])
+        if any(name.startswith("\0") for name in timed):
+            file, titles, time = self._named(file, titles, time, timed)
             notes.append(
                 "time has no title, or one that occurs twice; file.names states all titles"
             )
@@ -250,20 +250,20 @@ class _Grid:
         return Suggestion(columns, file, titles, self.rows[self.start], notes)
 
     def _named(
-        self, file: dict[str, Any], titles: list[str], time: dict[str, Any], named: list[str]
+        self, file: dict[str, Any], titles: list[str], time: dict[str, Any], timed: list[str]
     ) -> tuple[dict[str, Any], list[str], dict[str, Any]]:
         """The same with a name for each column of the time."""
         names = [*titles, *[""] * (self.width - len(titles))]
-        for k, old in enumerate(named):
+        for k, old in enumerate(timed):
             if old.startswith("\0"):
-                names[int(old[1:])] = "time" if len(named) == 1 else f"time {k + 1}"
-        new = ["time" if len(named) == 1 else f"time {k + 1}" if old.startswith("\0") else old
-               for k, old in enumerate(named)]  # fmt: skip
-        kept = {k: v for k, v in file.items() if k not in ("header", "below_header")}
-        kept = {**kept, "skip": self.start, "names": names}
+                names[int(old[1:])] = "time" if len(timed) == 1 else f"time {k + 1}"
+        new = ["time" if len(timed) == 1 else f"time {k + 1}" if old.startswith("\0") else old
+               for k, old in enumerate(timed)]  # fmt: skip
+        keys = {k: v for k, v in file.items() if k not in ("header", "below_header")}
+        keys = {**keys, "skip": self.start, "names": names}
         if not self.start:
-            del kept["skip"]
-        return kept, names, {**time, "column": new[0] if len(new) == 1 else new}
+            del keys["skip"]
+        return keys, names, {**time, "column": new[0] if len(new) == 1 else new}
 
     def _sign(self, lines: list[str]) -> str:
         """The sign with which all lines begin, or nothing."""
@@ -344,8 +344,8 @@ class _Grid:
             if len(texts) == len(set(texts)) and 0.5 * self.width < len(texts) <= len(cells) >= (
                 self.width - 1
             ):  # fmt: skip
-                given = [*cells, *[""] * self.width][: self.width]
-                names = [a or b for a, b in zip(given, names, strict=True)]
+                padded = [*cells, *[""] * self.width][: self.width]
+                names = [a or b for a, b in zip(padded, names, strict=True)]
                 break
         return {**file, "names": names}, names
 
@@ -381,10 +381,10 @@ class _Grid:
 
     def _missing(self) -> list[str]:
         """Texts that stand where other rows have values."""
-        found: dict[str, None] = {}
+        texts: dict[str, None] = {}
         for column in zip(*self._body, strict=True):
             known = [cell for cell in column if cell]
             odd = [cell for cell in known if not self._is_value(cell)]
             if 0 < len(odd) < 0.5 * len(known) and len(set(odd)) <= _MOST_TEXTS:
-                found.update(dict.fromkeys(odd))
-        return list(found)[:20]
+                texts.update(dict.fromkeys(odd))
+        return list(texts)[:20]

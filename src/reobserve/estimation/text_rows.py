@@ -88,7 +88,7 @@ class TextRows:
         self.clock, self.place, self.report = clock, place, report
         self.width = len(head.titles)
         self.places = [head.titles.index(title) for title in columns]
-        self.clocks = [] if clock is None else [head.titles.index(one) for one in clock.titles]
+        self.clocks = [] if clock is None else [head.titles.index(title) for title in clock.titles]
         self.line = head.lines
         self.ended, self.repeats = True, False
         self.held: InputError | None = None
@@ -155,20 +155,20 @@ class TextRows:
 
     def numbers(self, cells: list[str]) -> list[float] | None:
         """The numbers in the columns to read, nan where there are none, or None as in `cells`."""
-        found = []
+        values = []
         for column in range(len(self.places)):
             try:
-                found.append(self.number(column, cells))
+                values.append(self.number(column, cells))
             except InputError as error:
                 self._hold(error)
                 return None
-        return found
+        return values
 
     def number(self, column: int, cells: list[str]) -> float:
         """The number in one of the columns to read (raises as `numbers`)."""
         try:
             if self.clock is not None and column == 0:
-                return self.time([cells[one] for one in self.clocks])
+                return self.time([cells[place] for place in self.clocks])
             return self.dialect.number(cells[self.places[column]])
         except ValueError as error:
             raise self.refusal(column, cells, error) from None
@@ -270,9 +270,9 @@ def _hint(cell: str, decimal: str) -> str:
     if _HOUR.match(text):
         return '; of times of day state columns.time.format, as "%H:%M:%S", and columns.time.day'
     keys = []
-    if (found := _DECIMAL.fullmatch(text)) and found[1] != decimal:
-        keys.append(f'columns.decimal: "{found[1]}"')
-    if found := _THOUSANDS.fullmatch(text):
-        key, other = f'columns.thousands: "{found[1]}"', found[2] or decimal
+    if (match := _DECIMAL.fullmatch(text)) and match[1] != decimal:
+        keys.append(f'columns.decimal: "{match[1]}"')
+    if match := _THOUSANDS.fullmatch(text):
+        key, other = f'columns.thousands: "{match[1]}"', match[2] or decimal
         keys.append(key + (f' and columns.decimal: "{other}"' if other != decimal else ""))
     return f"; state {' or '.join(keys)}" if keys else ""

@@ -87,7 +87,7 @@ class Timestamps:
         held = len(self.held_time) if repeated in _GROUPS else 0
         time = self.held_time[:held] + self.sampling.period * np.arange(held)
         report.repeated += max(held - 1, 0)
-        found = self._checked(time, self.held_values[:held], True)
+        checked = self._checked(time, self.held_values[:held], True)
         median = float(np.median(self.begun)) if self.begun else np.inf
         if self.sampling.uneven != "refuse" and median < self.sampling.period / 1.5:
             report.warn(
@@ -101,7 +101,7 @@ class Timestamps:
                 f"{_GROUPS.get(repeated, 'before, and were left out')}"
             )
         self.held_time = time[:0]
-        return found
+        return checked
 
     def _grouped(self, time: Array, values: Array) -> tuple[Array, Array]:
         """Rows up to the last timestamp, of which those that share one are one or are spread."""
@@ -174,8 +174,8 @@ class Timestamps:
     def _filled(self, steps: Array) -> Array:
         """The slots between rows that policies may fill."""
         most = np.inf if self.sampling.at_gap == "coast" else float(self._bridged)
-        found: Array = np.clip(np.floor(steps / self.sampling.period - 0.5), 0.0, most)
-        return found
+        slots: Array = np.clip(np.floor(steps / self.sampling.period - 0.5), 0.0, most)
+        return slots
 
     def _check_filled(self, steps: Array) -> None:
         """Refuse to fill more slots in all gaps together than rows are worth, and a million."""
@@ -391,8 +391,8 @@ def _times(
     inside = times <= last + _ROUNDING * period if closed else times < last - _ROUNDING * period
     if after is not None:
         inside &= times > after + _ROUNDING * period
-    found: Array = times[inside]
-    return found
+    chosen: Array = times[inside]
+    return chosen
 
 
 def _snapped(times: Array, samples: Array, rounding: float) -> Array:

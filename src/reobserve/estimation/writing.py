@@ -225,7 +225,7 @@ def _parquet(
                 dates: Any = date_columns.ticks_of(block.time, report)
                 if dates is None:
                     unit = 1000 if report.digits == 6 else 1
-                    dates = [report.nanoseconds(one) // unit for one in block.time.tolist()]
+                    dates = [report.nanoseconds(seconds) // unit for seconds in block.time.tolist()]
                 time = pa.array(dates, kinds[0])
             schema = pa.schema(list(zip(titles, kinds, strict=True)))
             if writer is None:  # as the first rows say what times are

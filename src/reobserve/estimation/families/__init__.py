@@ -46,8 +46,8 @@ def family(name: Any, place: str = "kind") -> type[Design]:
     if not isinstance(name, str) or name not in FAMILIES:
         raise InputError(place, f"{shown(name)} must be one of {', '.join(FAMILIES)}")
     module, _, attribute = FAMILIES[name].partition(":")
-    found: type[Design] = getattr(import_module(f"{__name__}.{module}"), attribute)
-    return found
+    kind: type[Design] = getattr(import_module(f"{__name__}.{module}"), attribute)
+    return kind
 
 
 def name_of(kind: type[Design]) -> str:
@@ -58,8 +58,8 @@ def name_of(kind: type[Design]) -> str:
     InputError
         If it is not in the table.
     """
-    named = f"{kind.__module__}:{kind.__qualname__}"
+    address = f"{kind.__module__}:{kind.__qualname__}"
     for name, where in FAMILIES.items():
-        if f"{__name__}.{where}" == named:
+        if f"{__name__}.{where}" == address:
             return name
     raise InputError("design", f"{shown(kind.__name__)} must be a design of a family that there is")

@@ -64,9 +64,9 @@ class UnknownInputSystem(NoisySystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        named = len(self.unknown_inputs)
-        if named:
-            check_shape("fault_matrix", self.fault_matrix, (len(self.A), named))
+        count = len(self.unknown_inputs)
+        if count:
+            check_shape("fault_matrix", self.fault_matrix, (len(self.A), count))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

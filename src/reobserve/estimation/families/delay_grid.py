@@ -139,8 +139,8 @@ class DelayGridDesign(FilterDesign):
 
     def summary(self) -> list[str]:
         """The grid, and how the delay moves on it."""
-        grid, kept = self.observer.grid, self.certificate["least_kept"]
+        grid, least = self.observer.grid, self.certificate["least_kept"]
         return [
             f"Kalman filters for {len(grid)} delays from {grid[0]:g} s to {grid[-1]:g} s",
-            f"a delay is kept from row to row with the probability {kept:.6g} or more",
+            f"a delay is kept from row to row with the probability {least:.6g} or more",
         ]

@@ -127,11 +127,11 @@ class FaultySystem(System):
     def augmented(self) -> AugmentedSystem:
         """The system with filter and faults, or `InputError` if faults cannot be distinguished."""
         rows = {"B": self.A, "Fa": self.A, "Fs": self.C, "Dd": self.A, "Dw": self.C}
-        given = {
+        matrices = {
             name: np.zeros((len(like), 0)) if (value := getattr(self, name)) is None else value
             for name, like in rows.items()
         }
-        return AugmentedSystem(self.A, C=self.C, Az=self.filter_rate, **given)
+        return AugmentedSystem(self.A, C=self.C, Az=self.filter_rate, **matrices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,19 +161,19 @@ class EsoDesign(Design):
     @classmethod
     def find_gains(cls, system: FaultySystem) -> EsoGains:
         """Gains by linear matrix inequalities."""
-        found: Found
+        solution: Found
         augmented, derivative = system.augmented, system.structure == "pd_pi"
         if system.decay is not None:
-            found = pi.design_feasible(augmented, system.decay, system.solver)
+            solution = pi.design_feasible(augmented, system.decay, system.solver)
         elif system.bound is not None:
-            found = pd_pi.design_minimum_gamma(
+            solution = pd_pi.design_minimum_gamma(
                 augmented, 0.0, system.bound, system.radius, system.solver, derivative=derivative
             )
         else:
-            found = pd_pi.design(
+            solution = pd_pi.design(
                 augmented, system.factor, solver=system.solver, derivative=derivative
             )
-        return EsoGains(found.gains.L, found.gains.Ld, found.method, found.gamma)
+        return EsoGains(solution.gains.L, solution.gains.Ld, solution.method, solution.gamma)
 
     @cached_property
     def observer(self) -> ExtendedStateObserver:
@@ -198,10 +198,10 @@ class EsoDesign(Design):
 
     def start(self) -> EsoState | None:
         """The initial state without faults, the filter at rest at what it measures."""
-        stated = self.system.initial_state
-        if stated is None:
+        initial = self.system.initial_state
+        if initial is None:
             return None
-        x = np.asarray(stated, dtype=np.float64)
+        x = np.asarray(initial, dtype=np.float64)
         filtered = self.system.C @ x
         faults = np.zeros(self.system.augmented.faults)
         return self.observer.init(np.concatenate([x, filtered, faults]), filtered)
@@ -214,26 +214,26 @@ class EsoDesign(Design):
     def residual(self, y: Array, estimates: Estimates) -> Array:
         """The part of y that neither the state nor the sensor fault explains."""
         system = self.system.augmented
-        found: Array = y.copy()  # column by column: bitwise the same for a row and for many
+        residual: Array = y.copy()  # column by column: bitwise the same for a row and for many
         # r = y - C x - Fs fs
         for matrix, values in (
             (system.C, estimates["state"]), (system.Fs, estimates["sensor_fault"]),
         ):  # fmt: skip
             for column in range(matrix.shape[1]):
-                found -= values[:, column, None] * matrix[:, column]
-        return found
+                residual -= values[:, column, None] * matrix[:, column]
+        return residual
 
     def certify(self) -> Certificate:
         """Poles, and bounds of the H-infinity norm, proved."""
         gains = self.observer.gains
-        found = certify(self.system.augmented, gains, self.gains.gamma)
-        if not found.holds:
-            raise InputError("L", f"and Ld do not hold what they promise: {found.reason}")
+        certificate = certify(self.system.augmented, gains, self.gains.gamma)
+        if not certificate.holds:
+            raise InputError("L", f"and Ld do not hold what they promise: {certificate.reason}")
         return {
             "poles": pairs(self.observer.poles),
-            "norm_lower": found.norm_lower,
-            "norm_upper": found.norm_upper,
-            "floor": found.floor,
+            "norm_lower": certificate.norm_lower,
+            "norm_upper": certificate.norm_upper,
+            "floor": certificate.floor,
         }
 
     def summary(self) -> list[str]:

@@ -65,23 +65,23 @@ _RECORDS = {
 @cache
 def examples() -> dict[str, Example]:
     """The examples of all families, by their names."""
-    return {name: one for kind in FAMILIES for name, one in family(kind).records.items()}
+    return {name: example for kind in FAMILIES for name, example in family(kind).records.items()}
 
 
 def _example(name: str) -> Example:
     """The example of one name, of which the family is imported alone."""
     kind = next((kind for kind in FAMILIES if name == kind or name.startswith(f"{kind}-")), "")
-    found = family(kind).records if kind else examples()
-    if name not in found:
+    records = family(kind).records if kind else examples()
+    if name not in records:
         raise InputError("example", f"there is no {shown(name)}{nearest(name, examples())}")
-    return found[name]
+    return records[name]
 
 
 def specification_text(name: str) -> str:
     """The specification of an example, with comments."""
-    found = _example(name)
-    alarms = f"alarms:\n{found.alarms}" if found.alarms else ""
-    return f"{found.observer}{_RECORDS[found.plant]}{alarms}"
+    example = _example(name)
+    alarms = f"alarms:\n{example.alarms}" if example.alarms else ""
+    return f"{example.observer}{_RECORDS[example.plant]}{alarms}"
 
 
 def simulated(name: str) -> Simulated:

@@ -91,9 +91,9 @@ class ExtendedHighGainDesign(Design):
     records: ClassVar = {"extended-high-gain": Example("lag", _RECORD)}
 
     def __post_init__(self) -> None:
-        named, most = len(self.system.inputs), self.gains.order + 1
-        if named not in (0, 1, most):
-            problem = f"name {named} signals, must name 1, or {most} with the derivatives"
+        count, most = len(self.system.inputs), self.gains.order + 1
+        if count not in (0, 1, most):
+            problem = f"name {count} signals, must name 1, or {most} with the derivatives"
             raise InputError("inputs", problem)
 
     @cached_property

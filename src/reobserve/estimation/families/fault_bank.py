@@ -134,9 +134,9 @@ class FaultBankDesign(FilterDesign):
     @property
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """State, faults and their rates, and the probabilities of the modes."""
-        modes = ("drifting", *(f"{one.name}_jumps" for one in self.faults))
+        modes = ("drifting", *(f"{fault.name}_jumps" for fault in self.faults))
         rates = tuple(
-            NamedSignal(f"{one.name}_rate", product(one.unit, "1/s")) for one in self.faults
+            NamedSignal(f"{fault.name}_rate", product(fault.unit, "1/s")) for fault in self.faults
         )
         return {
             **super().estimates,

@@ -107,15 +107,15 @@ class IloDesign(BodyDesign):
         kind = SampledILO if self.system.variant == "sampled" else ILO
         gains, period = self.gains, self.system.sampling_period
         interval = period if gains.update_interval is None else gains.update_interval
-        found = kind(
+        observer = kind(
             self.system.body, gains.K1, gains.K2, gains.observer_gain, interval,
             sampling_period=period,
         )  # fmt: skip
-        radius = spectral_radius(found.K1)
+        radius = spectral_radius(observer.K1)
         if self.system.variant == "forgetting" and radius >= 1.0:
             problem = f"has the spectral radius {radius:g}; to forget, it must be below 1"
             raise InputError("K1", problem)
-        return found
+        return observer
 
     def certify(self) -> Certificate:
         """Stability, and the predicted errors of the expected fault [N m]."""

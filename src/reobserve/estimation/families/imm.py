@@ -97,13 +97,13 @@ class ManyModes(NoisySystem):
     def systems(self) -> dict[str, LinearSystem]:
         """The linear system of each mode, or `InputError` with the mode that has none."""
         shared = {each.name: getattr(self, each.name) for each in fields(LinearSystem)}
-        found = {}
+        systems = {}
         for name, mode in self.modes.items():
             changed = {key: value for key, value in vars(mode).items() if value is not None}
             with located(f"modes.{name}"):
-                found[name] = LinearSystem(**{**shared, **changed})
-                _ = found[name].model
-        return found
+                systems[name] = LinearSystem(**{**shared, **changed})
+                _ = systems[name].model
+        return systems
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -218,9 +218,9 @@ class ImmDesign(FilterDesign):
 def weighed(probability: Array, innovation: Array) -> Array:
     """Innovations of modes, (k, r, p), by their probabilities, (k, r)."""
     rows, modes, size = innovation.shape
-    found = np.zeros((rows, size))
+    mean = np.zeros((rows, size))
     for k in range(rows):
         for mode in range(modes):
             for place in range(size):
-                found[k, place] += probability[k, mode] * innovation[k, mode, place]
-    return found
+                mean[k, place] += probability[k, mode] * innovation[k, mode, place]
+    return mean

@@ -110,10 +110,10 @@ class KalmanDesign(FilterDesign):
     @cached_property
     def observer(self) -> GaussianFilter:
         """The filter."""
-        stated = rules(self.system)
+        options = rules(self.system)
         if self.gains is None:
-            return KalmanFilter(self.system.model, **stated)
-        return FixedGainObserver(self.system.model, self.gains.gain, **stated)
+            return KalmanFilter(self.system.model, **options)
+        return FixedGainObserver(self.system.model, self.gains.gain, **options)
 
     def certify(self) -> Certificate:
         """Poles of the error at rest, the gain against the Riccati equation's.
@@ -124,8 +124,8 @@ class KalmanDesign(FilterDesign):
             If there is no gain at rest, or the gain is another.
         """
         steady = steady_kalman_gain(self.system.model)
-        given = steady if self.gains is None else self.gains.gain
-        resting = FixedGainObserver(self.system.model, given)  # refuses other shapes
+        gain = steady if self.gains is None else self.gains.gain
+        resting = FixedGainObserver(self.system.model, gain)  # refuses other shapes
         off = kalman_gain_error(self.system.model, resting.gain)
         if off.max() > 1e-6:
             worst = np.unravel_index(np.argmax(off), steady.shape)
@@ -137,6 +137,6 @@ class KalmanDesign(FilterDesign):
 
     def summary(self) -> list[str]:
         """Poles, and how fast errors decay."""
-        kept = "gain that follows the covariance" if self.gains is None else "steady gain"
+        text = "gain that follows the covariance" if self.gains is None else "steady gain"
         period = self.system.sampling_period
-        return [f"Kalman filter, {kept}", *decay_sentences(self.certificate, period)]
+        return [f"Kalman filter, {text}", *decay_sentences(self.certificate, period)]

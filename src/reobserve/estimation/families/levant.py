@@ -136,10 +136,10 @@ class LevantDesign(Design):
 
     def start(self) -> LevantState | None:
         """The initial derivatives, or None for the first measurement."""
-        stated = self.system.initial_state
-        if stated is None:
+        initial = self.system.initial_state
+        if initial is None:
             return None
-        return self.observer.init(as_vector("initial_state", stated, self.gains.order + 1))
+        return self.observer.init(as_vector("initial_state", initial, self.gains.order + 1))
 
     def certify(self) -> Certificate:
         """The error that some steps leave for a signal within the bound: L T^(n+1-i) of each."""

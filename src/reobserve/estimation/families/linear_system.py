@@ -61,8 +61,8 @@ class LinearSystem(System):
     @property
     def mean(self) -> Array:
         """The initial state, zero where it is not stated, shape (n,)."""
-        stated = self.initial_state
-        return np.zeros(len(self.A)) if stated is None else np.array(stated, dtype=np.float64)
+        initial = self.initial_state
+        return np.zeros(len(self.A)) if initial is None else np.array(initial, dtype=np.float64)
 
     def sampled(self, effect: Array) -> Array:
         """A matrix that enters x as B does, sampled, or as it is if its shape is another."""

@@ -114,12 +114,12 @@ class NonlinearSystem(System):
 
     def _place(self, parameter: str) -> str:
         """The key of what a list has for it: ``dynamics[0]`` is that of the first state."""
-        found = re.fullmatch(r"(dynamics|output|higher)\[(\d+)\]", parameter)
-        if found is None:
+        match = re.fullmatch(r"(dynamics|output|higher)\[(\d+)\]", parameter)
+        if match is None:
             return parameter
-        signals = self.measurements if found[1] == "output" else self.states
-        key = "injection" if found[1] == "higher" else found[1]
-        return f"{key}.{list(signals)[int(found[2])]}"
+        signals = self.measurements if match[1] == "output" else self.states
+        key = "injection" if match[1] == "higher" else match[1]
+        return f"{key}.{list(signals)[int(match[2])]}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +183,8 @@ class NormalFormDesign(Design):
     def residual(self, y: Array, estimates: Estimates) -> Array:
         """y - h(x)."""
         read = self.observer.normal_form.problem.system.output
-        found: Array = y - np.array([read(row) for row in estimates["state"]])
-        return found
+        residual: Array = y - np.array([read(row) for row in estimates["state"]])
+        return residual
 
     def certify(self) -> Certificate:
         """Poles of the error in z, the smallest divisor of the series, the size of S beyond x."""

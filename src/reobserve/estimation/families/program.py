@@ -37,22 +37,22 @@ def program_of(
     if not isinstance(observer, Observer):
         raise InputError("observer", f"{shown(observer)} must be an observer")
     kinds = [family(name) for name in FAMILIES] if kind is None else [kind]
-    own = next((one for one in kinds if type(observer) in one.programs), None)
+    own = next((design for design in kinds if type(observer) in design.programs), None)
     if own is None:
-        names = ", ".join(each.__name__ for one in kinds for each in one.programs) or "none"
+        names = ", ".join(each.__name__ for design in kinds for each in design.programs) or "none"
         name = type(observer).__name__
         raise InputError("observer", f"a {name} cannot be exported; {names} can")
     if state is None:
         observer._start(np.zeros(observer.measurements))  # raises if it must be given
     begun = None if state is None else observer._checked(state)
     all_of_them = (observer.measurements, observer.inputs)
-    given = all_of_them if columns is None else columns
-    for one, most in zip(given, all_of_them, strict=True):
-        if one != most and not (own.differentiates and one == 1):
-            raise InputError("columns", f"{shown(given)} must be {all_of_them}, or 1 for signals")
+    sizes = all_of_them if columns is None else columns
+    for width, most in zip(sizes, all_of_them, strict=True):
+        if width != most and not (own.differentiates and width == 1):
+            raise InputError("columns", f"{shown(sizes)} must be {all_of_them}, or 1 for signals")
     make: Any = own.programs[type(observer)]
     if isinstance(make, str):
         module, _, function = make.partition(":")
         make = getattr(import_module(f"reobserve.codegen.programs.{module}"), function)
-    found: Program = make(observer, begun, given) if own.differentiates else make(observer, begun)
-    return found
+    made: Program = make(observer, begun, sizes) if own.differentiates else make(observer, begun)
+    return made

@@ -106,10 +106,10 @@ class BodyDesign(Design):
 
     def start(self) -> RigidBodyState | None:
         """The initial rate without a fault, or None for the first measurement."""
-        stated, fault = self.system.initial_state, self.system.initial_fault
-        if stated is None:
+        rate, fault = self.system.initial_state, self.system.initial_fault
+        if rate is None:
             return None
-        return self.observer.init(stated, np.zeros(3) if fault is None else fault)
+        return self.observer.init(rate, np.zeros(3) if fault is None else fault)
 
     @property
     def unseen(self) -> tuple[str, ...]:

@@ -36,25 +36,25 @@ def periods(system: Any) -> dict[str, Any]:
 
 def rules(system: Any) -> dict[str, Any]:
     """The gate and the memory of a filter, as far as they are stated."""
-    found = {name: getattr(system, name) for name in ("gate", "noise_memory")}
-    stated = {name: value for name, value in found.items() if value is not None}
+    values = {name: getattr(system, name) for name in ("gate", "noise_memory")}
+    options = {name: value for name, value in values.items() if value is not None}
     if system.outliers is not None:
         if system.gate is None:
             raise InputError("outliers", "must be left out without a gate")
-        stated["outliers"] = system.outliers
-    return stated
+        options["outliers"] = system.outliers
+    return options
 
 
 def rule_estimates(
     system: Any, signals: tuple[NamedSignal, ...]
 ) -> Mapping[str, tuple[NamedSignal, ...]]:
     """The estimates that a gate and a memory add, of these measurements."""
-    found = {}
+    added = {}
     if getattr(system, "gate", None) is not None:
-        found["outlier"] = tuple(NamedSignal(f"{one.name}_outlier", "1") for one in signals)
+        added["outlier"] = tuple(NamedSignal(f"{signal.name}_outlier", "1") for signal in signals)
     if getattr(system, "noise_memory", None) is not None:
-        found["noise_variance"] = tuple(
-            NamedSignal(f"{one.name.removesuffix('_variance')}_noise_variance", one.unit)
-            for one in variances(signals)
+        added["noise_variance"] = tuple(
+            NamedSignal(f"{signal.name.removesuffix('_variance')}_noise_variance", signal.unit)
+            for signal in variances(signals)
         )
-    return found
+    return added

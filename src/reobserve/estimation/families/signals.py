@@ -64,9 +64,9 @@ def covariances(signals: Iterable[NamedSignal]) -> tuple[NamedSignal, ...]:
     """The covariance matrix of signals, row by row."""
     among = tuple(signals)
     return tuple(
-        NamedSignal(f"{one.name}_{other.name}_covariance", product(one.unit, other.unit))
-        for one in among
-        for other in among
+        NamedSignal(f"{row.name}_{column.name}_covariance", product(row.unit, column.unit))
+        for row in among
+        for column in among
     )
 
 

@@ -22,15 +22,15 @@ class DesignFile:
         """The design, certified again, if it is one of this sampling period."""
         from reobserve.estimation.families.file import load_design
 
-        found = load_design(Path(self.file))
-        found.start()
-        own = found.observer.sampling_period
+        design = load_design(Path(self.file))
+        design.start()
+        own = design.observer.sampling_period
         if abs(own - period) > 1e-9 * period:
             raise InputError(
                 "file", f"{self.file} is of a sampling period of {own:g} s, sampling.period says "
                 f"{period:g} s",
             )  # fmt: skip
-        return found
+        return design
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +44,9 @@ class Stated:
     def design(self, period: float) -> Design:
         """The design, with gains found where they are not stated."""
         with self.kind.keyed():
-            found = self.kind.of(self.system, self.gains)
-            _ = found.observer, found.start()  # which are refused here
-            return found
+            design = self.kind.of(self.system, self.gains)
+            _ = design.observer, design.start()  # which are refused here
+            return design
 
 
 def stated(tree: Mapping[str, Any], period: float) -> DesignFile | Stated:

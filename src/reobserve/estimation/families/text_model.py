@@ -61,12 +61,12 @@ RECORD = f"""\
 def check_texts(system: Any) -> None:
     """Refuse ``dynamics`` that are not of the states, ``output`` not of the measurements."""
     for name, signals in (("dynamics", system.states), ("output", system.measurements)):
-        given = getattr(system, name)
-        for key in given:
+        texts = getattr(system, name)
+        for key in texts:
             if key not in signals:
                 raise InputError(f"{name}.{key}", f"is of no signal{nearest(key, signals)}")
         for key in signals:
-            if key not in given:
+            if key not in texts:
                 raise InputError(f"{name}.{key}", "is missing; each signal needs one")
     for name in system.inputs:
         if name in system.states:
@@ -139,22 +139,22 @@ class TextSystem(System):
     @property
     def mean(self) -> Array:
         """The initial state, zero where it is not stated, and parameters that are states."""
-        stated = self.initial_state
-        first = [0.0] * len(self.states) if stated is None else stated
+        initial = self.initial_state
+        first = [0.0] * len(self.states) if initial is None else initial
         return np.array([*first, *(self.parameters[name] for name in self.parameter_states)])
 
     @property
     def covariance(self) -> Array:
         """The initial covariance of the state and of parameters that are states."""
         n, more = len(self.states), list(self.parameter_states.values())
-        found = np.diag([*np.zeros(n), *(one.initial_variance for one in more)])
-        found[:n, :n] = as_covariance("initial_covariance", self.initial_covariance, n)
-        return found
+        covariance = np.diag([*np.zeros(n), *(state.initial_variance for state in more)])
+        covariance[:n, :n] = as_covariance("initial_covariance", self.initial_covariance, n)
+        return covariance
 
     @cached_property
     def model(self) -> NonlinearModel:
         """The model, or `InputError` for the key that is wrong."""
-        given: Mapping[str, Any] = {
+        arguments: Mapping[str, Any] = {
             "f": [str(self.dynamics[name]) for name in self.states],
             "h": [str(self.output[name]) for name in self.measurements],
             "Q": self.Q, "R": self.R, "parameters": self.parameters,
@@ -164,12 +164,12 @@ class TextSystem(System):
         }  # fmt: skip
         with self.naming():
             if self.time == "discrete":
-                found = NonlinearModel(**given)
+                model = NonlinearModel(**arguments)
             else:
                 steps = 1 if self.substeps is None else self.substeps
-                found = NonlinearModel.from_ode(**given, substeps=steps)
-            walks = {name: one.random_walk for name, one in self.parameter_states.items()}
-            return found.with_parameter_states(walks) if walks else found
+                model = NonlinearModel.from_ode(**arguments, substeps=steps)
+            walks = {name: state.random_walk for name, state in self.parameter_states.items()}
+            return model.with_parameter_states(walks) if walks else model
 
     @contextmanager
     def naming(self) -> Iterator[None]:
@@ -179,7 +179,7 @@ class TextSystem(System):
         try:
             yield
         except InputError as error:
-            place = re.sub(r"[fh]\[\d+\]", lambda found: keys[found[0]], error.parameter)
+            place = re.sub(r"[fh]\[\d+\]", lambda match: keys[match[0]], error.parameter)
             raise error.renamed(place) from None
 
 
@@ -225,22 +225,22 @@ class TextFilterDesign(FilterDesign):
             for _ in range(2):
                 later, predicted = observer.step(later, np.full_like(y, np.nan), u)
                 expected = -observer.step(state, y, u)[1]["innovation"]
-                state, found = observer.step(state, expected, u)
-                spreads.append(np.diag(found["innovation_covariance"]))
+                state, estimates = observer.step(state, expected, u)
+                spreads.append(np.diag(estimates["innovation_covariance"]))
         except DivergenceError as error:
             problem = f"takes no step from there with inputs of zero: {error.finding}"
             raise InputError("initial_state", problem) from None
-        named = zip(self.measurements, spreads[0], strict=True)
-        variances = {f"innovation_sigma_{one.name}": value for one, value in named}
-        for one, value in zip(self.states, predicted["variance"], strict=True):
-            variances[f"sigma_{one.name}"] = value
+        innovations = zip(self.measurements, spreads[0], strict=True)
+        variances = {f"innovation_sigma_{signal.name}": value for signal, value in innovations}
+        for component, value in zip(self.states, predicted["variance"], strict=True):
+            variances[f"sigma_{component.name}"] = value
         return {name: float(np.sqrt(value)) for name, value in variances.items()}
 
     def summary(self) -> list[str]:
         """Sentences on what was checked, and what cannot be."""
         known = [
-            f"{one.name} {self.certificate[f'sigma_{one.name}']:.4g} {one.unit}"
-            for one in self.states
+            f"{signal.name} {self.certificate[f'sigma_{signal.name}']:.4g} {signal.unit}"
+            for signal in self.states
         ]
         kind = "integrated" if self.system.model.substeps else "discrete"
         return [
