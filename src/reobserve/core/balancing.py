@@ -64,15 +64,15 @@ class Scales(NamedTuple):
 def powers(matrix: Array, exponents: Array) -> Array:
     """The matrix times powers of two, entry by entry, exact if they are whole."""
     whole = np.rint(exponents)
-    found: Array = np.ldexp(matrix * np.exp2(exponents - whole), whole.astype(np.int64))
-    return found
+    scaled: Array = np.ldexp(matrix * np.exp2(exponents - whole), whole.astype(np.int64))
+    return scaled
 
 
 def logarithm(matrix: Array) -> Array:
     """Logarithms to base 2 of the sizes of all entries, -inf of zero."""
     with np.errstate(divide="ignore"):
-        found: Array = np.log2(np.abs(matrix))
-    return found
+        logs: Array = np.log2(np.abs(matrix))
+    return logs
 
 
 def output_scales(
@@ -104,11 +104,11 @@ def product(left: Array, right: Array) -> Array:
 
 def best_paths(steps: Array) -> Array:
     """The best sum of steps from each place to each, zero from one to itself."""
-    found = np.array(steps)
-    np.fill_diagonal(found, 0.0)
-    for middle in range(len(found)):
-        found = np.maximum(found, found[:, middle, None] + found[middle])
-    return found
+    best = np.array(steps)
+    np.fill_diagonal(best, 0.0)
+    for middle in range(len(best)):
+        best = np.maximum(best, best[:, middle, None] + best[middle])
+    return best
 
 
 def _cycle_mean(steps: Array) -> float:
@@ -132,5 +132,5 @@ def _fitted(reached: Array) -> Array:
     rows = np.zeros((len(outputs), m + reached.shape[1]))
     rows[np.arange(len(outputs)), outputs] = -1.0
     rows[np.arange(len(outputs)), m + states] = 1.0
-    found = np.linalg.lstsq(rows, reached[outputs, states], rcond=None)[0][:m]
-    return np.asarray(found, dtype=np.float64)
+    solution = np.linalg.lstsq(rows, reached[outputs, states], rcond=None)[0][:m]
+    return np.asarray(solution, dtype=np.float64)

@@ -19,9 +19,9 @@ def inflated_rows(
     a record of a right model has a true row with ``probability`` at most.
     """
     totals = np.concatenate([[0.0], np.cumsum(distances)])
-    found = np.zeros(len(distances), dtype=bool)
+    large = np.zeros(len(distances), dtype=bool)
     for length in lengths[lengths <= len(distances)].tolist():
         sums = np.maximum(totals[length:] - totals[:-length], 0.0)
         share = chdtrc(length * outputs, sums)
-        found[length - 1 :] |= share < probability / (len(distances) * len(lengths))
-    return found
+        large[length - 1 :] |= share < probability / (len(distances) * len(lengths))
+    return large

@@ -98,11 +98,11 @@ def _add_commands(
         command = group.add_parser(name, help=entry.text, description=text)
         if typed is None and words is not None:
             continue
-        found = load(entry.options) if isinstance(entry.options, str) else entry.options
-        if isinstance(found, CommandTable):
-            _add_commands(command, found, None if words is None else words[1:])
+        options = load(entry.options) if isinstance(entry.options, str) else entry.options
+        if isinstance(options, CommandTable):
+            _add_commands(command, options, None if words is None else words[1:])
         else:
-            found(command)
+            options(command)
             if command.epilog:
                 command.formatter_class = argparse.RawDescriptionHelpFormatter
             command.set_defaults(run=entry.run, extra=entry.extra)

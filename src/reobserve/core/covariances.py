@@ -68,7 +68,7 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
 def _listed(eigenvalues: Any) -> str:
     if len(eigenvalues) > _LISTED:
         return f"from {eigenvalues[0]:g} to {eigenvalues[-1]:g}"
-    return ", ".join(f"{one:g}" for one in eigenvalues)
+    return ", ".join(f"{value:g}" for value in eigenvalues)
 
 
 def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Array:

@@ -20,8 +20,8 @@ def _call(_: Any, function: Any, arguments: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         kind = context.get_value_type(signature.args[0].ftype)
         address = builder.bitcast(builder.extract_value(args[0], 0), kind)
-        given = [builder.extract_value(args[1], k) for k in range(len(arguments))]
-        builder.call(address, given)
+        values = [builder.extract_value(args[1], k) for k in range(len(arguments))]
+        builder.call(address, values)
         return context.get_dummy_value()
 
     return types.void(function, arguments), generate

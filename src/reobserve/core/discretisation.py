@@ -74,10 +74,10 @@ def interpolating_hold(
     transition, effects = polynomial_hold(A, B, period, len(places) - 1)
     with np.errstate(all="ignore"):  # what is not finite is refused
         coefficients = np.linalg.inv(np.vander(places, increasing=True))
-        found = np.einsum("ij,inp->jnp", coefficients, effects)
-    if not np.isfinite(found).all():
+        matrices = np.einsum("ij,inp->jnp", coefficients, effects)
+    if not np.isfinite(matrices).all():
         raise InputError("nodes", f"{shown(places.tolist())} are too near each other")
-    return transition, found
+    return transition, matrices
 
 
 def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> tuple[Array, Array]:
@@ -156,12 +156,12 @@ def held_noise(A: ArrayLike, density: ArrayLike, period: float) -> Array:
     # exp([-A W; 0 A'] h) = [. exp(-A h) Q(h); 0 exp(A' h)]
     block: Array = expm(step * np.block([[-state, noise], [np.zeros((n, n)), state.T]]))
     transition = block[n:, n:].T
-    found = transition @ block[:n, n:]
+    Q = transition @ block[:n, n:]
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
         for _ in range(doublings):
             # Q(2h) = Q(h) + exp(A h) Q(h) exp(A' h)
-            found = found + transition @ found @ transition.T
+            Q = Q + transition @ Q @ transition.T
             transition = transition @ transition
-    if not np.isfinite(found).all():
+    if not np.isfinite(Q).all():
         raise InputError("period", f"{period:g} s takes the states beyond floating-point numbers")
-    return 0.5 * (found + found.T)
+    return 0.5 * (Q + Q.T)

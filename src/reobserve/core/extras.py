@@ -90,15 +90,15 @@ def _import_matplotlib() -> None:
         return  # which the caller sees again
     except ValueError:
         os.environ.pop("MPLBACKEND", None)
-        for half_imported in [one for one in sys.modules if one.startswith("matplotlib.")]:
+        for half_imported in [name for name in sys.modules if name.startswith("matplotlib.")]:
             del sys.modules[half_imported]
 
 
 def require(name: str, purpose: str, extra: str = "") -> None:
     """Refuse to go on without a package, and do not import it (raises as `package`)."""
     try:
-        found = find_spec(name) is not None
+        installed = find_spec(name) is not None
     except ModuleNotFoundError:
-        found = False
-    if not found:
+        installed = False
+    if not installed:
         raise MissingPackageError(name, purpose, extra)

@@ -22,20 +22,20 @@ def finite(name: str) -> Callable[[Callable[P, Result]], Callable[P, Result]]:
 
     def decorate(function: Callable[P, Result]) -> Callable[P, Result]:
         @wraps(function)
-        def call(*args: P.args, **named: P.kwargs) -> Result:
+        def call(*args: P.args, **options: P.kwargs) -> Result:
             with np.errstate(all="ignore"):
-                found = function(*args, **named)
-            if not all(np.isfinite(part).all() for part in _parts(found)):
+                result = function(*args, **options)
+            if not all(np.isfinite(part).all() for part in _parts(result)):
                 raise InputError(
                     name, "must keep results inside the range of floating-point numbers"
                 )
-            return found
+            return result
 
         return call
 
     return decorate
 
 
-def _parts(found: Any) -> tuple[Any, ...]:
-    parts = tuple(vars(found).values()) if hasattr(found, "__dict__") else found
+def _parts(result: Any) -> tuple[Any, ...]:
+    parts = tuple(vars(result).values()) if hasattr(result, "__dict__") else result
     return parts if isinstance(parts, tuple) else (parts,)

@@ -93,9 +93,9 @@ class _Walk:
 
     def _of_function(self, function: FunctionType) -> Hashable:
         code = function.__code__
-        names = tuple(dict.fromkeys(name for one in _codes(code) for name in one.co_names))
+        names = tuple(dict.fromkeys(name for inner in _codes(code) for name in inner.co_names))
         known = ChainMap(function.__globals__, vars(builtins))
-        named = [(name, self._of(known[name], names)) for name in names if name in known]
+        values = [(name, self._of(known[name], names)) for name in names if name in known]
         cells: list[Hashable] = []
         for cell in function.__closure__ or ():
             try:
@@ -103,7 +103,7 @@ class _Walk:
             except ValueError:  # it is still empty
                 cells.append(None)
         defaults = function.__defaults__, tuple((function.__kwdefaults__ or {}).items())
-        return code, tuple(named), tuple(cells), self._of(defaults, names)
+        return code, tuple(values), tuple(cells), self._of(defaults, names)
 
     def _attributes(self, module: ModuleType, names: tuple[str, ...]) -> Iterator[Hashable]:
         for name in names:
@@ -125,13 +125,13 @@ class _Walk:
             held = None if copied else Same(value)
             return kind, array.dtype, array.shape, array.strides, digest, held
         if isinstance(value, tuple):
-            return kind, tuple(self._of(one, names) for one in value)
+            return kind, tuple(self._of(entry, names) for entry in value)
         return self._number(value, names)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
     """A code object and those inside it."""
     yield code
-    for one in code.co_consts:
-        if isinstance(one, CodeType):
-            yield from _codes(one)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)

@@ -74,16 +74,16 @@ def _look(_: Any, row: Any) -> Any:
         name = context.insert_const_string(builder.module, __name__)
         module = python.import_module(name)
         function = python.object_getattr_string(module, "next_look")
-        given = python.long_from_longlong(args[0])
-        found = python.call_function_objargs(function, (given,))
-        for one in (module, function, given):
-            python.decref(one)
-        raised = builder.icmp_unsigned("==", found, python.get_null_object())
+        argument = python.long_from_longlong(args[0])
+        result = python.call_function_objargs(function, (argument,))
+        for reference in (module, function, argument):
+            python.decref(reference)
+        raised = builder.icmp_unsigned("==", result, python.get_null_object())
         with builder.if_then(raised, likely=False):
             python.gil_release(lock)
             context.call_conv.return_exc(builder)
-        due = python.long_as_longlong(found)
-        python.decref(found)
+        due = python.long_as_longlong(result)
+        python.decref(result)
         python.gil_release(lock)
         return due
 

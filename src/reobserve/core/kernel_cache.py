@@ -29,11 +29,11 @@ class _CheckedFile:
 
     def load(self, key: Any) -> Any:
         """The result that was saved with a key, or None if there is none, or no longer."""
-        found = self._file.load(key)
-        if found is None or hashlib.sha256(found[1]).digest() != found[0]:
+        entry = self._file.load(key)
+        if entry is None or hashlib.sha256(entry[1]).digest() != entry[0]:
             return None
-        kept, data = pickle.loads(found[1])
-        return data if kept == key else None  # a damaged index names the file of another key
+        saved, data = pickle.loads(entry[1])
+        return data if saved == key else None  # a damaged index names the file of another key
 
     def save(self, key: Any, data: Any) -> None:
         """Save a result."""

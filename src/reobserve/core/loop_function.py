@@ -127,8 +127,8 @@ def _pickled(pointer: Any) -> tuple[Any, Any]:
     how = getattr(pointer, "pickled", None)
     if how is None:
         raise PicklingError("a compiled function that has no place in a module")
-    found: tuple[Any, Any] = how() if callable(how) else how
-    return found
+    recipe: tuple[Any, Any] = how() if callable(how) else how
+    return recipe
 
 
 def in_its_words(name: str, error: Exception, x: Array) -> InputError | None:
@@ -170,8 +170,8 @@ def _call_guarded(_: Any, inner: Any, number: Any, copies: Any, arguments: Any) 
         given = [builder.extract_value(args[3], k) for k in range(len(kinds))]
         if compiled is not None:
             passed = [
-                _copy(context, builder, kind, one) if copied and k < len(kinds) - 1 else one
-                for k, (kind, one) in enumerate(zip(kinds, given, strict=True))
+                _copy(context, builder, kind, value) if copied and k < len(kinds) - 1 else value
+                for k, (kind, value) in enumerate(zip(kinds, given, strict=True))
             ]
             context.active_code_library.add_linking_library(compiled.library)
             status, _ = context.call_internal_no_propagate(
@@ -190,8 +190,8 @@ def _call_failed(context: Any, builder: Any, number: int, kinds: Any, given: Any
     """Call `_failed` with the addresses and the sizes of arrays."""
     count = _WORD(len(kinds))
     addresses, sizes = (builder.alloca(_WORD, size=count) for _ in range(2))
-    for k, (kind, one) in enumerate(zip(kinds, given, strict=True)):
-        array = context.make_helper(builder, kind, value=one)
+    for k, (kind, value) in enumerate(zip(kinds, given, strict=True)):
+        array = context.make_helper(builder, kind, value=value)
         address = builder.ptrtoint(array.data, _WORD)
         builder.store(address, builder.gep(addresses, [_WORD(k)]))
         builder.store(array.nitems, builder.gep(sizes, [_WORD(k)]))

@@ -27,11 +27,11 @@ def check_outputs(options: Mapping[str, Any]) -> None:
 
 def _paths(options: Mapping[str, Any], name: str) -> Iterator[Path]:
     value = options.get(name)
-    for one in value if isinstance(value, list) else [value]:
-        if isinstance(one, Path):
-            yield one
+    for path in value if isinstance(value, list) else [value]:
+        if isinstance(path, Path):
+            yield path
         elif name == "products":  # of an archive, below the project
-            yield options["project"] / one
+            yield options["project"] / path
 
 
 def _below(path: Path, folder: Path) -> bool:

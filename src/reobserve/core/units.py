@@ -91,7 +91,7 @@ def is_unit(text: str) -> bool:
     """True if text is a unit, or a list of them with commas for the components of one signal."""
     units = text.split(", ")
     known = len(text) <= 200 and len(units) <= _MOST_LISTED
-    return known and all(_LABEL.fullmatch(one) or _problem(one) is None for one in units)
+    return known and all(_LABEL.fullmatch(unit) or _problem(unit) is None for unit in units)
 
 
 def check_unit(place: str, text: str) -> None:
@@ -109,8 +109,8 @@ def check_unit(place: str, text: str) -> None:
 @cache
 def _problem(text: str) -> str | None:
     """The end of a sentence on a text that is no valid unit."""
-    if (found := _BELOW.search(text)) and readings(text):
-        above, below = text[: found.start()], text[found.start() + 1 :].strip()
+    if (match := _BELOW.search(text)) and readings(text):
+        above, below = text[: match.start()], text[match.start() + 1 :].strip()
         return f"{shown(text)} must be {above}/({below}), or have what is not divided in front"
     if not readings(text):
         return f"{shown(text)} is no unit that is known; rad/s, deg/s, N m, °C, V and 1 are some"
@@ -128,23 +128,23 @@ def readings(text: str) -> tuple[Any, ...]:
     if not good or _numeric(text):
         return ()
     text = _ROOT.sub(r" \1**0.5 ", text.translate(_SPELLINGS)).strip()
-    text = _DEGREES.sub(lambda found: _SCALES[(found[1] or found[2] or found[3])[0].lower()], text)
+    text = _DEGREES.sub(lambda match: _SCALES[(match[1] or match[2] or match[3])[0].lower()], text)
     known = _COMMON.fullmatch(text) or not _NO_PRODUCT.search(text)
     if not _CHARACTERS.fullmatch(text) or not known or not _has_low_powers(text):
         return ()
-    text = _PLAIN_POWER.sub(lambda found: _raised(found[0], found[1], found[2]), text)
-    text = _TOKEN.sub(lambda found: _lowered(found[0]), text)
-    tokens = [found[0] for found in _TOKEN.finditer(text)]
+    text = _PLAIN_POWER.sub(lambda match: _raised(match[0], match[1], match[2]), text)
+    text = _TOKEN.sub(lambda match: _lowered(match[0]), text)
+    tokens = [match[0] for match in _TOKEN.finditer(text)]
     choices = [_AMBIGUOUS.get(token, (token,)) for token in tokens]
     if math.prod(map(len, choices)) > _MOST_READINGS:
         return ()
-    found = []
+    units = []
     for chosen in itertools.product(*choices):
         names = iter(chosen)
         unit = _parsed(_TOKEN.sub(lambda _, names=names: next(names), text))  # type: ignore[misc]
-        if unit is not None and unit not in found:
-            found.append(unit)
-    return tuple(found)
+        if unit is not None and unit not in units:
+            units.append(unit)
+    return tuple(units)
 
 
 def _raised(whole: str, symbol: str, power: str) -> str:
@@ -156,9 +156,9 @@ def _lowered(token: str) -> str:
     """A name in lower case if it is one, as Volt and RPM are."""
     if token in _AMBIGUOUS or len(token) < 3 or not (token.istitle() or token.isupper()):
         return token
-    named = registry().parse_unit_name
-    plain = any(not prefix for prefix, _, _ in named(token.lower()))
-    return token.lower() if plain and not named(token) else token
+    parse = registry().parse_unit_name
+    plain = any(not prefix for prefix, _, _ in parse(token.lower()))
+    return token.lower() if plain and not parse(token) else token
 
 
 @cache
@@ -188,13 +188,13 @@ def _parsed(text: str) -> Any:
 
 def _has_low_powers(text: str) -> bool:
     """True if each exponent is a number, none is a power itself, and their product is small."""
-    plain = _RAISED.sub(lambda found: f"**{found[0].translate(_DIGITS)}", text)
+    plain = _RAISED.sub(lambda match: f"**{match[0].translate(_DIGITS)}", text)
     *between, last = _POWER.split(plain)[1:] or [""]
-    found = [_EXPONENT.match(rest) for rest in (*between, *[last] * bool(last))]
-    whole = any(one is None or one.end() == len(one.string) for one in found[: len(between)])
-    if whole or (last and found[-1] is None):
+    terms = [_EXPONENT.match(rest) for rest in (*between, *[last] * bool(last))]
+    whole = any(term is None or term.end() == len(term.string) for term in terms[: len(between)])
+    if whole or (last and terms[-1] is None):
         return False
-    powers = [float(one[1] or one[2]) for one in found if one is not None]
+    powers = [float(term[1] or term[2]) for term in terms if term is not None]
     return math.prod(max(1.0, power) for power in powers) <= _MOST_POWERS
 
 

@@ -65,12 +65,12 @@ class Value:
 
     def __getstate__(self) -> dict[str, Any]:
         """The content of a pickle: the fields, and nothing that was cached."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        return {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Set copies and pickles, whose arrays are writable, and compute again what was cached."""
-        for one in fields(self):  # type: ignore[arg-type]
-            self._set(one.name, state[one.name])
+        for each in fields(self):  # type: ignore[arg-type]
+            self._set(each.name, state[each.name])
 
     def __repr__(self) -> str:
         return _with_fields(self)
@@ -104,9 +104,9 @@ def _layout(array: Array) -> tuple[Any, ...]:
 @cache
 def _conversions(kind: Any) -> tuple[tuple[str, Callable[..., Any], tuple[Any, ...]], ...]:
     return tuple(
-        (one.name, *one.metadata["converter"])
-        for one in fields(kind)
-        if "converter" in one.metadata
+        (each.name, *each.metadata["converter"])
+        for each in fields(kind)
+        if "converter" in each.metadata
     )
 
 
@@ -140,9 +140,9 @@ def _array(value: NDArray[Any]) -> str:
 
 
 def _with_fields(value: Any) -> str:
-    every = [one for one in fields(value) if one.repr and getattr(value, one.name) is not None]
-    every.sort(key=lambda one: bool(one.kw_only) or not one.init)  # a base class has them first
-    parts = (f"{one.name}={represented(getattr(value, one.name))}" for one in every)
+    every = [each for each in fields(value) if each.repr and getattr(value, each.name) is not None]
+    every.sort(key=lambda each: bool(each.kw_only) or not each.init)  # a base class has them first
+    parts = (f"{each.name}={represented(getattr(value, each.name))}" for each in every)
     return f"{type(value).__name__}({', '.join(parts)})"
 
 
