@@ -25,10 +25,10 @@ def tune_records_command(tune_file: Path, output: Path) -> None:
     tuned, settings = {}, {}
     for name, method in task.methods.items():
         tuned[name] = tune_method(task, name, tell)
-        (found,) = tuned[name].training[task.main].repeats
-        settings[name] = found.settings
+        (repeat,) = tuned[name].training[task.main].repeats
+        settings[name] = repeat.settings
         assert method.paper is not None  # the numbers as specified
-        if found.objective >= objective(task, name, task.main, 0, method.paper.settings):
+        if repeat.objective >= objective(task, name, task.main, 0, method.paper.settings):
             tell(f"{name}: not better than as specified; raise the budget, or change the ranges")
     cells = score_task(task, tuned)
     write_scores(task, cells, scores)

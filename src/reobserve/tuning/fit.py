@@ -149,7 +149,7 @@ def fit(
             raise InputError("ranges", f"{problem}; the last one: {likelihood.reason}")
         best = min(
             (_descend(likelihood, points[k]) for k in np.argsort(firsts)[:_STARTS]),
-            key=lambda found: found[0],
+            key=lambda descent: descent[0],
         )
         place, value = best[1], -best[0]
         edges = {
@@ -159,8 +159,8 @@ def fit(
         }
         inside = [_AT_END < at < 1.0 - _AT_END for at in place]
         covariance = _covariance(likelihood, place, inside)
-    values = {name: _at(one, at) for (name, one), at in zip(bounds.items(), place, strict=True)}
-    slopes = np.array([_slope(one, values[name]) for name, one in bounds.items()])
+    values = {name: _at(span, at) for (name, span), at in zip(bounds.items(), place, strict=True)}
+    slopes = np.array([_slope(span, values[name]) for name, span in bounds.items()])
     covariance = covariance * np.outer(slopes, slopes)
     errors = np.sqrt(np.diag(covariance)).tolist()
     return Fit(
@@ -202,8 +202,8 @@ class _Likelihood:
             problem = f"{self.budget} is spent before the maximum is found; raise it"
             raise InputError("budget", problem)
         self.evaluations += 1
-        named = zip(self.bounds.items(), place, strict=True)
-        values = {name: _at(one, float(at)) for (name, one), at in named}
+        pairs = zip(self.bounds.items(), place, strict=True)
+        values = {name: _at(span, float(at)) for (name, span), at in pairs}
         try:
             total = self._total(self.make(values))
         except _MisuseError:
@@ -230,29 +230,29 @@ class _Likelihood:
             )
             raise _MisuseError("make", problem)
         total, measured = 0.0, 0
-        for given in self.runs:
-            run = observer.run(state=state, **given)
+        for arguments in self.runs:
+            run = observer.run(state=state, **arguments)
             if "log_likelihood" not in run:
                 problem = f"returned a {type(observer).__name__}, which has no log_likelihood"
                 raise _MisuseError("make", problem)
             total += float(run["log_likelihood"].sum())
-            measured += int(np.isfinite(np.asarray(given["y"], dtype=np.float64)).sum())
+            measured += int(np.isfinite(np.asarray(arguments["y"], dtype=np.float64)).sum())
         if not measured:
             raise _MisuseError("records", "have no measurement")
         self.measured = measured
         return -total if math.isfinite(total) else _WORST
 
 
-def _at(one: Range, place: float) -> float:
+def _at(span: Range, place: float) -> float:
     """The value at a place of a range, from 0 to 1, to all digits."""
-    if one.scale == "log":
-        return float(math.exp((1 - place) * math.log(one.low) + place * math.log(one.high)))
-    return (1 - place) * one.low + place * one.high
+    if span.scale == "log":
+        return float(math.exp((1 - place) * math.log(span.low) + place * math.log(span.high)))
+    return (1 - place) * span.low + place * span.high
 
 
-def _slope(one: Range, value: float) -> float:
+def _slope(span: Range, value: float) -> float:
     """The derivative of the value by its place."""
-    return value * math.log(one.high / one.low) if one.scale == "log" else one.high - one.low
+    return value * math.log(span.high / span.low) if span.scale == "log" else span.high - span.low
 
 
 def _descend(likelihood: _Likelihood, start: Array) -> tuple[float, Array]:
@@ -279,24 +279,24 @@ def _descend(likelihood: _Likelihood, start: Array) -> tuple[float, Array]:
         return finite(place), gradient
 
     failures = likelihood.failures
-    found = minimize(
+    result = minimize(
         with_gradient, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start),
         options={"ftol": 1e-13, "gtol": 1e-4, "maxiter": 500},
     )  # fmt: skip
     if likelihood.failures > failures:  # which may end it before the maximum: go on without slopes
-        found = minimize(
-            finite, found.x, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start),
+        result = minimize(
+            finite, result.x, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start),
             options={"xatol": 1e-7, "fatol": 1e-9, "maxfev": 400 * len(start)},
         )  # fmt: skip
-    return float(found.fun), np.asarray(found.x, dtype=np.float64)
+    return float(result.fun), np.asarray(result.x, dtype=np.float64)
 
 
 def _covariance(likelihood: _Likelihood, place: Array, inside: Sequence[bool]) -> Array:
     """The inverse of the observed information, by place, nan for what is at an end."""
-    found = np.full((len(place), len(place)), np.nan)
-    free = [i for i, one in enumerate(inside) if one]
+    covariance = np.full((len(place), len(place)), np.nan)
+    free = [i for i, flag in enumerate(inside) if flag]
     if not free:
-        return found
+        return covariance
     base, failures = likelihood(place), likelihood.failures
     steps = [_step(likelihood, place, i, base) for i in free]
 
@@ -318,13 +318,13 @@ def _covariance(likelihood: _Likelihood, place: Array, inside: Sequence[bool]) -
             )  # fmt: skip
             information[i, j] = information[j, i] = four / (4.0 * steps[i] * steps[j])
     if likelihood.failures > failures:
-        return found  # a filter cannot run beside the maximum
+        return covariance  # a filter cannot run beside the maximum
     try:
         np.linalg.cholesky(information)
     except np.linalg.LinAlgError:
-        return found  # the maximum is no point: the data do not separate the parameters
-    found[np.ix_(free, free)] = np.linalg.inv(information)
-    return found
+        return covariance  # the maximum is no point: the data do not separate the parameters
+    covariance[np.ix_(free, free)] = np.linalg.inv(information)
+    return covariance
 
 
 def _step(likelihood: _Likelihood, place: Array, i: int, base: float) -> float:

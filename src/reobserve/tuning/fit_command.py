@@ -26,29 +26,29 @@ def run(
     if output is not None:
         check_replaceable(output)
         check_not_read([output], [specification, data])
-    stated = TunedSpecification(specification)
+    tuned = TunedSpecification(specification)
     bounds: dict[str, Any] = {}
     for key, low, high in ranges:
         if not key.startswith("observer."):
             raise InputError(key, "must be a number of the observer: observer.KEY")
         ends = tuple(_number(key, text) for text in (low, high))
         bounds[key] = (*ends, "linear") if key in linear else ends
-        stated.number(key)
+        tuned.number(key)
     for key in linear:
         if key not in bounds:
             raise InputError(f"--linear {key}", "has no --range")
-    records = _records(stated, data)
-    before = _total(stated, {}, records)
+    records = _records(tuned, data)
+    before = _total(tuned, {}, records)
 
     def make(values: Settings) -> tuple[Any, Any]:
-        design = stated.design(values)
+        design = tuned.design(values)
         return design.observer, design.start()
 
-    found = fit(make, bounds, records, budget=budget)
-    print(table(found, {key: stated.number(key) for key in bounds}, before))
+    fitted = fit(make, bounds, records, budget=budget)
+    print(table(fitted, {key: tuned.number(key) for key in bounds}, before))
     if output is not None:
-        rounded = {name: float(f"{value:.6g}") for name, value in found.values.items()}
-        write_text(output, stated.text(rounded))
+        rounded = {name: float(f"{value:.6g}") for name, value in fitted.values.items()}
+        write_text(output, tuned.text(rounded))
 
 
 def _number(key: str, text: str) -> float:
@@ -58,24 +58,24 @@ def _number(key: str, text: str) -> float:
         raise InputError(key, f"the range's end {text!r} must be a number") from None
 
 
-def _records(stated: TunedSpecification, data: Path) -> list[dict[str, Any]]:
+def _records(tuned: TunedSpecification, data: Path) -> list[dict[str, Any]]:
     """The rows of a log as the observer reads them, from each of its starts on."""
-    estimation = stated.estimation({}, data)
+    estimation = tuned.estimation({}, data)
     if not hasattr(estimation.observer, "init") or "log_likelihood" not in estimation.sample:
         problem = f"a {type(estimation.observer).__name__} has no likelihood; Kalman filters have"
         raise InputError("observer.kind", problem)
     stretches: list[Stretch] = []
     _collect(estimation, stretches)
-    estimation.feed(stated.cells(data))
+    estimation.feed(tuned.cells(data))
     estimation.finish()
-    starts = [k for k, one in enumerate(stretches) if one.fresh]
+    starts = [k for k, stretch in enumerate(stretches) if stretch.fresh]
     if not starts:
         raise InputError(str(data), "has no row from which the observer could start")
     parts = [
         joined(stretches[since:until])
         for since, until in zip(starts, [*starts[1:], len(stretches)], strict=True)
     ]
-    return [{"y": one.y, "u": one.u if one.u.shape[1] else None} for one in parts]
+    return [{"y": part.y, "u": part.u if part.u.shape[1] else None} for part in parts]
 
 
 def _collect(estimation: Estimation, stretches: list[Stretch]) -> None:
@@ -89,29 +89,27 @@ def _collect(estimation: Estimation, stretches: list[Stretch]) -> None:
     estimation._run = collected  # type: ignore[method-assign]
 
 
-def _total(
-    stated: TunedSpecification, values: Settings, records: Sequence[dict[str, Any]]
-) -> float:
+def _total(tuned: TunedSpecification, values: Settings, records: Sequence[dict[str, Any]]) -> float:
     """The log-likelihood of records with the numbers as they are stated."""
-    design = stated.design(values)
-    runs = [design.observer.run(state=design.start(), **one) for one in records]
+    design = tuned.design(values)
+    runs = [design.observer.run(state=design.start(), **record) for record in records]
     return float(sum(run["log_likelihood"].sum() for run in runs))
 
 
-def table(found: Fit, before: Settings, likelihood: float) -> str:
+def table(fitted: Fit, before: Settings, likelihood: float) -> str:
     """The values with standard errors, and what the likelihood says, as lines of text."""
-    width = max(map(len, found.values))
+    width = max(map(len, fitted.values))
     lines = [f"{'number':<{width}}  {'stated':>12} {'fitted':>12} {'standard error':>15}"]
-    for name, value in found.values.items():
-        error = found.standard_errors[name]
+    for name, value in fitted.values.items():
+        error = fitted.standard_errors[name]
         spread = f"{error:>15.3g}" if np.isfinite(error) else f"{'-':>15}"
-        edge = found.edges.get(name)
+        edge = fitted.edges.get(name)
         note = f"  at the {edge} end of its range" if edge else ""
         lines.append(f"{name:<{width}}  {before[name]:>12.6g} {value:>12.6g} {spread}{note}")
     lines += [
-        f"log-likelihood {likelihood:.8g} as stated, {found.log_likelihood:.8g} fitted, of "
-        f"{found.measured} measurements",
+        f"log-likelihood {likelihood:.8g} as stated, {fitted.log_likelihood:.8g} fitted, of "
+        f"{fitted.measured} measurements",
     ]
-    if not found.edges and not np.isfinite(found.covariance).all():
+    if not fitted.edges and not np.isfinite(fitted.covariance).all():
         lines.append("no standard errors: the record does not separate these numbers")
     return "\n".join(lines)

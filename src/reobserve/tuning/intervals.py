@@ -75,7 +75,7 @@ def against_others(
         The same logarithms for other draws of what all records have in common, shape (draws, rows,
         records).
     """
-    others = [one for one in others if one != own]
+    others = [row for row in others if row != own]
     if not others:
         return 1.0, 1.0, 1.0
     best = min(others, key=lambda k: float(logs[k].mean()))
@@ -110,4 +110,4 @@ def _mean(values: Array, anytime: bool, more: float) -> tuple[float, float]:
 
 
 def _exp(*values: float) -> tuple[float, ...]:
-    return tuple(math.exp(one) if one < 700 else math.inf for one in values)
+    return tuple(math.exp(value) if value < 700 else math.inf for value in values)

@@ -84,5 +84,5 @@ def sobol(dimension: int, seed: int) -> Array:
     from scipy.stats.qmc import Sobol
 
     sequence: Any = Sobol(dimension, rng=np.random.Generator(np.random.PCG64(seed)))
-    found: Array = sequence.random(FIRST)
-    return found
+    points: Array = sequence.random(FIRST)
+    return points

@@ -47,8 +47,8 @@ def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True
 
     Without ``details`` there is only the error: the lag takes as long as many methods.
     """
-    found = run(record)
-    estimate = found.values if isinstance(found, Estimates) else found
+    result = run(record)
+    estimate = result.values if isinstance(result, Estimates) else result
     if not np.isfinite(estimate).all():
         return Score(np.nan, failed=True)
     first = int(np.searchsorted(record.time, since - 1e-9))
@@ -59,16 +59,16 @@ def score(run: Runner, record: TaskRecord, since: float, *, details: bool = True
         return Score(float(error))
     rms = np.sqrt(power / len(wrong))
     lag = _lag(estimate, record.truth, first) * float(np.median(np.diff(record.time)))
-    nees = _nees(found, record.truth, first) if isinstance(found, Estimates) else np.nan
+    nees = _nees(result, record.truth, first) if isinstance(result, Estimates) else np.nan
     return Score(float(error), lag, float(np.quantile(wrong, 0.95) / rms), nees=nees)
 
 
-def _nees(found: Estimates, truth: Array, first: int) -> float:
+def _nees(result: Estimates, truth: Array, first: int) -> float:
     shapes, q = (truth.shape, (*truth.shape, truth.shape[1])), truth.shape[1]
-    if found.covariances.shape not in shapes:
-        problem = f"have the shape {found.covariances.shape}, must have {shapes[0]} or {shapes[1]}"
+    if result.covariances.shape not in shapes:
+        problem = f"have the shape {result.covariances.shape}, must have {shapes[0]} or {shapes[1]}"
         raise InputError("covariances", problem)
-    wrong, covariances = (found.values - truth)[first:], found.covariances[first:]
+    wrong, covariances = (result.values - truth)[first:], result.covariances[first:]
     if covariances.ndim == 2:
         covariances = covariances[:, :, None] * np.eye(q)
     scale = np.sqrt(np.maximum(np.einsum("kii->ki", covariances), 0.0))

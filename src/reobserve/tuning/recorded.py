@@ -146,40 +146,40 @@ class RecordedTask(Task):
         path = Path(path)
         tree = read_yaml(path)
         with naming(path):
-            stated = parse(TuneFile, tree)
+            content = parse(TuneFile, tree)
         specifications, methods = {}, {}
-        for name, one in stated.candidates.items():
-            found = specifications[name] = TunedSpecification(path.parent / one.specification)
+        for name, candidate in content.candidates.items():
+            tuned = specifications[name] = TunedSpecification(path.parent / candidate.specification)
             with located(f"{path}: candidates.{name}"):
-                methods[name] = _method(name, one, found)
-        predicts, unit = not stated.reference, ""
+                methods[name] = _method(name, candidate, tuned)
+        predicts, unit = not content.reference, ""
         with naming(path):
             first = next(iter(specifications.values()))
-            compared, training, held_out = _segments(stated, path.parent, first)
+            compared, training, held_out = _segments(content, path.parent, first)
             rows = [segment.truth for segment in (*training, *held_out)]
-            moves = np.concatenate([np.diff(one, axis=0) if predicts else one for one in rows])
+            moves = np.concatenate([np.diff(part, axis=0) if predicts else part for part in rows])
             scale = np.sqrt(np.mean(moves**2, axis=0))
             for name, size in zip(compared, scale, strict=True):
                 if not size > 0:
                     raise InputError(f"reference.{name}", "does not differ from zero in a segment")
             paths = list(dict.fromkeys(segment.path for segment in (*training, *held_out)))
-            for name, found in specifications.items():
+            for name, tuned in specifications.items():
                 with located(f"candidates.{name}.specification"):
                     if predicts:
-                        _check_predictions(found, first, paths[0])
+                        _check_predictions(tuned, first, paths[0])
                     for record in paths:
-                        _check(found, record, compared)
+                        _check(tuned, record, compared)
         if len(scale) == 1:  # then an error in the column's unit can be read off
             unit = f" / {scale[0]:.3g} {next(iter(compared.values()))}".rstrip()
         scale = scale * np.sqrt(len(scale))
         return cls(
-            title=stated.title, estimates=", ".join(compared), period=first.period,
+            title=content.title, estimates=", ".join(compared), period=first.period,
             scored_from=-np.inf, plant={}, methods=methods, table=[_RECORDED],
             conditions={_RECORDED: Condition(f"{'one-step ' * predicts}error{unit}")},
             training={"tuned": Training("tuned", [_RECORDED])}, shown=list(methods)[:5],
-            budget=stated.budget, seeds=Seeds(len(training), len(held_out), len(held_out)),
-            seed=stated.seed, name=path.stem, file=str(path), specifications=specifications,
-            segments=[replace(one, truth=one.truth / scale) for one in (*training, *held_out)],
+            budget=content.budget, seeds=Seeds(len(training), len(held_out), len(held_out)),
+            seed=content.seed, name=path.stem, file=str(path), specifications=specifications,
+            segments=[replace(part, truth=part.truth / scale) for part in (*training, *held_out)],
             compared=compared, scale=scale, predicts=predicts,
         )  # fmt: skip
 
@@ -191,7 +191,7 @@ class RecordedTask(Task):
     @property
     def reads(self) -> list[Path]:
         """All files that it is made of."""
-        paths = [one.path for one in self.specifications.values()]
+        paths = [tuned.path for tuned in self.specifications.values()]
         return [Path(self.file), *paths, *(segment.path for segment in self.segments)]
 
     def record(self, condition: str, seed: int) -> Segment:
@@ -208,28 +208,28 @@ class RecordedTask(Task):
 
     def make(self, method: str, settings: Settings, condition: str, *, given: bool) -> Runner:
         """A candidate with other numbers in its specification."""
-        one = self.specifications[method]
-        ready = {path: one.estimation(settings, path) for path in {s.path for s in self.segments}}
+        tuned = self.specifications[method]
+        ready = {path: tuned.estimation(settings, path) for path in {s.path for s in self.segments}}
 
         @cache
         def estimates(path: Path) -> tuple[Array, Array] | Exception:
             """Times and estimates of the rows that have them, or why there are none."""
             try:
-                parts = ready[path].feed(one.cells(path)), ready[path].finish()
+                parts = ready[path].feed(tuned.cells(path)), ready[path].finish()
             except FAILURES as error:
                 return error
             time, numbers = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-            columns = _columns(one, ready[path], self.compared)
+            columns = _columns(tuned, ready[path], self.compared)
             values = np.column_stack([way.of(numbers[:, c]) for c, way in columns]) / self.scale
             known = np.isfinite(values).all(axis=1)
             return time[known], values[known]
 
         def run(segment: Any) -> Array:
-            found = estimates(segment.path)
-            if isinstance(found, Exception):
-                raise found
-            time, values = found
-            rows = np.searchsorted(time, segment.time + one.period / 2, "right") - 1
+            result = estimates(segment.path)
+            if isinstance(result, Exception):
+                raise result
+            time, values = result
+            rows = np.searchsorted(time, segment.time + tuned.period / 2, "right") - 1
             if rows[0] < 0:
                 return np.full_like(segment.truth, np.nan)
             estimate: Array = segment.truth - values[rows] if self.predicts else values[rows]
@@ -238,33 +238,33 @@ class RecordedTask(Task):
         return run
 
 
-def _method(name: str, stated: Candidate, specification: TunedSpecification) -> Method:
+def _method(name: str, candidate: Candidate, specification: TunedSpecification) -> Method:
     if not re.fullmatch(r"[\w-]+", name):
         raise InputError("", "must be letters, digits, _ and -, as it names a file")
     with located("ranges"):
-        own = {key: specification.number(key) for key in stated.ranges}
+        own = {key: specification.number(key) for key in candidate.ranges}
     return Method(
-        " ".join(stated.label.split()) or name, "", "", dict(stated.ranges),
-        paper=Own(own, stated.specification), fails={_RECORDED: "which the table shows"},
+        " ".join(candidate.label.split()) or name, "", "", dict(candidate.ranges),
+        paper=Own(own, candidate.specification), fails={_RECORDED: "which the table shows"},
         causal=not specification.stated.smooth,
     )  # fmt: skip
 
 
 def _segments(
-    stated: TuneFile, folder: Path, first: TunedSpecification
+    content: TuneFile, folder: Path, first: TunedSpecification
 ) -> tuple[Outputs, list[Segment], list[Segment]]:
     """The reference, and the segments for training and held-out ones."""
-    files = dict.fromkeys(part.file for part in (*stated.training, *stated.held_out))
-    truths = {file: _truth(stated.reference, first, folder / file) for file in files}
+    files = dict.fromkeys(part.file for part in (*content.training, *content.held_out))
+    truths = {file: _truth(content.reference, first, folder / file) for file in files}
     compared = next(iter(truths.values()))[0]
     copies: dict[str, str] = {}  # a record by the name that it has first
     for file, rows_in in truths.items():
-        originals = (one for one in copies if _are_copies(rows_in, truths[one]))
+        originals = (other for other in copies if _are_copies(rows_in, truths[other]))
         copies[file] = next(originals, file)
     ends: list[tuple[str, str, float, float]] = []
-    found: dict[str, list[Segment]] = {"training": [], "held_out": []}
-    for kind, segments in found.items():
-        for k, part in enumerate(getattr(stated, kind)):
+    by_kind: dict[str, list[Segment]] = {"training": [], "held_out": []}
+    for kind, segments in by_kind.items():
+        for k, part in enumerate(getattr(content, kind)):
             key, (units, time, values) = f"{kind}.{k}", truths[part.file]
             if units != compared:
                 raise InputError(f"{key}.file", f"{part.file} has other units than {ends[0][1]}")
@@ -285,63 +285,63 @@ def _segments(
                     time[inside], none, none, values[inside], folder / part.file
                 ))  # fmt: skip
                 ends.append((key, part.file, low, high))
-    for (one, file, low, high), (key, same, start, end) in combinations(ends, 2):
+    for (earlier, file, low, high), (key, same, start, end) in combinations(ends, 2):
         if copies[file] == copies[same] and start < high - 1e-9 and low < end - 1e-9:
             copy = "" if file == same else f", of which {same} is a copy"
-            raise InputError(key, f"overlaps {one} in {file}{copy}; segments must not")
-    if len(found["held_out"]) < _HELD_OUT:
-        said = f"has {len(found['held_out'])} segments, must have {_HELD_OUT} or more"
+            raise InputError(key, f"overlaps {earlier} in {file}{copy}; segments must not")
+    if len(by_kind["held_out"]) < _HELD_OUT:
+        said = f"has {len(by_kind['held_out'])} segments, must have {_HELD_OUT} or more"
         raise InputError("held_out", f"{said}; split a part by the key segments")
-    return compared, found["training"], found["held_out"]
+    return compared, by_kind["training"], by_kind["held_out"]
 
 
-def _are_copies(one: Rows, other: Rows) -> bool:
-    return np.array_equal(one[1], other[1]) and np.array_equal(one[2], other[2])
+def _are_copies(rows: Rows, other: Rows) -> bool:
+    return np.array_equal(rows[1], other[1]) and np.array_equal(rows[2], other[2])
 
 
 def _truth(
     reference: Mapping[str, ReferenceColumn], first: TunedSpecification, record: Path
 ) -> Rows:
     """The columns that are compared, and their reference: times and values of a record."""
-    found = [
-        find_column(f"reference.{name}", Column(one.column, one.unit), "", first.header(record),
+    columns = [
+        find_column(f"reference.{name}", Column(ref.column, ref.unit), "", first.header(record),
                     str(record))
-        for name, one in reference.items()
+        for name, ref in reference.items()
     ]  # fmt: skip
-    layout, time, values, truth = first.rows(record, *(title for title, _, _ in found))
-    compared = {name: unit for name, (_, _, unit) in zip(reference, found, strict=True)}
+    layout, time, values, truth = first.rows(record, *(title for title, _, _ in columns))
+    compared = {name: unit for name, (_, _, unit) in zip(reference, columns, strict=True)}
     if not reference:
         truth = values[:, : layout.measurements]
         measured = slice(layout.timed, layout.timed + layout.measurements)
-        named = zip(layout.names[measured], layout.units[measured], strict=True)
-        compared = {f"residual {name}": unit for name, unit in named}
+        pairs = zip(layout.names[measured], layout.units[measured], strict=True)
+        compared = {f"residual {name}": unit for name, unit in pairs}
     known = np.isfinite(truth).all(axis=1) & np.isfinite(time)
     if not known.any():
         raise InputError(str(record), "has no row with a number in each column that is compared")
     return compared, time[known], truth[known]
 
 
-def _check(one: TunedSpecification, record: Path, compared: Outputs) -> None:
+def _check(tuned: TunedSpecification, record: Path, compared: Outputs) -> None:
     """Refuse a candidate that does not run over a record, or has not what is compared."""
-    estimation = one.estimation({}, record)
-    _columns(one, estimation, compared)
-    with suppress(DivergenceError), one.file(record).lines():  # other numbers may be better
-        estimation.feed(one.cells(record))
+    estimation = tuned.estimation({}, record)
+    _columns(tuned, estimation, compared)
+    with suppress(DivergenceError), tuned.file(record).lines():  # other numbers may be better
+        estimation.feed(tuned.cells(record))
 
 
-def _check_predictions(one: TunedSpecification, first: TunedSpecification, record: Path) -> None:
+def _check_predictions(tuned: TunedSpecification, first: TunedSpecification, record: Path) -> None:
     """Refuse a candidate without predictions, or with those of something else."""
-    if one.stated.sampling != first.stated.sampling:
+    if tuned.stated.sampling != first.stated.sampling:
         problem = (
-            f"{one.path} must state the same sampling as {first.path}, as there is no reference"
+            f"{tuned.path} must state the same sampling as {first.path}, as there is no reference"
         )
         raise InputError("", problem)
-    layout, _, values, _ = one.rows(record)
+    layout, _, values, _ = tuned.rows(record)
     if _measured(layout) != _measured(first.rows(record)[0]):
-        problem = f"{one.path} must measure the same as {first.path}, as there is no reference"
+        problem = f"{tuned.path} must measure the same as {first.path}, as there is no reference"
         raise InputError("", problem)
     # The residual of a row must change by as much as the measurement of that row does.
-    estimation = one.estimation({}, record)
+    estimation = tuned.estimation({}, record)
     y, u = np.split(values[np.isfinite(values).all(axis=1)][:20], [layout.measurements], axis=1)
     u = estimation.inputs.of(u)
     last = []
@@ -351,7 +351,7 @@ def _check_predictions(one: TunedSpecification, first: TunedSpecification, recor
         last.append(estimation.design.residual(y, run.estimates)[-1])
     if not np.allclose(last[1] - last[0], 1.0):
         problem = "predicts no measurement from those before it, so there must be a reference"
-        raise InputError("", f"{one.path} {problem}")
+        raise InputError("", f"{tuned.path} {problem}")
 
 
 def _measured(layout: Layout) -> Sequence[str]:
@@ -359,15 +359,15 @@ def _measured(layout: Layout) -> Sequence[str]:
 
 
 def _columns(
-    one: TunedSpecification, estimation: Estimation, compared: Outputs
+    tuned: TunedSpecification, estimation: Estimation, compared: Outputs
 ) -> list[tuple[int, Conversion]]:
     """Places of compared columns among the estimates, and conversions to reference units."""
     columns = {column.name: (c, column.unit) for c, column in enumerate(estimation.outputs.columns)}
-    found = []
+    places = []
     for name, unit in compared.items():
         if name not in columns:
-            raise InputError("", f"{one.path} has no estimate {name!r}{nearest(name, columns)}")
+            raise InputError("", f"{tuned.path} has no estimate {name!r}{nearest(name, columns)}")
         place, own = columns[name]
         way = conversion(name, own or unit or "1", unit or own or "1")
-        found.append((place, way))
-    return found
+        places.append((place, way))
+    return places

@@ -103,8 +103,8 @@ class Scorer:
             why = "an estimate is not finite"
         except FAILURES as error:
             one, why = Score(np.nan, failed=True), one_line(error)
-        stated = row.training in (PAPER, EARLY) or condition in self.task.methods[row.method].fails
-        if one.failed and not stated:
+        fails = row.training in (PAPER, EARLY) or condition in self.task.methods[row.method].fails
+        if one.failed and not fails:
             problem = f"fails in the condition {condition}, seed {seed}: {why}"
             raise InputError(f"{self.task.file}: {self.task.place}.{row.method}", problem)
         return replace(one, error=WORST) if one.failed else one
@@ -128,7 +128,7 @@ class Scorer:
                 for condition in self.task.training[training].conditions
                 for seed in seeds
             ]
-            return float(np.mean([np.log(max(one.error, SMALLEST)) for one in scores]))
+            return float(np.mean([np.log(max(score.error, SMALLEST)) for score in scores]))
 
         return min(repeats, key=error) if repeats[1:] else repeats[0]
 
@@ -145,7 +145,7 @@ class Scorer:
         anytime = most >= 2 * seeds.step
         for count in range(seeds.step, most + 1, seeds.step):
             scores = [self.scores(row, condition, count) for row in rows]
-            logs = np.log([[max(one.error, SMALLEST) for one in each] for each in scores])
+            logs = np.log([[max(score.error, SMALLEST) for score in each] for each in scores])
             redrawn = _redrawn(scores)
             cells = [
                 Cell(
@@ -164,8 +164,8 @@ class Scorer:
 
 def _redrawn(scores: Sequence[Sequence[Score]]) -> Array | None:
     """Logarithms of errors, shape (draws, rows, records), if all scores have some."""
-    draws = [[one.redrawn for one in each] for each in scores]
-    if len({len(one) for each in draws for one in each}) != 1 or not draws[0][0]:
+    draws = [[score.redrawn for score in each] for each in scores]
+    if len({len(draw) for each in draws for draw in each}) != 1 or not draws[0][0]:
         return None
     return np.asarray(np.log(np.maximum(np.moveaxis(np.array(draws), 2, 0), SMALLEST)))
 
@@ -184,33 +184,33 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> list[Cell]:
     scorer, main = Scorer(task), task.main
     rows: dict[str, list[ScoredRow]] = {name: [] for name in task.conditions}
     repeated: dict[tuple[ScoredRow, str], list[ScoredRow]] = {}
-    for method, stated in task.methods.items():
+    for method, entry in task.methods.items():
         for name, training in task.training.items():
             if name not in tuned[method].training:
                 continue
             repeats = tuned[method].training[name].repeats
-            given = stated.given_noise and name != main  # as in its training
+            given = entry.given_noise and name != main  # as in its training
             best = scorer.best_repeat(method, name, repeats)
             row = ScoredRow.of(method, name, best.settings, given=given)
             scored = [*training.conditions, *training.scored]
             for condition in task.conditions if name == main else scored:
                 rows[condition].append(row)
-                if name == main and stated.given_noise and task.conditions[condition].noise != 1:
+                if name == main and entry.given_noise and task.conditions[condition].noise != 1:
                     rows[condition].append(replace(row, given=True))
             if repeats[1:] and len(training.conditions) == 1:
                 repeated[row, training.conditions[0]] = [
-                    ScoredRow.of(method, name, one.settings, given=given) for one in repeats
+                    ScoredRow.of(method, name, repeat.settings, given=given) for repeat in repeats
                 ]
-        if stated.paper is not None:
+        if entry.paper is not None:
             for condition in task.table:
-                rows[condition].append(ScoredRow.of(method, PAPER, stated.paper.settings))
+                rows[condition].append(ScoredRow.of(method, PAPER, entry.paper.settings))
 
     def with_repeats(cell: Cell) -> Cell:
         several = repeated.get((cell.row, cell.condition), [])
         count = len(cell.scores)
         errors = [
-            cell.error[0] if one == cell.row else scorer.mean(one, [cell.condition], count)
-            for one in several
+            cell.error[0] if each == cell.row else scorer.mean(each, [cell.condition], count)
+            for each in several
         ]
         return replace(cell, repeats=(min(errors), max(errors)) if errors else None)
 
@@ -250,14 +250,14 @@ def moved(
 
     def logs(row: ScoredRow, condition: str) -> list[float]:
         scores = scorer.scores(row, condition, task.seeds.step)
-        return [float(np.log(one.error)) for one in scores]
+        return [float(np.log(score.error)) for score in scores]
 
-    found = []
+    ratios = []
     for method in task.methods:
         old, new = (
             [
-                ScoredRow.of(method, task.main, one.settings)
-                for one in each.training[task.main].repeats
+                ScoredRow.of(method, task.main, repeat.settings)
+                for repeat in each.training[task.main].repeats
             ]
             for each in (kept[method], again[method])
         )
@@ -266,5 +266,5 @@ def moved(
             if old != new:
                 means = [np.mean([logs(row, condition) for row in rows], 0) for rows in (old, new)]
                 ratio = interval(np.asarray(means[1] - means[0]))
-            found.append(ErrorRatio(method, condition, *ratio))
-    return found
+            ratios.append(ErrorRatio(method, condition, *ratio))
+    return ratios

@@ -108,7 +108,7 @@ class Tuned:
     def after(self, evaluations: int) -> Settings:
         """The best settings of the first so many evaluations."""
         tried = self.history[: as_whole("evaluations", evaluations, 1)]
-        return min(tried, key=lambda one: one.objective).settings
+        return min(tried, key=lambda trial: trial.objective).settings
 
 
 def tune(
@@ -195,8 +195,8 @@ def tune(
         raise InputError("records", f"{shown(records)} must be one record or more")
     if len(records) > _MOST:
         raise InputError("records", f"must be {_MOST} or fewer")
-    stated = {
-        "ranges": {name: [one.low, one.high, one.scale] for name, one in bounds.items()},
+    head = {
+        "ranges": {name: [span.low, span.high, span.scale] for name, span in bounds.items()},
         "records": len(records), "seed": seed, "optimiser": optimiser, "failed": float(failed),
         "about": about,
     }  # fmt: skip
@@ -204,7 +204,7 @@ def tune(
     history: list[Evaluation] = []
     reason = ""
     shown_as = f"{{}} of {budget} evaluations, best score {{:.4g}}"
-    with _Log(log, stated) as known, _mapping(workers) as mapped, progress(shown_as) as tell:
+    with _Log(log, head) as known, _mapping(workers) as mapped, progress(shown_as) as tell:
 
         def batch(points: Iterable[Array]) -> list[float]:
             nonlocal reason
@@ -226,11 +226,11 @@ def tune(
 
         with suppress(SpentError):
             SEARCHES[optimiser](batch, len(bounds), budget, seed)
-    if all(one.failures == len(records) for one in history):
+    if all(trial.failures == len(records) for trial in history):
         problem = f"hold no settings that work on a record, of {len(history)} that were tried"
         raise InputError("ranges", f"{problem}; the last one: {reason}")
-    best = min(history, key=lambda one: one.objective)
-    places = {name: one.place(best.settings[name]) for name, one in bounds.items()}
+    best = min(history, key=lambda trial: trial.objective)
+    places = {name: span.place(best.settings[name]) for name, span in bounds.items()}
     edges = {
         name: "low" if place < EDGE else "high"
         for name, place in places.items()
@@ -243,21 +243,21 @@ def as_ranges(ranges: Any) -> dict[str, Range]:
     """Ranges by name, or `InputError` for what is none."""
     if not isinstance(ranges, Mapping) or not ranges:
         raise InputError("ranges", f"{shown(ranges)} must name one setting or more")
-    found = {}
-    for name, given in ranges.items():
+    bounds = {}
+    for name, value in ranges.items():
         if not isinstance(name, str):
             raise InputError("ranges", f"{shown(name)} must be the name of a setting")
-        if isinstance(given, Range):
-            found[name] = given
+        if isinstance(value, Range):
+            bounds[name] = value
             continue
-        if not isinstance(given, Sequence) or isinstance(given, str) or len(given) not in (2, 3):
+        if not isinstance(value, Sequence) or isinstance(value, str) or len(value) not in (2, 3):
             wanted = '(low, high) or (low, high, "linear")'
-            raise InputError(f"ranges.{name}", f"{shown(given)} must be {wanted}")
+            raise InputError(f"ranges.{name}", f"{shown(value)} must be {wanted}")
         try:
-            found[name] = Range(*given)
+            bounds[name] = Range(*value)
         except InputError as error:
             raise error.renamed(f"ranges.{name}.{error.parameter}") from None
-    return found
+    return bounds
 
 
 @dataclass(frozen=True)
@@ -287,8 +287,8 @@ class Objective:
                 raise InputError("score", f"returned {value:g}, must return zero or more")
             failures += math.isnan(value)
             reason = reason or ("the score is nan" if math.isnan(value) else "")
-            kept = self.failed if math.isnan(value) else min(float(value), self.failed)
-            total += math.log(max(kept, SMALLEST))
+            capped = self.failed if math.isnan(value) else min(float(value), self.failed)
+            total += math.log(max(capped, SMALLEST))
         return total / len(self.records), failures, reason
 
 
@@ -304,11 +304,11 @@ def _mapping(workers: int) -> Iterator[Callable[..., Iterable[Found]]]:
 class _Log:
     """Evaluations by their settings, in a file if there is a name of one."""
 
-    def __init__(self, path: str | Path | None, stated: Mapping[str, Any]) -> None:
+    def __init__(self, path: str | Path | None, head: Mapping[str, Any]) -> None:
         self._path = path
         self._stream: TextIO | None = None
         self._known: dict[str, Found] = {}
-        self._head = json.dumps(stated)
+        self._head = json.dumps(head)
         if path is not None and Path(path).exists():
             self._read(path)
 
@@ -328,7 +328,7 @@ class _Log:
 
     def __enter__(self) -> _Log:
         if self._path is not None:
-            lines = [self._head, *(self._line(key, found) for key, found in self._known.items())]
+            lines = [self._head, *(self._line(key, result) for key, result in self._known.items())]
             write_text(self._path, "".join(f"{line}\n" for line in lines))
             self._stream = open(self._path, "a", encoding="utf-8", newline="\n")
         return self
@@ -340,14 +340,14 @@ class _Log:
     def get(self, settings: Settings) -> Found | None:
         return self._known.get(json.dumps(settings))
 
-    def add(self, settings: Settings, found: Found) -> None:
+    def add(self, settings: Settings, outcome: Found) -> None:
         key = json.dumps(settings)
         if key not in self._known:
-            self._known[key] = found
+            self._known[key] = outcome
             if self._stream is not None:
-                self._stream.write(self._line(key, found) + "\n")
+                self._stream.write(self._line(key, outcome) + "\n")
                 self._stream.flush()
 
     @staticmethod
-    def _line(key: str, found: Found) -> str:
-        return f"[{key}, {json.dumps(list(found))[1:]}"
+    def _line(key: str, outcome: Found) -> str:
+        return f"[{key}, {json.dumps(list(outcome))[1:]}"

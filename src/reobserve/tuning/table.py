@@ -45,11 +45,11 @@ def write_scores(task: Task, cells: Iterable[Cell], path: Path) -> None:
     write_table(
         path,
         (
-            {**_row(cell), "seed": seed, "error": one.error, "lag": one.lag,
-             "quantile": one.quantile, "missed": one.missed, "nees": one.nees,
-             "failed": _said(one.failed)}
+            {**_row(cell), "seed": seed, "error": score.error, "lag": score.lag,
+             "quantile": score.quantile, "missed": score.missed, "nees": score.nees,
+             "failed": _said(score.failed)}
             for cell in cells
-            for seed, one in zip(
+            for seed, score in zip(
                 task.held_out_seeds(len(cell.scores)), cell.scores, strict=True
             )
         ),
@@ -84,7 +84,7 @@ def _row(cell: Cell) -> dict[str, Any]:
 
 
 def _cell(cell: Cell) -> dict[str, Any]:
-    ended = [one for one in cell.scores if not one.failed]
+    ended = [score for score in cell.scores if not score.failed]
     return {
         **_row(cell),
         "seeds": len(cell.scores),
@@ -93,15 +93,15 @@ def _cell(cell: Cell) -> dict[str, Any]:
         **dict(zip(("ratio", "ratio_low", "ratio_high"), cell.ratio, strict=True)),
         "within": cell.within,
         "failed": 1.0 - len(ended) / len(cell.scores),
-        **{key: _mean(getattr(one, key) for one in ended) for key in _MEANS},
+        **{key: _mean(getattr(score, key) for score in ended) for key in _MEANS},
         **dict(zip(("repeat_low", "repeat_high"), cell.repeats or (None, None), strict=True)),
     }
 
 
 def _mean(values: Iterable[float]) -> float | None:
     """The mean of those that exist, if some do."""
-    found = [one for one in values if not math.isnan(one)]
-    return float(np.mean(found)) if found else None
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.mean(known)) if known else None
 
 
 def _said(value: bool) -> str:
@@ -126,39 +126,39 @@ class Results:
     ) -> Mapping[str, Any] | None:
         """A row of the table, if there is one, by default that of the main training set."""
         wanted = (condition, method, training or self.task.main, _said(given))
-        found = (one for one in self.cells if tuple(one[key] for key in _ROW) == wanted)
-        return next(found, None)
+        matches = (cell for cell in self.cells if tuple(cell[key] for key in _ROW) == wanted)
+        return next(matches, None)
 
     def rows(self) -> list[tuple[str, str, str, bool]]:
         """The rows of the table: label, method, training set and whether the noise is given."""
-        found = []
+        rows = []
         for name, method in self.task.methods.items():
-            found.append((method.label, name, self.task.main, False))
+            rows.append((method.label, name, self.task.main, False))
             if method.given_noise:
-                found.append((f"{method.label}, given R", name, self.task.main, True))
+                rows.append((f"{method.label}, given R", name, self.task.main, True))
             if method.paper is not None:
-                found.append((f"{method.label}, {self.task.own}", name, PAPER, False))
-        return found
+                rows.append((f"{method.label}, {self.task.own}", name, PAPER, False))
+        return rows
 
     def held_out(self, method: str) -> list[dict[int, float]]:
         """The held-out errors over evaluations, for each repeat of the main training set."""
         repeats = self.tuned[method].training[self.task.main].repeats
-        return [{int(n): error for n, error in one.held_out.items()} for one in repeats]
+        return [{int(n): error for n, error in repeat.held_out.items()} for repeat in repeats]
 
     def evaluations_needed(self, method: str) -> list[int]:
         """The evaluations after which the error stays within 5 % of the final, for each repeat."""
-        found = []
+        counts = []
         for errors in self.held_out(method):
             final = list(errors.values())[-1]
             late = max((n for n, one in errors.items() if one > (1 + DECIDED) * final), default=0)
-            found.append(next(n for n in errors if n > late))
-        return found
+            counts.append(next(n for n in errors if n > late))
+        return counts
 
 
 def summary(results: Results) -> str:
     """The table of a task in Markdown: what a method needs, guarantees, costs and reaches."""
     task = results.task
-    titles = [task.conditions[one].title for one in task.table]
+    titles = [task.conditions[condition].title for condition in task.table]
     columns = getattr(task.module, "COLUMNS", ("lag", "95 %"))
     head = [
         "method", "needs", "guarantees", "p", "n95", *titles, *columns, "missed", "NEES",
@@ -167,10 +167,10 @@ def summary(results: Results) -> str:
     lines = []
     for label, name, training, given in results.rows():
         method, first = task.methods[name], results.cell(task.table[0], name, training)
-        cells = [results.cell(one, name, training, given) for one in task.table]
+        cells = [results.cell(condition, name, training, given) for condition in task.table]
         tuning, cost = results.tuned[name].training[task.main], results.tuned[name].cost
         edges = sorted(
-            {f"{key} ({end})" for one in tuning.repeats for key, end in one.edges.items()}
+            {f"{key} ({end})" for repeat in tuning.repeats for key, end in repeat.edges.items()}
         )
         about = [method.needs, method.guarantees, str(len(method.ranges)),
                  str(median(results.evaluations_needed(name)))]  # fmt: skip

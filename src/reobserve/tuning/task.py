@@ -81,8 +81,8 @@ def estimates_of(
     DivergenceError
         If it diverges, without the search for the cause that `Observer.run` makes.
     """
-    found: Array = _run(observer, y, u, options)[name]
-    return found
+    estimate: Array = _run(observer, y, u, options)[name]
+    return estimate
 
 
 def estimates_with(
@@ -195,9 +195,9 @@ class Seeds:
 
 
 def _known(place: str, names: Iterable[str], known: Iterable[str]) -> None:
-    for one in names:
-        if one not in known:
-            raise InputError(place, f"there is no {one!r}{nearest(one, known)}")
+    for name in names:
+        if name not in known:
+            raise InputError(place, f"there is no {name!r}{nearest(name, known)}")
 
 
 @dataclass(frozen=True)
@@ -242,8 +242,8 @@ class Task(TaskFile):
             With the file and the key of what is missing, unknown or not as it must be.
         """
         path = Path(path)
-        stated = parse(TaskFile, read_yaml(path), str(path))
-        task = cls(**vars(stated), name=path.stem, file=str(path))
+        content = parse(TaskFile, read_yaml(path), str(path))
+        task = cls(**vars(content), name=path.stem, file=str(path))
         with located(str(path)):
             task._check()
         return task
@@ -279,10 +279,10 @@ class Task(TaskFile):
         InputError
             If there is none.
         """
-        beside = Path(self.file).with_suffix(".py")
-        if not beside.is_file():
-            raise InputError(self.file, f"needs a module {beside.name} beside it")
-        spec = importlib.util.spec_from_file_location(f"bench_task_{self.name}", beside)
+        path = Path(self.file).with_suffix(".py")
+        if not path.is_file():
+            raise InputError(self.file, f"needs a module {path.name} beside it")
+        spec = importlib.util.spec_from_file_location(f"bench_task_{self.name}", path)
         assert spec is not None
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
@@ -294,13 +294,13 @@ class Task(TaskFile):
         name = self.methods[method].make or method
         if ":" in name:
             module, _, attribute = name.partition(":")
-            found: Any = getattr(importlib.import_module(module), attribute, None)
+            function: Any = getattr(importlib.import_module(module), attribute, None)
         else:
-            found = self.module.METHODS.get(name)
-        if not callable(found):
+            function = self.module.METHODS.get(name)
+        if not callable(function):
             problem = f"{name!r} is no function of the task{nearest(name, self.module.METHODS)}"
             raise InputError("make", problem)
-        made: Callable[..., Runner] = found
+        made: Callable[..., Runner] = function
         return made
 
     def plant_in(self, condition: str) -> Any:
@@ -310,18 +310,18 @@ class Task(TaskFile):
 
     def record(self, condition: str, seed: int) -> TaskRecord:
         """The record of a condition and a seed."""
-        stated = self.conditions[condition]
-        found: TaskRecord = self.module.simulate(
-            self.plant_in(condition), stated, seed, self.period
+        entry = self.conditions[condition]
+        record: TaskRecord = self.module.simulate(
+            self.plant_in(condition), entry, seed, self.period
         )
-        return found
+        return record
 
     def make(self, method: str, settings: Settings, condition: str, *, given: bool) -> Runner:
         """A method in a condition, with the noise ``given``, or that of the plant."""
-        stated, plant = self.conditions[condition], self.plant_in(condition)
+        entry, plant = self.conditions[condition], self.plant_in(condition)
         values = {**self.methods[method].fixed, **settings}
-        noise = plant.noise * (stated.noise if given else 1.0)
-        return self.function(method)(plant, values, self.period * stated.period, noise)
+        noise = plant.noise * (entry.noise if given else 1.0)
+        return self.function(method)(plant, values, self.period * entry.period, noise)
 
     def training_seeds(self, repeat: int) -> list[int]:
         """The seeds of the training records of a repeat, counted from 0."""
@@ -333,14 +333,14 @@ class Task(TaskFile):
 
     def digest(self, method: str, training: str) -> str:
         """A short hash of everything in the file that decides what a tuning finds."""
-        stated, conditions = self.methods[method], self.training[training].conditions
+        entry, conditions = self.methods[method], self.training[training].conditions
         content: Mapping[str, Any] = {
             "plant": self.plant, "period": self.period, "scored_from": self.scored_from,
             "budget": self.budget, "seed": self.seed, "records": self.seeds.training,
             "conditions": [
-                {**vars(self.conditions[one]), "title": ""} for one in conditions
+                {**vars(self.conditions[name]), "title": ""} for name in conditions
             ],
-            "make": stated.make or method, "fixed": stated.fixed,
-            "ranges": {name: [*one.range, one.scale] for name, one in stated.ranges.items()},
+            "make": entry.make or method, "fixed": entry.fixed,
+            "ranges": {name: [*value.range, value.scale] for name, value in entry.ranges.items()},
         }  # fmt: skip
         return digest(content)

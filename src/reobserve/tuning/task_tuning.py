@@ -26,24 +26,24 @@ def tune_method(
     What is ``stored`` for training sets other than the main one is taken over, unless what decides
     the search has changed in the task file. With ``main_only`` the others are left out then.
     """
-    found, scorer = {}, Scorer(task)
+    tuned, scorer = {}, Scorer(task)
     for name, training in task.training.items():
         known = stored.training.get(name) if stored and name != task.main else None
         if known and known.digest == task.digest(method, name):
-            found[name] = known
+            tuned[name] = known
             continue
         if main_only and name != task.main:
             continue
         repeats = []
         for k in range(training.repeats):
             with located(f"{task.file}: {task.place}.{method}"):
-                one = tune_once(task, method, name, k)
-            repeats.append(_kept(scorer, method, name, one))
-            flagged = "".join(f", {setting} at its edge" for setting in one.edges)
+                result = tune_once(task, method, name, k)
+            repeats.append(_kept(scorer, method, name, result))
+            flagged = "".join(f", {setting} at its edge" for setting in result.edges)
             about = f"{task.name}, {method}, {training.title} {k + 1}"
-            tell(f"{about}: error {one.score:.4g} on training records{flagged}")
-        found[name] = TunedOn(task.digest(method, name), repeats)
-    return TunedMethod(found, _cost(task, method, found[task.main].repeats[0].settings))
+            tell(f"{about}: error {result.score:.4g} on training records{flagged}")
+        tuned[name] = TunedOn(task.digest(method, name), repeats)
+    return TunedMethod(tuned, _cost(task, method, tuned[task.main].repeats[0].settings))
 
 
 def tune_once(
@@ -72,22 +72,22 @@ def _search(task: Task, method: str, training: str, repeat: int) -> tuple[Any, A
     conditions = task.training[training].conditions
     ranges = task.methods[method].ranges.items()
     return (
-        lambda settings: {one: task.make(method, settings, one, given=True) for one in conditions},
-        {name: (*one.range, one.scale) for name, one in ranges},
-        [(one, task.record(one, k)) for one in conditions for k in task.training_seeds(repeat)],
+        lambda settings: {key: task.make(method, settings, key, given=True) for key in conditions},
+        {name: (*value.range, value.scale) for name, value in ranges},
+        [(name, task.record(name, k)) for name in conditions for k in task.training_seeds(repeat)],
         lambda runs, pair: score_of(task, runs[pair[0]], pair[1], details=False).error,
     )
 
 
-def _kept(scorer: Scorer, method: str, training: str, one: Tuned) -> Repeat:
+def _kept(scorer: Scorer, method: str, training: str, result: Tuned) -> Repeat:
     task, held_out = scorer.task, {}
     given = task.methods[method].given_noise
     for count in (*(n for n in CHECKPOINTS if n < task.budget), task.budget):
-        settings, last = one.after(count), count == task.budget
+        settings, last = result.after(count), count == task.budget
         row = ScoredRow.of(method, training if last else EARLY, settings, given=given)
         error = scorer.mean(row, task.training[training].conditions)
         held_out[str(count)] = float(f"{error:.6g}")
-    return Repeat(one.settings, one.objective, one.edges, held_out)
+    return Repeat(result.settings, result.objective, result.edges, held_out)
 
 
 def _cost(task: Task, method: str, settings: Settings) -> Cost:

@@ -26,7 +26,7 @@ def _over_evaluations(place: str, errors: dict[str, float]) -> None:
     if not errors or not all(map(WHOLE.allows, errors)):
         raise InputError(place, f"{shown(list(errors))} must be numbers of evaluations")
     numbers = [int(key) for key in errors]
-    if numbers[0] < 1 or any(one >= after for one, after in pairwise(numbers)):
+    if numbers[0] < 1 or any(before >= after for before, after in pairwise(numbers)):
         raise InputError(place, f"{shown(numbers)} must be 1 or more, rising")
 
 
@@ -87,15 +87,15 @@ def read_tuned(task: Task, folder: Path) -> dict[str, TunedMethod]:
 
     Training sets other than the main one may be missing.
     """
-    found = {}
+    tuned = {}
     for method in task.methods:
         path = folder / f"{method}.json"
-        found[method] = TunedMethod.read(path)
+        tuned[method] = TunedMethod.read(path)
         for name in task.training:
-            kept = found[method].training.get(name)
-            if kept is None and name != task.main:
+            stored = tuned[method].training.get(name)
+            if stored is None and name != task.main:
                 continue
-            if kept is None or kept.digest != task.digest(method, name):
+            if stored is None or stored.digest != task.digest(method, name):
                 problem = f"training.{name} is not of what {task.file} states now: tune it again"
                 raise InputError(str(path), problem)
-    return found
+    return tuned

@@ -56,10 +56,10 @@ class TunedSpecification:
         self._places[key] = start, end = node.start_mark.index, node.end_mark.index
         if self._text[start] == "&":
             raise InputError(key, f"has an anchor in {self.path}; write the number out")
-        found = parse_yaml(self._text[start:end], str(self.path))
-        if isinstance(found, bool) or not isinstance(found, int | float):
-            raise InputError(key, f"is {shown(found)} in {self.path}, must be a number")
-        return float(found)
+        value = parse_yaml(self._text[start:end], str(self.path))
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(key, f"is {shown(value)} in {self.path}, must be a number")
+        return float(value)
 
     def text(self, settings: Settings) -> str:
         """The text of the file with other numbers, all else as it is."""
@@ -79,8 +79,8 @@ class TunedSpecification:
         """The observer with other numbers."""
         tree = parse_yaml(self.text(settings), str(self.path))
         with naming(self.path):
-            found: Design = as_specification(tree).observer.design(self.period)
-            return found
+            design: Design = as_specification(tree).observer.design(self.period)
+            return design
 
     def rows(self, record: Path, *more: str) -> tuple[Layout, Array, Array, Array]:
         """The layout of a record: its times, what the observer reads, and columns besides."""
@@ -93,7 +93,7 @@ class TunedSpecification:
             time = self.period * np.arange(len(cells), dtype=np.float64)
         return layout, time, values, cells[:, width:]
 
-    def seconds(self, place: str, stated: float | str, record: Path) -> float:
+    def seconds(self, place: str, when: float | str, record: Path) -> float:
         """The time [s] of a record, as `rows` has it, that is stated as a number or a date.
 
         Raises
@@ -101,13 +101,13 @@ class TunedSpecification:
         InputError
             If it is no date, at ``place``, or the record has none.
         """
-        if not isinstance(stated, str):
-            return stated
+        if not isinstance(when, str):
+            return when
         layout = self.estimation({}, record).layout
         if layout.clock is None or layout.clock.dates is None:
-            raise InputError(place, f"{shown(stated)} must be seconds, as {record} has no dates")
+            raise InputError(place, f"{shown(when)} must be seconds, as {record} has no dates")
         self.cells(record)
-        return layout.clock.dates.at(place, stated, self._reports[record])
+        return layout.clock.dates.at(place, when, self._reports[record])
 
     def file(self, record: Path) -> File:
         """A record as the specification reads it."""
@@ -125,4 +125,4 @@ class TunedSpecification:
         self._reports[record] = report
         if layout.clock is not None:  # as segments have it
             cells[:, 0] += layout.clock.epoch(report)
-        return cells[:, [titles.index(one) for one in wanted]]
+        return cells[:, [titles.index(title) for title in wanted]]
