@@ -159,24 +159,24 @@ class AugmentedKalmanFilter(GaussianFilter):
         """The model of [x, d]."""
         whole = self._given({name: getattr(self.model, name) for name in ModelRows._fields}, 1)
         matrices = {name: matrix.reshape(matrix.shape[-2:]) for name, matrix in whole.items()}
-        found = LinearModel(**matrices, check=False, sampling_period=self.sampling_period)
-        found._set("state_names", self._all_names)
-        found._set("output_names", self.model.output_names)
-        found._set("output_periods", self.model.output_periods)
+        model = LinearModel(**matrices, check=False, sampling_period=self.sampling_period)
+        model._set("state_names", self._all_names)
+        model._set("output_names", self.model.output_names)
+        model._set("output_periods", self.model.output_periods)
         if self.model.state_periods is not None:
             none = np.zeros(self.unknown_inputs)
-            found._set("state_periods", np.concatenate([self.model.state_periods, none]))
-        return found
+            model._set("state_periods", np.concatenate([self.model.state_periods, none]))
+        return model
 
     @cached_property
     def component_names(self) -> Mapping[str, AxisNames]:
         """Names of components of estimates."""
-        found, d = dict(super().component_names), self.unknown_input_names
+        names, d = dict(super().component_names), self.unknown_input_names
         if d is not None:
             x = self.model.state_names
-            found |= {"unknown_input": (d,), "unknown_input_variance": (d,), CROSS: (x, d)}
-            found["unknown_input_covariance"] = (d, d)
-        return found
+            names |= {"unknown_input": (d,), "unknown_input_variance": (d,), CROSS: (x, d)}
+            names["unknown_input_covariance"] = (d, d)
+        return names
 
     @property
     def _all_names(self) -> tuple[str, ...] | None:
@@ -189,7 +189,7 @@ class AugmentedKalmanFilter(GaussianFilter):
 
     def _given(self, given: Mapping[str, Any], rows: int) -> dict[str, Any]:
         n, q = self.fault_matrix.shape
-        zeros, found = np.zeros, dict(given)
+        zeros, matrices = np.zeros, dict(given)
         # [A E; 0 I], [B; 0], [C F], diag(Q, W), [S; 0]
         for name, right, below in (
             ("A", self.fault_matrix, np.hstack([zeros((q, n)), np.eye(q)])),
@@ -209,8 +209,8 @@ class AugmentedKalmanFilter(GaussianFilter):
                 if piece is not None:
                     more = np.broadcast_to(piece, (len(matrix), *piece.shape))
                     matrix = np.concatenate([matrix, more], axis=axis)
-            found[name] = matrix if len(matrix) == rows else matrix[0]
-        return found
+            matrices[name] = matrix if len(matrix) == rows else matrix[0]
+        return matrices
 
     def init(
         self,
@@ -249,9 +249,9 @@ class AugmentedKalmanFilter(GaussianFilter):
     ) -> dict[str, Array]:
         n = self.model.states
         cross = [CROSS] if CROSS in keep else []
-        found = super()._named(rows, kept, [name for name in keep if name != CROSS])
+        estimates = super()._named(rows, kept, [name for name in keep if name != CROSS])
         whole, variance, covariance = (
-            found.pop(name) for name in ("state", "variance", "covariance")
+            estimates.pop(name) for name in ("state", "variance", "covariance")
         )
         return {
             "state": whole[..., :n],
@@ -261,5 +261,5 @@ class AugmentedKalmanFilter(GaussianFilter):
             "covariance": covariance[..., :n, :n],
             "unknown_input_covariance": covariance[..., n:, n:],
             **dict.fromkeys(cross, covariance[..., :n, n:]),
-            **found,
+            **estimates,
         }

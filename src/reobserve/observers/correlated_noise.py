@@ -43,7 +43,7 @@ class TakenOut(NamedTuple):
 
 
 def uncorrelated(
-    found: Mapping[str, Array], S: ArrayLike | None, y: Array, inputs: Array,
+    matrices: Mapping[str, Array], S: ArrayLike | None, y: Array, inputs: Array,
     before: Sequence[Array], open_end: bool,
 ) -> tuple[dict[str, Array], TakenOut]:  # fmt: skip
     """A model without S, and what is taken out of it, (k + 1, ...).
@@ -69,11 +69,11 @@ def uncorrelated(
     InputError
         If S has another shape, or is more than Q and R allow.
     """
-    rows, n, m = len(y), found["A"].shape[1], y.shape[1]
+    rows, n, m = len(y), matrices["A"].shape[1], y.shape[1]
     transition, noise = np.zeros((2, rows + 1, n, n))
     taken = TakenOut(transition, noise, np.zeros((rows + 1, n)))
     every = np.arange(rows + 1)
-    A, Q = (found[name][np.minimum(every, len(found[name]) - 1)] for name in "AQ")
+    A, Q = (matrices[name][np.minimum(every, len(matrices[name]) - 1)] for name in "AQ")
     for part, first in zip(taken, before, strict=False):
         part[0] = first
     if len(before):
@@ -85,13 +85,13 @@ def uncorrelated(
             raise InputError("S", "of the row before is more than Q of this step and R allow")
     if S is not None:
         crosses = as_matrices("S", S, (n, m), rows)
-        _check(Q[1 : rows + (not open_end)], found["R"], crosses)
-        model = ModelRows(*(np.ascontiguousarray(found[name]) for name in ModelRows._fields))
+        _check(Q[1 : rows + (not open_end)], matrices["R"], crosses)
+        model = ModelRows(*(np.ascontiguousarray(matrices[name]) for name in ModelRows._fields))
         _take_out(
             model, crosses, y, np.ascontiguousarray(inputs), taken, np.empty(m),
             new_linear_work(n, m),
         )  # fmt: skip
-    return {**found, "A": A - taken.transition, "Q": Q - taken.noise}, taken
+    return {**matrices, "A": A - taken.transition, "Q": Q - taken.noise}, taken
 
 
 def _check(Q: Array, R: Array, S: Array) -> None:

@@ -207,15 +207,15 @@ class ExtendedStateObserver(Observer[EsoState]):
 
     def _integrate(self, state: EsoState, steps: Steps) -> Rows:
         p, m = self.measurements, steps.y.steps
-        found = np.empty((m + 1, p + self.system.size))
+        rows = np.empty((m + 1, p + self.system.size))
         start = np.concatenate([state.filtered, state.estimate])
-        finite = run_observer(self._weights, start, *steps, found)
+        finite = run_observer(self._weights, start, *steps, rows)
         n, r = self.system.states, self.system.Fa.shape[1]
         ends = np.cumsum([p, n, p, r])
         estimates = {
-            "state": found[:, ends[0] : ends[1]],
-            "actuator_fault": found[:, ends[2] : ends[3]],
-            "sensor_fault": found[:, ends[3] :],
+            "state": rows[:, ends[0] : ends[1]],
+            "actuator_fault": rows[:, ends[2] : ends[3]],
+            "sensor_fault": rows[:, ends[3] :],
         }
-        last = found[-1].copy()
+        last = rows[-1].copy()
         return Rows(estimates, finite, EsoState(last[:p], last[p:], state.sample, state.count + m))

@@ -125,8 +125,8 @@ class FaultBank(IMM):
         put("fault_matrix", E)
         put("output_fault_matrix", F)
         for name in ("drift", "jump"):
-            given = as_sized(name, getattr(self, name))
-            sizes = np.full(q, float(given)) if given.ndim == 0 else as_vector(name, given, q)
+            values = as_sized(name, getattr(self, name))
+            sizes = np.full(q, float(values)) if values.ndim == 0 else as_vector(name, values, q)
             for value in sizes:
                 as_positive(name, value)
             put(name, sizes)
@@ -163,15 +163,15 @@ class FaultBank(IMM):
         Q = none((n + 2 * q, n + 2 * q))
         Q[:n, :n] = model.Q
         Q[n:, n:] = self._noise(mode)
-        found = LinearModel(
+        augmented = LinearModel(
             A, np.vstack([model.B, none((2 * q, model.inputs))]),
             np.hstack([model.C, F, none((model.outputs, q))]), model.D, Q, model.R, check=False,
             sampling_period=T, input_names=model.input_names, output_names=model.output_names,
         )  # fmt: skip
-        found._set("output_periods", model.output_periods)
+        augmented._set("output_periods", model.output_periods)
         if model.state_periods is not None:
-            found._set("state_periods", np.concatenate([model.state_periods, none(2 * q)]))
-        return found
+            augmented._set("state_periods", np.concatenate([model.state_periods, none(2 * q)]))
+        return augmented
 
     @finite("drift, jump")
     def _noise(self, mode: int) -> Array:
@@ -194,9 +194,9 @@ class FaultBank(IMM):
     @cached_property
     def component_names(self) -> Mapping[str, AxisNames]:
         """Names of components of estimates."""
-        found = dict(KalmanFilter(self.model).component_names)
+        by_model = dict(KalmanFilter(self.model).component_names)
         known = ("state", "variance", "covariance")
-        names: dict[str, AxisNames] = {name: found[name] for name in known if name in found}
+        names: dict[str, AxisNames] = {name: by_model[name] for name in known if name in by_model}
         if self.model.output_names is not None:
             names["innovation"] = (None, self.model.output_names)
         if self.fault_names is not None:
@@ -253,9 +253,9 @@ class FaultBank(IMM):
         rows, (n, q) = super()._fill(state, record), self.fault_matrix.shape
         whole, variance, covariance, *_ = rows.estimates.values()
         parts = {"": slice(0, n), "fault": slice(n, n + q), "fault_rate": slice(n + q, n + 2 * q)}
-        found = {}
+        estimates = {}
         for name, part in parts.items():
-            found[name or "state"] = whole[:, part]
-            found[f"{name}_variance" if name else "variance"] = variance[:, part]
-        others = {name: value for name, value in rows.estimates.items() if name not in found}
-        return rows._replace(estimates={**found, **others, "covariance": covariance[:, :n, :n]})
+            estimates[name or "state"] = whole[:, part]
+            estimates[f"{name}_variance" if name else "variance"] = variance[:, part]
+        others = {name: value for name, value in rows.estimates.items() if name not in estimates}
+        return rows._replace(estimates={**estimates, **others, "covariance": covariance[:, :n, :n]})

@@ -67,5 +67,5 @@ def innovation_deviation(observer: GaussianFilter, state: KalmanState) -> Array:
     It raises what `predict` and `correct` do.
     """
     ahead = predict(observer, observer._checked(state).posterior, np.zeros(observer.inputs))
-    one = correct(observer, ahead, np.zeros(observer.measurements), np.zeros(observer.inputs))
-    return np.sqrt(np.diag(one.innovation_covariance))
+    row = correct(observer, ahead, np.zeros(observer.measurements), np.zeros(observer.inputs))
+    return np.sqrt(np.diag(row.innovation_covariance))

@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 
 def can_run_together(records: Sequence[Record], states: Sequence[KalmanState]) -> bool:
     """True if the same matrices lead to the rows of all records."""
-    first, one = states[0], records[0]
+    first, first_record = states[0], records[0]
     alike = all(
         (state.sample is None) == (first.sample is None) and state.held is first.held is None
         for state in states
     )
-    return alike and one.periods is None and "S" not in one.given
+    return alike and first_record.periods is None and "S" not in first_record.given
 
 
 def posteriors_of(observer: GaussianFilter, states: Sequence[KalmanState]) -> FilterPosteriors:
     """Copies of what the states hold, which the loops move."""
     posteriors, learned = [state.posterior for state in states], observer.noise_memory is not None
     return FilterPosteriors(
-        np.array([one.mean for one in posteriors]),
-        np.array([one.covariance for one in posteriors]),
-        np.array([one.error for one in posteriors]),
-        np.array([one.noise for one in states]) if learned else np.empty((len(states), 1)),
-        np.array([float(one.count + (one.sample is not None)) for one in states]),
+        np.array([posterior.mean for posterior in posteriors]),
+        np.array([posterior.covariance for posterior in posteriors]),
+        np.array([posterior.error for posterior in posteriors]),
+        np.array([state.noise for state in states]) if learned else np.empty((len(states), 1)),
+        np.array([float(state.count + (state.sample is not None)) for state in states]),
     )
 
 
@@ -43,8 +43,8 @@ def run_together(
     observer: GaussianFilter, records: Sequence[Record], states: Sequence[KalmanState]
 ) -> Many:
     """Run the compiled loop on records that `can_run_together`."""
-    first, one = states[0], records[0]
-    given, fresh = observer._given(one.given, len(one.y)), first.sample is None
+    first, first_record = states[0], records[0]
+    given, fresh = observer._given(first_record.given, len(first_record.y)), first.sample is None
     refuse_given(observer, given)
     pairs = zip(states, records, strict=True)
     inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
@@ -56,7 +56,7 @@ def run_together(
     rows, kept, ends = observer._filtered(model, inputs, y, fresh, after, keep)
     n, _, m = observer._sizes
     if first.count <= n and n * m > 1:
-        P, S = (one[:, : n + 1] for one in rows[1:4:2])
+        P, S = (array[:, : n + 1] for array in rows[1:4:2])
         warn_of_starts(starts, P.diagonal(0, 2, 3), ends[:, 0], S)
     causes = observer.steps.causes
     return Many(

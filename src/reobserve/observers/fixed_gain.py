@@ -201,16 +201,16 @@ def filter_gain(model: LinearModel, predictor_gain: ArrayLike) -> Array:
      [0.092]]
     """
     A, _, C, _, _, _ = as_kind("model", model, LinearModel).arrays
-    given, shape = as_floats("predictor_gain", predictor_gain), (len(A), len(C))
-    if given.shape != shape:
-        raise InputError("predictor_gain", f"has shape {given.shape}, must be {shape}")
+    gain, shape = as_floats("predictor_gain", predictor_gain), (len(A), len(C))
+    if gain.shape != shape:
+        raise InputError("predictor_gain", f"has shape {gain.shape}, must be {shape}")
     scales = output_scales(A, C).completed(A)
     even = scales.transition(A)
-    wanted = powers(given, scales.states[:, None] - scales.outputs)
-    found = np.asarray(np.linalg.lstsq(even, wanted, rcond=None)[0], dtype=np.float64)
-    if np.abs(even @ found - wanted).max() > 1e-9 * np.abs(wanted).max():
+    wanted = powers(gain, scales.states[:, None] - scales.outputs)
+    solution = np.asarray(np.linalg.lstsq(even, wanted, rcond=None)[0], dtype=np.float64)
+    if np.abs(even @ solution - wanted).max() > 1e-9 * np.abs(wanted).max():
         raise InputError("predictor_gain", "is no A L: A is singular, and no filter has this gain")
-    return scales.gain(found)
+    return scales.gain(solution)
 
 
 @own_gain_function

@@ -135,15 +135,15 @@ def _halves(
     name: str, values: ArrayLike, before: ArrayLike | None, begun: int
 ) -> tuple[Array, Array, Array | None]:
     """Every second sample, the middles before them, and the limits from the left."""
-    given = as_numbers(name, values)
-    if given.ndim == 0 or len(given) % 2 != begun:
+    samples = as_numbers(name, values)
+    if samples.ndim == 0 or len(samples) % 2 != begun:
         kind = "an odd" if begun else "an even"
-        raise InputError(name, f"has shape {given.shape}, must have {kind} number of rows")
-    middles = given[::2] if not begun else np.concatenate([given[:1], given[1::2]])
+        raise InputError(name, f"has shape {samples.shape}, must have {kind} number of rows")
+    middles = samples[::2] if not begun else np.concatenate([samples[:1], samples[1::2]])
     left = None if before is None else as_numbers(f"{name}_before", before)
-    if left is not None and left.shape != given.shape:
-        raise InputError(f"{name}_before", f"has shape {left.shape}, must be {given.shape}")
-    return given[1 - begun :: 2], middles, None if left is None else left[1 - begun :: 2]
+    if left is not None and left.shape != samples.shape:
+        raise InputError(f"{name}_before", f"has shape {left.shape}, must be {samples.shape}")
+    return samples[1 - begun :: 2], middles, None if left is None else left[1 - begun :: 2]
 
 
 def check_rate(name: str, rate: float, step: float) -> None:

@@ -30,17 +30,17 @@ def read_frames(
     time = as_seconds("time", time)
     if type(y) is np.ndarray and (u is None or type(u) is np.ndarray) and before is middle is None:
         return y, u, None, None, time, None
-    indices = {name: _index(one) for name, one in (("y", y), ("u", u))}
+    indices = {name: _index(value) for name, value in (("y", y), ("u", u))}
     y, u = _arranged(observer, "y", y), _arranged(observer, "u", u)
     before, middle = (
         _arranged_pair(observer, name, pair)
         for name, pair in (("before", before), ("middle", middle))
     )
     if time is None:
-        for name, one in indices.items():
-            if one is not None:
-                _compare(name, one, observer.sampling_period)
-    index, other = (None if _kind(one) in "iu" else one for one in indices.values())
+        for name, labels in indices.items():
+            if labels is not None:
+                _compare(name, labels, observer.sampling_period)
+    index, other = (None if _kind(each) in "iu" else each for each in indices.values())
     if index is not None and other is not None and len(index) == len(other):
         differ = np.flatnonzero(~np.asarray(index == other))
         if differ.size:
@@ -56,7 +56,7 @@ def read_rows(observer: Any, y: Any, u: Any, before: Any, middle: Any) -> tuple[
         return y, u, None, None
     pairs = (("before", before), ("middle", middle))
     early, half = (_arranged_pair(observer, name, pair, row=True) for name, pair in pairs)
-    y, u = (_arranged(observer, name, one, row=True) for name, one in (("y", y), ("u", u)))
+    y, u = (_arranged(observer, name, value, row=True) for name, value in (("y", y), ("u", u)))
     return y, u, early, half
 
 
@@ -114,8 +114,8 @@ def _arranged_pair(observer: Any, name: str, pair: Any, row: bool = False) -> An
     if not isinstance(pair, tuple | list) or len(pair) != 2:
         return pair
     return tuple(
-        _arranged(observer, f"{name} {signal}", one, row)
-        for signal, one in zip("yu", pair, strict=True)
+        _arranged(observer, f"{name} {signal}", value, row)
+        for signal, value in zip("yu", pair, strict=True)
     )
 
 
@@ -132,7 +132,7 @@ def _arranged(observer: Any, name: str, value: Any, row: bool = False) -> Any:
 
 def _without_na(value: Any) -> Any:
     """Columns that may hold NA as floats with nan in its place."""
-    if all(isinstance(one, np.dtype) for one in np.atleast_1d(np.asarray(value.dtypes, object))):
+    if all(isinstance(kind, np.dtype) for kind in np.atleast_1d(np.asarray(value.dtypes, object))):
         return value
     try:
         return value.to_numpy(np.float64, na_value=np.nan)

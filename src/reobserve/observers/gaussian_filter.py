@@ -152,8 +152,8 @@ class GaussianFilter(Observer[KalmanState]):
 
     @property
     def _periods(self) -> Mapping[str, Array]:
-        found = self.model.state_periods
-        return {} if found is None else dict.fromkeys(("state", "predicted_state"), found)
+        periods = self.model.state_periods
+        return {} if periods is None else dict.fromkeys(("state", "predicted_state"), periods)
 
     def _work(self) -> Any:
         """New scratch for the compiled loops."""
@@ -182,11 +182,11 @@ class GaussianFilter(Observer[KalmanState]):
     @cached_property
     def component_names(self) -> Mapping[str, AxisNames]:
         """Names of components of estimates, for each axis of one, where the model has them."""
-        found, m = names_by_model(self.model), self.model.output_names
+        names, m = names_by_model(self.model), self.model.output_names
         n = self._all_names
         if n or m:
-            found |= {"predicted_state": (n,), "predicted_covariance": (n, n), "gain": (n, m)}
-        return found
+            names |= {"predicted_state": (n,), "predicted_covariance": (n, n), "gain": (n, m)}
+        return names
 
     @property
     def _all_names(self) -> tuple[str, ...] | None:
@@ -269,8 +269,8 @@ class GaussianFilter(Observer[KalmanState]):
         plain = time is None and not record.given and state.held is None
         if plain or self.noise_memory is not None:  # which counts sampling periods
             return super()._timed(time, state, record)
-        found = uneven_times(self.whole, time, state, record)
-        return super()._timed(time, state, record) if found is None else found
+        timed = uneven_times(self.whole, time, state, record)
+        return super()._timed(time, state, record) if timed is None else timed
 
     @property
     def _uneven_hint(self) -> str:
@@ -300,11 +300,11 @@ class GaussianFilter(Observer[KalmanState]):
             )  # fmt: skip
         ends, method, spare = np.zeros((records, 2), np.int64), self.method, self._spare
 
-        def block(one: slice) -> None:
-            parts = [None if all_ is None else part(all_, one) for all_ in (after, rows, kept)]
+        def block(cut: slice) -> None:
+            parts = [None if all_ is None else part(all_, cut) for all_ in (after, rows, kept)]
             work = self._work()
             with RaisedAfterLoop():
-                self.steps.run(model, method, y[one], inputs[one], fresh, *parts, work, ends[one])
+                self.steps.run(model, method, y[cut], inputs[cut], fresh, *parts, work, ends[cut])
 
         python = bool(getattr(self.whole, "uncompiled", ()))
         if records > 1 and records * k >= ROWS_FOR_THREADS and not python:
@@ -329,7 +329,7 @@ class GaussianFilter(Observer[KalmanState]):
     ) -> dict[str, Array]:
         """The estimates by their names."""
         state, covariance, innovation, innovation_covariance, log_likelihood = rows[:5]
-        found = {
+        estimates = {
             "state": state,
             "variance": covariance.diagonal(axis1=-2, axis2=-1),
             "covariance": covariance,
@@ -338,10 +338,10 @@ class GaussianFilter(Observer[KalmanState]):
             "log_likelihood": log_likelihood,
         }
         if self.gate is not None:
-            found["outlier"] = rows.outlier
+            estimates["outlier"] = rows.outlier
         if self.noise_memory is not None:
-            found["noise_variance"] = rows.noise_variance
-        return found | {name: getattr(kept, name) for name in keep} if keep else found
+            estimates["noise_variance"] = rows.noise_variance
+        return estimates | {name: getattr(kept, name) for name in keep} if keep else estimates
 
     def _kept(self, given: Mapping[str, Any]) -> Sequence[str]:
         """Names of what else the run shall hold."""
@@ -362,17 +362,17 @@ class GaussianFilter(Observer[KalmanState]):
         )  # fmt: skip
         after = posteriors_of(self, [state])
         rows, kept, ends = self._filtered(model, inputs, y[None], fresh, after, keep)
-        found = self._named(
-            FilterRows(*[one[0] for one in rows]),
+        estimates = self._named(
+            FilterRows(*[array[0] for array in rows]),
             None if kept is None else PredictedRows(kept[0][0], kept[1][0], kept[2][0]), keep,
         )  # fmt: skip
         last = reached(after, 0, state, record, held, self._sizes)
         good, cause = ends[0].tolist()
         n, _, m = self._sizes
         if state.count <= n and n * m > 1:  # of one number Joseph's form loses nothing
-            P, S = (one[0, : min(good, n + 1)] for one in rows[1:4:2])
+            P, S = (array[0, : min(good, n + 1)] for array in rows[1:4:2])
             warn_of_start(posterior.covariance.diagonal(), P.diagonal(0, 1, 2), 5, S)
-        return Rows(found, good, last, finding=self.steps.causes[cause] if cause else "")
+        return Rows(estimates, good, last, finding=self.steps.causes[cause] if cause else "")
 
     @cached_property
     def _sizes(self) -> tuple[int, int, int]:

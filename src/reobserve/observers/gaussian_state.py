@@ -124,9 +124,9 @@ def beside(left: Array, right: Array) -> Array:
 
     `numpy.concatenate` may choose another order, for which loops would be compiled again.
     """
-    found = np.empty((*left.shape[:-1], left.shape[-1] + right.shape[-1]))
-    found[..., : left.shape[-1]], found[..., left.shape[-1] :] = left, right
-    return found
+    joined = np.empty((*left.shape[:-1], left.shape[-1] + right.shape[-1]))
+    joined[..., : left.shape[-1]], joined[..., left.shape[-1] :] = left, right
+    return joined
 
 
 def as_held(last: Matrices) -> Matrices | None:
@@ -189,7 +189,7 @@ def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices |
     n, p, _ = observer._sizes
     square, values = (n, n), getattr(observer.model, "parameter_values", ())
     shapes = {"A": square, "B": (n, p), "Q": square, "parameters": (len(values),), "dt": (1,)}
-    shapes = {one: shape for one, shape in shapes.items() if one in observer.takes}
+    shapes = {each: shape for each, shape in shapes.items() if each in observer.takes}
     if "S" in observer.takes:
         shapes |= dict(zip(TakenOut._fields, (square, square, (n,)), strict=True))
     taken_out = set(TakenOut._fields)
@@ -197,15 +197,15 @@ def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices |
         raise InputError(name, f"{shown(held)} must be matrices by name: {', '.join(shapes)}")
     if held.keys() & taken_out and not held.keys() >= taken_out:
         raise InputError(name, f"must have all of {', '.join(TakenOut._fields)}, or none")
-    found = {}
-    for one, value in held.items():
-        found[one] = array = as_numbers(f"{name}.{one}", value, writable=False)
-        if array.shape != shapes[one] or not all_finite(array):
-            problem = f"{shown(value)} must be finite, of shape {shapes[one]}"
-            raise InputError(f"{name}.{one}", problem)
-        if one == "dt" and array[0] <= 0:
+    matrices = {}
+    for key, value in held.items():
+        matrices[key] = array = as_numbers(f"{name}.{key}", value, writable=False)
+        if array.shape != shapes[key] or not all_finite(array):
+            problem = f"{shown(value)} must be finite, of shape {shapes[key]}"
+            raise InputError(f"{name}.{key}", problem)
+        if key == "dt" and array[0] <= 0:
             raise InputError(f"{name}.dt", f"{shown(value)} must be a positive time")
-    return found
+    return matrices
 
 
 def check_time(time: Any) -> float | None:
@@ -227,10 +227,10 @@ def check_noise(value: Any, learned: bool, outputs: int) -> Array | None:
         return None
     if value is None:
         raise InputError("state.noise", "is missing: the state is of a filter without noise_memory")
-    found = as_numbers("state.noise", value, writable=False)
-    if found.shape != (outputs,) or not all_finite(found) or found.min() <= 0:
+    variances = as_numbers("state.noise", value, writable=False)
+    if variances.shape != (outputs,) or not all_finite(variances) or variances.min() <= 0:
         raise InputError("state.noise", f"{shown(value)} must be {outputs} numbers above zero")
-    return found
+    return variances
 
 
 def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
@@ -250,11 +250,11 @@ def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
     return sample
 
 
-def periods_of(one: ModeFilter) -> tuple[Array, Array]:
+def periods_of(mode: ModeFilter) -> tuple[Array, Array]:
     """The periods of angles among states and outputs, zero where there are none."""
-    model = getattr(one, "whole", one.model)
+    model = getattr(mode, "whole", mode.model)
     sizes = {"state_periods": model.states, "output_periods": model.outputs}
-    found = [getattr(model, name, None) for name in sizes]
-    pairs = zip(found, sizes.values(), strict=True)
+    periods = [getattr(model, name, None) for name in sizes]
+    pairs = zip(periods, sizes.values(), strict=True)
     x, y = (np.zeros(size) if value is None else for_loop(value) for value, size in pairs)
     return x, y

@@ -138,7 +138,7 @@ class GridFilter(IMM):
         T, each = filters[0].sampling_period, len(as_rates(rates))
         chain = node_chain(nodes, random_walk, jump_rate, T, rates, switch_rate)
         return cls(
-            tuple(one for one in filters for _ in range(each)), chain,
+            tuple(mode for mode in filters for _ in range(each)), chain,
             grid=np.repeat(nodes, each), gate=gate, noise_memory=noise_memory,
         )  # fmt: skip
 
@@ -188,7 +188,7 @@ class GridFilter(IMM):
         each = len(as_rates(rates))
         chain = node_chain(nodes, random_walk, jump_rate, T, rates, switch_rate)
         return cls(
-            tuple(one for one in filters for _ in range(each)), chain,
+            tuple(mode for mode in filters for _ in range(each)), chain,
             grid=np.repeat(nodes, each), periods_late=np.repeat(whole, each), gate=gate,
             noise_memory=noise_memory,
         )  # fmt: skip
@@ -200,18 +200,18 @@ class GridFilter(IMM):
         return own if self.periods_late is None else own // 2
 
     def _checked(self, state: Any) -> ImmState:
-        found = super()._checked(state)
-        if found.past is not None:
+        checked = super()._checked(state)
+        if checked.past is not None:
             deepest = 0 if self.periods_late is None else int(self.periods_late.max()) + 1
-            past = as_numbers("state.past", found.past, writable=False)
+            past = as_numbers("state.past", checked.past, writable=False)
             if past.shape != (deepest, self.inputs) or not all_finite(past):
                 problem = f"has shape {past.shape}, must be {deepest} rows of finite inputs"
                 raise InputError("state.past", problem)
         elif self.periods_late is not None and (
-            found.count or (found.sample is not None and not np.isnan(found.sample[0]))
+            checked.count or (checked.sample is not None and not np.isnan(checked.sample[0]))
         ):
             raise InputError("state.past", "is missing: the state is of no filter of a delay")
-        return found
+        return checked
 
     def _timed(
         self, time: ArrayLike | None, state: ImmState, record: Record
@@ -234,10 +234,10 @@ class GridFilter(IMM):
         probability = rows.estimates["probability"]
         # sum_i p_i theta_i, and sum_i p_i (theta_i - theta)^2
         mean = (probability * self.grid).sum(axis=1)
-        apart = self.grid - mean[:, None]
-        spread = np.einsum("kr,kr,kr->k", probability, apart, apart)
-        found = {"parameter": mean, "parameter_variance": spread}
-        return rows._replace(estimates={**rows.estimates, **found})
+        deviation = self.grid - mean[:, None]
+        spread = np.einsum("kr,kr,kr->k", probability, deviation, deviation)
+        added = {"parameter": mean, "parameter_variance": spread}
+        return rows._replace(estimates={**rows.estimates, **added})
 
 
 def as_grid(value: ArrayLike, name: str = "grid") -> Array:

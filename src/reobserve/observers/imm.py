@@ -141,12 +141,12 @@ class IMM(Observer[ImmState]):
         ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:
-        given: Any = self.filters
-        check_filters(given)
-        self._set("filters", tuple(given))
-        self._set("transition", as_row_stochastic("transition", self.transition, len(given)))
+        filters: Any = self.filters
+        check_filters(filters)
+        self._set("filters", tuple(filters))
+        self._set("transition", as_row_stochastic("transition", self.transition, len(filters)))
         self._set("mixing", as_flag("mixing", self.mixing))
-        self._set("sampling_period", given[0].model.sampling_period)
+        self._set("sampling_period", filters[0].model.sampling_period)
         for name in ("gate", "noise_memory"):
             value = getattr(self, name)
             self._set(name, None if value is None else as_positive(name, value))
@@ -155,17 +155,17 @@ class IMM(Observer[ImmState]):
 
     def _check_noise_memory(self) -> None:
         """Refuse to estimate R where not one of the filters can see it, or there is no one R."""
-        if not self._linear or any(not one.has_kalman_gain for one in self._linear):
+        if not self._linear or any(not each.has_kalman_gain for each in self._linear):
             problem = "must be left out: it is for banks of Kalman filters on linear models"
             raise InputError("noise_memory", problem)
         first = self._linear[0].model.R
-        for j, one in enumerate(self._linear):
-            if not np.array_equal(one.model.R, first):
+        for j, mode in enumerate(self._linear):
+            if not np.array_equal(mode.model.R, first):
                 raise InputError("noise_memory", f"must be left out: filters[{j}] has another R")
         refused: InputError | None = None
-        for one in self._linear:
+        for mode in self._linear:
             try:
-                replace(one, noise_memory=self.noise_memory)
+                replace(mode, noise_memory=self.noise_memory)
             except InputError as error:
                 refused = refused or error
             else:
@@ -175,8 +175,8 @@ class IMM(Observer[ImmState]):
 
     @property
     def _periods(self) -> Mapping[str, Array]:
-        found, _ = periods_of(self.filters[0])
-        return {"state": found} if found.any() else {}
+        periods, _ = periods_of(self.filters[0])
+        return {"state": periods} if periods.any() else {}
 
     @cached_property
     def _rules(self) -> Rules:
@@ -197,11 +197,11 @@ class IMM(Observer[ImmState]):
     @property
     def component_names(self) -> Mapping[str, AxisNames]:
         """Names of components of estimates, by the model of the first filter."""
-        one = self.filters[0]
-        found = names_by_model(getattr(one, "whole", one.model))
-        if "innovation" in found:
-            found["innovation"] = (None, *found["innovation"])
-        return found
+        first = self.filters[0]
+        names = names_by_model(getattr(first, "whole", first.model))
+        if "innovation" in names:
+            names["innovation"] = (None, *names["innovation"])
+        return names
 
     def init(
         self,
@@ -265,8 +265,8 @@ class IMM(Observer[ImmState]):
             if type(held) is not tuple or len(held) != len(modes):
                 raise InputError("state.held", f"{shown(held)} must be of {len(modes)} filters")
             held = tuple(
-                check_held(one, mode, f"state.held[{j}]") or {}
-                for j, (one, mode) in enumerate(zip(held, modes, strict=True))
+                check_held(matrices, mode, f"state.held[{j}]") or {}
+                for j, (matrices, mode) in enumerate(zip(held, modes, strict=True))
             )
         time = check_time(given.time)
         noise = check_noise(given.noise, self.noise_memory is not None, m)
@@ -283,10 +283,10 @@ class IMM(Observer[ImmState]):
         able = (
             self._linear
             and self.noise_memory is None
-            and all(one.model.density is not None or "Q" in record.given for one in self._linear)
+            and all(mode.model.density is not None or "Q" in record.given for mode in self._linear)
         )
-        found = uneven_times(self.filters[0].model, time, state, record) if able else None
-        return super()._timed(time, state, record) if found is None else found
+        timed = uneven_times(self.filters[0].model, time, state, record) if able else None
+        return super()._timed(time, state, record) if timed is None else timed
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), size_of(self.filters[0]), len(record.y)
@@ -344,25 +344,25 @@ class IMM(Observer[ImmState]):
         self, state: ImmState, record: Record, inputs: Array
     ) -> tuple[ModelRows, Array, tuple[Matrices, ...] | None]:
         """The models of all modes by row, (., r, ...), their inputs, and what the state holds."""
-        found = []
-        for j, one in enumerate(self._linear):
+        rows = []
+        for j, kf in enumerate(self._linear):
             given = {name: self._of_mode(name, value, j) for name, value in record.given.items()}
             for name in given:
-                if name not in one.takes:
-                    problem = f"is not taken by {type(one).__name__}, which is a filter of the bank"
+                if name not in kf.takes:
+                    problem = f"is not taken by {type(kf).__name__}, which is a filter of the bank"
                     raise InputError(name, problem)
             before = None if state.held is None else state.held[j]
             shared = inputs[None, :, 0]
-            found.append(one._in_record(given, record.y, shared, before, record.periods))
+            rows.append(kf._in_record(given, record.y, shared, before, record.periods))
         model = ModelRows(
             *(
                 np.stack(np.broadcast_arrays(*matrices), axis=1)
-                for matrices in zip(*(one.model for one in found), strict=True)
+                for matrices in zip(*(row.model for row in rows), strict=True)
             )
         )
-        held = tuple(one.held or {} for one in found)
-        many = np.stack([one.inputs[0] for one in found], axis=1)
-        return model, many, held if any(held) else None
+        held = tuple(row.held or {} for row in rows)
+        stacked = np.stack([row.inputs[0] for row in rows], axis=1)
+        return model, stacked, held if any(held) else None
 
     def _of_mode(self, name: str, value: Any, mode: int) -> Any:
         """The values given for one mode: for all of them, or (k, r, ., .)."""
@@ -378,20 +378,20 @@ class IMM(Observer[ImmState]):
     def _linear(self) -> list[GaussianFilter]:
         """The filters, if one loop can run them all: one gain function, as many parameters."""
         linear = [
-            one
-            for one in self.filters
-            if isinstance(one, GaussianFilter) and one.steps is LINEAR and one.whole is one.model
+            kf
+            for kf in self.filters
+            if isinstance(kf, GaussianFilter) and kf.steps is LINEAR and kf.whole is kf.model
         ]
-        alike = {(one.method.function, len(one.method.parameters)) for one in linear}
+        alike = {(kf.method.function, len(kf.method.parameters)) for kf in linear}
         return linear if len(linear) == len(self.filters) and len(alike) == 1 else []
 
     @cached_property
     def _model(self) -> ModelRows:
         """The matrices of all modes, (1, r, ...)."""
-        arrays = zip(*(one.model.arrays for one in self._linear), strict=True)
+        arrays = zip(*(mode.model.arrays for mode in self._linear), strict=True)
         return ModelRows(*(np.array([matrices]) for matrices in arrays))
 
     @cached_property
     def _parameters(self) -> Array:
         """Parameters of the gain of each filter, (r, .)."""
-        return np.array([one.method.parameters for one in self._linear])
+        return np.array([mode.method.parameters for mode in self._linear])

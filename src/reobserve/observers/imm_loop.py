@@ -170,20 +170,20 @@ def leave_out_outliers(
     deviations of those that are left out.
     """
     C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
-    R, one = bank.model.R[min(k, len(bank.model.R) - 1)], work.of_filter
+    R, inner = bank.model.R[min(k, len(bank.model.R) - 1)], work.of_filter
     for o in range(len(measurement)):
         outliers[o] = math.inf
     for j in range(len(C)):
         mean, P = posteriors.means[j], posteriors.covariances[j]
         control = controls[min(j, len(controls) - 1)]
-        linear.output_error(C[j], D[j], measurement, control, mean, one.scaled, one)
+        linear.output_error(C[j], D[j], measurement, control, mean, inner.scaled, inner)
         for o in range(len(measurement)):
             # S_oo = c P c' + R_oo
-            variance = posteriors.noise[o] if one.rules.forgetting > 0.0 else R[j, o, o]
+            variance = posteriors.noise[o] if inner.rules.forgetting > 0.0 else R[j, o, o]
             for a in range(len(mean)):
                 for b in range(len(mean)):
                     variance += C[j, o, a] * P[a, b] * C[j, o, b]
-            deviations = one.scaled[o] / math.sqrt(variance)
+            deviations = inner.scaled[o] / math.sqrt(variance)
             if not abs(deviations) >= abs(outliers[o]):
                 outliers[o] = deviations
     for o in range(len(measurement)):

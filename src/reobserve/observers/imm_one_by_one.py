@@ -41,11 +41,11 @@ def run_one_by_one(
         try:
             if moves:
                 pairs = zip(bank.filters, begun, strict=True)
-                begun = [one.predict(posterior, inputs[k]) for one, posterior in pairs]
-            found = _corrected(bank, begun, y, inputs[k + 1], rows.outlier[k * gated])
+                begun = [mode.predict(posterior, inputs[k]) for mode, posterior in pairs]
+            corrections = _corrected(bank, begun, y, inputs[k + 1], rows.outlier[k * gated])
         except DivergenceError as error:
             return k, error.finding
-        for j, after in enumerate(found):
+        for j, after in enumerate(corrections):
             posteriors.means[j] = after.posterior.mean
             posteriors.errors[j] = after.posterior.error
             posteriors.covariances[j] = after.posterior.covariance
@@ -64,16 +64,16 @@ def _corrected(
 ) -> list[Correction]:
     """The corrections of all filters, without what is beyond the gates of all of them."""
     pairs = list(zip(bank.filters, begun, strict=True))
-    found = [one.correct(posterior, y, u) for one, posterior in pairs]
+    corrections = [mode.correct(posterior, y, u) for mode, posterior in pairs]
     if bank.gate is None:
-        return found
+        return corrections
     deviations = np.array(
-        [one.innovation / np.sqrt(np.diag(one.innovation_covariance)) for one in found]
+        [each.innovation / np.sqrt(np.diag(each.innovation_covariance)) for each in corrections]
     )
     least = deviations[np.argmin(np.abs(deviations), axis=0), np.arange(len(y))]
     beyond = np.abs(least) > bank.gate
     outliers[:] = np.where(beyond, least, 0.0)
     if not beyond.any():
-        return found
+        return corrections
     taken = np.where(beyond, np.nan, y)
-    return [one.correct(posterior, taken, u) for one, posterior in pairs]
+    return [mode.correct(posterior, taken, u) for mode, posterior in pairs]

@@ -45,7 +45,7 @@ class ImmState(Value):
         return tuple(Gaussian(*part) for part in parts)
 
 
-def check_filters(given: Any) -> None:
+def check_filters(filters: Any) -> None:
     """Refuse what is no list of filters that a bank can mix.
 
     Raises
@@ -53,31 +53,31 @@ def check_filters(given: Any) -> None:
     InputError
         With the filter that differs from the first.
     """
-    if not isinstance(given, list | tuple) or not given:
-        raise InputError("filters", f"{shown(given)} must be a list of one filter or more")
-    for j, one in enumerate(given):
+    if not isinstance(filters, list | tuple) or not filters:
+        raise InputError("filters", f"{shown(filters)} must be a list of one filter or more")
+    for j, mode in enumerate(filters):
         wanted = ("predict", "correct", "model")
-        if isinstance(one, type) or not all(hasattr(one, part) for part in wanted):
-            problem = f"{shown(one)} must have a model, predict and correct"
+        if isinstance(mode, type) or not all(hasattr(mode, part) for part in wanted):
+            problem = f"{shown(mode)} must have a model, predict and correct"
             raise InputError(f"filters[{j}]", problem)
-        size, first = size_of(one), size_of(given[0])
+        size, first = size_of(mode), size_of(filters[0])
         if size != first:
             problem = f"has {size} states, inputs and outputs, the first filter {first}"
             raise InputError(f"filters[{j}]", problem)
-        period, first_period = one.model.sampling_period, given[0].model.sampling_period
+        period, first_period = mode.model.sampling_period, filters[0].model.sampling_period
         if period != first_period:
             problem = f"has a sampling period of {period:g} s, the first {first_period:g} s"
             raise InputError(f"filters[{j}]", problem)
         for name in ("gate", "noise_memory"):
-            if getattr(one, name, None) is not None:
+            if getattr(mode, name, None) is not None:
                 problem = f"has {name} of its own: the bank takes it, for all filters"
                 raise InputError(f"filters[{j}]", problem)
-        if not all(map(np.array_equal, periods_of(one), periods_of(given[0]))):
+        if not all(map(np.array_equal, periods_of(mode), periods_of(filters[0]))):
             problem = "has other periods of angles than the first filter"
             raise InputError(f"filters[{j}]", problem)
 
 
-def size_of(one: ModeFilter) -> tuple[int, int, int]:
+def size_of(mode: ModeFilter) -> tuple[int, int, int]:
     """The numbers of states, inputs and outputs of a filter."""
-    model = getattr(one, "whole", one.model)
+    model = getattr(mode, "whole", mode.model)
     return model.states, model.inputs, model.outputs

@@ -53,18 +53,18 @@ def linear_in_record(
     if not given and not held and periods is None:
         return InRecord(model.rows, inputs, None)
     matrices = {name: given[name] for name in given if name in ModelRows._fields}
-    found = model.by_row(matrices, len(y), held, periods)
-    after = {name: found[name][-1] for name in ("A", "B", "Q") if name in given}
+    rows = model.by_row(matrices, len(y), held, periods)
+    after = {name: rows[name][-1] for name in ("A", "B", "Q") if name in given}
     before = [held[name] for name in TakenOut._fields if name in held]
     if "S" in given or before:
         open_end = periods is not None and "Q" not in given
-        found, taken = uncorrelated(found, given.get("S"), y, inputs[0], before, open_end)
+        rows, taken = uncorrelated(rows, given.get("S"), y, inputs[0], before, open_end)
         if "S" in given:
             after |= {name: part[-1] for name, part in taken._asdict().items()}
         # x = A x + [B I] [u; J (y - D u)]
-        found["B"] = beside(found["B"], np.eye(model.states))
+        rows["B"] = beside(rows["B"], np.eye(model.states))
         inputs = beside(inputs, taken.known)
-    matrices = {name: np.ascontiguousarray(matrix) for name, matrix in found.items()}
+    matrices = {name: np.ascontiguousarray(matrix) for name, matrix in rows.items()}
     return InRecord(ModelRows(**matrices), inputs, as_held(after))
 
 

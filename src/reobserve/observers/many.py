@@ -24,9 +24,9 @@ def in_threads(block: Callable[[slice], None], records: int) -> None:
     threads, stop = min(records, cores()), Event()
     cuts = np.linspace(0, records, threads + 1).astype(int).tolist()
 
-    def stoppable(one: slice) -> None:
+    def stoppable(cut: slice) -> None:
         with stopped_by(stop):
-            block(one)
+            block(cut)
 
     with ThreadPoolExecutor(threads) as pool:
         try:
@@ -36,9 +36,9 @@ def in_threads(block: Callable[[slice], None], records: int) -> None:
             raise
 
 
-def part(arrays: Any, one: slice) -> Any:
+def part(arrays: Any, cut: slice) -> Any:
     """A named tuple of arrays for a part of the records."""
-    return type(arrays)(*[array[one] for array in arrays])
+    return type(arrays)(*[array[cut] for array in arrays])
 
 
 def run_many(
@@ -57,35 +57,35 @@ def run_many(
     times = np.empty(0)
     for r in range(count):
         with located(f"record {r}"):
-            one = observer._read(y[r], u if alone else u[r], None, None, given)
+            record = observer._read(y[r], u if alone else u[r], None, None, given)
             start = state[r] if isinstance(state, list | tuple) else state
-            start = observer._start(one.y[0]) if start is None else observer._checked(start)
-            own, one = observer._timed(time, start, one)
+            start = observer._start(record.y[0]) if start is None else observer._checked(start)
+            own, record = observer._timed(time, start, record)
             if records and not np.array_equal(own[0], times[0]):
                 raise InputError("state", "is at another time than that of record 0")
             times = own
-            if records and len(one.y) != len(records[0].y):
-                problem = f"has {len(one.y)} rows, must have {len(records[0].y)} like record 0"
+            if records and len(record.y) != len(records[0].y):
+                problem = f"has {len(record.y)} rows, must have {len(records[0].y)} like record 0"
                 raise InputError("y", problem)
-        records.append(one)
+        records.append(record)
         states.append(start)
-    found, diverged_at = observer._run_records(records, states), np.full(count, np.nan)
-    for r, good in enumerate(found.goods):
+    result, diverged_at = observer._run_records(records, states), np.full(count, np.nan)
+    for r, good in enumerate(result.goods):
         if good < len(times):
             if loud:
                 with located(f"record {r}"):
-                    rows = Rows({}, good, None, finding=found.findings[r])
+                    rows = Rows({}, good, None, finding=result.findings[r])
                     raise observer._divergence(states[r], records[r], rows, times, good)
             diverged_at[r] = observer._last_finite(states[r], times, good)
-            found.states[r] = states[r]
-            for values in (*found.estimates.values(), *found.before.values()):
+            result.states[r] = states[r]
+            for values in (*result.estimates.values(), *result.before.values()):
                 if values.flags.writeable:  # else a view of another one
                     values[r, good:] = np.nan
     missing = [
-        0 if all_finite(one.y) else int(np.isnan(one.y).any(axis=1).sum()) for one in records
+        0 if all_finite(entry.y) else int(np.isnan(entry.y).any(axis=1).sum()) for entry in records
     ]
     return Run(
-        times, found.estimates, observer._units_of(found.estimates), tuple(found.states),
-        diverged_at if np.isfinite(diverged_at).any() else None, found.before,
+        times, result.estimates, observer._units_of(result.estimates), tuple(result.states),
+        diverged_at if np.isfinite(diverged_at).any() else None, result.before,
         np.array(missing), observer.component_names, periods=observer._periods,
     )  # fmt: skip

@@ -53,8 +53,8 @@ def by_row(
     are not the model's. ``periods`` [s] lead to each row, (k + 1,), from the one before the record
     on; None where all are the sampling period.
     """
-    found: dict[str, Any] = {"Q": for_loop(model.Q)[None], "R": for_loop(model.R)[None]}
-    found["steps"], found["parts"] = model.steps, np.ones((1, 2), np.int64)
+    fields: dict[str, Any] = {"Q": for_loop(model.Q)[None], "R": for_loop(model.R)[None]}
+    fields["steps"], fields["parts"] = model.steps, np.ones((1, 2), np.int64)
     values = model.parameter_values[None]
     if periods is not None:
         if not model.continuous:
@@ -66,29 +66,29 @@ def by_row(
                 "from_ode the density of the noise, or Q by row",
             )  # fmt: skip
         parts = parts_of(periods, model.sampling_period)
-        found["steps"] = periods / (model.substeps * parts)
-        found["parts"] = np.stack([parts, parts], axis=1)
+        fields["steps"] = periods / (model.substeps * parts)
+        fields["parts"] = np.stack([parts, parts], axis=1)
         if model.density is not None:
-            found["Q"] = model.density * (periods / parts)[:, None, None]
+            fields["Q"] = model.density * (periods / parts)[:, None, None]
         # What is given is the noise of the whole time to a row.
         if "Q" in held:
-            found["parts"][0, 1] = 1
+            fields["parts"][0, 1] = 1
         if "Q" in given:
-            found["parts"][1:, 1] = 1
+            fields["parts"][1:, 1] = 1
     if "R" in given:
-        found["R"] = as_covariances("R", given["R"], model.outputs, rows, definite=True)
-    first = held["Q"][None] if "Q" in held else found["Q"][:1]
+        fields["R"] = as_covariances("R", given["R"], model.outputs, rows, definite=True)
+    first = held["Q"][None] if "Q" in held else fields["Q"][:1]
     if "Q" in given:
         read = as_covariances("Q", given["Q"], model.states, rows)
-        found["Q"] = np.concatenate([first, read])
+        fields["Q"] = np.concatenate([first, read])
     elif "Q" in held:
-        found["Q"] = np.concatenate([first, found["Q"][0 if periods is None else 1 :]])
+        fields["Q"] = np.concatenate([first, fields["Q"][0 if periods is None else 1 :]])
     if "parameters" in given or "parameters" in held:
         read = model.parameters_by_row(given.get("parameters", {}), rows)
         before = held.get("parameters", model.parameter_values)
         later = np.broadcast_to(read, (rows, read.shape[1]))
         values = np.concatenate([before[None], later])
-    return found, values
+    return fields, values
 
 
 def parts_of(periods: Array, sampling_period: float) -> NDArray[np.int64]:
@@ -111,17 +111,17 @@ def nonlinear_in_record(
     periods: Array | None,
 ) -> InRecord:
     """The noise and steps of each row, and inputs with the parameters behind them."""
-    found, values = by_row(filter.model, given, len(y), held, periods)
+    fields, values = by_row(filter.model, given, len(y), held, periods)
     after = {}
     if "Q" in given:
-        after["Q"] = found["Q"][-1]
+        after["Q"] = fields["Q"][-1]
     if "parameters" in given:
         after["parameters"] = values[-1]
     if "dt" in given and periods is not None:
         after["dt"] = periods[-1:]
     if values.size:
         inputs = beside(inputs, values)
-    return InRecord(NonlinearRows(filter.functions, **found), inputs, as_held(after))
+    return InRecord(NonlinearRows(filter.functions, **fields), inputs, as_held(after))
 
 
 NONLINEAR = FilterSteps(

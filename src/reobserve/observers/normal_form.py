@@ -90,23 +90,23 @@ def normal_form_observer(
     """
     as_word("form", form, FORMS)
     order = as_whole("order", order, 0)
-    for name, given in (("variables", variables), ("inputs", inputs)):
-        if not isinstance(given, list | tuple):
-            raise InputError(name, f"{shown(given)} must be a list")
+    for name, value in (("variables", variables), ("inputs", inputs)):
+        if not isinstance(value, list | tuple):
+            raise InputError(name, f"{shown(value)} must be a list")
     driven = len(inputs) > 0
     # What inputs must not do shows one degree above what the observer needs.
     least = order + 1 + driven
     highest = max(least, 0 if degree is None else as_whole("degree", degree, 0))
-    kept = max(highest, as_whole("expanded", expanded, 0))
+    expansion = max(highest, as_whole("expanded", expanded, 0))
     effect = None
     if driven:
         known = [*variables, *inputs]
-        field = from_expressions("dynamics", dynamics, known, kept)
+        field = from_expressions("dynamics", dynamics, known, expansion)
         autonomous, effect = split(field, len(variables))
-        read = from_expressions("output", output, variables, kept)
+        read = from_expressions("output", output, variables, expansion)
         system = PolynomialSystem(autonomous, read)
     else:
-        system = PolynomialSystem.from_expressions(dynamics, output, variables, kept)
+        system = PolynomialSystem.from_expressions(dynamics, output, variables, expansion)
     matrix = None
     if injection is not None:
         values = as_floats("injection", injection)
@@ -119,8 +119,8 @@ def normal_form_observer(
     added = None
     if higher is not None:
         outputs = [f"y{place + 1}" for place in range(system.outputs)]
-        added = _higher(from_expressions("higher", higher, outputs, kept), system.states)
-    names = [str(one) for one in (*variables, *inputs)]
+        added = _higher(from_expressions("higher", higher, outputs, expansion), system.states)
+    names = [str(symbol) for symbol in (*variables, *inputs)]
     series = normal_form(
         system, highest, injection=matrix, poles=poles, higher=added, effect=effect, names=names
     )

@@ -99,13 +99,13 @@ class Many(NamedTuple):
 
 def stacked(every: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
     """Estimates of many records with an axis for them, nan where a loop wrote fewer rows."""
-    found = {}
+    estimates = {}
     for name in every[0]:
-        longest = max((one[name] for one in every), key=len)
-        found[name] = whole = np.full((len(every), *longest.shape), np.nan)
-        for values, one in zip(whole, every, strict=True):
-            values[: len(one[name])] = one[name]
-    return found
+        longest = max((each[name] for each in every), key=len)
+        estimates[name] = whole = np.full((len(every), *longest.shape), np.nan)
+        for values, record in zip(whole, every, strict=True):
+            values[: len(record[name])] = record[name]
+    return estimates
 
 
 def depth_of(value: Any) -> int:
@@ -130,15 +130,15 @@ def check_state(
         raise InputError(name, f"{shown(state)} must be a state from init or from an earlier run")
     changed: dict[str, Array] = {}
     for part, shape in shapes.items():
-        given = getattr(state, part)
-        if part == "sample" and given is None:
+        value = getattr(state, part)
+        if part == "sample" and value is None:
             continue
-        array = as_numbers(f"{name}.{part}", given, writable=False)
+        array = as_numbers(f"{name}.{part}", value, writable=False)
         if array.shape != shape:
             raise InputError(name, problem)
         if not all_finite(array):
             raise InputError(f"{name}.{part}", f"{shown(array)} has an entry that is not finite")
-        if array is not given:
+        if array is not value:
             changed[part] = array
     count = getattr(state, "count", 0)
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:

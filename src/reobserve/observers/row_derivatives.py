@@ -124,10 +124,10 @@ def derivative_weights(points: int, order: int) -> Array:
     whole.
     """
     places = -np.arange(float(points))
-    found = np.zeros((points, order))
+    weights = np.zeros((points, order))
     for i, place in enumerate(places):
         others = np.delete(places, i)
         basis = np.polynomial.polynomial.polyfromroots(others) / np.prod(place - others)
         for power in range(1, min(points, order + 1)):
-            found[i, power - 1] = factorial(power) * basis[power]
-    return found
+            weights[i, power - 1] = factorial(power) * basis[power]
+    return weights

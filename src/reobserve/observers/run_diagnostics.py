@@ -47,8 +47,8 @@ class Diagnostics:
 
     def __repr__(self) -> str:
         rows = [
-            f"{name}: {'none' if not len(one) else f'{len(one)} rows, the first {one[0]}'}"
-            for name, one in (("far", self.far), ("inflated", self.inflated))
+            f"{name}: {'none' if not len(which) else f'{len(which)} rows, the first {which[0]}'}"
+            for name, which in (("far", self.far), ("inflated", self.inflated))
         ]
         numbers = f"distance: {self.distance:.3g}, eigenvalue: {self.eigenvalue:.2g}"
         return f"Diagnostics({', '.join(rows)}, {numbers})"

@@ -73,10 +73,10 @@ def _band(run: Run[Any], name: str, rows: Array) -> tuple[Array, Array | None]:
     if name == "innovation" and "innovation_covariance" in run:
         variance = np.diagonal(run["innovation_covariance"], axis1=-2, axis2=-1)
         return np.zeros_like(rows), np.sqrt(np.maximum(variance, 0.0))
-    found = {"state": "variance", "unknown_input": "unknown_input_variance"}.get(name, "")
-    if found not in run or run[found].size != rows.size:
+    key = {"state": "variance", "unknown_input": "unknown_input_variance"}.get(name, "")
+    if key not in run or run[key].size != rows.size:
         return rows, None
-    return rows, np.sqrt(np.maximum(run[found].reshape(rows.shape), 0.0))
+    return rows, np.sqrt(np.maximum(run[key].reshape(rows.shape), 0.0))
 
 
 def _as_true(run: Run[Any], name: str, value: ArrayLike) -> Array:

@@ -147,7 +147,7 @@ def rts_smoother(
             "rts_smoother", float(run.time[row]), "going backwards it fails there"
         )
     smooth_means = wrapped(smooth_means, filter._rules.state_periods)
-    warn_of_smoothed(*(one.diagonal(axis1=1, axis2=2) for one in (covariances, smooth_covariances)))
+    warn_of_smoothed(*(P.diagonal(axis1=1, axis2=2) for P in (covariances, smooth_covariances)))
     estimates = _by_name(filter, smooth_means, smooth_covariances)
     return Run(
         run.time, estimates, dict.fromkeys(estimates, ""), run.state, run.diverged_at,
@@ -204,23 +204,23 @@ def _periods(filter: GaussianFilter, run: Run[Any], given: dict[str, Any]) -> Ar
 def _by_name(filter: GaussianFilter, means: Array, covariances: Array) -> dict[str, Array]:  # noqa: A002
     """Smoothed estimates by their names."""
     n, variances = filter.model.states, covariances.diagonal(axis1=1, axis2=2)
-    found = {
+    estimates = {
         "state": means[:, :n],
         "variance": variances[:, :n],
         "covariance": covariances[:, :n, :n],
     }
     if means.shape[1] > n:
-        found["unknown_input"] = means[:, n:]
-        found["unknown_input_variance"] = variances[:, n:]
-        found["unknown_input_covariance"] = covariances[:, n:, n:]
-        found[CROSS] = covariances[:, :n, n:]
-    return found
+        estimates["unknown_input"] = means[:, n:]
+        estimates["unknown_input_variance"] = variances[:, n:]
+        estimates["unknown_input_covariance"] = covariances[:, n:, n:]
+        estimates[CROSS] = covariances[:, :n, n:]
+    return estimates
 
 
 @kernel
 def _smooth(
     next_means: Array, next_covariances: Array, crosses: Array, means: Array, covariances: Array,
-    periods: Array, root: Array, gain: Array, apart: Array,
+    periods: Array, root: Array, gain: Array, change: Array,
 ) -> int:  # fmt: skip
     """Smooth filtered means and covariances in place, and return the row that fails, or -1."""
     n = means.shape[1]
@@ -241,14 +241,14 @@ def _smooth(
         # P_s(k) = P(k|k) + G (P_s(k+1) - P(k+1|k)) G'
         for a in range(n):
             for i in range(n):
-                apart[a, i] = 0.0
+                change[a, i] = 0.0
                 for j in range(n):
                     difference = covariances[k + 1, j, i] - next_covariances[k, j, i]
-                    apart[a, i] += gain[a, j] * difference
+                    change[a, i] += gain[a, j] * difference
         for a in range(n):
             for b in range(a + 1):
                 for i in range(n):
-                    covariances[k, a, b] += apart[a, i] * gain[b, i]
+                    covariances[k, a, b] += change[a, i] * gain[b, i]
                 covariances[k, b, a] = covariances[k, a, b]
             total += covariances[k, a, a]
         if not math.isfinite(total):
@@ -260,7 +260,7 @@ def _smooth(
 def _smooth_late(
     lag: int, next_means: Array, next_covariances: Array, crosses: Array, means: Array,
     covariances: Array, late_means: Array, late_covariances: Array, some: Array, spreads: Array,
-    periods: Array, root: Array, gain: Array, apart: Array,
+    periods: Array, root: Array, gain: Array, change: Array,
 ) -> int:  # fmt: skip
     """Write the smoothed row of each stretch of ``lag`` + 1, and return one that fails, or -1."""
     count = len(means)
@@ -272,7 +272,7 @@ def _smooth_late(
             assign_matrix(spreads[row], covariances[k + row])
         failed = _smooth(
             next_means[k:last], next_covariances[k:last], crosses[k:last], some[:size],
-            spreads[:size], periods, root, gain, apart,
+            spreads[:size], periods, root, gain, change,
         )  # fmt: skip
         if failed >= 0:
             return k + failed

@@ -68,9 +68,9 @@ def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterW
     for a in range(n):
         work.points[0, a] = mean[a]
         for i in range(n):
-            apart = weights.spread * work.root[a, i]
-            work.points[1 + i, a] = mean[a] + apart
-            work.points[1 + n + i, a] = mean[a] - apart
+            offset = weights.spread * work.root[a, i]
+            work.points[1 + i, a] = mean[a] + offset
+            work.points[1 + n + i, a] = mean[a] - offset
     return True
 
 

@@ -48,15 +48,15 @@ def warn_of_start(
     True if there was a warning; ``level`` is that of the caller.
     """
     before = start.tolist()
-    for row, found in enumerate(variances.tolist()):  # few: numpy takes longer
-        for state, (last, after) in enumerate(zip(before, found, strict=True)):
+    for row, now in enumerate(variances.tolist()):  # few: numpy takes longer
+        for state, (last, after) in enumerate(zip(before, now, strict=True)):
             if last > FILTERED * after > 0.0:  # zero is known, not vague
                 _warn(
                     f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
                     row, REMEDY, level,
                 )  # fmt: skip
                 return True
-        before = found
+        before = now
     if innovations is not None and innovations.shape[1] > 1:
         least = _least(innovations)
         row = int(np.argmin(least)) if len(least) else 0
