@@ -30,8 +30,8 @@ __all__ = sorted(_HOME)  # noqa: PLE0605
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
-        found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-        return found
+        value = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+        return value
     from reobserve.core.errors import nearest
 
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{nearest(name, __all__)}")

@@ -124,9 +124,9 @@ def source(program: Program, name: str) -> str:
     """The source that goes with the header."""
     functions = "".join(map(_function, program.functions))
     constants = dict(program.constants)
-    for each, kept in program.memory.items():
-        if kept.initial.size > _MOST_ASSIGNED:
-            constants[f"{each}_at_start"] = kept.initial
+    for each, variable in program.memory.items():
+        if variable.initial.size > _MOST_ASSIGNED:
+            constants[f"{each}_at_start"] = variable.initial
     return _SOURCE.format(
         title=program.title, name=name, p=program.measurements, u=_u(program), strict=STRICT_MATH,
         constants="".join(
@@ -159,15 +159,15 @@ def _size(shape: Shape) -> str:
 
 def _function(function: Function) -> str:
     # C99 makes no array of arrays constant by handing it over.
-    given = ", ".join(
-        f"{'const ' if len(one.shape) < 2 else ''}double {one.name}{_size(one.shape)}"
-        for one in function.arguments
+    arguments = ", ".join(
+        f"{'const ' if len(each.shape) < 2 else ''}double {each.name}{_size(each.shape)}"
+        for each in function.arguments
     )
     result = f"double {function.result.name}{_size(function.result.shape)}"
     lines = "".join(function.block.lines)
-    unread = [one.name for one in function.arguments if not re.search(rf"\b{one.name}\b", lines)]
+    unread = [each.name for each in function.arguments if not re.search(rf"\b{each.name}\b", lines)]
     ignored = "".join(f"    (void){name};\n" for name in unread)
-    head = wrap(f"static void {function.name}({given}, {result})", WIDTH, **margins(""))
+    head = wrap(f"static void {function.name}({arguments}, {result})", WIDTH, **margins(""))
     text = "\n".join(head)
     return f"{text}\n{{\n{_variables(function.block)}{ignored}{lines}}}\n\n"
 

@@ -77,7 +77,7 @@ class Name(Expression):
 
     def __getitem__(self, place: int | str | Name | tuple[int | str | Name, ...]) -> Name:
         places = place if isinstance(place, tuple) else (place,)
-        more = tuple(str(one) for one in places)
+        more = tuple(str(entry) for entry in places)
         return Name(self.name, self.shape[len(more) :], self.index + more)
 
     def __str__(self) -> str:
@@ -206,4 +206,4 @@ def joined(terms: list[tuple[int, str]]) -> str:
 
 def bracketed(index: Index) -> str:
     """An index in C."""
-    return "".join(f"[{one}]" for one in index)
+    return "".join(f"[{place}]" for place in index)

@@ -324,8 +324,8 @@ class Program:
             row, column, k = at[: len(left.shape) - 1], at[len(left.shape) - 1 :], _LOOPS[len(at)]
             if left.shape[-1]:
                 with self.for_each(k, left.shape[-1]):
-                    one = f"{left.at((*row, k))} * {right.at((k, *column))}"
-                    self.line(f"total {'+' if sign > 0 else '-'}= {one};")
+                    factors = f"{left.at((*row, k))} * {right.at((k, *column))}"
+                    self.line(f"total {'+' if sign > 0 else '-'}= {factors};")
         self.line(f"{into[at]} = total;")
 
     def _named(self, part: Expression) -> Expression:

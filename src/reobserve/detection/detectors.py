@@ -185,9 +185,9 @@ def glr_of_mean(values: ArrayLike, lengths: ArrayLike, false_alarm_rate: float) 
         for n in each[each <= len(taken)].tolist():
             with np.errstate(over="ignore", invalid="ignore"):
                 sums = sliding_window_view(taken, n, axis=0).sum(axis=-1)
-                found = (sums**2).sum(axis=1) / (2.0 * n)
-            found[np.isnan(found)] = np.inf  # of sums beyond the float range
-            statistic[n - 1 :] = np.maximum(statistic[n - 1 :], found)
+                ratios = (sums**2).sum(axis=1) / (2.0 * n)
+            ratios[np.isnan(ratios)] = np.inf  # of sums beyond the float range
+            statistic[n - 1 :] = np.maximum(statistic[n - 1 :], ratios)
         return statistic
 
     missing: NDArray[np.bool_] = np.asarray(np.isnan(rows).any(axis=1))
@@ -241,13 +241,13 @@ def glr_of_size(
 
 def _inflation(excess: float) -> float:
     """The c > 1 with c - 1 - ln c = excess, by Newton's method from above, where it converges."""
-    found = 1.0 + math.sqrt(2.0 * excess) + excess
+    c = 1.0 + math.sqrt(2.0 * excess) + excess
     for _ in range(60):
-        step = (found - 1.0 - math.log(found) - excess) / (1.0 - 1.0 / found) if found > 1 else 0.0
-        found -= step
-        if abs(step) <= 1e-15 * found:
+        step = (c - 1.0 - math.log(c) - excess) / (1.0 - 1.0 / c) if c > 1 else 0.0
+        c -= step
+        if abs(step) <= 1e-15 * c:
             break
-    return found
+    return c
 
 
 def _cusum_threshold(allowance: float, length: float) -> float:
@@ -311,8 +311,8 @@ def _held(missing: NDArray[np.bool_], statistic: Array, start: float) -> Array:
 
 def _sums(taken: Array, n: int) -> Array:
     """Sums of the last n, each of its own: after a huge one the next are exact again."""
-    found = np.full(len(taken), np.nan)
+    sums = np.full(len(taken), np.nan)
     if n <= len(taken):
         with np.errstate(over="ignore"):
-            found[n - 1 :] = sliding_window_view(taken, n).sum(axis=1)
-    return found
+            sums[n - 1 :] = sliding_window_view(taken, n).sum(axis=1)
+    return sums

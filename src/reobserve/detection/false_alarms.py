@@ -45,20 +45,20 @@ def false_alarm_threshold(maxima: ArrayLike, false_alarm_probability: float) -> 
     >>> print(false_alarm_threshold(maxima, false_alarm_probability=0.2))
     3.6
     """
-    found = as_numbers("maxima", maxima)
-    if found.ndim != 1 or np.isnan(found).any():
+    values = as_numbers("maxima", maxima)
+    if values.ndim != 1 or np.isnan(values).any():
         raise InputError("maxima", f"{shown(maxima)} must be numbers, shape (n,)")
     probability = as_scalar("false_alarm_probability", false_alarm_probability)
     if not 0 < probability < 1:
         problem = f"{probability:g} must be between 0 and 1"
         raise InputError("false_alarm_probability", problem)
-    place = math.ceil((1.0 - probability) * (len(found) + 1) - 1e-9)
-    if place > len(found):
+    place = math.ceil((1.0 - probability) * (len(values) + 1) - 1e-9)
+    if place > len(values):
         least = 1.0 / probability - 1.0
         needed = f"{math.ceil(least - 1e-9)}" if least < 1e15 else "more than 1e15"
         raise InputError(
             "false_alarm_probability",
             f"{probability:g} needs {needed} records without a fault or more, "
-            f"there are {len(found)}",
+            f"there are {len(values)}",
         )
-    return float(np.sort(found)[place - 1])
+    return float(np.sort(values)[place - 1])

@@ -122,9 +122,9 @@ def inflated(
     share = as_scalar("probability", probability)
     if not 0 < share < 1:
         raise InputError("probability", f"{share:g} must be between 0 and 1")
-    found, taken = np.zeros(len(record), dtype=bool), ~np.isnan(record)
-    found[taken] = inflated_rows(record[taken], m, each, share)
-    return found
+    large, taken = np.zeros(len(record), dtype=bool), ~np.isnan(record)
+    large[taken] = inflated_rows(record[taken], m, each, share)
+    return large
 
 
 def as_windows(
@@ -136,11 +136,11 @@ def as_windows(
         row = int(np.argmax(record < 0))
         raise InputError("distances", f"{record[row]:g} at row {row} must be 0 or more")
     m = as_whole("outputs", outputs, 1, _MOST)
-    given = as_numbers("lengths", lengths)
-    wrong = (given < 1) | (given > _MOST) | (given != np.floor(given))
-    if given.ndim != 1 or not len(given) or wrong.any():
+    values = as_numbers("lengths", lengths)
+    wrong = (values < 1) | (values > _MOST) | (values != np.floor(values))
+    if values.ndim != 1 or not len(values) or wrong.any():
         raise InputError("lengths", f"{shown(lengths)} must be whole numbers from 1 to {_MOST}")
-    return record, m, given.astype(np.int64)
+    return record, m, values.astype(np.int64)
 
 
 def _as_record(name: str, value: ArrayLike) -> Array:
@@ -177,9 +177,9 @@ def _inflation_glr(distances: Array, outputs: int, lengths: NDArray[np.int64]) -
             for length in lengths:
                 if length <= taken:
                     expected = float(length * outputs)
-                    found = totals[taken] - totals[taken - length]
-                    if found > expected:
-                        ratio = 0.5 * (found - expected - expected * math.log(found / expected))
+                    total = totals[taken] - totals[taken - length]
+                    if total > expected:
+                        ratio = 0.5 * (total - expected - expected * math.log(total / expected))
                         last = max(last, ratio)
         statistic[k] = last
     return statistic

@@ -181,7 +181,7 @@ def consistency(distances: ArrayLike, dimension: int, probability: float = 0.95)
     count = (~np.isnan(rows)).sum(axis=0)
     known = np.where(count, count, np.nan)
     tail = (1.0 - share) / 2.0
-    bounds = [chdtri(known * freedom, one) / known for one in (1.0 - tail, tail)]
+    bounds = [chdtri(known * freedom, level) / known for level in (1.0 - tail, tail)]
     return Consistency(np.nansum(rows, axis=0) / known, *bounds)
 
 

@@ -114,7 +114,7 @@ def jacobian_part(basis: Monomials, p: Coefficients, degree: int, out: Coefficie
 
 def zeros(shape: tuple[int, ...], like: Coefficients) -> Coefficients:
     """An array of zeros of the same kind of numbers as ``like``."""
-    found = np.zeros(shape, dtype=like.dtype)
-    if found.dtype == object:
-        found += Fraction(0)  # the integer 0 that stands there divides as a float does
-    return found
+    array = np.zeros(shape, dtype=like.dtype)
+    if array.dtype == object:
+        array += Fraction(0)  # the integer 0 that stands there divides as a float does
+    return array

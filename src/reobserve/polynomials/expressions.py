@@ -150,10 +150,10 @@ class _Walk:
     def _composed(self, expression: Any, function: Callable[[Any], Any]) -> Coefficients:
         """g(u) by Horner's rule in u - u(0), with the Taylor coefficients of g at u(0)."""
         argument = expression.args[0]
-        found = coefficients(function, self._value(argument), self.basis.degree)
-        if found is None:
+        taylor = coefficients(function, self._value(argument), self.basis.degree)
+        if taylor is None:
             raise self._no_series(expression)
-        numbers = [float(number) for number in found]
+        numbers = [float(number) for number in taylor]
         if not np.isfinite(numbers).all():
             raise self._beyond(expression)
         inner = self.series(argument)
@@ -192,17 +192,17 @@ class _Walk:
         return value
 
     def _of_parts(self, expression: Any) -> Any:
-        found = None
+        value = None
         if expression.is_Add or expression.is_Mul:
-            found = reduce(add if expression.is_Add else mul, map(self._value, expression.args))
+            value = reduce(add if expression.is_Add else mul, map(self._value, expression.args))
         elif expression.is_Pow:
             base, exponent = map(self._value, expression.args)
-            found = base**exponent
+            value = base**exponent
         elif expression.is_Function:
             function = self._function(expression)
             row = coefficients(function, self._value(expression.args[0]), 0)
-            found = None if row is None else row[0]
-        return found
+            value = None if row is None else row[0]
+        return value
 
     def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
         if next(self.left, None) is None:

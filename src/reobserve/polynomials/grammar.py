@@ -73,13 +73,13 @@ class _Parser:
     def advance(self) -> str:
         """Take the token ahead and look at the next one."""
         taken = self.here[1]
-        found = _TOKEN.match(self.text, self.end)
+        match = _TOKEN.match(self.text, self.end)
         rest = self.text[self.end :].lstrip()
         self.here = ("end", "", self.end)
-        if found is not None:
-            kind = ("number", "name", "sign")[(found.lastindex or 1) - 1]
-            self.here = (kind, found[found.lastindex or 1], found.start(found.lastindex or 1))
-            self.end = found.end()
+        if match is not None:
+            kind = ("number", "name", "sign")[(match.lastindex or 1) - 1]
+            self.here = (kind, match[match.lastindex or 1], match.start(match.lastindex or 1))
+            self.end = match.end()
         elif rest:
             self.here = ("unknown", rest[0], len(self.text) - len(rest))
         return taken
@@ -99,9 +99,9 @@ class _Parser:
             raise InputError(
                 self.place, f"{shown(self.text)} is nested deeper than {_DEEPEST} levels"
             )
-        found = self.joined(self.product, {"+": add, "-": sub}, add)
+        total = self.joined(self.product, {"+": add, "-": sub}, add)
         self.depth -= 1
-        return found
+        return total
 
     def product(self) -> Any:
         return self.joined(self.sign, {"*": mul, "/": truediv}, mul)
@@ -110,15 +110,15 @@ class _Parser:
         """Parts with signs between them, some at a time: to add one to many takes their number."""
         joined, count = [part()], 1
         while self.ahead(*signs):
-            sign, one = self.advance(), part()
+            sign, term = self.advance(), part()
             if count % _TOGETHER == 0:
-                joined.append(signs[sign](self.sympy.Integer(join is mul), one))
+                joined.append(signs[sign](self.sympy.Integer(join is mul), term))
             else:
-                joined[-1] = self.kept(signs[sign](joined[-1], one))
+                joined[-1] = self.kept(signs[sign](joined[-1], term))
             count += 1
         total = joined[0]
-        for one in joined[1:]:
-            total = self.kept(join(total, one))
+        for term in joined[1:]:
+            total = self.kept(join(total, term))
         return total
 
     def sign(self) -> Any:
@@ -183,11 +183,11 @@ class _Parser:
 
     def inside(self) -> Any:
         self.advance()
-        found = self.sum()
+        inner = self.sum()
         if not self.ahead(")"):
             raise self.wrong()
         self.advance()
-        return found
+        return inner
 
     def kept(self, value: Any) -> Any:
         """A part of the expression, unless it is a number that nobody can work with."""

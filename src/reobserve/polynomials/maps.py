@@ -210,15 +210,15 @@ class PolynomialMap:
         identity = np.concatenate([np.zeros((self.components, 1)), np.eye(self.components, n)], 1)
         if self.components != n or np.any(self.coefficients[:, : n + 1] != identity):
             raise InputError("map", "must be the identity up to terms of degree 2 and above")
-        found = zeros(self.coefficients.shape, self.coefficients)
-        found[:, : n + 1] = self.coefficients[:, : n + 1]
+        inverse = zeros(self.coefficients.shape, self.coefficients)
+        inverse[:, : n + 1] = self.coefficients[:, : n + 1]
         higher = self.coefficients.copy()
         higher[:, : n + 1] = 0
-        powers = Powers(self.basis, found, self.basis, np.arange(len(self.basis.exponents)))
+        powers = Powers(self.basis, inverse, self.basis, np.arange(len(self.basis.exponents)))
         for d in range(2, self.degree + 1):
             powers.extend(d)
-            found[:, self.basis.part(d)] = -powers.part(higher, d)
-        return PolynomialMap(self.basis, found)
+            inverse[:, self.basis.part(d)] = -powers.part(higher, d)
+        return PolynomialMap(self.basis, inverse)
 
 
 def stacked(maps: Sequence[PolynomialMap]) -> PolynomialMap:

@@ -104,12 +104,12 @@ def _tables(n: int, degree: int) -> Monomials:
     def places(powers: NDArray[np.int32]) -> Index:
         """The rank among those of the same degree: for each variable, higher powers of it."""
         rest = powers.sum(axis=-1)
-        found = first[rest]
+        rank = first[rest]
         for k in range(n - 1):
             higher = rest - powers[..., k] - 1
-            found = found + np.where(higher >= 0, count[np.maximum(higher, 0), n - k], 0)
+            rank = rank + np.where(higher >= 0, count[np.maximum(higher, 0), n - k], 0)
             rest = rest - powers[..., k]
-        ranks: Index = found.astype(np.int32)
+        ranks: Index = rank.astype(np.int32)
         return ranks
 
     unit = np.eye(n, dtype=np.int32)

@@ -70,8 +70,8 @@ class Powers:
         # Products of more components than that begin at a higher degree.
         rows = np.searchsorted(self._order, degree, side="right")
         part = self.basis.part(degree)
-        found: Coefficients = outer[:, self.places[:rows]] @ self.table[:rows, part]
-        return found
+        terms: Coefficients = outer[:, self.places[:rows]] @ self.table[:rows, part]
+        return terms
 
 
 @any_numbers

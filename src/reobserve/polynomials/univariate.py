@@ -23,14 +23,14 @@ def coefficients(function: Callable[[Any], Any], centre: Any, degree: int) -> li
     before, ctx.cap = ctx.cap, degree + 1
     try:
         series = function(arb_series([centre, 1]))
-        found = [series[k] for k in range(degree + 1)]
+        values = [series[k] for k in range(degree + 1)]
     except (ValueError, ZeroDivisionError):  # of a quotient
         return None
     finally:
         ctx.cap = before
-    if not all(value.is_finite() for value in found):
+    if not all(value.is_finite() for value in values):
         return None
-    return [arb(0) if value.contains(0) else value for value in found]
+    return [arb(0) if value.contains(0) else value for value in values]
 
 
 def _hyperbolic(t: Any) -> tuple[Any, Any]:
@@ -38,8 +38,8 @@ def _hyperbolic(t: Any) -> tuple[Any, Any]:
     from flint import arb, arb_series, ctx
 
     both = t[0].sinh(), t[0].cosh()
-    found = [[both[(k + i) % 2] / arb.fac_ui(k) for k in range(ctx.cap)] for i in (0, 1)]
-    return arb_series(found[0]), arb_series(found[1])
+    rows = [[both[(k + i) % 2] / arb.fac_ui(k) for k in range(ctx.cap)] for i in (0, 1)]
+    return arb_series(rows[0]), arb_series(rows[1])
 
 
 def _quotient(pair: tuple[Any, Any]) -> Any:

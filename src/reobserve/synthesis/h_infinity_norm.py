@@ -118,9 +118,9 @@ def h_infinity_norm(
             if no_path:
                 return Norm(0.0, 0.0, 0.0)
             # The share differs: no precision can tell a gamma that happens to be the norm.
-            found = _search(system, poles, tolerance * (1.0 - 64.0 / bits), bits)
-            if found is not None:
-                return found
+            norm = _search(system, poles, tolerance * (1.0 - 64.0 / bits), bits)
+            if norm is not None:
+                return norm
             problem = InputError("tolerance", f"{tolerance:g} is not reached with {bits} bits")
     raise problem
 

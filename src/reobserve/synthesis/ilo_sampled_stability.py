@@ -54,10 +54,10 @@ def sampled_map(
     """
     decay, drive = held_blocks(law)
     rates = np.hstack([decay - drive @ law.K2, -drive @ law.K1])
-    found = np.vstack([rates, np.hstack([law.K2, law.K1])])
-    if not np.isfinite(found).all():
+    matrix = np.vstack([rates, np.hstack([law.K2, law.K1])])
+    if not np.isfinite(matrix).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
-    return found
+    return matrix
 
 
 @dataclass(frozen=True)
@@ -147,11 +147,11 @@ def sampled_limit_gain(
     def excess(factor: float) -> float:
         return spectral_radius(fixed + factor * learned) - 1
 
-    one = np.eye(len(fixed) ** 2)
-    constant = np.kron(fixed, fixed) - one
+    eye = np.eye(len(fixed) ** 2)
+    constant = np.kron(fixed, fixed) - eye
     linear = np.kron(fixed, learned) + np.kron(learned, fixed)
-    left = np.block([[np.zeros_like(one), one], [-constant, -linear]])
-    right = np.block([[one, np.zeros_like(one)], [np.zeros_like(one), np.kron(learned, learned)]])
+    left = np.block([[np.zeros_like(eye), eye], [-constant, -linear]])
+    right = np.block([[eye, np.zeros_like(eye)], [np.zeros_like(eye), np.kron(learned, learned)]])
     beyond = InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     if not (np.isfinite(left).all() and np.isfinite(right).all()):
         raise beyond

@@ -120,11 +120,11 @@ def _verdict_by_count(
             "infinitely many roots approach the imaginary axis from the right"
         )
         return ContinuousStability("unstable", reason, radius, gain, None, line, reach)
-    found = "the roots cannot be counted on an affordable frequency grid"
+    finding = "the roots cannot be counted on an affordable frequency grid"
     if line is not None:
-        found = f"no root has a real part above {line:.4g} 1/s"
+        finding = f"no root has a real part above {line:.4g} 1/s"
     count = None if line is None else 0
-    reason = f"{found}; {ripple}" if radius >= 1 - _UNIT else f"{found}, too close to call"
+    reason = f"{finding}; {ripple}" if radius >= 1 - _UNIT else f"{finding}, too close to call"
     return ContinuousStability("marginal", reason, radius, gain, count, line, reach)
 
 

@@ -270,7 +270,7 @@ def unobservable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     scales = output_scales(A, C)
     shown = np.isfinite(scales.states)
     # No output depends on these, whatever their numbers are.
-    found = list(np.linalg.eigvals(A[np.ix_(~shown, ~shown)])) if not shown.all() else []
+    modes = list(np.linalg.eigvals(A[np.ix_(~shown, ~shown)])) if not shown.all() else []
     if shown.any():
         kept = Scales(scales.states[shown], scales.outputs, scales.rate)
         a, rows = kept.transition(A[np.ix_(shown, shown)]), _unit(kept.output(C[:, shown]))
@@ -282,8 +282,8 @@ def unobservable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
             except np.linalg.LinAlgError:
                 raise beyond from None
             if smallest <= _RANK * size:
-                found.append(value)
-    return np.array(found, dtype=np.complex128)
+                modes.append(value)
+    return np.array(modes, dtype=np.complex128)
 
 
 def _unit(rows: Array) -> Array:

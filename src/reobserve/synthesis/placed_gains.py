@@ -26,10 +26,10 @@ _CORRECTED = 2  # steps; from half of the digits one would do
 def least_sensitive(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
     """The gain for different poles, shape (n, m), the same where last digits of A and C differ."""
     # The search amplifies last digits, in which scaled matrices of other units differ.
-    found = searched(_rounded(A), _rounded(C), poles)
+    gain = searched(_rounded(A), _rounded(C), poles)
     for _ in range(_CORRECTED):
-        found = found + _correction(A, C, found, poles)
-    return checked(A, C, found, poles)
+        gain = gain + _correction(A, C, gain, poles)
+    return checked(A, C, gain, poles)
 
 
 def checked(A: Array, C: Array, gain: Array, poles: NDArray[np.complex128]) -> Array:
@@ -48,8 +48,8 @@ def checked(A: Array, C: Array, gain: Array, poles: NDArray[np.complex128]) -> A
 def _rounded(matrix: Array) -> Array:
     """The array with half of the digits."""
     fractions, exponents = np.frexp(matrix)
-    found: Array = np.ldexp(np.rint(fractions * _HALF) / _HALF, exponents)
-    return found
+    rounded: Array = np.ldexp(np.rint(fractions * _HALF) / _HALF, exponents)
+    return rounded
 
 
 def _correction(A: Array, C: Array, gain: Array, poles: NDArray[np.complex128]) -> Array:
@@ -65,8 +65,8 @@ def _correction(A: Array, C: Array, gain: Array, poles: NDArray[np.complex128]) 
     slopes = np.einsum("ia,bi->iab", left, C @ right).reshape(len(A), -1)
     off = values - poles[order]
     both = np.vstack([slopes.real, slopes.imag]), np.concatenate([off.real, off.imag])
-    found: Array = np.linalg.lstsq(*both, rcond=1e-12)[0].reshape(gain.shape)
-    return found
+    change: Array = np.linalg.lstsq(*both, rcond=1e-12)[0].reshape(gain.shape)
+    return change
 
 
 def searched(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
@@ -77,11 +77,11 @@ def searched(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Convergence was not reached")
         try:
-            found = place_poles(A.T, C.T, poles, rtol=1e-12, maxiter=300)
+            result = place_poles(A.T, C.T, poles, rtol=1e-12, maxiter=300)
         except (ValueError, np.linalg.LinAlgError):
             said = f"{shown(poles.tolist())} are too far from the eigenvalues of A to be placed"
             raise InputError("poles", said) from None
-    gain: Array = np.ascontiguousarray(found.gain_matrix.T)
+    gain: Array = np.ascontiguousarray(result.gain_matrix.T)
     return gain
 
 
@@ -96,13 +96,13 @@ def only_gain(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
     for pole in poles[poles.imag >= 0].tolist():
         size = Fraction(pole.real)
         moved = [sum(map(mul, row, x)) for row in a]
-        shifted = [one - size * other for one, other in zip(moved, x, strict=True)]
+        shifted = [entry - size * other for entry, other in zip(moved, x, strict=True)]
         if pole.imag:  # (A - re)^2 + im^2
             moved = [sum(map(mul, row, shifted)) for row in a]
             square = Fraction(pole.imag) ** 2
             shifted = [
-                one - size * two + square * three
-                for one, two, three in zip(moved, shifted, x, strict=True)
+                first - size * second + square * third
+                for first, second, third in zip(moved, shifted, x, strict=True)
             ]
         x = shifted
     try:
@@ -120,5 +120,5 @@ def _solved(rows: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]
         whole[k] = [entry / whole[k][k] for entry in whole[k]]
         for i, row in enumerate(whole):
             if i != k and row[k]:
-                whole[i] = [one - row[k] * other for one, other in zip(row, whole[k], strict=True)]
+                whole[i] = [a - row[k] * b for a, b in zip(row, whole[k], strict=True)]
     return [row[-1] for row in whole]

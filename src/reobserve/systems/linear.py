@@ -269,14 +269,14 @@ class LinearModel(Value):
         InputError
             If a matrix has another shape or is not finite, or no covariance.
         """
-        found = self.rows._asdict()
+        matrices = self.rows._asdict()
         if periods is not None:
-            found.update(self._sampled(periods, given))
+            matrices.update(self._sampled(periods, given))
         for name in ("A", "B", "Q"):
             first = held.get(name)
             if first is not None and name not in given:
-                later = found[name][0 if periods is None else 1 :]
-                found[name] = np.concatenate([first[None], later])
+                later = matrices[name][0 if periods is None else 1 :]
+                matrices[name] = np.concatenate([first[None], later])
         for name, value in given.items():
             own = getattr(self, name)
             if name in "QR":
@@ -288,8 +288,8 @@ class LinearModel(Value):
                 check_period_of_effects(name, read, self.state_periods, of_rows)
             if name in ("A", "B", "Q"):
                 read = np.concatenate([held.get(name, own)[None], read])
-            found[name] = read
-        return found
+            matrices[name] = read
+        return matrices
 
     def _sampled(self, periods: Array, given: Mapping[str, Any]) -> dict[str, Array]:
         """A, B and Q over each of the periods, (k, ., .)."""
@@ -305,12 +305,12 @@ class LinearModel(Value):
             )  # fmt: skip
         different, place = np.unique(periods, return_inverse=True)
         pairs = [zero_order_hold(self.ode.A, self.ode.B, period) for period in different]
-        found = {"A": np.array([A for A, _ in pairs])[place]}
-        found["B"] = np.array([B for _, B in pairs])[place]
+        matrices = {"A": np.array([A for A, _ in pairs])[place]}
+        matrices["B"] = np.array([B for _, B in pairs])[place]
         if self.ode.density is not None:
             noise = [held_noise(self.ode.A, self.ode.density, period) for period in different]
-            found["Q"] = np.array(noise)[place]
-        return found
+            matrices["Q"] = np.array(noise)[place]
+        return matrices
 
     @property
     def states(self) -> int:

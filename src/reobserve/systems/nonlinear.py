@@ -154,11 +154,11 @@ class NonlinearModel:
         }
         for kind, length in lengths.items():
             names = as_names(f"{kind}_names", getattr(self, f"{kind}_names"))
-            found = length if names is None else len(names)
+            count = length if names is None else len(names)
             given, least = getattr(self, f"{kind}s"), 0 if kind == "input" else 1
-            if given is None and found is None and kind != "input":
+            if given is None and count is None and kind != "input":
                 raise InputError(f"{kind}s", "is left out, must be the number of them")
-            size = found or 0
+            size = count or 0
             if given is not None:
                 size = as_whole(f"{kind}s", given, least, MOST_STATES)
             if names is not None and len(names) != size:
@@ -246,7 +246,7 @@ class NonlinearModel:
         size = ", ".join(
             f"{number} {kind}{'s' * (number != 1)}" for kind, number in numbers.items()
         )
-        text = all(isinstance(one, tuple) for one in (self.f, self.h))
+        text = all(isinstance(function, tuple) for function in (self.f, self.h))
         how = "from text, compiled" if text else "compiled"
         if self.uncompiled:
             how = f"{' and '.join(self.uncompiled)} called from Python"
@@ -256,7 +256,7 @@ class NonlinearModel:
 
     def __getstate__(self) -> dict[str, Any]:
         """The content of a pickle: functions are compiled again."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -336,17 +336,17 @@ class NonlinearModel:
         """The definitions to compile, by name: Python functions, or expressions as Python code."""
         n, p, m = self.states, self.inputs, self.outputs
         shapes: dict[str, tuple[int, ...]] = {"f": (n,), "h": (m,), "F": (n, n), "H": (m, n)}
-        found: dict[str, UserFunction | tuple[str, ...]] = {}
+        definitions: dict[str, UserFunction | tuple[str, ...]] = {}
         for name, shape in shapes.items():
             given = getattr(self, name)
             if given is None:
                 continue
             if callable(given):
                 values = tuple((self.parameters or {}).values())
-                found[name] = UserFunction(name, given, n, p, shape, values)
+                definitions[name] = UserFunction(name, given, n, p, shape, values)
             else:
-                found[name] = text_rows(name, given, shape, self._text_names)
-        return found
+                definitions[name] = text_rows(name, given, shape, self._text_names)
+        return definitions
 
     @property
     def _text_names(self) -> Names:
@@ -360,21 +360,21 @@ class NonlinearModel:
     def _pointers(self) -> dict[str, tuple[Any, str]]:
         """Pointers of what is defined, for compiled loops, and reasons why one is not compiled."""
         return {
-            name: one.compiled() if isinstance(one, UserFunction) else (compiled_rows(one), "")
-            for name, one in self._definitions.items()
+            name: made.compiled() if isinstance(made, UserFunction) else (compiled_rows(made), "")
+            for name, made in self._definitions.items()
         }
 
     @cached_property
     def _jacobians(self) -> dict[str, Any]:
         """Pointers to the Jacobians that are given or can be derived from text."""
-        given, found = self._pointers, {}
+        given, jacobians = self._pointers, {}
         for name in "FH":
             code = self.code(name)
             if name in given:
-                found[name] = given[name][0]
+                jacobians[name] = given[name][0]
             elif code is not None:
-                found[name] = compiled_rows(code)
-        return found
+                jacobians[name] = compiled_rows(code)
+        return jacobians
 
     def code(self, name: str) -> tuple[str, ...] | None:
         """Expressions of f, h, F or H, row by row, as Python, or None of functions in Python.

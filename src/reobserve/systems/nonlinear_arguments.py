@@ -19,7 +19,7 @@ def as_texts(name: str, given: Any) -> Any:
     """A function as it is, texts as a tuple."""
     if isinstance(given, str):
         return (given,)
-    if isinstance(given, list | tuple) and given and all(isinstance(one, str) for one in given):
+    if isinstance(given, list | tuple) and given and all(isinstance(text, str) for text in given):
         return tuple(given)
     if callable(given) and not isinstance(given, type):
         return given
@@ -63,7 +63,7 @@ def values_by_row(
             where = f"{place}[{row}]" if column.ndim else place
             raise InputError(where, f"{column.flat[row]:g} must be a finite number")
     varying = any(np.ndim(column) for column in columns.values())
-    found = np.empty((rows if varying else 1, len(columns)))
+    values = np.empty((rows if varying else 1, len(columns)))
     for i, column in enumerate(columns.values()):
-        found[:, i] = column
-    return found
+        values[:, i] = column
+    return values

@@ -118,8 +118,8 @@ def jacobian(
             near = work.values[0, i] - work.values[1, i]
             far = work.values[2, i] - work.values[3, i]
             flat[i * n + j] = (8.0 * near - far) / (12.0 * d)
-            apart, noise = abs(2.0 * near - far), NOISE * abs(work.values[2, i])
-            good = good and apart <= ALIKE * abs(far) + noise
+            bend, noise = abs(2.0 * near - far), NOISE * abs(work.values[2, i])
+            good = good and bend <= ALIKE * abs(far) + noise
             loud = loud or 0.0 < LOUD * abs(far) < noise
         point[j] = x[j]
         if not good:
@@ -174,15 +174,15 @@ def refine(
             if done[i] == 1.0:
                 continue
             near, far = values[0, i] - values[1, i], values[2, i] - values[3, i]
-            found, noise = (8.0 * near - far) / (12.0 * d), NOISE * abs(values[2, i]) / d
+            slope, noise = (8.0 * near - far) / (12.0 * d), NOISE * abs(values[2, i]) / d
             old = flat[i * n + j]
-            if abs(found - old) <= ALIKE * abs(found) + noise:
+            if abs(slope - old) <= ALIKE * abs(slope) + noise:
                 # The longer step has less noise of rounding; the shorter one less of curvature.
-                good = abs(found - old) <= AGREE * abs(found) + noise
+                good = abs(slope - old) <= AGREE * abs(slope) + noise
                 done[i] = 1.0
-                flat[i * n + j] = old if good else found
+                flat[i * n + j] = old if good else slope
             else:
-                flat[i * n + j] = found
+                flat[i * n + j] = slope
                 left += 1
         if left == 0:
             break
@@ -210,11 +210,11 @@ def lengthen(
             if done[i] == 1.0:
                 continue
             near, far = values[0, i] - values[1, i], values[2, i] - values[3, i]
-            found, noise = (8.0 * near - far) / (12.0 * d), NOISE * abs(values[2, i])
+            slope, noise = (8.0 * near - far) / (12.0 * d), NOISE * abs(values[2, i])
             straight = abs(2.0 * near - far) <= STRAIGHT * abs(far) + noise
-            alike = abs(found - flat[i * n + j]) <= STRAIGHT * abs(found) + noise / last
+            alike = abs(slope - flat[i * n + j]) <= STRAIGHT * abs(slope) + noise / last
             if straight and alike:
-                flat[i * n + j] = found
+                flat[i * n + j] = slope
             if straight and alike and LOUD * abs(far) < noise:
                 left += 1
             else:

@@ -34,7 +34,7 @@ def text_rows(name: str, texts: Any, shape: tuple[int, ...], names: Names) -> tu
     count = 1 if len(shape) == 1 else shape[0]
     good = isinstance(rows, list | tuple) and len(rows) == count
     good = good and all(isinstance(row, list | tuple) and len(row) == shape[-1] for row in rows)
-    if not good or not all(isinstance(one, str) for row in rows for one in row):
+    if not good or not all(isinstance(text, str) for row in rows for text in row):
         wanted = " rows of ".join(map(str, shape))
         raise InputError(name, f"{shown(texts)} must be a function, or {wanted} texts")
     places = tuple(
@@ -43,17 +43,17 @@ def text_rows(name: str, texts: Any, shape: tuple[int, ...], names: Names) -> tu
         for j in range(shape[-1] if len(shape) > 1 else 1)
     )
     package("sympy", "read expressions")
-    return _rows(places, tuple(one for row in rows for one in row), names)
+    return _rows(places, tuple(text for row in rows for text in row), names)
 
 
 @lru_cache(maxsize=_MOST_KEPT)
 def _rows(places: tuple[str, ...], texts: tuple[str, ...], names: Names) -> tuple[str, ...]:
     symbols, written = _symbols(names)
-    found = [
+    expressions = [
         read_expression(place, text, symbols, list(symbols))
         for place, text in zip(places, texts, strict=True)
     ]
-    return _codes(places, found, written, texts)
+    return _codes(places, expressions, written, texts)
 
 
 @lru_cache(maxsize=_MOST_KEPT)
@@ -66,13 +66,13 @@ def text_jacobian(name: str, texts: tuple[str, ...], names: Names) -> tuple[str,
         If they have more operations than can be compiled in some seconds.
     """
     symbols, written = _symbols(names)
-    found, places = [], []
+    derivatives, places = [], []
     for i, text in enumerate(texts):
         expression = read_expression(f"{name}[{i}]", text, symbols, list(symbols))
         for state in names.states:
-            found.append(_derivative(expression, symbols[state]))
+            derivatives.append(_derivative(expression, symbols[state]))
             places.append(f"d {name}[{i}] / d {state}")
-    return _codes(places, found, written)
+    return _codes(places, derivatives, written)
 
 
 def _derivative(expression: Any, x: Any) -> Any:
@@ -84,11 +84,11 @@ def _derivative(expression: Any, x: Any) -> Any:
 
     power, sinc = _power(), _sinc()
     pairs = expression.replace(
-        lambda one: one.is_Pow and not one.exp.is_number and not one.exp.has(x),
-        lambda one: power(*one.args),
+        lambda term: term.is_Pow and not term.exp.is_number and not term.exp.has(x),
+        lambda term: power(*term.args),
     )
-    found = pairs.replace(sympy.sinc, sinc).diff(x)
-    return found.replace(power, sympy.Pow).replace(sinc, sympy.sinc)
+    slope = pairs.replace(sympy.sinc, sinc).diff(x)
+    return slope.replace(power, sympy.Pow).replace(sinc, sympy.sinc)
 
 
 @cache

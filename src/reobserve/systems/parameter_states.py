@@ -69,9 +69,9 @@ def with_parameter_states(
     made = {}
     for name in ("f", "h"):
 
-        def compiled(one: Any, plain: bool = name in model.uncompiled) -> Any:
+        def compiled(function: Any, plain: bool = name in model.uncompiled) -> Any:
             """The function as numba calls it, which calls none but its own."""
-            return one if plain or is_jitted(one) else njit(one)
+            return function if plain or is_jitted(function) else njit(function)
 
         own = compiled(_of_three(compiled(getattr(model, name)), model.arguments(name)))
         made[name] = _of_all(own, n, order, places)
@@ -113,13 +113,13 @@ def _with_held(function: Callable[..., Any], n: int, ode: bool) -> Callable[...,
     """The function with the parameters behind, held, or with a derivative of zero."""
 
     def held(x: Array, u: Array, p: Array) -> Array:
-        found, first = np.zeros(len(x)), function(x, u, p)
+        moved, first = np.zeros(len(x)), function(x, u, p)
         for i in range(len(x)):
             if i < n:
-                found[i] = first[i]
+                moved[i] = first[i]
             elif not ode:
-                found[i] = x[i]
-        return found
+                moved[i] = x[i]
+        return moved
 
     return held
 

@@ -46,11 +46,11 @@ def as_periods(key: str, value: Any, size: int, names: Sequence[str] | None) -> 
     given = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(given, list | tuple) or len(given) != size:
         raise InputError(key, f"{shown(value)} must be a list of {size} periods, None for none")
-    found = np.zeros(size)
-    for place, one in enumerate(given):
-        if one is not None and one != 0:  # as this function itself writes none
-            found[place] = as_positive(f"{key}[{place}]", one)
-    return found if found.any() else None
+    periods = np.zeros(size)
+    for place, period in enumerate(given):
+        if period is not None and period != 0:  # as this function itself writes none
+            periods[place] = as_positive(f"{key}[{place}]", period)
+    return periods if periods.any() else None
 
 
 def check_period_of_effects(
@@ -104,7 +104,7 @@ def wrapped(values: ArrayLike, periods: ArrayLike) -> Array:
     >>> print(wrapped([350.0, -200.0, 10.0], 360.0))
     [-10. 160.  10.]
     """
-    found, period = np.asarray(values, dtype=np.float64), np.asarray(periods, dtype=np.float64)
+    angles, period = np.asarray(values, dtype=np.float64), np.asarray(periods, dtype=np.float64)
     with np.errstate(invalid="ignore"):
-        turns = np.floor(found / np.where(period > 0, period, np.inf) + 0.5)
-    return np.asarray(found - period * np.nan_to_num(turns, posinf=0.0, neginf=0.0))
+        turns = np.floor(angles / np.where(period > 0, period, np.inf) + 0.5)
+    return np.asarray(angles - period * np.nan_to_num(turns, posinf=0.0, neginf=0.0))

@@ -17,8 +17,8 @@ def as_names(key: str, value: Any, size: int | None = None) -> tuple[str, ...] |
     """
     if value is None:
         return None
-    good = isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)
-    if not good or not all(one.isidentifier() for one in value) or len({*value}) < len(value):
+    good = isinstance(value, list | tuple) and all(isinstance(name, str) for name in value)
+    if not good or not all(name.isidentifier() for name in value) or len({*value}) < len(value):
         raise InputError(key, f"{shown(value)} must be different names, as those of variables")
     if size is not None and len(value) != size:
         raise InputError(key, f"are {len(value)}, must be {size}")

@@ -47,7 +47,7 @@ def python_code(
     written = {symbol: sympy.Symbol(text) for symbol, text in places.items()}
     # Integers that 64 bits do not hold would not compile.
     large = [one for one in expression.atoms(sympy.Rational) if max(abs(one.p), one.q) >= 2**63]
-    written |= {one: sympy.Float(float(one), 17) for one in large}
+    written |= {number: sympy.Float(float(number), 17) for number in large}
     try:
         code = str(_printer().doprint(expression.xreplace(written)))
     except (ValueError, TypeError, NotImplementedError, RecursionError):

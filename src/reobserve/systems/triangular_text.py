@@ -48,10 +48,10 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
     """
     sympy = package("sympy", "read expressions")
     for name, given in (("variables", variables), ("drift", drift)):
-        good = isinstance(given, list | tuple) and all(isinstance(one, str) for one in given)
+        good = isinstance(given, list | tuple) and all(isinstance(each, str) for each in given)
         if not good or not given:
             raise InputError(name, f"{shown(given)} must be a list of texts")
-    if not all(one.isidentifier() for one in variables) or len(set(variables)) < len(variables):
+    if not all(each.isidentifier() for each in variables) or len(set(variables)) < len(variables):
         raise InputError("variables", f"{shown(list(variables))} must be different names")
     if len(drift) != len(variables):
         problem = f"has {len(drift)} texts, must have {len(variables)}, one a variable"

@@ -168,7 +168,7 @@ def _by_numba(frozen: FrozenFunction, asked: _Asked) -> tuple[Any, str]:
             return loop_pointer(VECTOR_FIELD, inner, again), ""
         except Exception as error:
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-            reason = next((one for one in lines if not one.startswith("Failed in")), "")
+            reason = next((line for line in lines if not line.startswith("Failed in")), "")
             return None, one_line(reason or type(error).__name__, 160)
 
 
@@ -176,7 +176,7 @@ def _with_bounds(function: Any, given: Any) -> Any:
     """The function compiled by numba with checked indices and the options of ``given``."""
     options: dict[str, Any] = {"error_model": "numpy"}
     if is_jitted(given):
-        options = {name: one for name, one in given.targetoptions.items() if name != "nopython"}
+        options = {name: value for name, value in given.targetoptions.items() if name != "nopython"}
     return numba.njit(**(options | {"boundscheck": True, "cache": False}))(function)
 
 
@@ -207,8 +207,8 @@ def _copied_value(value: Any, names: set[str], seen: dict[Any, Any], make: Any) 
     if not isinstance(value, ModuleType):
         return value
     inside = {name: vars(value)[name] for name in names & vars(value).keys()}
-    copies = {name: _copied_value(one, names - {name}, seen, make) for name, one in inside.items()}
-    if all(copies[name] is one for name, one in inside.items()):
+    copies = {name: _copied_value(old, names - {name}, seen, make) for name, old in inside.items()}
+    if all(copies[name] is old for name, old in inside.items()):
         return value
     module = ModuleType(value.__name__)
     vars(module).update(vars(value) | copies)
@@ -217,11 +217,11 @@ def _copied_value(value: Any, names: set[str], seen: dict[Any, Any], make: Any) 
 
 def _names_in(code: CodeType) -> set[str]:
     """Names of globals in a code object and in those inside it."""
-    found = set(code.co_names)
-    for one in code.co_consts:
-        if isinstance(one, CodeType):
-            found |= _names_in(one)
-    return found
+    names = set(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            names |= _names_in(constant)
+    return names
 
 
 class _NoValueError(Exception):
@@ -276,32 +276,32 @@ def _writer(value: Any, kind: Any, dimensions: int) -> Callable[..., None]:
     elif dimensions == 2:
 
         def write(x: Any, v: Any, out: Any) -> None:
-            found = value(x, v)
+            result = value(x, v)
             n = len(x)
-            if len(found) * n != len(out):
+            if len(result) * n != len(out):
                 raise ValueError
-            for i in range(len(found)):
-                if len(found[i]) != n:
+            for i in range(len(result)):
+                if len(result[i]) != n:
                     raise ValueError
                 for j in range(n):
-                    out[i * n + j] = found[i][j]
+                    out[i * n + j] = result[i][j]
 
     elif isinstance(kind, types.BaseTuple):
 
         def write(x: Any, v: Any, out: Any) -> None:
-            found = np.array(value(x, v))
-            if len(found) != len(out):
+            result = np.array(value(x, v))
+            if len(result) != len(out):
                 raise ValueError
             for i in range(len(out)):
-                out[i] = found[i]
+                out[i] = result[i]
 
     else:
 
         def write(x: Any, v: Any, out: Any) -> None:
-            found = value(x, v)
-            if len(found) != len(out):
+            result = value(x, v)
+            if len(result) != len(out):
                 raise ValueError
             for i in range(len(out)):
-                out[i] = found[i]
+                out[i] = result[i]
 
     return write

@@ -84,7 +84,7 @@ def _step(program: Program, observer: IMM, state: ImmState) -> tuple[Name, Name,
     n, p = first.states, first.outputs
     rules = FilterRules(program, observer, state, p)
     models = _models(program, filters)
-    svsf = [one for one in filters if isinstance(one, SmoothVariableStructureFilter)]
+    svsf = [mode for mode in filters if isinstance(mode, SmoothVariableStructureFilter)]
     switching = linear.switching_constants(program, svsf, bank=True) if svsf else None
     chain = program.constant("Chain", observer.transition)
     means = program.remember("means", state.means)
@@ -153,20 +153,20 @@ def _learn(program: Program, rules: FilterRules, mu: Name, changes: Name) -> Non
 
 def _filters(observer: IMM) -> list[GaussianFilter]:
     kinds = KalmanFilter | SmoothVariableStructureFilter
-    found = [one for one in observer.filters if isinstance(one, kinds)]
-    alike = {(type(one), getattr(one, "inverse", "")) for one in found}
-    if len(found) < len(observer.filters) or len(alike) > 1:
+    filters = [mode for mode in observer.filters if isinstance(mode, kinds)]
+    alike = {(type(mode), getattr(mode, "inverse", "")) for mode in filters}
+    if len(filters) < len(observer.filters) or len(alike) > 1:
         raise InputError(
             "observer", "cannot be exported: its filters must all be Kalman filters, or all SVSFs "
             "of one inverse",
         )  # fmt: skip
-    return list(found)
+    return list(filters)
 
 
 def _models(program: Program, filters: list[GaussianFilter]) -> dict[str, Name]:
     """The matrices of all modes, one behind the other, without B or D where all are zero."""
     stacks = {
-        name: np.array([getattr(one.model.arrays, name) for one in filters])
+        name: np.array([getattr(mode.model.arrays, name) for mode in filters])
         for name in ("A", "B", "C", "D", "Q", "R")
     }
     return {

@@ -250,11 +250,11 @@ def switching_constants(
     def constant(name: str, values: list[Any]) -> Name:
         return program.constant(name, values if bank else values[0])
 
-    rate = constant("convergence_rate", [one.convergence_rate for one in filters])
-    layer = constant("layer", [one.boundary_layer for one in filters])
+    rate = constant("convergence_rate", [mode.convergence_rate for mode in filters])
+    layer = constant("layer", [mode.boundary_layer for mode in filters])
     if filters[0].inverse == "weighted":
         return Switching(rate, layer, None)
-    inverses = [np.linalg.pinv(one.model.arrays.C) for one in filters]
+    inverses = [np.linalg.pinv(mode.model.arrays.C) for mode in filters]
     return Switching(rate, layer, constant("H_inverse", inverses))
 
 
@@ -345,8 +345,8 @@ def log_likelihood_of(program: Program, L: Name, e: Name, valid: Name) -> Name:
     w, total = program.local("w", e.shape), program.local("log_likelihood")
     distance, roots, taken = map(program.local, ("distance", "roots", "taken"))
     program.solve_lower(w, L, e)
-    for one in (distance, roots, taken):
-        program.let(one, ZERO)
+    for variable in (distance, roots, taken):
+        program.let(variable, ZERO)
     with program.for_each("row", e.shape[0]) as row:
         program.let(distance, distance + w[row] * w[row])
         program.let(roots, roots + call("log", L[row, row]))

@@ -116,11 +116,11 @@ class _Filter:
 
 def _code(model: NonlinearModel, name: str) -> tuple[str, ...]:
     """The expressions of a function, if it is text."""
-    found = model.code(name)
-    if found is None:
+    code = model.code(name)
+    if code is None:
         problem = f"of a model with {name} as a function cannot be exported; give it as text"
         raise InputError("observer", problem)
-    return found
+    return code
 
 
 def extended(observer: ExtendedKalmanFilter, state: KalmanState) -> Program:
@@ -160,8 +160,8 @@ def _derived_step(made: _Filter) -> Name:
     with program.for_each("row", n) as row:
         program.let(A[row, row], ONE)
     with made.substeps():
-        for one in (slope, total, slopes, totals):
-            program.let(one, Number(0.0, one.shape))
+        for variable in (slope, total, slopes, totals):
+            program.let(variable, Number(0.0, variable.shape))
         with program.for_each("stage", 4) as stage:
             program.let(point, x + made.ahead[stage] * slope)
             program.let(inside, A + made.ahead[stage] * slopes)
@@ -203,7 +203,7 @@ class _SigmaPoints:
     def average(self, images: Name, mean: Name, periods: Array) -> None:
         """The mean of images, which then are what they differ by from it."""
         program = self.program
-        off, total = (program.local(f"{one}_{images.name}", mean.shape) for one in ("off", "sum"))
+        off, total = (program.local(f"{name}_{images.name}", mean.shape) for name in ("off", "sum"))
         program.let(total, Number(0.0, mean.shape))
         with program.for_each("point", self.count - 1) as point:
             program.let(off, images[f"1 + {point}"] - images[0])
@@ -225,8 +225,8 @@ class _SigmaPoints:
         total = program.local(f"scatter_{rows.name}", (size, size))
         program.let(total, Number(0.0, total.shape))
         with program.for_each("point", self.count - 1) as point:
-            one = rows[f"1 + {point}"]
-            program.let(total, total + outer(one, one))
+            deviation = rows[f"1 + {point}"]
+            program.let(total, total + outer(deviation, deviation))
         central = outer(self.first * rows[0], rows[0])
         if noise:
             program.let(into, noise[0] + central + self.each * total, symmetric=True)
@@ -253,8 +253,8 @@ def unscented(observer: UnscentedKalmanFilter, state: KalmanState) -> Program:
         _move_points(made, points)
     e, valid = program.local("e", (p,)), program.local("valid", (p,))
     measured, log_likelihood = program.local("measured"), program.local("log_likelihood")
-    for one in (measured, log_likelihood):
-        program.let(one, ZERO)
+    for variable in (measured, log_likelihood):
+        program.let(variable, ZERO)
     with program.for_each("row", p) as row:
         program.let(e[row], ZERO)
         program.flag(valid[row], f"!isnan({program.y[row]})")
@@ -302,8 +302,8 @@ def _move_points(made: _Filter, points: _SigmaPoints) -> None:
             )
             program.let(image, at)
             with made.substeps():
-                for one in (slope, total):
-                    program.let(one, Number(0.0, (n,)))
+                for variable in (slope, total):
+                    program.let(variable, Number(0.0, (n,)))
                 with program.for_each("stage", 4) as stage:
                     program.let(inside, image + made.ahead[stage] * slope)
                     made.call(slope, "dynamics", inside, u)

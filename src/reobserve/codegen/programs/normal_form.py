@@ -24,7 +24,7 @@ def _known(program: Program, rows: RowBuffer, injected: int) -> list[Name]:
     """l(y) - beta(y, u) at the start, the middle and the end of a step."""
     p, m = program.measurements, program.inputs
     row = program.local("known", (p + m,))
-    found = []
+    values = []
     for number in (1, 2, 3):
         for i in range(p):
             before, now = rows.y_before[i], program.y[i]
@@ -32,8 +32,8 @@ def _known(program: Program, rows: RowBuffer, injected: int) -> list[Name]:
         if rows.u_before is not None:
             for i in range(m):
                 program.let(row[p + i], rows.u_before[i])
-        found.append(evaluated(program, "injected", injected, row, f"injected_{number}"))
-    return found
+        values.append(evaluated(program, "injected", injected, row, f"injected_{number}"))
+    return values
 
 
 def identity(observer: IdentityObserver, state: NormalFormState | None) -> Program:

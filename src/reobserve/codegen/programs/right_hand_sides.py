@@ -59,7 +59,7 @@ def _made(part: ast.expr, entry: Entry) -> Expression:
         return Number(-inner.value) if isinstance(inner, Number) else -inner
     if isinstance(part, ast.Call):
         assert isinstance(part.func, ast.Attribute)
-        return call(part.func.attr, *(_made(one, entry) for one in part.args))
+        return call(part.func.attr, *(_made(argument, entry) for argument in part.args))
     if isinstance(part, ast.BinOp):
         return _joined(part.op, _made(part.left, entry), _made(part.right, entry))
     raise InputError("observer", "of a model with sinc cannot be exported: write sin(x)/x")
@@ -83,13 +83,13 @@ def _joined(sign: ast.operator, left: Expression, right: Expression) -> Expressi
 
 def _power(base: Expression, power: int) -> Expression:
     """A product by squares, as numba compiles it."""
-    found: Expression | None = None
+    product: Expression | None = None
     while power:
         if power & 1:
-            found = base if found is None else _product(base, found)
+            product = base if product is None else _product(base, product)
         base, power = _product(base, base), power >> 1
-    assert found is not None
-    return found
+    assert product is not None
+    return product
 
 
 def _product(left: Expression, right: Expression) -> Expression:

@@ -73,9 +73,9 @@ class FilterRules:
         """Move angles to within half a period around zero."""
         for place, period in enumerate(periods.tolist()):
             if period:
-                one = values[place]
-                turns = call("floor", one / period + 0.5)
-                self.program.let(one, one - period * turns)
+                angle = values[place]
+                turns = call("floor", angle / period + 0.5)
+                self.program.let(angle, angle - period * turns)
 
     def reset(self, row: str) -> None:
         """Begin a row that may be missing without an outlier and without a change of R."""

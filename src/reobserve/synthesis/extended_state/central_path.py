@@ -80,10 +80,10 @@ class Stack(NamedTuple):
 
     def folded(self, full: Matrix, size: int) -> Matrix:
         """Derivatives by the entries as derivatives by a vector, along the first axis."""
-        found = np.zeros((size, *full.shape[1:]))
+        derivatives = np.zeros((size, *full.shape[1:]))
         for places, entries in self.layers:
-            found[places] += full[entries]
-        return found
+            derivatives[places] += full[entries]
+        return derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +109,12 @@ class Problem:
     @cached_property
     def places(self) -> dict[str, slice]:
         """The place of each matrix in the vector."""
-        found, first = {}, 0
+        places, first = {}, 0
         for name, (rows, columns) in self.shapes.items():
             size = rows * (rows + 1) // 2 if name in self.symmetric else rows * columns
-            found[name] = slice(first, first + size)
+            places[name] = slice(first, first + size)
             first += size
-        return found
+        return places
 
     @cached_property
     def weights(self) -> Vector:
@@ -127,13 +127,13 @@ class Problem:
         """The stacked terms of each constraint."""
         size = sum(part.stop - part.start for part in self.places.values())
         place_of = self.matrices(np.arange(size))
-        found = []
+        stacks = []
         for constraint in self.constraints:
             names = [term.name for term in constraint.terms]
             ends = np.cumsum([(0, 0), *(self.shapes[name] for name in names)], axis=0)
             entries = [np.indices(self.shapes[name]).reshape(2, -1) for name in names]
-            moved = [one + end[:, None] for one, end in zip(entries, ends[:-1], strict=True)]
-            (i, j), vector = np.hstack(moved), np.hstack([place_of[one].ravel() for one in names])
+            moved = [entry + end[:, None] for entry, end in zip(entries, ends[:-1], strict=True)]
+            (i, j), vector = np.hstack(moved), np.hstack([place_of[name].ravel() for name in names])
             layers = []
             rest = np.arange(len(vector))
             while len(rest):
@@ -142,8 +142,8 @@ class Problem:
                 rest = np.delete(rest, first)
             left = np.hstack([term.left for term in constraint.terms])
             right = np.vstack([term.right for term in constraint.terms])
-            found.append(Stack(left, right, i, j, layers))
-        return found
+            stacks.append(Stack(left, right, i, j, layers))
+        return stacks
 
     def vector(self, matrices: dict[str, Matrix], gamma: float | None = None) -> Vector:
         """The matrices as one vector, with gamma if it is unknown."""
@@ -155,7 +155,7 @@ class Problem:
 
     def matrices(self, x: Any) -> dict[str, Any]:
         """The vector, of floats or balls, as matrices."""
-        found = {}
+        matrices = {}
         for name, shape in self.shapes.items():
             part, matrix = x[self.places[name]], np.empty(shape, x.dtype)
             if name in self.symmetric:
@@ -163,18 +163,18 @@ class Problem:
                 matrix[rows, columns] = matrix[columns, rows] = part
             else:
                 matrix[:] = part.reshape(shape)
-            found[name] = matrix
-        return found
+            matrices[name] = matrix
+        return matrices
 
     def fold(self, name: str, full: Any) -> Any:
         """A derivative by each entry of a matrix as one by those entries that are in the vector."""
         if name not in self.symmetric:
             return full.reshape(-1, *full.shape[2:])
         rows, columns = _lower(len(full))
-        found = full[rows, columns]
+        derivatives = full[rows, columns]
         off = rows != columns
-        found[off] += full[columns[off], rows[off]]
-        return found
+        derivatives[off] += full[columns[off], rows[off]]
+        return derivatives
 
 
 @cache
@@ -196,12 +196,12 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
         raise InputError("solver", "found matrices that do not meet the inequalities strictly")
     # The straight way is the shortest, one along the central path leads there from farther away.
     for largest in _LARGEST:
-        mu, found = largest, _centred(problem, start, largest)
-        while found is not None and mu > 1.0:
+        mu, point = largest, _centred(problem, start, largest)
+        while point is not None and mu > 1.0:
             mu = max(_FACTOR * mu, 1.0)
-            found = _centred(problem, found, mu)
-        if found is not None:
-            return found
+            point = _centred(problem, point, mu)
+        if point is not None:
+            return point
     if problem.radius is not None:
         raise InputError("gap", f"{problem.gap:g} is not reached by Newton's method: raise it")
     raise InputError("solver", "found matrices from which Newton's method does not converge")
@@ -263,12 +263,12 @@ def _value(problem: Problem, x: Vector, mu: float) -> float:
 
 def _left_sides(problem: Problem, x: Vector) -> list[Matrix]:
     matrices = problem.matrices(x)
-    found = []
+    sides = []
     for constraint in problem.constraints:
         half = sum(term.left @ matrices[term.name] @ term.right for term in constraint.terms)
         left = constraint.constant + half + half.T
-        found.append(left if constraint.slope is None else left + x[-1] * constraint.slope)
-    return found
+        sides.append(left if constraint.slope is None else left + x[-1] * constraint.slope)
+    return sides
 
 
 def _pull(problem: Problem, x: Vector, mu: float) -> tuple[float, float]:

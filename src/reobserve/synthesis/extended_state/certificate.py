@@ -89,8 +89,8 @@ def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]
     as_kind("gains", gains, Gains)
     shape = (system.size, system.outputs)
     for name in ("L", "Ld"):
-        if (found := as_floats(name, getattr(gains, name)).shape) != shape:
-            raise InputError(name, f"has shape {found}, must be {shape}")
+        if (actual := as_floats(name, getattr(gains, name)).shape) != shape:
+            raise InputError(name, f"has shape {actual}, must be {shape}")
     Ao = system.A_tilde - gains.L @ system.C_tilde
     return Ao, np.eye(system.size) + gains.Ld @ system.C_tilde
 

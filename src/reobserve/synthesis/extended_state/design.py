@@ -152,9 +152,9 @@ def optimised(
     objective = float(problem.weights @ x**2)
     if problem.radius is not None:
         objective = gamma = float(x[-1])
-    found = problem.matrices(x)
-    found = found if units is None else units.original(found)
+    matrices = problem.matrices(x)
+    matrices = matrices if units is None else units.original(matrices)
     nothing = np.zeros((system.outputs, system.size))
-    variables = kind(*(found.get(field.name, nothing) for field in fields(kind)))
+    variables = kind(*(matrices.get(field.name, nothing) for field in fields(kind)))
     design = accepted(method, system, variables, gamma, solver, status, objective, decay, bound)
     return replace(design, lower=minimum.lower, radius=problem.radius)

@@ -41,23 +41,23 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     weights = problem.weights.copy()
     if problem.radius is not None:
         weights[-1] = 1.0
-    stated: Any = cvxpy.Problem(
+    program: Any = cvxpy.Problem(
         cvxpy.Minimize(cvxpy.sum_squares(cvxpy.multiply(np.sqrt(weights), x))), bounds
     )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
-            stated.solve(solver=solver, **SOLVERS[solver])
+            program.solve(solver=solver, **SOLVERS[solver])
     except (cvxpy.SolverError, ValueError) as error:  # ValueError: constraints that overflow
         said = str(error).splitlines()[0].rstrip(".")
         raise InputError("solver", f"{solver} failed: {said}") from None
-    if stated.status != "optimal":
-        raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")
+    if program.status != "optimal":
+        raise InputError("solver", f"{solver} ended with status {program.status!r}, not 'optimal'")
     start = np.array(x.value)
     size = float(np.sqrt(problem.weights @ start**2))
     if problem.radius is not None and size >= problem.radius:
         raise InputError("radius", f"{problem.radius:g} must be above {size:.6g}: no matrices fit")
-    return start, stated.status
+    return start, program.status
 
 
 def _derivatives(constraint: Constraint, stack: Stack, size: int) -> Any:
@@ -65,7 +65,7 @@ def _derivatives(constraint: Constraint, stack: Stack, size: int) -> Any:
     from scipy.sparse import csr_array
 
     halves = stack.left.T[stack.rows, :, None] * stack.right[stack.columns, None, :]
-    found = stack.folded(halves + halves.transpose(0, 2, 1), size)
+    derivatives = stack.folded(halves + halves.transpose(0, 2, 1), size)
     if constraint.slope is not None:
-        found[-1] = constraint.slope
-    return csr_array(found.reshape(size, -1).T)
+        derivatives[-1] = constraint.slope
+    return csr_array(derivatives.reshape(size, -1).T)

@@ -64,8 +64,8 @@ def gamma_lower_bound(system: AugmentedSystem) -> float:
     solvable = _null_space(misfit, float(np.linalg.norm(right, 2)))
     gains = rows.T @ ((left[:, :size].T @ right @ solvable) / values[:, None])
     gains = powers(gains, -scales.states[:, None])
-    found = np.linalg.svd(gains, compute_uv=False)[::-1]
-    return float(found[unseen - 1])
+    sizes = np.linalg.svd(gains, compute_uv=False)[::-1]
+    return float(sizes[unseen - 1])
 
 
 def as_gamma(system: AugmentedSystem, factor: float, gamma: float | None = None) -> float:

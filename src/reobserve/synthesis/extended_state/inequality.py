@@ -85,8 +85,8 @@ class PdPiVariables:
         self, system: AugmentedSystem, gamma: Any, decay: float = 0.0, bound: float = inf
     ) -> list[Rows]:
         """The blocks of all that must be negative definite, by alpha and beta [1/s]."""
-        found = [self.blocks(system, gamma, decay)]
-        return [*found, self.bound_blocks(system, bound)] if isfinite(bound) else found
+        blocks = [self.blocks(system, gamma, decay)]
+        return [*blocks, self.bound_blocks(system, bound)] if isfinite(bound) else blocks
 
     def blocks(self, system: AugmentedSystem, gamma: Any, decay: float = 0.0) -> Rows:
         """The left side of the inequality, 4 x 4 blocks, with alpha as ``decay`` [1/s].
@@ -147,8 +147,8 @@ class PiVariables:
         if gamma is not None:
             output = self.P1 @ system.Bo
             left = gamma * left + np.eye(system.size) + output @ output.T
-        found: list[Rows] = [[[left]]]
-        return [*found, [[-self._lyapunov(system, bound)]]] if isfinite(bound) else found
+        blocks: list[Rows] = [[[left]]]
+        return [*blocks, [[-self._lyapunov(system, bound)]]] if isfinite(bound) else blocks
 
     def _lyapunov(self, system: AugmentedSystem, decay: float) -> Any:
         """P1 Ao + Ao^T P1 + 2 alpha P1."""
@@ -164,9 +164,9 @@ def _solved(matrix: Matrix, right: Matrix) -> Matrix:
     from flint import arb_mat, ctx
 
     with ctx.workprec(_BITS):
-        found = arb_mat(matrix.tolist()).solve(arb_mat(right.tolist()), nonstop=True)
-        values = [float(entry.mid()) for entry in found.entries()]
-    if not all(entry.is_finite() for entry in found.entries()):
+        solution = arb_mat(matrix.tolist()).solve(arb_mat(right.tolist()), nonstop=True)
+        values = [float(entry.mid()) for entry in solution.entries()]
+    if not all(entry.is_finite() for entry in solution.entries()):
         raise np.linalg.LinAlgError("Singular matrix")
     return np.array(values).reshape(right.shape)
 

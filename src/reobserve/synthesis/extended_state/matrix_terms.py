@@ -38,11 +38,11 @@ class Units(NamedTuple):
     inputs: Matrix
     scales: Scales
 
-    def original(self, found: dict[str, Matrix]) -> dict[str, Matrix]:
+    def original(self, matrices: dict[str, Matrix]) -> dict[str, Matrix]:
         """The matrices of the system itself from those in these units."""
         r, s = self.scales.states, self.scales.outputs
-        rows = {name: s if name.startswith("Y") else r for name in found}
-        return {name: powers(each, rows[name][:, None] + r) for name, each in found.items()}
+        rows = {name: s if name.startswith("Y") else r for name in matrices}
+        return {name: powers(each, rows[name][:, None] + r) for name, each in matrices.items()}
 
 
 def given_units(system: AugmentedSystem) -> Units:
@@ -105,9 +105,9 @@ def pd_pi_constraints(
         *([MatrixTerm("Y2", J2 @ C.T, J2.T)] if derivative else []),
     ]
     if gamma is None:
-        found = [Constraint(constant, tuple(terms), slope)]
+        constraints = [Constraint(constant, tuple(terms), slope)]
     else:
-        found = [Constraint(constant + gamma * slope, tuple(terms))]
+        constraints = [Constraint(constant + gamma * slope, tuple(terms))]
     if isfinite(bound):
         J1, J2 = np.split(np.eye(2 * size), [size], axis=1)
         terms = [
@@ -117,8 +117,8 @@ def pd_pi_constraints(
             MatrixTerm("Y1", -J2 @ C.T, J1.T),
             *([MatrixTerm("Y2", J2 @ C.T, J2.T)] if derivative else []),
         ]
-        found.append(Constraint(np.zeros((2 * size, 2 * size)), tuple(terms)))
-    return found
+        constraints.append(Constraint(np.zeros((2 * size, 2 * size)), tuple(terms)))
+    return constraints
 
 
 def pi_constraints(
@@ -126,16 +126,16 @@ def pi_constraints(
 ) -> list[Constraint]:
     """-P1 Ao - Ao^T P1 - 2 alpha P1, with Y = L^T P1 for L."""
     units = given_units(system) if units is None else units
-    one = np.eye(system.size)
+    eye = np.eye(system.size)
     terms = (
-        MatrixTerm("P1", -one, units.A),
-        MatrixTerm("P1", -decay * one, one),
-        MatrixTerm("Y", units.C.T, one),
+        MatrixTerm("P1", -eye, units.A),
+        MatrixTerm("P1", -decay * eye, eye),
+        MatrixTerm("Y", units.C.T, eye),
     )
-    return [Constraint(np.zeros(one.shape), terms)]
+    return [Constraint(np.zeros(eye.shape), terms)]
 
 
 def above(name: str, size: int, least: float) -> Constraint:
     """X + X^T >= 2 ``least`` I of the square matrix ``name``."""
-    one = np.eye(size)
-    return Constraint(-2.0 * least * one, (MatrixTerm(name, one, one),))
+    eye = np.eye(size)
+    return Constraint(-2.0 * least * eye, (MatrixTerm(name, eye, eye),))

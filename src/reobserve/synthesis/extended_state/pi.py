@@ -115,22 +115,22 @@ def _inside(
     The matrices are those of minimum gamma where -gamma I is the margin of all that is positive, or
     where nothing but gamma > 0 holds gamma, so that it is the barriers that decide.
     """
-    size, one = system.size, np.eye(system.size)
+    size, eye = system.size, np.eye(system.size)
     (lyapunov,), positive = pi_constraints(system, decay, units), above("P1", size, 0.0)
     constraints = [lyapunov, positive]
     if solution == "largest_margin":
-        constraints = [replace(lyapunov, slope=one), replace(positive, slope=2.0 * one)]
+        constraints = [replace(lyapunov, slope=eye), replace(positive, slope=2.0 * eye)]
     else:
         nothing = MatrixTerm("P1", np.zeros((1, size)), np.zeros((size, 1)))
         constraints.append(Constraint(np.zeros((1, 1)), (nothing,), np.ones((1, 1))))
-    constraints.append(Constraint(2.0 * one, (MatrixTerm("P1", -one, one),)))
+    constraints.append(Constraint(2.0 * eye, (MatrixTerm("P1", -eye, eye),)))
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
     problem = Problem(shapes, frozenset({"P1"}), tuple(constraints), _MARGIN_GAP, _RADIUS)
     start, status = strictly_feasible(problem, solver)
     x = np.array([float(entry) for entry in polished(problem, minimiser(problem, start)).x])
-    found = problem.matrices(x)
-    found = found if units is None else units.original(found)
+    matrices = problem.matrices(x)
+    matrices = matrices if units is None else units.original(matrices)
     method = f"PI, feasible, {solution.replace('_', ' ')}"
-    variables = PiVariables(found["P1"], found["Y"])
+    variables = PiVariables(matrices["P1"], matrices["Y"])
     objective = float(x[-1]) if solution == "largest_margin" else 0.0
     return accepted(method, system, variables, None, solver, status, objective, decay)

@@ -91,8 +91,8 @@ def _left(problem: Problem, constraint: _BallConstraint, x: Any) -> arb_mat:
     matrices = {name: arb_mat(m.tolist()) for name, m in problem.matrices(x).items()}
     halves = [left * matrices[name] * right for name, left, right in constraint.terms]
     half = sum(halves[1:], halves[0])
-    found = constraint.constant + half + half.transpose()
-    return found if constraint.slope is None else found + constraint.slope * x[-1]
+    side = constraint.constant + half + half.transpose()
+    return side if constraint.slope is None else side + constraint.slope * x[-1]
 
 
 def _pull(problem: Problem, x: Any) -> arb:
@@ -146,26 +146,26 @@ def _lower(problem: Problem, constraints: list[_BallConstraint], x: Any) -> floa
             if constraint.slope is not None
         ]
         scale = 1 / sum(parts[1:], parts[0])
-    found = arb(0)
+    bound = arb(0)
     derivatives = {name: arb_mat(*shape) for name, shape in problem.shapes.items()}
     for inverse, constraint in zip(inverses, constraints, strict=True):
         Z = inverse * scale
-        found -= _inner(Z, constraint.constant)
+        bound -= _inner(Z, constraint.constant)
         for name, full in _derivatives(constraint, Z):
             derivatives[name] += full
     weight = pull * scale  # lambda
     for name, full in derivatives.items():
         half = (full + full.transpose()) / 2 if name in problem.symmetric else full
-        found -= _inner(half, half) / (4 * weight)
+        bound -= _inner(half, half) / (4 * weight)
     if problem.radius is not None:
-        found -= weight * arb(problem.radius) ** 2
-    return float(np.nextafter(float(found.lower()), -np.inf))
+        bound -= weight * arb(problem.radius) ** 2
+    return float(np.nextafter(float(bound.lower()), -np.inf))
 
 
-def _inner(one: arb_mat, other: arb_mat) -> arb:
+def _inner(left: arb_mat, right: arb_mat) -> arb:
     from flint import arb
 
-    return sum((a * b for a, b in zip(one.entries(), other.entries(), strict=True)), arb(0))
+    return sum((a * b for a, b in zip(left.entries(), right.entries(), strict=True)), arb(0))
 
 
 def _array(matrix: arb_mat) -> Any:

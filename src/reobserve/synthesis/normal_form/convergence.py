@@ -54,11 +54,11 @@ class Convergence:
         Below 1 the series converges there, above it does not; shape (k,).
         """
         parts = self.series.parts(np.asarray(points, dtype=np.float64))
-        found = np.zeros(parts.shape[1])
+        factors = np.zeros(parts.shape[1])
         for d in self.degrees:
             size = np.linalg.norm(parts[d], axis=-1)
-            np.maximum(found, (size / (self.scale * d**self.power)) ** (1.0 / d), out=found)
-        return found
+            np.maximum(factors, (size / (self.scale * d**self.power)) ** (1.0 / d), out=factors)
+        return factors
 
     def outside(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Mark points of a trajectory, shape (k, n), outside or within ``error`` of the edge.
@@ -110,8 +110,8 @@ def _fit(degrees: list[int], sizes: Array) -> tuple[float, float, float]:
     """C, c and R of C d^c / R^d."""
     d = np.array(degrees, dtype=np.float64)
     columns = np.stack([np.ones_like(d), np.log(d), -d], axis=1)
-    found, *_ = np.linalg.lstsq(columns, np.log(sizes[degrees]), rcond=None)
-    return float(np.exp(found[0])), float(found[1]), float(np.exp(found[2]))
+    fit, *_ = np.linalg.lstsq(columns, np.log(sizes[degrees]), rcond=None)
+    return float(np.exp(fit[0])), float(fit[1]), float(np.exp(fit[2]))
 
 
 def part_norms(series: PolynomialMap) -> Array:

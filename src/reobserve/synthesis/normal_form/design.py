@@ -103,8 +103,8 @@ def normal_form(
     S = PolynomialMap(problem.basis, solve_s(problem, solver))
     T = PolynomialMap(problem.basis, solve_t(problem, solver))
     known = None if effect is None else input_injection(S, system.output, effect, names)
-    found = NormalForm(problem, smallest, S, T, gain_series(S), known)
-    for series in (S, T, found.gain, known):
+    form = NormalForm(problem, smallest, S, T, gain_series(S), known)
+    for series in (S, T, form.gain, known):
         if series is not None and not series.exact and not np.isfinite(series.coefficients).all():
             raise InputError("degree", f"{degree} gives series beyond floating-point numbers")
-    return found
+    return form

@@ -62,10 +62,10 @@ def gain_at(
     if order == 0:
         return np.broadcast_to(np.eye(n), (len(x), n, n))
     if gain == "series":
-        found = series.upto(order)(x)
+        values = series.upto(order)(x)
     elif gain == "composed":
-        found = T.upto(order + 1).jacobian()(S.upto(order + 1)(x))
+        values = T.upto(order + 1).jacobian()(S.upto(order + 1)(x))
     else:
         return np.linalg.inv(S.upto(order + 1).jacobian()(x).reshape(-1, n, n))
-    matrices: Coefficients = found.reshape(-1, n, n)
+    matrices: Coefficients = values.reshape(-1, n, n)
     return matrices

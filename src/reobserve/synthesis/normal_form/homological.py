@@ -64,10 +64,10 @@ class SchurSolver:
 
     def __call__(self, basis: Monomials, right: Array, degree: int) -> Array:
         """The P for a homogeneous R of ``degree``, both of shape (n, monomials of that degree)."""
-        found, size, imaginary = _solve(basis, right, degree, self._forms)
+        solution, size, imaginary = _solve(basis, right, degree, self._forms)
         if size > 0:
             self.imaginary = max(self.imaginary, imaginary / size)
-        return found
+        return solution
 
 
 def _schur(matrix: Array) -> tuple[Complex, Complex]:
@@ -125,17 +125,17 @@ def _solve(
             _solve_triangular(basis, p, degree, forms.U, forms.V)
         if g < len(rotations):
             _substitute(basis, p, degree, pairs[g], rotations[g])
-    found = np.empty((n, width))
+    solution = np.empty((n, width))
     size = imaginary = 0.0
     for c in range(n):
         for m in range(width):
             total = 0j
             for k in range(n):
                 total += W[c, k] * p[k, m]
-            found[c, m] = total.real
+            solution[c, m] = total.real
             size = max(size, abs(total.real))
             imaginary = max(imaginary, abs(total.imag))
-    return found, size, imaginary
+    return solution, size, imaginary
 
 
 @allocating_kernel

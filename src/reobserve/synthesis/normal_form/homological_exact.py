@@ -64,5 +64,5 @@ class RationalSolver:
             if size in entries:
                 value = entries[size]
                 solution[row] = Fraction(int(value.numerator), int(value.denominator))
-        found: Coefficients = solution.reshape(n, width)
-        return found
+        matrix: Coefficients = solution.reshape(n, width)
+        return matrix

@@ -77,8 +77,8 @@ def input_injection(
     terms = np.flatnonzero(fed)
     each = PolynomialMap(outer, np.eye(len(outer.exponents))[terms]).after(read, degree)
     right = basis.exponents[:, :n].sum(axis=1) <= known
-    found, *_ = np.linalg.lstsq(each.coefficients[:, right].T, wanted[:, right].T, rcond=None)
-    off = (found.T @ each.coefficients - wanted)[:, right]
+    fit, *_ = np.linalg.lstsq(each.coefficients[:, right].T, wanted[:, right].T, rcond=None)
+    off = (fit.T @ each.coefficients - wanted)[:, right]
     scale = float(np.abs(wanted[:, right]).max(initial=0.0))
     if off.size and float(np.abs(off).max()) > _ZERO * scale:
         row, column = np.unravel_index(int(np.argmax(np.abs(off))), off.shape)
@@ -90,7 +90,7 @@ def input_injection(
             "choose an injection l(y) with another S",
         )
     table = np.zeros((n, len(outer.exponents)))
-    table[:, terms] = found.T
+    table[:, terms] = fit.T
     table[np.abs(table) <= 1e-13 * scale] = 0.0  # rounding of what is solved for
     return PolynomialMap(outer, table)
 

@@ -68,5 +68,5 @@ def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray
             f"{shown} cannot be placed, only {', '.join(f'{v:.4g}' for v in reached)}: the pair "
             "(F, H) is hardly observable; give the injection itself",
         )
-    found: NDArray[np.float64] = np.ascontiguousarray(scales.gain(gain.real))
-    return found
+    injection: NDArray[np.float64] = np.ascontiguousarray(scales.gain(gain.real))
+    return injection

@@ -83,8 +83,8 @@ class NormalFormProblem:
     @cached_property
     def A(self) -> Coefficients:
         """F + L0 H, the matrix of the error dynamics (Thomas, Kwatny & Chang, after (8))."""
-        found: Coefficients = self.F + self.injection.matrix @ self.system.H
-        return found
+        matrix: Coefficients = self.F + self.injection.matrix @ self.system.H
+        return matrix
 
     @cached_property
     def dynamics(self) -> Coefficients:

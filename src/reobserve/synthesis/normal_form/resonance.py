@@ -64,17 +64,17 @@ def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
     if problem.degree < 2:
         return None
     F, A = (matrix.astype(np.float64) for matrix in (problem.F, problem.A))
-    found = resonance(F, A, problem.basis)
-    if found.distance <= LEAST_DISTANCE * found.size:
+    closest = resonance(F, A, problem.basis)
+    if closest.distance <= LEAST_DISTANCE * closest.size:
         alpha = ", ".join(f"{value:.6g}" for value in np.linalg.eigvals(F))
         raise InputError(
             "injection",
-            f"puts the eigenvalue {found.eigenvalue:.6g} of A at a distance of "
-            f"{found.distance:.2g} from m.alpha with m = {found.powers} and the eigenvalues "
+            f"puts the eigenvalue {closest.eigenvalue:.6g} of A at a distance of "
+            f"{closest.distance:.2g} from m.alpha with m = {closest.powers} and the eigenvalues "
             f"alpha = {alpha} of F: resonance; choose other poles, or a degree below "
-            f"{sum(found.powers)}",
+            f"{sum(closest.powers)}",
         )
-    return found
+    return closest
 
 
 def in_poincare_domain(eigenvalues: NDArray[Any]) -> bool:
