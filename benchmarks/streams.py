@@ -20,7 +20,7 @@ from reobserve.estimation import row_by_row
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import read_specification
-from reobserve.observers.unchecked import unchecked_step
+from reobserve.observers.unchecked_step import unchecked_step
 
 _PERIOD = 0.001
 _HEADER = "t,position,rate,torque"

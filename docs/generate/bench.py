@@ -13,8 +13,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from reobserve.tuning.results import Results
 from reobserve.tuning.scoring import PAPER
-from reobserve.tuning.table import Results
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.plotting.apart import own_style
 

@@ -17,8 +17,8 @@ from reobserve import IMM, FaultBank, rts_smoother
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.observer_section import DesignFile, stated
 from reobserve.estimation.families.program import program_of
-from reobserve.estimation.families.stated import DesignFile, stated
 from reobserve.estimation.observer_design import Design
 from tests.reobserve.codegen.cases import CASES as EXPORTED
 from tests.reobserve.observers.by_row import differing, remembered

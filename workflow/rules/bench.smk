@@ -149,7 +149,7 @@ rule bench_table:
         "../envs/reobserve.yaml"
     params:
         folders=expand("results/bench/{task}", task=BENCH),
-        code=code_of("reobserve.tuning.table"),
+        code=code_of("reobserve.tuning.results"),
     message:
         "bench: write the table of all methods"
     shell:

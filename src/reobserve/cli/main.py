@@ -15,11 +15,12 @@ COMMANDS = CommandTable(
     {
         "estimate": Command(
             "run an observer on a record, or on rows as they arrive",
-            "reobserve.cli.estimation:estimate", "reobserve.estimation.commands:run", "data",
+            "reobserve.cli.estimation:estimate", "reobserve.estimation.estimate_command:run",
+            "data",
         ),
         "tune": Command(
             "tune observers on recorded data, and compare them",
-            "reobserve.cli.tuning:tune", "reobserve.tuning.commands:tune_records_command", "data",
+            "reobserve.cli.tuning:tune", "reobserve.tuning.tune_command:run", "data",
         ),
         "fit": Command(
             "fit numbers of a filter to a record by maximum likelihood",
@@ -27,13 +28,11 @@ COMMANDS = CommandTable(
         ),
         "design": Command(
             "compute gains for a model, or check given ones, and certify them",
-            "reobserve.cli.designs:design", "reobserve.estimation.design_command:run",
-            "design",
+            "reobserve.cli.designs:design", "reobserve.estimation.design_command:run", "design",
         ),
         "export": Command(
             "write a design as C code",
-            "reobserve.cli.designs:export", "reobserve.estimation.export_command:run",
-            "design",
+            "reobserve.cli.designs:export", "reobserve.estimation.export_command:run", "design",
         ),
     },
     epilog="The papers and their pipeline have a command of their own, reobserve-papers.",

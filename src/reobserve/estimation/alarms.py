@@ -28,7 +28,7 @@ from reobserve.estimation.detector_alarms import (
     DetectorRule,
     detector_alarm,
 )
-from reobserve.estimation.outputs import RESIDUAL, Outputs
+from reobserve.estimation.output_columns import RESIDUAL, Outputs
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
 from reobserve.estimation.start_up import NEAR
 

@@ -52,7 +52,7 @@ def _saved(
     chosen: type[Design] | None, kind: str, tree: Tree, changes: Tree, out: Path
 ) -> tuple[Design, Sequence[str]]:
     """The design of a model or of a specification, written, and sentences on what is left out."""
-    from reobserve.estimation.specified import is_specification, specified
+    from reobserve.estimation.specified_design import is_specification, specified
 
     if chosen is not None and not is_specification(tree):
         with chosen.keyed():

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import ReobserveError
 from reobserve.estimation.gaps import Stretch, joined
-from reobserve.estimation.outputs import RESIDUAL
+from reobserve.estimation.output_columns import RESIDUAL
 
 if TYPE_CHECKING:
     from reobserve.estimation.estimate import Estimation

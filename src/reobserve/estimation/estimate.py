@@ -20,7 +20,7 @@ from reobserve.estimation.gaps import Gaps, Stretch, joined
 from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
 from reobserve.estimation.observer_design import Design
-from reobserve.estimation.outputs import Outputs, outputs
+from reobserve.estimation.output_columns import Outputs, outputs
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.start_up import start_up
 from reobserve.estimation.timestamps import Timestamps

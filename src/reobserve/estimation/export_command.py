@@ -18,7 +18,7 @@ from reobserve.estimation.families.signals import NamedSignal
 from reobserve.estimation.observer_design import Design
 
 if TYPE_CHECKING:
-    from reobserve.estimation.specified import SpecifiedDesign
+    from reobserve.estimation.specified_design import SpecifiedDesign
 
 # Words of C, and what the code itself includes.
 _TAKEN = frozenset(
@@ -49,7 +49,7 @@ def run(design: Path, to: str, out: Path) -> None:
 
 def _specified(path: Path) -> tuple[dict[str, str], Sequence[str]]:
     """The texts of the design that a specification states, which is certified first."""
-    from reobserve.estimation.specified import specified
+    from reobserve.estimation.specified_design import specified
 
     tree = read_yaml(path)
     with naming(path):

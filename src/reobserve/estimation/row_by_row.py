@@ -19,7 +19,7 @@ from reobserve.estimation.gaps import MEASURED, STATUSES
 from reobserve.estimation.text_rows import RowError, TextRows
 from reobserve.estimation.writing import line as result
 from reobserve.estimation.writing import text
-from reobserve.observers.unchecked import unchecked_step
+from reobserve.observers.unchecked_step import unchecked_step
 
 _PATIENCE = 20  # rows that all go the long way, on which the sampling period is checked
 

@@ -25,7 +25,7 @@ from reobserve.core.units import check_unit
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, items, parse
 from reobserve.estimation.dates import ISO, check_day, check_format, check_zone
 from reobserve.estimation.detector_alarms import DetectorRule
-from reobserve.estimation.families.stated import DesignFile, stated
+from reobserve.estimation.families.observer_section import DesignFile, stated
 from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
 from reobserve.estimation.quantities import conversion
 

@@ -21,7 +21,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.units import readings
 from reobserve.estimation.dialect import SIGNS, Dialect, bare
 from reobserve.estimation.file_format import NOTHING
-from reobserve.estimation.reading import File
+from reobserve.estimation.record_file import File
 from reobserve.estimation.suggested_time import DATE, DAY, HOUR, find_time
 
 _LOOKED_AT = 2**18  # bytes

@@ -11,7 +11,7 @@ from reobserve.core.errors import InputError
 from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import SECOND, of_nanoseconds, skipping_zone
-from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter, placed
+from reobserve.estimation.sampling_grid import RESAMPLING, UnevenError, least_jitter, placed
 from reobserve.estimation.specification import Sampling
 from reobserve.estimation.text_rows import PolicyError, RowError
 

@@ -20,7 +20,7 @@ from reobserve.observers.gaussian_state import FilterSteps, KalmanState
 from reobserve.observers.kalman import KALMAN, LINEAR, TAKES
 from reobserve.observers.linear_loop import FilterRows, PredictedRows
 from reobserve.observers.run import AxisNames
-from reobserve.synthesis.linear import undetectable_modes
+from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
 from reobserve.systems.signal_names import as_names
 

@@ -29,7 +29,7 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import all_finite, as_positive, as_row, as_sample_rows, as_samples
 from reobserve.core.value import Value, converter
-from reobserve.observers import frames
+from reobserve.observers import dataframes
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
 from reobserve.observers.record import (
     Many,
@@ -146,7 +146,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         """
         if not self.reads_between:
             return ""
-        from reobserve.observers.halving import finding
+        from reobserve.observers.step_size_check import finding
 
         state, record = self._completed(state, record)
         steps, before = steps_between(state.sample, record), state.sample is not None
@@ -178,7 +178,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         DivergenceError
             As `run`.
         """
-        y, u, before, middle = frames.read_rows(self, y, u, before, middle)
+        y, u, before, middle = dataframes.read_rows(self, y, u, before, middle)
         record = self._read(
             as_row("y", y), None if u is None else as_row("u", u),
             as_row_pair("before", before), as_row_pair("middle", middle), given,
@@ -244,19 +244,19 @@ class Observer(Value, ABC, Generic[StateKind]):
             for name, pair in (("before", before), ("middle", middle)):
                 if pair is not None:
                     raise InputError(name, "must be left out with many records")
-            from reobserve.observers.many import run_many
+            from reobserve.observers.batch_run import run_many
 
             return run_many(self, y, u, state, time, loud, given)
-        y, u, before, middle, time, index = frames.read_frames(self, y, u, before, middle, time)
+        y, u, before, middle, time, index = dataframes.read_frames(self, y, u, before, middle, time)
         record = self._read(y, u, before, middle, given)
         start = self._start(record.y[0]) if state is None else self._checked(state)
-        times, record = frames.timed(self, index, time, start, record)
+        times, record = dataframes.timed(self, index, time, start, record)
         rows = self._fill(start, record)
         good = self._good(rows)
         estimates, left, missing = rows.estimates, rows.before, 0
         if self.reads_missing and not all_finite(record.y):
             missing = int(np.isnan(record.y[:good]).any(axis=1).sum())
-        after, diverged_at = frames.stamped(rows.state, index, time), None
+        after, diverged_at = dataframes.stamped(rows.state, index, time), None
         if good < len(times):
             if loud:
                 raise self._divergence(start, record, rows, times, good)

@@ -54,7 +54,7 @@ def check_noise_memory(observer: Any) -> None:
     model = observer.whole
     if not isinstance(model, LinearModel):
         return
-    from reobserve.synthesis.linear import steady_kalman_gain
+    from reobserve.synthesis.linear_gain import steady_kalman_gain
 
     try:
         gain = steady_kalman_gain(model)

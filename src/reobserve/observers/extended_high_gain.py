@@ -26,7 +26,7 @@ from reobserve.observers.extended_high_gain_loop import run
 from reobserve.observers.fixed_step import Steps
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest
-from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
+from reobserve.synthesis.high_gain_design import high_gain, high_gain_over_time
 from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from reobserve.observers.imm_state import ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.record import Record, Rows
 from reobserve.observers.run import AxisNames
-from reobserve.synthesis.linear import undetectable_modes
+from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.signal_names import as_names
 

@@ -17,7 +17,7 @@ from reobserve.observers.gain import Gain, own_gain_function
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, KalmanState
 from reobserve.observers.kalman import LINEAR, TAKES
-from reobserve.synthesis.linear import place, steady_kalman_gain
+from reobserve.synthesis.linear_gain import place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
     Raises
     ------
     InputError
-        If the poles cannot be placed, `reobserve.synthesis.linear.place`; or they are not stable.
+        If poles cannot be placed, `reobserve.synthesis.linear_gain.place`; or they are not stable.
 
     Examples
     --------
@@ -164,7 +164,7 @@ def steady_kalman(model: LinearModel) -> FixedGainObserver:
     Raises
     ------
     InputError
-        If there is no such gain, `reobserve.synthesis.linear.steady_kalman_gain`.
+        If there is no such gain, `reobserve.synthesis.linear_gain.steady_kalman_gain`.
 
     Examples
     --------

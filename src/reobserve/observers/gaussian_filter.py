@@ -24,6 +24,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_positive, as_vector
 from reobserve.observers import filter_halves
+from reobserve.observers.batch_run import in_threads, part
 from reobserve.observers.contract import Observer
 from reobserve.observers.estimated_noise import check_noise_memory, refuse_given
 from reobserve.observers.filter_records import can_run_together, posteriors_of, run_together
@@ -46,7 +47,6 @@ from reobserve.observers.gaussian_state import (
     sample_before,
 )
 from reobserve.observers.linear_loop import FilterPosteriors, FilterRows, PredictedRows
-from reobserve.observers.many import in_threads, part
 from reobserve.observers.record import Many, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times

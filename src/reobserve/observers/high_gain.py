@@ -23,7 +23,7 @@ from reobserve.core.value import Value, converter, for_loop, read_only
 from reobserve.observers.contract import Observer
 from reobserve.observers.fixed_step import Steps
 from reobserve.observers.record import Rows, check_state
-from reobserve.synthesis.high_gain import high_gain
+from reobserve.synthesis.high_gain_design import high_gain
 from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.polynomials.expressions import from_expressions
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.synthesis.normal_form.known_inputs import split
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 
 FORMS = ("identity", "transformed")

@@ -2,7 +2,7 @@
 
 The paper prints y - h(x^) in (11); with A = F + L0 H the error then obeys F - L0 H, so the sign
 here is that of (8). A truncated gain is read in one of the three ways that
-`reobserve.synthesis.normal_form.gain` lists.
+`reobserve.synthesis.normal_form.identity_gain` lists.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from reobserve.core.small_systems import solve_in_place
 from reobserve.core.value import converter
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
+from reobserve.polynomials.evaluation_kernels import Polynomials, evaluate, polynomials
 from reobserve.polynomials.maps import stacked
-from reobserve.synthesis.normal_form.gain import GAINS
+from reobserve.synthesis.normal_form.identity_gain import GAINS
 
 Array = NDArray[np.float64]
 

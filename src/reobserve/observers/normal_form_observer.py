@@ -20,7 +20,7 @@ from reobserve.observers.fixed_step import Samples, Steps
 from reobserve.observers.record import Rows, check_state
 from reobserve.observers.run import Run
 from reobserve.synthesis.normal_form.convergence import convergence, warning
-from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.transform import NormalForm
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from reobserve.core.interrupts import FIRST, look
 from reobserve.core.kernel import kernel
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
+from reobserve.polynomials.evaluation_kernels import Polynomials, evaluate, polynomials
 from reobserve.polynomials.maps import PolynomialMap
 
 Array = NDArray[np.float64]

@@ -16,10 +16,10 @@ from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
 from reobserve.observers.correlated_noise import TakenOut
+from reobserve.observers.dataframes import read_frames
 from reobserve.observers.estimated_noise import refuse_given
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.filter_rules import shortest
-from reobserve.observers.frames import read_frames
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
 from reobserve.observers.kalman import KalmanFilter

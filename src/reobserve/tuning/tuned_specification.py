@@ -17,7 +17,7 @@ from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.families.file import naming
 from reobserve.estimation.layout import Layout
 from reobserve.estimation.observer_design import Design
-from reobserve.estimation.reading import File
+from reobserve.estimation.record_file import File
 from reobserve.estimation.specification import as_specification, read_specification
 from reobserve.tuning.search import Settings
 from reobserve.tuning.task import Array

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError, nearest
 from reobserve.core.files import check_replaceable, write_text
-from reobserve.tuning.commands import tell
+from reobserve.tuning.tune_command import tell
 from reobserve_papers.bench.packaged_task import PackagedTask
 
 
@@ -32,8 +32,8 @@ def tune_command(
 
 def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None:
     """Score tuned methods on held-out records, and write scores and table."""
+    from reobserve.tuning.results import write_cells, write_scores
     from reobserve.tuning.scoring import score_task
-    from reobserve.tuning.table import write_cells, write_scores
     from reobserve.tuning.tuned_file import read_tuned
 
     task = PackagedTask.read(task_file)
@@ -68,7 +68,7 @@ def plot_command(
     task_file: Path, table: Path, tuned: Path, outputs: Sequence[Path], style: Path | None
 ) -> None:
     """Draw the figures of a task. The name of an output, without its suffix, says which."""
-    from reobserve.tuning.table import Results
+    from reobserve.tuning.results import Results
     from reobserve_papers.bench.plot import FIGURES
     from reobserve_papers.plotting.fitting import fix_layout
     from reobserve_papers.plotting.formats import save
@@ -88,7 +88,7 @@ def plot_command(
 
 def table_command(folders: Sequence[Path], tasks: Path, tuned: Path, output: Path) -> None:
     """Write the table of all methods in Markdown, from folders of results named like tasks."""
-    from reobserve.tuning.table import Results, summary
+    from reobserve.tuning.results import Results, summary
 
     tables = []
     for folder in folders:

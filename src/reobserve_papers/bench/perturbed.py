@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from reobserve.tuning.results import write_cells
 from reobserve.tuning.scoring import score_task
-from reobserve.tuning.table import write_cells
 from reobserve.tuning.task import Array, TaskRecord
 from reobserve.tuning.tuned_file import read_tuned
 from reobserve_papers.bench.packaged_task import PackagedTask

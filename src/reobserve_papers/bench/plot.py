@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator
 
-from reobserve.tuning.table import UNDECIDED, Results
+from reobserve.tuning.results import UNDECIDED, Results
 from reobserve.tuning.task import Task
 from reobserve_papers.plotting import look
 from reobserve_papers.plotting.figures import STYLES, PaperFigure, Style, add_note, blank, few_ticks

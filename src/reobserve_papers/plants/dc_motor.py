@@ -22,7 +22,7 @@ from reobserve.core.discretisation import interpolating_hold
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_rows, as_scalar, as_vector
-from reobserve.synthesis.linear import ackermann
+from reobserve.synthesis.linear_gain import ackermann
 
 Array = NDArray[np.float64]
 

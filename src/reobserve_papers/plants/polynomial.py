@@ -11,7 +11,7 @@ from reobserve.core.arguments import MOST_STEPS, as_kind, as_whole
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_vector
-from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
+from reobserve.polynomials.evaluation_kernels import Polynomials, evaluate, polynomials
 from reobserve.systems.polynomial import PolynomialSystem
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 import reobserve
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import luenberger
-from reobserve.synthesis.high_gain import high_gain_over_time
+from reobserve.synthesis.high_gain_design import high_gain_over_time
 from reobserve.synthesis.ilo_certificate import certify
-from reobserve.synthesis.linear import place, steady_kalman_gain, unobservable_modes
+from reobserve.synthesis.linear_gain import place, steady_kalman_gain, unobservable_modes
 from reobserve.systems.linear import LinearModel
 from tests.reobserve.library.calls import Call, calls
 from tests.reobserve.library.calls.models import linear_model

@@ -18,7 +18,7 @@ from reobserve import normal_form_observer
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.observers.fixed_gain import luenberger
-from reobserve.synthesis.linear import place as place_poles
+from reobserve.synthesis.linear_gain import place as place_poles
 from tests.reobserve.library.calls import Call, calls
 from tests.reobserve.library.calls.models import linear_model
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from reobserve.core.validation import parse
 from reobserve.estimation.alarms import Alarm
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import AlarmReport, DataReport
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.specification import Specification, StatedThreshold
 from reobserve.estimation.start_up import start_up
 from tests.reobserve.estimation.records import read_results, write_record

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.plot import Plot
+from reobserve.estimation.estimate_command import estimate_file
+from reobserve.estimation.estimates_plot import Plot
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.start_up import start_up

@@ -21,7 +21,7 @@ from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.quantities import SAME
-from reobserve.estimation.reading import File
+from reobserve.estimation.record_file import File
 
 START = datetime(2026, 3, 2, 14, 5, 0, 250_000)
 ISO = "%Y-%m-%dT%H:%M:%S"

@@ -13,10 +13,10 @@ import pyarrow.parquet as parquet
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import nanoseconds, spelled
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.state_file import load_state, save_state

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.validation import parse
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.diagnostics import MOST_ROWS, FirstRows
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import examples, simulated
 from reobserve.estimation.gaps import Stretch
 from reobserve.estimation.specification import Specification

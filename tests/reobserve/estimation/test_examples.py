@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.cli.main import main
-from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.example_records import PLANTS, _followed, followed
 from reobserve.estimation.families.examples import examples, simulated
 from tests.reobserve.estimation.by_hand import BY_HAND

@@ -14,7 +14,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.commands import estimate_file, estimate_stream
+from reobserve.estimation.estimate_command import estimate_file, estimate_stream
 from reobserve.estimation.specification import Specification
 from tests.reobserve.estimation.records import read_results
 

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from reobserve.cli.main import main
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.families.file import load_design
-from reobserve.estimation.reading import File
+from reobserve.estimation.record_file import File
 from reobserve.estimation.specification import LearnedThreshold, Specification, read_specification
 from reobserve.estimation.writing import KEY
 from tests.reobserve.estimation.records import read_results, specification, streamed, write_record

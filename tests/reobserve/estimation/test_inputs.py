@@ -11,8 +11,8 @@ import pytest
 from reobserve.cli.main import main
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated, specification_text
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, as_specification

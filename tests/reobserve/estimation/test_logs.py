@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from reobserve.cli.main import main
-from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.specification import read_specification
 from tests import ROOT
 from tests.reobserve.estimation.records import read_results

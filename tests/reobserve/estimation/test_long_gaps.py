@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.state_file import load_state, save_state
 from reobserve.estimation.writing import header

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from tests.reobserve.estimation.by_hand import motor_model
 from tests.reobserve.estimation.records import read_results, specification, streamed, write_record

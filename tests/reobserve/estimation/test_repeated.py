@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.specification import Specification
 from tests.reobserve.estimation.records import read_results, streamed, write_record
 

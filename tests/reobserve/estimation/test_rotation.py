@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.commands import estimate_file, estimate_stream
+from reobserve.estimation.estimate_command import estimate_file, estimate_stream
 from reobserve.estimation.families.examples import simulated, specification_text
 from tests.reobserve.estimation.records import specification, write_record
 

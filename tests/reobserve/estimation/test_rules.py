@@ -12,10 +12,10 @@ import yaml
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.detection import chi_square_window, cusum_of_mean, glr_of_mean, normalised
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import AlarmReport
 from reobserve.estimation.detector_alarms import DetectorAlarm, DetectorRule
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.examples import simulated, specification_text
 from reobserve.estimation.specification import as_specification, read_specification

@@ -10,8 +10,8 @@ import pytest
 
 from reobserve.cli.main import main
 from reobserve.core.errors import InputError
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import examples, simulated, specification_text
 from reobserve.observers.smoother import rts_smoother
 from tests.reobserve.estimation.records import read_results, specification, write_record

@@ -17,8 +17,8 @@ import pytest
 
 from reobserve.cli.main import main
 from reobserve.core.errors import InputError
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import examples, simulated, specification_text
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.state_file import load_state, save_state

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.timestamps import Timestamps, UnevenError, least_jitter
 from tests.reobserve.estimation.records import specification, write_record

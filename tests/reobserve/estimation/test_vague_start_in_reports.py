@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.observers.vague_start import VagueStartWarning

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from reobserve.cli.main import main
 from reobserve.core.progress import progress
 from reobserve.estimation import writing
-from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimated, Estimation
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.gaps import STATUSES
-from reobserve.estimation.reading import File
+from reobserve.estimation.record_file import File
 from reobserve.estimation.row_by_row import RowByRow
 from tests.reobserve.estimation.records import specification, write_record
 

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import place_poles
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers import halving
+from reobserve.observers import step_size_check
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
@@ -27,7 +27,7 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.record import Rows
-from reobserve.observers.unchecked import unchecked_step
+from reobserve.observers.unchecked_step import unchecked_step
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
@@ -253,7 +253,7 @@ def test_unwritten_last_row_is_not_taken_as_the_end(short: int, reached: bool) -
 
     record = Samples(still(1, 4), still(1, 4))
     loop: Any = Loop()
-    found = halving._end(loop, None, Steps(record, record), 2)
+    found = step_size_check._end(loop, None, Steps(record, record), 2)
     assert (found is not None) == reached
 
 

@@ -13,7 +13,7 @@ from reobserve import ILO, IMM, KalmanFilter, LinearModel
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.poles import as_pole_list
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.synthesis.high_gain_design import high_gain, lyapunov_matrix
 from reobserve.synthesis.ilo_certificate import certify
 from reobserve.systems.rigid_body import RigidBody
 

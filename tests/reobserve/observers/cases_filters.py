@@ -19,7 +19,7 @@ from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.synthesis.linear import place
+from reobserve.synthesis.linear_gain import place
 from reobserve.systems.linear import LinearModel
 from tests.reobserve.observers.case import Case
 

@@ -19,7 +19,7 @@ direct_call.call = lambda function, arguments: getattr(function, "compiled", fun
 
 from reobserve import rts_smoother
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.synthesis.normal_form.gain import GAINS
+from reobserve.synthesis.normal_form.identity_gain import GAINS
 from tests.reobserve.observers.by_row import GIVEN, part, record
 from tests.reobserve.observers.cases import CASES
 

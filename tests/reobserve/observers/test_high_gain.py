@@ -17,7 +17,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.vector_field import vector_field
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver, HighGainState
-from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
+from reobserve.synthesis.high_gain_design import high_gain, high_gain_over_time, lyapunov_matrix
 from reobserve.systems.triangular import TriangularModel
 from tests.reobserve.observers.small_plants import pendulum
 

@@ -19,10 +19,10 @@ from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
-from reobserve.synthesis.normal_form.gain import GAINS
+from reobserve.synthesis.normal_form.identity_gain import GAINS
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from tests.reobserve.synthesis.normal_form.systems import (
     Case,

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sympy import QQ
 
 from reobserve.core.errors import InputError
-from reobserve.polynomials.evaluation import evaluate, polynomials
+from reobserve.polynomials.evaluation_kernels import evaluate, polynomials
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.polynomials.powers import Powers

@@ -23,7 +23,7 @@ from reobserve.synthesis.ilo_certificate import bound18, certify, theorem1
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_map
 from reobserve.synthesis.ilo_stability import continuous_stability
-from reobserve.synthesis.linear import steady_kalman_gain
+from reobserve.synthesis.linear_gain import steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 from tests.reobserve.synthesis.plants import dc_motor
 

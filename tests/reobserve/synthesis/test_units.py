@@ -20,9 +20,9 @@ from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from reobserve.synthesis.linear import ackermann, kalman_gain_error, place, unobservable_modes
-from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.linear_gain import ackermann, kalman_gain_error, place, unobservable_modes
 from reobserve.synthesis.normal_form.placement import injection_for
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 

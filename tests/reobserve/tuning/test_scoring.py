@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve.tuning.results import Results, write_cells, write_scores
 from reobserve.tuning.scoring import ScoredRow, Scorer, moved, score_task
-from reobserve.tuning.table import Results, write_cells, write_scores
 from reobserve.tuning.task import Task
 from reobserve.tuning.task_tuning import objective, tune_method
 from reobserve.tuning.tuned_file import TunedMethod, read_tuned

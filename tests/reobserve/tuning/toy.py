@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from reobserve.tuning.table import Results
+from reobserve.tuning.results import Results
 from reobserve.tuning.task import Task
 from reobserve.tuning.tuned_file import Cost, Repeat, TunedMethod, TunedOn
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.core.files import write_table
-from reobserve.tuning.table import CELLS
+from reobserve.tuning.results import CELLS
 from reobserve.tuning.tuned_file import Cost, Repeat, TunedMethod, TunedOn
 from reobserve_papers.cli.main import main
 from reobserve_papers.figure_diff.comparison import compare_task

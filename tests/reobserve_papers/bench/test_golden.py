@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import ReobserveError
+from reobserve.tuning.results import write_cells
 from reobserve.tuning.scoring import score_task
-from reobserve.tuning.table import write_cells
 from reobserve_papers.bench.perturbed import PerturbedTask
 from reobserve_papers.golden import bench
 from reobserve_papers.golden.files import GoldenNumber

@@ -15,7 +15,7 @@ from scipy.stats import chi2, kstest, uniform
 from reobserve.core.errors import InputError
 from reobserve.detection.false_alarms import false_alarm_threshold
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.tuning.table import Results
+from reobserve.tuning.results import Results
 from reobserve.tuning.task import Array, Condition
 from reobserve_papers.bench import leaks
 from reobserve_papers.bench.packaged_task import PackagedTask

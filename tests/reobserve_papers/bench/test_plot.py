@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.tuning.table import Results
+from reobserve.tuning.results import Results
 from reobserve_papers.bench.commands import plot_command
 from reobserve_papers.bench.plot import evaluations, heat_map, levels
 from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference

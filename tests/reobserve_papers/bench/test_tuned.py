@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from reobserve.tuning.table import Results
+from reobserve.tuning.results import Results
 from reobserve.tuning.task_tuning import objective, tune_once
 from reobserve.tuning.tuned_file import read_tuned
 from reobserve_papers.bench.packaged_task import PackagedTask

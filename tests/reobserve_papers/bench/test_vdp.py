@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.tuning.task import Array, Condition, Estimates, TaskRecord
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.bench.tasks import vdp

@@ -344,14 +344,14 @@ LATE = {
     "reobserve_papers.plotting.latex",
     "reobserve_papers.plants.first_order_lag",  # of the two the one that a scenario names
     "reobserve_papers.plants.pendulum",
-    "reobserve.observers.halving",  # and on divergence, which does not occur in the build
-    "reobserve.observers.many",  # and for many records at once
+    "reobserve.observers.step_size_check",  # and on divergence, which does not occur in the build
+    "reobserve.observers.batch_run",  # and for many records at once
     "reobserve.observers.run_plot",  # and when a run is plotted
     "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
     "reobserve.core.chi_squared",
     "reobserve_papers.parameters.parameter_file",  # where parameters are checked, once a build
     "reobserve.synthesis",  # where a filter is to estimate R, and must be able to see it
-    "reobserve.synthesis.linear",
+    "reobserve.synthesis.linear_gain",
     "reobserve.synthesis.placed_gains",
     "reobserve.core.balancing",
     "reobserve.core.finite",

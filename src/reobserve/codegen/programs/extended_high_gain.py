@@ -13,7 +13,7 @@ from reobserve.codegen.programs.sampling import runge_kutta
 from reobserve.core.errors import InputError
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, ExtendedHighGainState
 from reobserve.observers.extended_high_gain_loop import MAX_CHANGES, MAX_TRIALS, NEAREST
-from reobserve.synthesis.high_gain import high_gain
+from reobserve.synthesis.high_gain_design import high_gain
 
 
 def extended(

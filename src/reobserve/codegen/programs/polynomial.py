@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reobserve.codegen.expressions import Expression, Name, Number, total
 from reobserve.codegen.program import ONE, Program
-from reobserve.polynomials.evaluation import polynomials
+from reobserve.polynomials.evaluation_kernels import polynomials
 from reobserve.polynomials.maps import PolynomialMap
 
 

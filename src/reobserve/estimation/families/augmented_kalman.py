@@ -22,7 +22,7 @@ from reobserve.estimation.families.signals import NamedSignal, Signals, listed, 
 from reobserve.estimation.observer_design import Certificate, Example, pairs
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
-from reobserve.synthesis.linear import steady_kalman_gain
+from reobserve.synthesis.linear_gain import steady_kalman_gain
 
 Array = FloatArray
 

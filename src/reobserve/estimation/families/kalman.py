@@ -16,7 +16,7 @@ from reobserve.estimation.observer_design import Certificate, Example, pairs
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.synthesis.linear import kalman_gain_error, steady_kalman_gain
+from reobserve.synthesis.linear_gain import kalman_gain_error, steady_kalman_gain
 
 Array = FloatArray
 
@@ -101,7 +101,7 @@ class KalmanDesign(FilterDesign):
         Raises
         ------
         InputError
-            If it comes to no gain, `reobserve.synthesis.linear.steady_kalman_gain`.
+            If it comes to no gain, `reobserve.synthesis.linear_gain.steady_kalman_gain`.
         """
         if gains is None and system.gain == "steady":
             gains = KalmanGains(steady_kalman_gain(system.model))

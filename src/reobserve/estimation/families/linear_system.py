@@ -18,7 +18,7 @@ from reobserve.estimation.observer_design import Certificate, Design, Estimates,
 from reobserve.observers.filter_halves import innovation_deviation
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.synthesis.linear import undetectable_modes
+from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel
 
 Array = FloatArray

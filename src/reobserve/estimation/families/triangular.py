@@ -12,7 +12,7 @@ from reobserve.core.errors import InputError, nearest
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.observer_design import System
 from reobserve.observers.fixed_step import check_rate
-from reobserve.synthesis.high_gain import lyapunov_matrix
+from reobserve.synthesis.high_gain_design import lyapunov_matrix
 from reobserve.systems.triangular_text import TextModel, triangular_model
 
 Array = FloatArray

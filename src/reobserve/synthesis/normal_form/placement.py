@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reobserve.core.arguments import as_kind, as_poles
 from reobserve.core.balancing import Scales, output_scales
 from reobserve.core.errors import InputError
-from reobserve.synthesis.linear import unobservable_modes
+from reobserve.synthesis.linear_gain import unobservable_modes
 from reobserve.synthesis.normal_form.problem import refuse_undetectable
 from reobserve.systems.polynomial import PolynomialSystem
 

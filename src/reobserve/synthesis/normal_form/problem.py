@@ -28,7 +28,7 @@ from reobserve.core.matrices import spectral_radius
 from reobserve.polynomials.arithmetic import Coefficients
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
-from reobserve.synthesis.linear import unobservable_modes
+from reobserve.synthesis.linear_gain import unobservable_modes
 from reobserve.systems.polynomial import PolynomialSystem
 
 

@@ -21,7 +21,7 @@ from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
-from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.triangular_text import triangular_model

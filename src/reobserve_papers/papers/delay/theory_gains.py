@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.synthesis.high_gain_design import high_gain, lyapunov_matrix
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import scored

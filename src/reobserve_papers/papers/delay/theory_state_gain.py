@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import allocating_kernel
-from reobserve.synthesis.high_gain import high_gain
+from reobserve.synthesis.high_gain_design import high_gain
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square, scored

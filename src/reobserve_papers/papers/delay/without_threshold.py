@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import allocating_kernel
-from reobserve.synthesis.high_gain import high_gain
+from reobserve.synthesis.high_gain_design import high_gain
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds
 from reobserve_papers.signals.grid import stride

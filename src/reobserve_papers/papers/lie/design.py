@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_problem
 

@@ -19,7 +19,7 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
-from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.scoring import (
     integral_of_sizes,

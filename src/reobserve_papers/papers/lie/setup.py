@@ -15,8 +15,8 @@ from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.signals.grid import plant_grid

@@ -15,7 +15,7 @@ from typing import Any
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.transform import NormalForm
 from reobserve_papers.papers.lie import ensemble, keys, study_domain, study_orders
 from reobserve_papers.papers.lie.study_rows import Row
 from reobserve_papers.signals.series import Series

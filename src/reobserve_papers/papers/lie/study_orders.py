@@ -11,8 +11,8 @@ from typing import Any
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.synthesis.normal_form.design import NormalForm
-from reobserve.synthesis.normal_form.gain import GAINS, gain_at
+from reobserve.synthesis.normal_form.identity_gain import GAINS, gain_at
+from reobserve.synthesis.normal_form.transform import NormalForm
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve_papers.papers.lie.observe import observe

@@ -13,10 +13,10 @@ from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver, NormalFormState
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.observers.run import Run
-from reobserve.polynomials.evaluation import evaluate, polynomials
+from reobserve.polynomials.evaluation_kernels import evaluate, polynomials
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.transform import NormalForm
 from reobserve_papers.plants.polynomial import PolynomialPlant
 
 Array = NDArray[np.float64]

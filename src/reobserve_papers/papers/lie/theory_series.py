@@ -16,7 +16,7 @@ from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
-from reobserve.synthesis.normal_form.gain import gain_series
+from reobserve.synthesis.normal_form.identity_gain import gain_series
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import check_nonresonant
 from reobserve.synthesis.normal_form.solver import identity, solver_for

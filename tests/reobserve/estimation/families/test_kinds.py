@@ -15,7 +15,7 @@ from reobserve.estimation.families import family
 from reobserve.estimation.families.poles import as_pole_list
 from reobserve.estimation.families.signals import product
 from reobserve.estimation.observer_design import Design
-from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.synthesis.high_gain_design import high_gain, lyapunov_matrix
 
 
 def model(kind: str, **changed: Any) -> Tree:

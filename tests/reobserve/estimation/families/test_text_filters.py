@@ -14,7 +14,7 @@ from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families import family
 from reobserve.estimation.families.examples import simulated, specification_text
 from reobserve.estimation.families.file import load_design, save_design

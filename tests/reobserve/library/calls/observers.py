@@ -16,8 +16,8 @@ from reobserve.observers.imm import IMM
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smoother import rts_smoother
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.linear import steady_kalman_gain
-from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.linear_gain import steady_kalman_gain
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
@@ -161,10 +161,10 @@ def _filters() -> Iterator[Call]:
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
         "observers.fixed_gain.filter_gain": (model, [[0.5], [0.1]]),
-        "synthesis.linear.steady_kalman_gain": (model,),
-        "synthesis.linear.kalman_gain_error": (model, steady_kalman_gain(model)),
-        "synthesis.linear.unobservable_modes": (model.A, model.C),
-        "synthesis.linear.undetectable_modes": (model.A, model.C),
+        "synthesis.linear_gain.steady_kalman_gain": (model,),
+        "synthesis.linear_gain.kalman_gain_error": (model, steady_kalman_gain(model)),
+        "synthesis.linear_gain.unobservable_modes": (model.A, model.C),
+        "synthesis.linear_gain.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
         "detection.innovation_tests.cusum": (y[:, 0], 0.5),
@@ -177,7 +177,7 @@ def _filters() -> Iterator[Call]:
     }, MISSING)  # fmt: skip
     yield from called({
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),
-        "synthesis.linear.place": (model.A, model.C, [0.5, 0.6]),
+        "synthesis.linear_gain.place": (model.A, model.C, [0.5, 0.6]),
     }, COMPLEX)  # fmt: skip
 
 
@@ -312,7 +312,7 @@ def _normal_forms() -> Iterator[Call]:
     yield Call(name, observer, (2, 0.01, [-1.7, -2.3], "identity", "series", 4), COMPLEX)
     yield Call(f"{name}, driven", driven, (["u"], ["0", "sin(y1) - y1"], 3))
     yield Call(f"{name}, injected", injected, ([[-3.0], [-1.7]], ["a", "w"]))
-    yield Call("synthesis.normal_form.design.normal_form", placed, (system, 3, [-1.7, -2.3]))
+    yield Call("synthesis.normal_form.transform.normal_form", placed, (system, 3, [-1.7, -2.3]))
     poles = (system, [-1.7, -2.3])
     yield from called({"synthesis.normal_form.placement.injection_for": poles}, COMPLEX)
     for call in called({

@@ -98,9 +98,9 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_certificate.bound18": (
             certify(3.0, 1.0, 0.5, 0.5).theorem, np.ones((5, 3)), np.ones((5, 3)), 0.1,
         ),
-        "synthesis.high_gain.lyapunov_matrix": (3, 2.0),
-        "synthesis.high_gain.high_gain": (3, 2.0),
-        "synthesis.high_gain.high_gain_over_time": (2, 2.0, np.eye(2), [0.0, 1.0]),
+        "synthesis.high_gain_design.lyapunov_matrix": (3, 2.0),
+        "synthesis.high_gain_design.high_gain": (3, 2.0),
+        "synthesis.high_gain_design.high_gain_over_time": (2, 2.0, np.eye(2), [0.0, 1.0]),
         "synthesis.h_infinity_norm.h_infinity_norm": (
             [[-1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], 1e-9,
         ),

@@ -14,9 +14,9 @@ from reobserve.observers.run import Run
 from reobserve.polynomials.expressions import from_expressions
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.convergence import convergence, part_norms, warning
-from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from tests.reobserve.synthesis.normal_form.systems import van_der_pol
 

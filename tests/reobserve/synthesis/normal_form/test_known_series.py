@@ -18,11 +18,11 @@ from sympy.polys.rings import PolyElement
 from reobserve.core.errors import InputError
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
-from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.homological_exact import RationalSolver
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from tests.reobserve.synthesis.normal_form.systems import (
     Case,

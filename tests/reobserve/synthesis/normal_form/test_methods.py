@@ -19,7 +19,7 @@ from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form import homological
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
-from reobserve.synthesis.normal_form.gain import gain_series
+from reobserve.synthesis.normal_form.identity_gain import gain_series
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
 from tests.reobserve.synthesis.normal_form.systems import (

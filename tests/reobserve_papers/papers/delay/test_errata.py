@@ -16,7 +16,7 @@ from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, Swi
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.synthesis.high_gain_design import high_gain, lyapunov_matrix
 from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.plants.delayed_input import DelayedInputPlant
 from reobserve_papers.plants.first_order_lag import first_order_lag

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.synthesis.high_gain_design import high_gain, lyapunov_matrix
 from reobserve_papers.papers.delay.theory_gains import steady_ramp_error
 from tests.reobserve.observers.small_plants import G_OVER_L, GAIN, A
 from tests.reobserve_papers.papers.delay.test_errata import delay_error, seconds

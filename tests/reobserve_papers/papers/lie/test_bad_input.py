@@ -13,7 +13,7 @@ from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.cli.main import main
 from tests import ROOT

@@ -17,10 +17,10 @@ import pytest
 import sympy
 
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve_papers.papers.lie.lie_transform import lie_transform
 from tests.reobserve.synthesis.normal_form.systems import (
     Case,

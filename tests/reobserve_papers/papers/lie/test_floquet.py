@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
-from reobserve.synthesis.normal_form.gain import GAINS, gain_at
+from reobserve.synthesis.normal_form.identity_gain import GAINS, gain_at
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.papers.lie import floquet
 from reobserve_papers.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.synthesis.normal_form.gain import gain_series
+from reobserve.synthesis.normal_form.identity_gain import gain_series
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve_papers.papers.lie.lie_transform import lie_transform

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from reobserve.cli.main import main
 from reobserve.core.documents import dumped, parse_yaml, read_yaml
-from reobserve.estimation.check import check
-from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.findings import Findings
+from reobserve.estimation.record_check import check
 from reobserve.estimation.specification import read_specification
 from tests.reobserve.estimation.test_suggestion import LAYOUTS, suggested
 

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from tests.reobserve.estimation.records import read_results, specification, write_record
 

@@ -15,8 +15,8 @@ from typing import Any
 
 from reobserve.core.documents import Tree
 from reobserve.core.errors import InputError, located, nearest
+from reobserve.estimation.families.observer_section import DesignFile
 from reobserve.estimation.families.signals import NamedSignal, check_signals
-from reobserve.estimation.families.stated import DesignFile
 from reobserve.estimation.layout import lay_out
 from reobserve.estimation.observer_design import Design
 from reobserve.estimation.specification import (

@@ -18,7 +18,7 @@ from reobserve.core.extras import package
 from reobserve.core.files import write_whole
 from reobserve.estimation.dates import time_zone
 from reobserve.estimation.estimate import Estimated, Estimation
-from reobserve.estimation.outputs import RESIDUAL, Output
+from reobserve.estimation.output_columns import RESIDUAL, Output
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
-from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
+from reobserve.synthesis.high_gain_design import high_gain, high_gain_over_time, lyapunov_matrix
 
 Array = NDArray[np.float64]
 

@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_poles
-from reobserve.core.balancing import (
-    Scales,
-    logarithm,
-    output_scales,
-    powers,
-)
+from reobserve.core.balancing import Scales, logarithm, output_scales, powers
 from reobserve.core.errors import InputError, shown
 from reobserve.core.finite import finite
 from reobserve.core.matrices import as_floats, as_sized, spectral_radius
-from reobserve.synthesis.placed_gains import checked, least_sensitive, only_gain, searched
+from reobserve.synthesis.placed_gains import (
+    checked,
+    least_sensitive,
+    only_gain,
+    searched,
+)
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> from reobserve.synthesis.linear import place
+    >>> from reobserve.synthesis.linear_gain import place
     >>> print(place([[1, 0.1], [0, 1]], [[1, 0]], poles=[0.5, 0.6]).round(3))
     [[0.9]
      [2. ]]
@@ -134,7 +134,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     Examples
     --------
     >>> from reobserve import LinearModel
-    >>> from reobserve.synthesis.linear import steady_kalman_gain
+    >>> from reobserve.synthesis.linear_gain import steady_kalman_gain
     >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
     >>> print(steady_kalman_gain(model).round(3))
     [[0.159]

@@ -12,7 +12,7 @@ from reobserve.core.errors import InputError
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
-from reobserve.synthesis.normal_form.gain import gain_series
+from reobserve.synthesis.normal_form.identity_gain import gain_series
 from reobserve.synthesis.normal_form.known_inputs import input_injection, joined
 from reobserve.synthesis.normal_form.placement import injection_for
 from reobserve.synthesis.normal_form.problem import NormalFormProblem

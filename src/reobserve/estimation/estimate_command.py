@@ -20,11 +20,11 @@ from reobserve.estimation.data_report import DataReport, as_json
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
-from reobserve.estimation.grid import RESAMPLING, UnevenError, least_jitter
-from reobserve.estimation.plot import Plot, check_plot
-from reobserve.estimation.reading import BLOCK, File, Tell
+from reobserve.estimation.estimates_plot import Plot, check_plot
+from reobserve.estimation.record_file import BLOCK, File, Tell
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.row_by_row import RowByRow
+from reobserve.estimation.sampling_grid import RESAMPLING, UnevenError, least_jitter
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
 from reobserve.estimation.writing import check_digits, check_name, header, write_results
@@ -94,7 +94,7 @@ def print_check(specification: Path, data: Path | None, out: Path | None = None)
     """Print all that refuses a record, and what would accept it."""
     if data is None or out is not None:
         raise InputError("--check", "reads a specification and a record, and writes nothing")
-    from reobserve.estimation.check import check
+    from reobserve.estimation.record_check import check
 
     findings = check(specification, data)
     print(findings.text(str(data)))

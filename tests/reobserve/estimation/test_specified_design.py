@@ -19,9 +19,9 @@ from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.families.examples import examples, simulated, specification_text
 from reobserve.estimation.families.file import load_design
-from reobserve.estimation.outputs import RESIDUAL
+from reobserve.estimation.output_columns import RESIDUAL
 from reobserve.estimation.specification import as_specification, read_specification
-from reobserve.estimation.specified import specified
+from reobserve.estimation.specified_design import specified
 from tests.reobserve.bad_input.odd import as_yaml
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from reobserve.core.files import check_not_read, check_replaceable, read_text, write_text
 
 
-def tune_records_command(tune_file: Path, output: Path) -> None:
+def run(tune_file: Path, output: Path) -> None:
     """Tune specifications on records. Write them, their scores on held-out segments and a table."""
     from reobserve.tuning.recorded import RecordedTask
+    from reobserve.tuning.results import Results, read_cells, summary, write_cells, write_scores
     from reobserve.tuning.scoring import score_task
-    from reobserve.tuning.table import Results, read_cells, summary, write_cells, write_scores
     from reobserve.tuning.task_tuning import objective, tune_method
 
     task = RecordedTask.read(tune_file)

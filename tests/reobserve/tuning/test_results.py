@@ -9,7 +9,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
-from reobserve.tuning.table import CELLS, read_cells, summary
+from reobserve.tuning.results import CELLS, read_cells, summary
 from reobserve.tuning.tuned_file import TunedMethod
 
 from .toy import stated_results

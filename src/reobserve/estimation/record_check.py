@@ -20,7 +20,7 @@ from reobserve.estimation.dialect import Dialect, bare
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.findings import Findings
 from reobserve.estimation.layout import ColumnsError
-from reobserve.estimation.reading import BLOCK, File, lines_of
+from reobserve.estimation.record_file import BLOCK, File, lines_of
 from reobserve.estimation.sampling_check import sample
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.suggested_time import HOUR

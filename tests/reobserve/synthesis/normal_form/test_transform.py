@@ -21,10 +21,10 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
-from reobserve.synthesis.normal_form.design import NormalForm, normal_form
-from reobserve.synthesis.normal_form.gain import GAINS, gain_at
+from reobserve.synthesis.normal_form.identity_gain import GAINS, gain_at
 from reobserve.synthesis.normal_form.placement import injection_for
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
+from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from tests.reobserve.synthesis.normal_form.systems import (
     to_map,

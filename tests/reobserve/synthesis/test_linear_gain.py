@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.synthesis.linear import ackermann, place, steady_kalman_gain, unobservable_modes
+from reobserve.synthesis.linear_gain import ackermann, place, steady_kalman_gain, unobservable_modes
 from reobserve.systems.linear import LinearModel
 from tests.reobserve.observers.actuator_models import ACTUATOR, motion_model, velocity_model
 
