@@ -68,7 +68,7 @@ nightly: $(STAMP)  ## all other tests: the bench, second builds, kills, other pr
 	$(TESTS) -m "nightly or hypothesis" --hypothesis-profile=nightly
 	$(MAKE) elsewhere
 
-check: $(STAMP)  ## style, types, workflow lint
+check: $(STAMP)  ## style, types, workflow lint, functions behind four calls
 	ruff check .
 	ruff format --check .
 	mypy
@@ -76,6 +76,7 @@ check: $(STAMP)  ## style, types, workflow lint
 	check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
 	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml examples/*/.github/workflows/*.yml
 	snakemake --lint
+	python -m tests.walks
 
 # A newer and an older processor: what numpy, its BLAS, numba and the C library are made to use.
 # And one whose compiled loops are those of the older one, as numpy and the C library are not.
