@@ -6,17 +6,19 @@ import numpy as np
 
 from reobserve.core.errors import located
 from reobserve_papers.papers.ilo import keys
-from reobserve_papers.papers.ilo.setup import grid, held_noise
 from reobserve_papers.plants.satellite import Satellite
+from reobserve_papers.signals.grid import noise_hold, plant_grid
 from reobserve_papers.signals.inputs import Signal
-from reobserve_papers.signals.random_streams import random_stream
+from reobserve_papers.signals.random_streams import held_normal, random_stream
 from reobserve_papers.signals.series import Channel, Series
+
+MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 
 
 def build(job: keys.Job) -> tuple[Satellite, Signal, Signal]:
     """Construct satellite, control and fault of a scenario, and check them against the grid."""
     plant = job.plant
-    steps, step = grid(plant)
+    steps, step = plant_grid(plant, MOST_STEPS)
     with located("plant"):
         satellite = Satellite(plant.inertia, plant.input_matrix, plant.fault_matrix)
         control = Signal.parse("control", plant.control, 3)
@@ -35,13 +37,13 @@ def simulate(job: keys.Job) -> Series:
     """
     plant = job.plant
     satellite, control, fault = build(job)
-    steps, step = grid(plant)
+    steps, step = plant_grid(plant, MOST_STEPS)
     rate = satellite.simulate(plant.initial_rate, control, fault, step, steps)
     time = np.arange(steps + 1, dtype=np.float64) * step
     channels = {"rate": Channel(rate, "rad/s")}
     if plant.noise > 0:
         stream = random_stream(job.seed, "ilo", "rate noise")
-        noise, noise_before = held_noise(stream, plant, steps + 1)
+        noise, noise_before = held_normal(stream, steps + 1, noise_hold(plant), 3)
         channels["measured"] = Channel(rate + plant.noise * noise, "rad/s")
         channels["measured_before"] = Channel(rate + plant.noise * noise_before, "rad/s")
     for name, signal in (("control", control), ("fault", fault)):

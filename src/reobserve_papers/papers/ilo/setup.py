@@ -1,9 +1,8 @@
-"""Construct observers, grid and noise from the parameter file."""
+"""Construct observers from the parameter file."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -16,10 +15,6 @@ from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body, on_axis
 from reobserve_papers.parameters.job import named
-from reobserve_papers.signals.grid import noise_hold, plant_grid
-from reobserve_papers.signals.random_streams import held_normal
-
-MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 
 
 def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:
@@ -68,16 +63,3 @@ def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:
             f"{observer.sampling_period:g} s must be an even multiple of plant.step, {step:g} s",
         )
     return samples
-
-
-def grid(plant: keys.Plant) -> tuple[int, float]:
-    """Number of plant steps, and the step [s] (see `plant_grid`)."""
-    return plant_grid(plant, MOST_STEPS)
-
-
-def held_noise(stream: np.random.Generator, plant: keys.Plant, samples: int) -> tuple[Any, Any]:
-    """Unit normal noise held for ``plant.noise_period``: values and their limits from the left.
-
-    Both have shape (samples, 3).
-    """
-    return held_normal(stream, samples, noise_hold(plant), 3)

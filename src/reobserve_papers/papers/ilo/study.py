@@ -25,9 +25,10 @@ from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve_papers.papers.ilo import keys, study_rows
 from reobserve_papers.papers.ilo.observe import observe
 from reobserve_papers.papers.ilo.scoring import Errors, scored_errors
-from reobserve_papers.papers.ilo.setup import build_observer, held_noise, pure_integrator
+from reobserve_papers.papers.ilo.setup import build_observer, pure_integrator
 from reobserve_papers.parameters.job import named
-from reobserve_papers.signals.random_streams import random_stream
+from reobserve_papers.signals.grid import noise_hold
+from reobserve_papers.signals.random_streams import held_normal, random_stream
 from reobserve_papers.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ def _noise_rows(job: keys.Job, plant: Series) -> Iterator[dict[str, Any]]:
             built[name] = build_observer(job.plant, observer)
     for run in range(study.noise_runs):
         stream = random_stream(job.seed, "ilo", "matching noise", str(run))
-        noise = held_noise(stream, job.plant, len(plant.time))
+        noise = held_normal(stream, len(plant.time), noise_hold(job.plant), 3)
         for level in study.noise_levels:
             # The same sample for every observer and level, so that only these differ.
             noisy = _with_noise(plant, level, noise)
