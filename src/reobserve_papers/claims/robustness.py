@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -142,6 +144,7 @@ class Inquiry:
     found: dict[str, Robustness]
     known: dict[str, KnownSamples]
     share: float
+    spent: dict[str, float]  # CPU s on samples of each claim
     _held: dict[str, list[Outcome]] = field(default_factory=lambda: defaultdict(list), repr=False)
 
     @staticmethod
@@ -182,7 +185,8 @@ class Inquiry:
                 if (made := table.current(evaluator, claim, claim.wanted)) is not None:
                     for number in made.numbers:
                         here.take(number, made.found(number))
-        inquiry = Inquiry(evaluator.parameters, outcomes, asked, found, known, share)
+        spent = dict.fromkeys(found, 0.0)
+        inquiry = Inquiry(evaluator.parameters, outcomes, asked, found, known, share, spent)
         inquiry._verify(evaluator)
         return inquiry
 
@@ -207,24 +211,31 @@ class Inquiry:
         return possible(claim.quantifier, counted, self.share)
 
     def decided(self, claim: Claim) -> bool:
-        """True if no more samples of a claim are needed."""
+        """True if no more samples of a claim are needed. Those that are cached are all used."""
         one = self.found[claim.name]
         if one.whole is not None:
             return one.samples == one.whole
-        return one.samples >= _LEAST and len(self.possible(claim)) == 1
+        least = max(_LEAST, self.known[claim.name].length)
+        return one.samples >= least and len(self.possible(claim)) == 1
 
-    def fill(self, samples: Callable[[Claim], int], chunk: range | None = None) -> None:
+    def fill(
+        self, samples: Callable[[Claim], int], chunk: range | None = None, *,
+        seconds: float = math.inf, whole: Container[str] = (),
+    ) -> None:  # fmt: skip
         """Make samples until claims are decided or have their maximum, or only those of a chunk.
 
         Samples before a chunk are used if they are known. So chunks need not wait for each other:
-        one may make samples that are not needed, and lacks none that would decide otherwise.
+        one may make samples that are not needed, and lacks none that would decide otherwise. Claims
+        in ``whole`` get their maximum, and none more samples after so many CPU ``seconds``.
         """
         longest = max((self.limit(claim, samples) for claim in self.claims), default=0)
         for number in range(longest):
             going = [
                 claim
                 for claim in self.claims
-                if not self.decided(claim) and number < self.limit(claim, samples)
+                if (claim.name in whole or not self.decided(claim))
+                and number < self.limit(claim, samples)
+                and self.spent[claim.name] < seconds
             ]
             if not going:
                 break
@@ -251,6 +262,7 @@ class Inquiry:
             together[tuple(claim.keys)].append(claim)
         here = self.outcomes.apart()  # claims that depend on the same choices share what they need
         for members in together.values():
+            began = time.process_time()
             choices = members[0].choices
             drawn = with_values(self.parameters, choices, chosen(self.parameters, choices, number))
             try:
@@ -259,6 +271,7 @@ class Inquiry:
                 there = {}
             for claim in members:
                 self.known[claim.name].take(number, _rounded(claim, there.get(claim.name)))
+                self.spent[claim.name] += (time.process_time() - began) / len(members)
 
     def add(self, number: int, claim: Claim) -> None:
         """Take the next sample of a claim, which must be known, for what is found."""

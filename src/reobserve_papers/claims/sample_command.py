@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Container, Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError, nearest, shown
@@ -48,13 +49,32 @@ def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:
     return [one for one in claims if not named or one.name in named]
 
 
+def sample_again(
+    project: Path, parameters: Parameters, undecided: Container[str], seconds: float
+) -> bool:
+    """Sample claims whose cached samples do not apply any more, and cache: False if none was.
+
+    Those that a build left ``undecided`` until they are decided, main claims to their maximum, both
+    for so many CPU ``seconds`` a claim at most.
+    """
+    registry, evaluator = read_registry(project, parameters), Evaluator(parameters)
+    cached = read_cached(project, parameters.paper)
+    sampled = [claim for claim in registry.claims if claim.checks and claim.choices]
+    old = [claim for claim in sampled if not cached.current(evaluator, claim)]
+    main = {claim.name for claim in old if claim.is_main}
+    claims = [claim for claim in sampled if claim.name in undecided or claim.name in main]
+    if claims:
+        _sample_on(project, parameters, registry, claims, None, seconds, main)
+    return bool(claims)
+
+
 def _sample_on(
     project: Path, parameters: Parameters, registry: Registry, claims: list[Claim],
-    max_samples: int | None,
+    max_samples: int | None, seconds: float = math.inf, whole: Container[str] = (),
 ) -> None:  # fmt: skip
-    """Sample in steps, so that little is lost if the command is stopped."""
+    """Sample in steps, so that little is lost if the command is stopped (see `Inquiry.fill`)."""
     values = registry.conventions.values
-    limits = {one.name: max_samples or one.maximum or values["samples"] for one in claims}
+    limits = {claim.name: max_samples or claim.maximum or values["samples"] for claim in claims}
     cached = read_cached(project, parameters.paper)
     inquiry = Inquiry.begin(Evaluator(parameters), claims, values["share"], cached, complete=True)
     found, step = inquiry.found, _FIRST
@@ -63,14 +83,18 @@ def _sample_on(
         return min(step, limits[claim.name])
 
     while True:
-        inquiry.fill(limit)
+        inquiry.fill(limit, seconds=seconds, whole=whole)
         keep(project, parameters, inquiry.to_keep())
-        left = [one.name for one in inquiry.claims if len(inquiry.possible(one)) > 1]
-        drawn = f"{sum(one.samples for one in found.values())} samples"
+        left = [claim.name for claim in inquiry.claims if len(inquiry.possible(claim)) > 1]
+        drawn = f"{sum(robustness.samples for robustness in found.values())} samples"
         print(
             f"{parameters.paper}: {drawn}, {len(left)} of {len(found)} claims undecided", flush=True
         )
-        if all(max(step, found[name].samples) >= limits[name] for name in left):
+        going = [name for name in found if name in left or name in whole]
+        if all(
+            max(step, found[name].samples) >= limits[name] or inquiry.spent[name] >= seconds
+            for name in going
+        ):
             return
         step *= 2
 

@@ -57,13 +57,13 @@ def _of(rows: Sequence[Mapping[str, str]], paper: str) -> list[Mapping[str, str]
 _BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
 
 
-def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
+def put_into(readme: Path, verdicts: str, papers: Sequence[str] = ()) -> None:
     """Put the table that `reobserve-papers stage verdicts` wrote in its place in the README.
 
     With ``papers``, all that there are, rows of the README on papers that the verdicts are not
     about stay.
     """
-    text, table = read_text(readme), read_text(verdicts).partition("\n\n")[0].rstrip() + "\n"
+    text, table = read_text(readme), verdicts.partition("\n\n")[0].rstrip() + "\n"
     before, begin, rest = text.partition(_BEGIN)
     old, end, after = rest.partition(_END)
     if not begin or not end:
@@ -73,6 +73,12 @@ def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
         head = table.partition(next(iter(new.values())))[0]
         table = head + "".join(rows[one] for one in papers if one in rows)
     write_text(readme, f"{before}{begin}\n{table}\n{end}{after}")
+
+
+def title_in(readme: Path, paper: str) -> Title:
+    """The title of a paper in the README's table, without reasons."""
+    cells = _rows(read_text(readme)).get(paper, "||?").split("|")
+    return Title(cells[2].strip())
 
 
 def _rows(text: str) -> dict[str, str]:

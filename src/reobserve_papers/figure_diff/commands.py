@@ -10,6 +10,8 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import write_text
+from reobserve_papers.claims.registry import claims_file
+from reobserve_papers.claims.sample_command import sample_again
 from reobserve_papers.claims.samples import keep, read_samples
 from reobserve_papers.claims.verdict_table import put_into
 from reobserve_papers.figure_diff import pixels
@@ -24,6 +26,8 @@ from reobserve_papers.parameters.config import known_papers, known_tasks, named_
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.freshness import can_tell, check_code
+
+_SECONDS = 60.0  # CPU s of samples for each claim, when a change is accepted
 
 
 def figdiff_command(
@@ -57,7 +61,8 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
 
     If no paper is named, results of the bench are accepted, too; of PAPER/FIGURE only its numbers
     and its drawing are, and no verdicts. Refuses without a reason, in CI and on a dirty tree. What
-    is not up to date is built first; if that fails, what was accepted stays.
+    is not up to date is built first; if that fails, what was accepted stays. Claims whose cached
+    samples do not apply any more are sampled again, and keep their verdict if that decides nothing.
     """
     check_code(project)
     check_may_accept(project, reason)
@@ -67,6 +72,8 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     whole = [name for name in paper if "/" not in name]
     chosen = named_papers(known, whole) if whole or not paper else []
     _build(project, whole, cores, parts)
+    if chosen and _sample_again(project, results, chosen):
+        _build(project, whole, cores, parts)
     for owner, part in parts:
         tree = Parameters.load(project, owner).tree
         moved += renew(project, results / owner, tree, owner, cores, only=part)
@@ -78,11 +85,29 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     moved += [line for task in tasks for line in golden_bench.renew(project, results, task)]
     if chosen:
         moved += golden_claims.renew(project, results, whole)
-        put_into(project / "README.md", results / "verdicts.md", known if paper else ())
+        readme = project / "README.md"
+        table = golden_claims.accepted_table(project, results, readme)
+        put_into(readme, table, known if paper else ())
     for name in (*chosen, *(f"bench/{task}" for task in tasks)):
         redrawn += _renew_references(references, results, name)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
     keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
+
+
+def _sample_again(project: Path, results: Path, papers: Sequence[str]) -> bool:
+    """Sample the claims whose cached samples do not apply any more: False if there are none."""
+    built, golden = golden_claims.read_built(results), golden_claims.read_accepted(project)
+    again = [
+        sample_again(
+            project,
+            default_parameters(project, paper),
+            {claim for claim, _ in golden_claims.lacking(golden, built, paper)},
+            _SECONDS,
+        )
+        for paper in papers
+        if claims_file(project, paper).is_file()
+    ]
+    return any(again)
 
 
 def _build(

@@ -37,7 +37,7 @@ class Item:
     ``reference`` and ``new`` are the images of a figure, None where there is none, ``rms`` is the
     difference of their panels in grey levels, and ``note_rms`` that of what is printed below.
     ``problems`` are sentences on what is missing or cannot be compared. ``stale`` says why a build
-    would make it again, if it would.
+    would make it again, if it would. ``lacking`` are claims that samples do not decide any more.
     """
 
     paper: str
@@ -49,6 +49,7 @@ class Item:
     moved: list[Moved] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     stale: str = ""
+    lacking: Sequence[str] = ()
 
     @property
     def verdict(self) -> str:
@@ -57,7 +58,9 @@ class Item:
             return "not compared"
         if self.stale:
             return "not up to date"
-        return "moved" if self.moved or self.redrawn else "agrees"
+        if self.moved or self.redrawn:
+            return "moved"
+        return "lacks samples" if self.lacking else "agrees"
 
     @property
     def gravity(self) -> float:
@@ -73,6 +76,14 @@ class Item:
     def redrawn(self) -> bool:
         """True if the images differ by more than the tolerance."""
         return max(self.rms or 0.0, self.note_rms) > pixels.TOLERANCE
+
+    @property
+    def lack(self) -> str:
+        """Sentence on the claims that must be sampled again, empty if there are none."""
+        if not self.lacking:
+            return ""
+        claims = f"{len(self.lacking)} claims lack" if self.lacking[1:] else "1 claim lacks"
+        return f"{claims} samples: `make samples PAPER={self.paper}` ({', '.join(self.lacking)})"
 
     @contextmanager
     def problem_noted(self) -> Iterator[None]:
@@ -235,7 +246,12 @@ def _compare_claims(project: Path, results: Path, papers: list[str]) -> list[Ite
     except InputError as error:
         return [Item("all papers", "claims", problems=[str(error)])]
     return [
-        Item(paper, "claims", moved=list(golden_claims.compare(golden, built, paper)))
+        Item(
+            paper,
+            "claims",
+            moved=list(golden_claims.compare(golden, built, paper)),
+            lacking=[claim for claim, _ in golden_claims.lacking(golden, built, paper)],
+        )
         for paper in papers
         if paper in golden or paper in built
     ]

@@ -37,7 +37,7 @@ def drawing(item: Item) -> str:
 def counts(items: Sequence[Item]) -> str:
     """The number of items with each verdict."""
     totals = Counter(item.verdict for item in items)
-    words = {word: word for word in ("not compared", "not up to date", "moved")}
+    words = {word: word for word in ("not compared", "not up to date", "moved", "lacks samples")}
     words["agrees"] = "agree"
     return ", ".join(f"{totals[word]} {words[word]}" for word in words if totals[word]) or "nothing"
 
@@ -65,7 +65,8 @@ def _said(item: Item) -> list[str]:
     stale = [f"a build would make it again: {item.stale}"] if item.stale else []
     said = [*item.problems, *stale, *map(str, item.moved[:_MOST_MOVED]), *drawn]
     more = len(item.moved) - _MOST_MOVED
-    return [f"    - {row}" for row in (*said, *([f"and {more} more numbers"] if more > 0 else []))]
+    said += [f"and {more} more numbers"] * (more > 0) + [item.lack] * bool(item.lack)
+    return [f"    - {row}" for row in said]
 
 
 def render(

@@ -6,12 +6,19 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from reobserve.core.files import Kind, read_table, write_table
+from reobserve_papers.claims.alternatives import read_alternatives
 from reobserve_papers.claims.table import HEADER, KINDS
+from reobserve_papers.claims.verdict_table import table, title_in
+from reobserve_papers.claims.verdicts import BROKEN, NOT_TESTABLE, UNDECIDED, VERDICTS
 from reobserve_papers.golden.comparison import Moved
 
 _KEY = ("paper", "claim")
 _COMPARED = ("verdict", "holds")
-_KINDS = {name: KINDS[name] for name in (*_KEY, "verdict")}
+_KINDS = {name: KINDS[name] for name in _KEY}
+# What accepting adds to the verdict on a claim whose samples of now do not decide it.
+NOT_SAMPLED = ", not sampled since"
+_MARKED = (*VERDICTS, *(verdict + NOT_SAMPLED for verdict in VERDICTS))
+_KINDS["verdict"] = Kind((*_MARKED, BROKEN).__contains__, "a verdict")
 _KINDS["holds"] = Kind(("", "yes", "no").__contains__, "yes, no or empty")
 
 Verdicts = dict[str, dict[str, dict[str, str]]]  # verdict and holds, by paper and claim
@@ -41,21 +48,62 @@ def _read(path: Path, header: Sequence[str]) -> Verdicts:
 
 
 def compare(golden: Verdicts, built: Verdicts, paper: str) -> Iterator[Moved]:
-    """The claims of a paper that differ, that are new, or that are gone."""
+    """The claims of a paper that differ, that are new, or that are gone, but those of `lacking`."""
     before, now = golden.get(paper, {}), built.get(paper, {})
+    lack = lacking(golden, built, paper)
     for claim in dict.fromkeys([*before, *now]):
         for column in _COMPARED:
             old, new = (side.get(claim, {}).get(column, "none") for side in (before, now))
-            if old != new:
+            if old.removesuffix(NOT_SAMPLED) != new and (claim, column) not in lack:
                 yield Moved(f"{paper} {claim}, {column}", old, new)
 
 
+def lacking(golden: Verdicts, built: Verdicts, paper: str) -> dict[tuple[str, str], str]:
+    """The accepted verdicts that the samples of a build neither confirm nor overturn, by place."""
+    accepted = golden.get(paper, {})
+    return {
+        (claim, "verdict"): accepted[claim]["verdict"].removesuffix(NOT_SAMPLED)
+        for claim, row in built.get(paper, {}).items()
+        if row["verdict"] == UNDECIDED
+        and accepted.get(claim, row)["verdict"] not in (UNDECIDED, NOT_TESTABLE, BROKEN)
+    }
+
+
+def read_accepted(project: Path) -> Verdicts:
+    """The accepted verdicts, or none if nothing was accepted yet."""
+    return read_golden(project) if golden_file(project).exists() else {}
+
+
+def accepted_table(project: Path, results: Path, readme: Path) -> str:
+    """The table of verdicts of a build, with those that stay in place of undecided ones.
+
+    Where a main claim is among these, the title is that of the README.
+    """
+    rows, golden = read_table(results / "claims.csv", HEADER, KINDS, _KEY), read_golden(project)
+    titles = {}
+    for row in rows:
+        paper, accepted = row["paper"], golden.get(row["paper"], {}).get(row["claim"], row)
+        if paper not in titles:
+            titles[paper] = read_alternatives(results / paper / "alternatives.csv")[0]
+        if accepted["verdict"].endswith(NOT_SAMPLED):
+            row["verdict"] = accepted["verdict"].removesuffix(NOT_SAMPLED)
+            if row["promised"]:
+                titles[paper] = title_in(readme, paper)
+    return table(rows, titles)
+
+
 def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
-    """Accept the verdicts of a build, of all or of some papers, and return what moved."""
-    built = read_built(results)
-    golden = read_golden(project) if golden_file(project).exists() else {}
+    """Accept the verdicts of a build, of all or of some papers, and return what moved.
+
+    A verdict that its samples do not decide any more stays, and is marked.
+    """
+    built, golden = read_built(results), read_accepted(project)
     chosen = papers or list(dict.fromkeys([*golden, *built]))
     moved = [str(move) for paper in chosen for move in compare(golden, built, paper)]
+    for paper in chosen:
+        for (claim, column), verdict in lacking(golden, built, paper).items():
+            built[paper][claim][column] = verdict + NOT_SAMPLED
+            moved.append(f"{paper} {claim}: {verdict}{NOT_SAMPLED}")
     accepted = golden | {paper: built.get(paper, {}) for paper in chosen}
     rows = (
         {"paper": paper, "claim": claim, **row}

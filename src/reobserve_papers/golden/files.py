@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, shown
-from reobserve.core.files import GAP, NAME, SCORE, read_table, write_table
+from reobserve.core.files import GAP, NAME, SCORE, read_table, write_table, write_text
 from reobserve_papers.metrics.metrics import Metric
+from reobserve_papers.parameters.parameters import Parameters
 
 _KEY = ("source", "quantity", "time")
 _KINDS = {"source": NAME, "quantity": NAME, "time": GAP, "tolerance": GAP}
@@ -77,6 +81,30 @@ def write_numbers(path: Path, numbers: Numbers) -> None:
     """Write the file of these numbers."""
     rows = ({**dict(zip(_KEY, key, strict=True)), **vars(value)} for key, value in numbers.items())
     write_table(path, rows, _HEADER)
+
+
+def parameters_file(project: Path, paper: str) -> Path:
+    """The file of the parameters with which the numbers of a paper were accepted."""
+    return golden_file(project, paper, "").parent / "parameters.json"
+
+
+def values_by_key(parameters: Parameters) -> dict[str, Any]:
+    """The value of each entry, or the key of the one that it is the same as."""
+    return {key: entry.get("value", entry.get("same_as")) for key, entry in parameters.entries()}
+
+
+def write_parameters(project: Path, parameters: Parameters) -> None:
+    """Store the values of a paper's parameters beside its golden numbers, a line each."""
+    pairs = values_by_key(parameters).items()
+    lines = (f" {json.dumps(key)}: {json.dumps(value)}" for key, value in pairs)
+    path = parameters_file(project, parameters.paper)
+    write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def read_parameters(project: Path, paper: str) -> dict[str, Any]:
+    """The values with which the numbers of a paper were accepted, none if they were not stored."""
+    path = parameters_file(project, paper)
+    return read_json(path) if path.is_file() else {}
 
 
 def read_metrics(project: Path, paper: str, part: str) -> list[Metric]:

@@ -566,12 +566,12 @@ def test_verdicts_are_inserted_between_markers_in_the_readme(tmp_path: Path) -> 
     readme.write_text("before\n<!-- verdicts -->\nold\n<!-- end -->\nafter\n")
     verdicts.write_text("| new |\n")
     for _ in range(2):
-        put_into(readme, verdicts)
+        put_into(readme, verdicts.read_text())
         reported = "before\n<!-- verdicts -->\n\n| new |\n\n<!-- end -->\nafter\n"
         assert readme.read_text() == reported
     readme.write_text("before\n<!-- verdicts -->\nold\n")
     with pytest.raises(InputError, match=r"must have the lines <!-- verdicts --> and <!-- end -->"):
-        put_into(readme, verdicts)
+        put_into(readme, verdicts.read_text())
     assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
 
 
@@ -587,10 +587,10 @@ def test_readme_keeps_rows_of_papers_not_evaluated(tmp_path: Path) -> None:
     readme.write_text(f"<!-- verdicts -->\n\n{REPORTED}\n<!-- end -->\n")
     rows = "| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n"
     verdicts.write_text(f"{rows}\n- `b` [Re]: y.\n- `c` [Re]: z.\n")
-    put_into(readme, verdicts, ["a", "b", "c"])
+    put_into(readme, verdicts.read_text(), ["a", "b", "c"])
     reported = REPORTED.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
     assert readme.read_text() == f"<!-- verdicts -->\n\n{reported}\n<!-- end -->\n"
-    put_into(readme, verdicts, ["b", "c"])  # a is no longer a paper
+    put_into(readme, verdicts.read_text(), ["b", "c"])  # a is no longer a paper
     assert readme.read_text() == f"<!-- verdicts -->\n\n{rows}\n<!-- end -->\n"
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from reobserve.core.errors import ReobserveError
 from reobserve.core.files import read_rows, write_table, write_text
+from reobserve_papers.claims.alternatives import Title, write_alternatives
 from reobserve_papers.claims.table import HEADER
 from reobserve_papers.cli.main import main
 from reobserve_papers.figure_diff import commands, comparison
@@ -84,7 +85,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_text(f"{BUILT}/parameters.json", PARAMETERS.text())
     claim = {"paper": "made", "claim": "is_stable", "verdict": "reproduced", "holds": "yes"}
     write_table("results/claims.csv", [dict.fromkeys(HEADER, "") | claim], HEADER)
-    write_text("results/verdicts.md", "| `made` | [Re] |\n")
+    write_alternatives(f"{BUILT}/alternatives.csv", [], Title("[Re]"))
     write_text("README.md", "# Made\n<!-- verdicts -->\nold\n<!-- end -->\nmore\n")
     write_text("config/papers/made.yaml", "")
     write_text("config/config.yaml", "seed: 0\n")
@@ -208,7 +209,7 @@ def test_accept_updates_changed_numbers_and_stores_the_reason(
     for line in ("theory, gain pole: golden -2, found -3", "is_stable,", "fig1: RMS", "old: rem"):
         assert f"\nmade {line}" in said
     assert git("diff", "--name-only", "HEAD").split() == [
-        "tests/golden/REASONS.md", "tests/golden/claims.csv", f"{GOLDEN}/theory.csv",
+        "README.md", "tests/golden/REASONS.md", "tests/golden/claims.csv", f"{GOLDEN}/theory.csv",
         f"{ACCEPTED}/fig1.png", f"{ACCEPTED}/old.png",
     ]  # fmt: skip
     reasons = text("tests/golden/REASONS.md")
@@ -303,18 +304,88 @@ def test_summary_is_short_and_has_the_largest_change_first(
 
 
 def test_parameters_that_changed_since_the_acceptance_are_named(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stated = "plant: {{gain: {{value: {}, unit: '1'}}, linked: {{same_as: plant.gain}}}}\n"
-    write_text("config/papers/made.yaml", stated.format(5000))
-    rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
-    commit()
+    """Also after a revert, and where the history of git is lost."""
+
+    def state(gain: float) -> None:
+        entry = {"value": gain, "unit": "1", "source": "assumed"}
+        tree = {**TREE, "plant": {"gain": entry, "linked": {"same_as": "plant.gain"}}}
+        stated = Parameters("made", tree, 0)
+        monkeypatch.setattr(commands.Parameters, "load", lambda *arguments, **options: stated)
+        monkeypatch.setattr(acceptance, "default_parameters", lambda *arguments: stated)
+
+    def since() -> str:
+        said = main(["figdiff"]), capsys.readouterr().out
+        assert said[0] == 1
+        return re.findall("made, since the acceptance: (.*)|$", said[1])[0]
+
+    state(5000)
     assert main(["accept", "--reason", "the gain is stated"]) == 0
     commit()
-    write_text("config/papers/made.yaml", stated.format(4900))
+    state(4900)
+    rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
+    assert since() == "plant.gain 5000 -> 4900"
+    assert main(["accept", "--reason", "the gain is smaller"]) == 0
+    commit()
     rewrite(f"{BUILT}/theory.metrics.csv", "-3", "-4")()
+    assert since() == ""
+    git("revert", "--no-edit", "HEAD")
+    assert since() == "plant.gain 5000 -> 4900"
+    state(5000)
+    assert since() == ""
+    shutil.rmtree(".git")
+    state(4900)
+    assert since() == "plant.gain 5000 -> 4900"
+
+
+def test_commit_is_said_to_be_changed(capsys: pytest.CaptureFixture[str]) -> None:
+    rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
+    commit_line = r"computed at [0-9a-f]{12}{} on "
+    for changed in ("", ", with changes that are not committed"):
+        assert main(["figdiff"]) == 1
+        pattern = commit_line.replace("{}", changed)
+        assert re.search(pattern, capsys.readouterr().out)
+        write_text("new.txt", "new")
+
+
+def test_claims_that_lack_samples_come_last_and_keep_their_verdicts(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A build with few samples decides less than what was accepted; that overturns nothing."""
+    asked: list[set[str]] = []
+
+    def sample(project: Path, parameters: Parameters, undecided: set[str], seconds: float) -> bool:
+        asked.append(undecided)
+        return True
+
+    monkeypatch.setattr(commands, "claims_file", lambda *arguments: Path("README.md"))
+    monkeypatch.setattr(commands, "sample_again", sample)
+    rewrite("results/claims.csv", "reproduced", "undecided")()
+    rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
+    lack = "1 claim lacks samples: `make samples PAPER=made` (is_stable)"
+    for _ in range(2):
+        assert main(["figdiff"]) == 1
+        said = capsys.readouterr().out
+        assert "made claims: lacks samples\n    - " + lack in said
+        assert lack in text("figdiff/index.html")
+        assert "undecided" not in said
+        assert said.count("moved") == (2 if not asked else 0)
+        if not asked:
+            assert said.index("theory") < said.index("claims: lacks")
+            commit()
+            assert main(["accept", "--reason", "the gain is smaller"]) == 0
+            assert "made is_stable: reproduced, not sampled since" in capsys.readouterr().out
+            commit()
+    assert asked == [{"is_stable"}]
+    assert 'made,is_stable,"reproduced, not sampled since",yes' in text("tests/golden/claims.csv")
+    assert "| `made` | [Re] | 1 | 1 | 0 |" in text("README.md")
+    rewrite("results/claims.csv", "undecided", "reproduced")()
+    assert main(["figdiff"]) == 0
+    rewrite("results/claims.csv", "reproduced", "contradicted")()
     assert main(["figdiff"]) == 1
-    assert "made, since the acceptance: plant.gain 5000 -> 4900\n" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "is_stable, verdict: golden reproduced, not sampled since, found contradicted" in said
 
 
 def bench(error: str = "0.25", within: str = "yes") -> None:
