@@ -9,7 +9,7 @@ from typing import Any
 
 from docs.generate.evidence import Paper, papers
 from reobserve_papers.claims.checks import Reference
-from reobserve_papers.golden.files import golden_file, read_metrics, read_numbers
+from reobserve_papers.golden.number_files import golden_file, read_metrics, read_numbers
 from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator, evaluate

@@ -159,7 +159,7 @@ def test_tests_mirror_the_parts() -> None:
 
 
 # Modules that plot; captions do not.
-DRAWING = ("look", "figures", "fitting", "formats", "pgf")
+DRAWING = ("style_sheet", "figures", "fitting", "formats", "pgf")
 
 
 def test_heavy_packages_are_imported_only_where_needed() -> None:
@@ -171,7 +171,7 @@ def test_heavy_packages_are_imported_only_where_needed() -> None:
         )
         drawing = drawing and path.stem.partition("_")[0] == "plot"
         drawing |= path.parent == SOURCE / "reobserve_papers/plotting" and path.stem in DRAWING
-        drawing |= path == SOURCE / "reobserve_papers/bench/plot.py"
+        drawing |= path == SOURCE / "reobserve_papers/bench/bench_figures.py"
         if not drawing:
             assert not inside(names, "matplotlib"), path
         if "synthesis" not in path.parts:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from reobserve.tuning.results import Results
 from reobserve.tuning.scoring import PAPER
 from reobserve_papers.bench.packaged_task import PackagedTask
-from reobserve_papers.plotting.apart import own_style
+from reobserve_papers.plotting.style_context import own_style
 
 ROOT = Path(__file__).parents[2]
 
@@ -174,6 +174,6 @@ class Bench:
     def heat_map(self) -> Figure:
         """Methods by conditions."""
         with own_style():
-            from reobserve_papers.bench.plot import heat_map
+            from reobserve_papers.bench.bench_figures import heat_map
 
             return heat_map(self.results)

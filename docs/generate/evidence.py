@@ -22,12 +22,12 @@ from reobserve_papers.claims.registry import Claim as Registered
 from reobserve_papers.claims.registry import Registry, read_registry
 from reobserve_papers.claims.robustness import read_robustness
 from reobserve_papers.claims.table import HEADER, row
-from reobserve_papers.golden.files import read_metrics
+from reobserve_papers.golden.number_files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.report.claims import ReportedClaim, claim_of_row
+from reobserve_papers.report.reported_claims import ReportedClaim, claim_of_row
 
 GOLDEN = "tests/golden"
 

@@ -12,8 +12,8 @@ from docs.generate.markdown import code, plain, table, ticks
 from reobserve.core.documents import read_yaml
 from reobserve_papers.claims.verdict_table import table as verdict_table
 from reobserve_papers.claims.verdicts import VERDICTS
-from reobserve_papers.report.claims import ReportedClaim
 from reobserve_papers.report.gather import cited
+from reobserve_papers.report.reported_claims import ReportedClaim
 
 _ROOT = "../../.."  # from a page of findings
 

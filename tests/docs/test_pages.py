@@ -16,7 +16,7 @@ from docs.generate.parts import _parts, part
 from docs.outputs import PAGES, ROOT, by_hand
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.registry import read_claims
-from reobserve_papers.golden.claims import read_golden
+from reobserve_papers.golden.golden_claims import read_golden
 from tests import FIVE, published_numbers
 from tests.test_project import LAYERS
 

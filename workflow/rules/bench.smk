@@ -106,7 +106,7 @@ rule bench_figures:
     conda:
         "../envs/reobserve.yaml"
     params:
-        code=code_of("reobserve_papers.bench.plot"),
+        code=code_of("reobserve_papers.bench.bench_figures"),
         packages=PACKAGES,
         style=[Path(sheet).read_text(encoding="utf-8") for sheet in STYLE],
         options=" ".join(["--style", *STYLE]),

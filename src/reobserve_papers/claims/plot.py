@@ -27,7 +27,7 @@ from reobserve_papers.claims.sensitivity import (
     influences,
     ranks,
 )
-from reobserve_papers.plotting.look import WIDTH
+from reobserve_papers.plotting.style_sheet import WIDTH
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
 _OTHER = "other"  # of a sample: this check is satisfied, and another one is not

@@ -25,7 +25,7 @@ from reobserve_papers.claims.verdicts import (
     REPRODUCED,
     UNDECIDED,
 )
-from reobserve_papers.plotting.look import WIDTH
+from reobserve_papers.plotting.style_sheet import WIDTH
 
 # Marks and greys that stay apart in print.
 _VERDICTS = {

@@ -30,7 +30,7 @@ BENCH = CommandTable(
         name: Command(
             text,
             f"{__name__}:{name}_options",
-            f"reobserve_papers.bench.commands:{name}_command",
+            f"reobserve_papers.bench.task_commands:{name}_command",
             "papers",
         )
         for name, text in _COMMANDS.items()

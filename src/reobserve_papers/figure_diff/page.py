@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from reobserve_papers.figure_diff import pixels
-from reobserve_papers.figure_diff.comparison import Item
-from reobserve_papers.report.policy import content_policy, inline
+from reobserve_papers.figure_diff.build_comparison import Item
+from reobserve_papers.report.content_security_policy import content_policy, inline
 
 MOST_LINES = 30  # of the summary
 _MOST_MOVED = 3  # numbers of an item there

@@ -4,5 +4,5 @@
 is the first to show; a table and the theory have a file like it. Each number has one tolerance,
 measured when the number was accepted (`tolerances`). `values` reads the numbers from a build,
 `comparison` says what moved and by how much, `acceptance` writes new ones for
-``make accept REASON="..."``. ``tests/golden/claims.csv`` holds the accepted verdicts (`claims`).
+``make accept REASON="..."``. ``tests/golden/claims.csv`` holds the verdicts (`golden_claims`).
 """

@@ -10,7 +10,7 @@ from typing import Any
 
 from reobserve_papers.golden.comparison import compare, distance
 from reobserve_papers.golden.conditions import measure
-from reobserve_papers.golden.files import (
+from reobserve_papers.golden.number_files import (
     GoldenNumber,
     Key,
     Numbers,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reobserve_papers.golden.files import Key, Numbers, columns, golden_file, read_numbers
+from reobserve_papers.golden.number_files import Key, Numbers, columns, golden_file, read_numbers
 from reobserve_papers.golden.values import built_numbers
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from reobserve.core.code_paths import ENABLED, KERNEL, THREADS, unpinned
 from reobserve.core.errors import ReobserveError
-from reobserve_papers.golden.files import Numbers, read_numbers, write_numbers
+from reobserve_papers.golden.number_files import Numbers, read_numbers, write_numbers
 from reobserve_papers.golden.values import evaluated_numbers, part_names
 from reobserve_papers.parameters.parameters import default_parameters
 from reobserve_papers.signals.series import Channel

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.files import cell, read_rows
-from reobserve_papers.golden.files import GoldenNumber, Key
+from reobserve_papers.golden.number_files import GoldenNumber, Key
 from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.compute import paper_module

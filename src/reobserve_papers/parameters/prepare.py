@@ -51,7 +51,7 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
     for key, default in {**_DEFAULTS, "papers": papers, "bench": tasks}.items():
         config.setdefault(key, default)
     if config["style"] != DEFAULT_STYLE:  # else this would import matplotlib in vain
-        from reobserve_papers.plotting.look import read_sheet
+        from reobserve_papers.plotting.style_sheet import read_sheet
 
         read_sheet(project / style_sheet(project, config["style"]))
     found = {}

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from reobserve_papers.plotting import look
+from reobserve_papers.plotting import style_sheet
 
 Array = NDArray[np.float64]
 
@@ -29,12 +29,12 @@ class Style:
 
     def line(self) -> dict[str, Any]:
         """Keyword arguments for ``Axes.plot`` without markers."""
-        width = look.thick(self.linewidth)
+        width = style_sheet.thick(self.linewidth)
         return {"color": self.color, "linestyle": self.linestyle, "linewidth": width}
 
     def points(self) -> dict[str, Any]:
         """Keyword arguments for ``Axes.plot`` with markers."""
-        return {**self.line(), "marker": self.marker, "markersize": look.mark(4)}
+        return {**self.line(), "marker": self.marker, "markersize": style_sheet.mark(4)}
 
 
 TRUTH = Style("0.70", "-", 3.0)
@@ -66,7 +66,7 @@ class PaperFigure(Figure):
 
 def blank(height: float) -> PaperFigure:
     """A figure as wide as the style, without panels, ``height`` in inches at the default width."""
-    return PaperFigure(figsize=look.size(height))
+    return PaperFigure(figsize=style_sheet.size(height))
 
 
 def new_figure(
@@ -86,7 +86,7 @@ def mosaic(
     Where a style is too narrow for panels side by side they go below each other, all in the order
     and of the heights in inches that ``stacked`` says.
     """
-    if look.narrow():
+    if style_sheet.narrow():
         figure, panels = new_figure(tuple(stacked.values()), share_time=False)
         return figure, dict(zip(stacked, panels, strict=True))
     figure = blank(height)

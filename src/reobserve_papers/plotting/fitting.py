@@ -24,9 +24,8 @@ from matplotlib.text import Text
 from matplotlib.ticker import Formatter, Locator
 from matplotlib.transforms import Bbox
 
-from reobserve_papers.plotting import look
 from reobserve_papers.plotting.figures import PaperFigure
-from reobserve_papers.plotting.look import points
+from reobserve_papers.plotting.style_sheet import as_designed, laid_out, points
 
 _EDGE = 0.012  # of the width, beside a note
 _PANELS = 0.62  # of the height that a figure asks for, at least, which its panels have
@@ -39,7 +38,7 @@ _SLACK = 0.96  # of its space, which text takes at most: at other resolutions it
 def fix_layout(figure: Figure, *, notes: bool = True) -> None:
     """Place the panels now and for good: every format gets the same layout, computed once."""
     engine = figure.get_layout_engine()
-    fits = look.as_designed()
+    fits = as_designed()
     if not fits:
         figure.set_dpi(_DPI)
     paragraphs = figure.note if notes and isinstance(figure, PaperFigure) else ()
@@ -55,7 +54,7 @@ def fix_layout(figure: Figure, *, notes: bool = True) -> None:
         if not fits:
             _fit(figure, engine)
         engine.execute(figure)
-        with look.laid_out():
+        with laid_out():
             figure.set_layout_engine(None)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text, write_whole
-from reobserve_papers.plotting.look import laid_out
+from reobserve_papers.plotting.style_sheet import laid_out
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from reobserve_papers.parameters.overrides import OVERRIDDEN
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.report.claims import ReportedClaim
-from reobserve_papers.report.reading import line
+from reobserve_papers.report.report_gaps import line
+from reobserve_papers.report.reported_claims import ReportedClaim
 
 
 @dataclass(frozen=True)

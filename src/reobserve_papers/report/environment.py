@@ -8,7 +8,7 @@ from pathlib import Path
 
 from reobserve.core.code_paths import cores
 from reobserve.core.errors import ReobserveError
-from reobserve_papers.golden.guard import git
+from reobserve_papers.golden.acceptance_rules import git
 from reobserve_papers.steps.provenance import versions
 
 

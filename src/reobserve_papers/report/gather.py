@@ -28,12 +28,12 @@ from reobserve_papers.parameters.names import caption_template, stored_parameter
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.assumptions import AssumptionRow, entries
-from reobserve_papers.report.claims import ReportedClaim, claim_of_row
 from reobserve_papers.report.environment import environment, package_versions
 from reobserve_papers.report.files import csv_table, image, metrics_table
 from reobserve_papers.report.markup import first_sentence, to_html, without_title
 from reobserve_papers.report.paper_figures import FigureRow, figure_rows
-from reobserve_papers.report.reading import Gap, ReportGaps
+from reobserve_papers.report.report_gaps import Gap, ReportGaps
+from reobserve_papers.report.reported_claims import ReportedClaim, claim_of_row
 from reobserve_papers.steps.chain import log
 from reobserve_papers.steps.freshness import FOR_INPUTS, can_tell, out_of_date
 from reobserve_papers.steps.meanings import meanings

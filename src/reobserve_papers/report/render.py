@@ -11,9 +11,9 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
 from reobserve_papers.claims.verdicts import BROKEN, VERDICTS
 from reobserve_papers.parameters.names import shared_texts
+from reobserve_papers.report.content_security_policy import content_policy, inline
 from reobserve_papers.report.gather import gather
-from reobserve_papers.report.policy import content_policy, inline
-from reobserve_papers.report.reading import Gap
+from reobserve_papers.report.report_gaps import Gap
 from reobserve_papers.steps.freshness import check_code
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from reobserve.core.errors import located
 from reobserve.core.seals import digest
 from reobserve_papers.metrics.metrics import Metric, lookup
-from reobserve_papers.metrics.parts import only
+from reobserve_papers.metrics.theory_parts import only
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.chain import Step, reads
@@ -82,7 +82,7 @@ class Replication:
 
         ``notes`` says whether the remarks below the panels are drawn.
         """
-        from reobserve_papers.plotting.apart import own_style
+        from reobserve_papers.plotting.style_context import own_style
 
         with own_style():
             return draw(self, notes=notes)

@@ -17,7 +17,7 @@ from reobserve_papers.claims.checks import Numbers
 from reobserve_papers.claims.outcomes import taken
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.samples import Samples, as_text, write_samples
-from reobserve_papers.golden.files import read_metrics
+from reobserve_papers.golden.number_files import read_metrics
 from reobserve_papers.metrics.metrics import HEADER, lookup
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import result

@@ -10,9 +10,9 @@ from reobserve.core.files import write_table
 from reobserve.tuning.results import CELLS
 from reobserve.tuning.tuned_file import Cost, Repeat, TunedMethod, TunedOn
 from reobserve_papers.cli.main import main
-from reobserve_papers.figure_diff.comparison import compare_task
+from reobserve_papers.figure_diff.build_comparison import compare_task
 from reobserve_papers.figure_diff.pixels import read_pixels
-from reobserve_papers.golden import bench
+from reobserve_papers.golden import golden_bench
 from tests.reobserve.tuning.toy import cell, toy
 
 MOVED = ("share", "error in noise, training nominal, given noise no")
@@ -54,10 +54,10 @@ def test_figure_agrees_if_it_is_that_of_numbers_that_agree(
         found = compare_task(tmp_path, tmp_path / "tests/reference", tmp_path / "results", "toy")
         return {item.name: item.verdict for item in found}
 
-    monkeypatch.setattr(bench, "run_module", called)
+    monkeypatch.setattr(golden_bench, "run_module", called)
     stated(tmp_path)
-    golden = bench.golden_table(tmp_path, "toy")
-    built = bench.built_table(tmp_path / "results", "toy")
+    golden = golden_bench.golden_table(tmp_path, "toy")
+    built = golden_bench.built_table(tmp_path / "results", "toy")
     old, new = tmp_path / "tests/reference/bench/toy/levels.png", built.with_name("levels.png")
     old.parent.mkdir(parents=True)
     for table, error, image in ((golden, 0.5, old), (built, 0.501, new)):
@@ -66,7 +66,7 @@ def test_figure_agrees_if_it_is_that_of_numbers_that_agree(
         options = ("--table", table, "--tuned", tuned, "--outputs", image)
         called("toy", "reobserve_papers", "bench", "plot", task, *options)
     assert verdicts() == {"toy": "moved", "toy_levels": "moved"}
-    bench._write_tolerances(tmp_path, "toy", {MOVED: 0.01})
+    golden_bench._write_tolerances(tmp_path, "toy", {MOVED: 0.01})
     assert verdicts() == {"toy": "agrees", "toy_levels": "agrees"}
     # Another picture in place of one of the two is noticed.
     for image in (old, new):

@@ -11,8 +11,8 @@ from reobserve.core.errors import ReobserveError
 from reobserve.tuning.results import write_cells
 from reobserve.tuning.scoring import score_task
 from reobserve_papers.bench.perturbed import PerturbedTask
-from reobserve_papers.golden import bench
-from reobserve_papers.golden.files import GoldenNumber
+from reobserve_papers.golden import golden_bench
+from reobserve_papers.golden.number_files import GoldenNumber
 from tests.reobserve.tuning.test_scoring import kept
 from tests.reobserve.tuning.toy import toy
 
@@ -24,21 +24,21 @@ SHARE = ("bank", "quantile in windy, training nominal, given noise no", "")
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     for task in ("leak", "level"):
-        path = bench.golden_table(tmp_path, task)
+        path = golden_bench.golden_table(tmp_path, task)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"{HEADER}\nwindy,bank,nominal,no,24,0.5,0\n")
     return tmp_path
 
 
 def built(folder: Path, task: str, error: str, share: str) -> Path:
-    path = bench.built_table(folder / "results", task)
+    path = golden_bench.built_table(folder / "results", task)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"{HEADER}\nwindy,bank,nominal,no,24,{error},{share}\n")
     return folder / "results"
 
 
 def moved(project: Path, task: str, error: str = "0.5", share: str = "0") -> list[str]:
-    found = bench.compare_task(project, built(project, task, error, share), task)
+    found = golden_bench.compare_task(project, built(project, task, error, share), task)
     return [one.place for one in found]
 
 
@@ -59,13 +59,13 @@ def test_what_repeats_move_further_has_ten_times_their_largest_change(project: P
         }  # fmt: skip
 
     golden = table("0.5")
-    assert bench.wider(golden, [table("0.500004"), table("0.5", "no")]) == {}
-    found = bench.wider(golden, [table("0.500006"), table("0.49998")])
+    assert golden_bench.wider(golden, [table("0.500004"), table("0.5", "no")]) == {}
+    found = golden_bench.wider(golden, [table("0.500006"), table("0.49998")])
     assert found == {ERROR[:2]: pytest.approx(2e-4, rel=0.06)}
-    bench._write_tolerances(project, "level", {ERROR[:2]: 2e-4})
-    bench._write_tolerances(project, "leak", {ERROR[:2]: 3e-4})
-    bench._write_tolerances(project, "level", {ERROR[:2]: 4e-4})
-    assert bench.read_tolerances(project, "level") == {ERROR[:2]: 4e-4}
+    golden_bench._write_tolerances(project, "level", {ERROR[:2]: 2e-4})
+    golden_bench._write_tolerances(project, "leak", {ERROR[:2]: 3e-4})
+    golden_bench._write_tolerances(project, "level", {ERROR[:2]: 4e-4})
+    assert golden_bench.read_tolerances(project, "level") == {ERROR[:2]: 4e-4}
     assert moved(project, "level", error="0.50039") == []
     assert moved(project, "leak", error="0.50029") == []
     assert moved(project, "leak", error="0.50031") == [f"bench leak, {' '.join(ERROR[:2])}"]
@@ -93,10 +93,10 @@ def test_tolerances_are_measured_by_scoring_again(tmp_path: Path) -> None:
     folder.mkdir(parents=True)
     task = toy(folder)
     (tmp_path / "tests/golden/bench").mkdir(parents=True)
-    bench.golden_table(tmp_path, "toy").write_text(f"{HEADER}\n")
+    golden_bench.golden_table(tmp_path, "toy").write_text(f"{HEADER}\n")
     with pytest.raises(ReobserveError, match=r"^bench toy: .*share.json"):
-        bench.measure(tmp_path, "toy")
+        golden_bench.measure(tmp_path, "toy")
     (folder / "tuned").mkdir()
     tuned = kept(task, folder / "tuned/toy")
-    write_cells(score_task(task, tuned), bench.golden_table(tmp_path, "toy"))
-    assert {quantity.split()[0] for _, quantity in bench.measure(tmp_path, "toy")} == {"lag"}
+    write_cells(score_task(task, tuned), golden_bench.golden_table(tmp_path, "toy"))
+    assert {quantity.split()[0] for _, quantity in golden_bench.measure(tmp_path, "toy")} == {"lag"}

@@ -18,8 +18,8 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.tuning.results import Results
 from reobserve.tuning.task import Array, Condition
 from reobserve_papers.bench import leaks
+from reobserve_papers.bench.bench_figures import detection
 from reobserve_papers.bench.packaged_task import PackagedTask
-from reobserve_papers.bench.plot import detection
 from reobserve_papers.bench.tasks import leak
 from tests import ROOT
 

@@ -12,9 +12,9 @@ from reobserve.tuning.results import Results
 from reobserve.tuning.task_tuning import objective, tune_once
 from reobserve.tuning.tuned_file import read_tuned
 from reobserve_papers.bench.packaged_task import PackagedTask
-from reobserve_papers.figure_diff.comparison import compare_task
+from reobserve_papers.figure_diff.build_comparison import compare_task
 from reobserve_papers.figure_diff.page import summary
-from reobserve_papers.golden.bench import built_table
+from reobserve_papers.golden.golden_bench import built_table
 from tests import ROOT
 from tests.reobserve_papers.pipeline.conftest import Project, built_bench
 

@@ -16,11 +16,10 @@ from reobserve.core.files import read_rows, write_table, write_text
 from reobserve_papers.claims.alternatives import Title, write_alternatives
 from reobserve_papers.claims.table import HEADER
 from reobserve_papers.cli.main import main
-from reobserve_papers.figure_diff import commands, comparison
-from reobserve_papers.figure_diff.comparison import Item
+from reobserve_papers.figure_diff import build_comparison, figdiff_commands
+from reobserve_papers.figure_diff.build_comparison import Item
 from reobserve_papers.figure_diff.page import summary
-from reobserve_papers.golden import acceptance
-from reobserve_papers.golden import bench as golden_bench
+from reobserve_papers.golden import acceptance, golden_bench
 from reobserve_papers.golden.comparison import Moved
 from reobserve_papers.golden.values import built_numbers, part_names
 from reobserve_papers.metrics.metrics import Metric, write_metrics
@@ -44,7 +43,7 @@ TREE = {
     "tables": {"table1": {"title": "", "source": "", "design": "gains"}},
 }  # fmt: skip
 PARAMETERS = Parameters("made", TREE, 0)
-BUILD = commands._build
+BUILD = figdiff_commands._build
 TIME = np.arange(41) * 0.05
 BUILT, GOLDEN, ACCEPTED = "results/made", "tests/golden/made", "tests/reference/made"
 
@@ -98,8 +97,8 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         return [same, same]
 
     monkeypatch.setenv("CI", "")
-    monkeypatch.setattr(commands, "_build", lambda *arguments: None)
-    monkeypatch.setattr(commands.Parameters, "load", lambda *arguments, **options: PARAMETERS)
+    monkeypatch.setattr(figdiff_commands, "_build", lambda *arguments: None)
+    monkeypatch.setattr(Parameters, "load", lambda *arguments, **options: PARAMETERS)
     monkeypatch.setattr(acceptance, "measure", measure)
     assert main(["accept", "--reason", "a paper is new"]) == 0
     commit()
@@ -261,7 +260,7 @@ def test_result_that_a_build_would_make_again_agrees_with_nothing(
 ) -> None:
     Path("Snakefile").touch()
     stale = {Path(f"{BUILT}/fig1.metrics.csv"): "params changed"}
-    monkeypatch.setattr(comparison, "out_of_date", lambda *arguments, **options: stale)
+    monkeypatch.setattr(build_comparison, "out_of_date", lambda *arguments, **options: stale)
     assert main(["figdiff"]) == 1
     said = capsys.readouterr().out
     assert "2 not up to date, 2 agree" in said  # and the claims that it decides

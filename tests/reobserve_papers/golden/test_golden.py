@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from reobserve_papers.figure_diff.comparison import figures
+from reobserve_papers.figure_diff.build_comparison import figures
 from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
 from reobserve_papers.golden.comparison import compare_built
-from reobserve_papers.golden.files import golden_files
+from reobserve_papers.golden.number_files import golden_files
 from reobserve_papers.golden.values import part_names
 from tests.reobserve_papers.pipeline.conftest import (
     PAPERS,

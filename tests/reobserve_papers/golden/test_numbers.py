@@ -11,9 +11,9 @@ import pytest
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_rows, write_table
-from reobserve_papers.golden import acceptance, bench, claims, conditions
+from reobserve_papers.golden import acceptance, conditions, golden_bench, golden_claims
 from reobserve_papers.golden.comparison import compare
-from reobserve_papers.golden.files import (
+from reobserve_papers.golden.number_files import (
     GoldenNumber,
     Key,
     golden_file,
@@ -212,16 +212,16 @@ TABLES: dict[str, tuple[Reader, Mapping[str, tuple[str, ...]]]] = {
     ),
     "lie/table_coefficients.csv": (read_numbers, {"tolerance": SPOILED[1:]}),
     "bench/leak.csv": (
-        lambda path: bench.compare_task(path.parents[3], path, "leak"),
+        lambda path: golden_bench.compare_task(path.parents[3], path, "leak"),
         {"method": ("",), "given_noise": ("",), "seeds": SPOILED, "error": ("nothing", "1_0"),
          "within": ("",)},
     ),
     "bench/tolerances.csv": (
-        lambda path: bench.read_tolerances(path.parents[3], "delay"),
+        lambda path: golden_bench.read_tolerances(path.parents[3], "delay"),
         {"tolerance": SPOILED[:4]},
     ),
     "claims.csv": (
-        lambda path: claims.read_golden(path.parents[2]),
+        lambda path: golden_claims.read_golden(path.parents[2]),
         {"paper": ("",), "verdict": SPOILED, "holds": SPOILED[1:]},
     ),
 }  # fmt: skip

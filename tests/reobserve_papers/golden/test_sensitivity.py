@@ -11,7 +11,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve_papers.golden.comparison import compare
-from reobserve_papers.golden.files import golden_file, read_numbers
+from reobserve_papers.golden.number_files import golden_file, read_numbers
 from reobserve_papers.golden.values import evaluated_numbers
 from reobserve_papers.parameters.parameters import Parameters, leaves, matches
 from reobserve_papers.steps.evaluation import Evaluator

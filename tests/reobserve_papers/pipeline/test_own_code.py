@@ -183,7 +183,7 @@ def cleaned(project: Project) -> dict[str, str]:
 
 WAYS = (by_environment, by_profile, without_records, with_a_link, cleaned)
 BUILD = (
-    "from pathlib import Path; from reobserve_papers.figure_diff.commands import _build; "
+    "from pathlib import Path; from reobserve_papers.figure_diff.figdiff_commands import _build; "
     "_build(Path(), (), 2, (('ilo', 'fig1'),))"
 )
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve_papers.golden import claims as golden_claims
+from reobserve_papers.golden import golden_claims
 from reobserve_papers.metrics.metrics import read_metrics
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import paper_part

@@ -339,7 +339,7 @@ LATE = {
     "reobserve_papers.__main__",  # of `python -m reobserve_papers`, which this test does not use
     "reobserve.core.yaml_loader",
     "reobserve.core.documents",  # imported for reading YAML, which few stages do
-    "reobserve_papers.plotting.apart",  # when a figure is plotted in another process
+    "reobserve_papers.plotting.style_context",  # when a figure is plotted in another process
     "reobserve_papers.plotting.pgf",  # and where a picture for LaTeX is asked for
     "reobserve_papers.plotting.latex",
     "reobserve_papers.plants.first_order_lag",  # of the two the one that a scenario names

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from reobserve_papers.plotting.look import use_sheet
+from reobserve_papers.plotting.style_sheet import use_sheet
 
 
 @pytest.fixture(autouse=True)

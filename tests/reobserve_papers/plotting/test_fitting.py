@@ -23,7 +23,7 @@ from reobserve_papers.plotting.figures import (
     note_of,
 )
 from reobserve_papers.plotting.fitting import fix_layout
-from reobserve_papers.plotting.look import use_sheet
+from reobserve_papers.plotting.style_sheet import use_sheet
 from tests import ROOT
 
 COLUMN = ROOT / "config" / "styles" / "ieee-column.mplstyle"

@@ -18,7 +18,7 @@ from reobserve.core.errors import InputError
 from reobserve_papers.plotting.figures import STYLES, PaperFigure, add_note, new_figure
 from reobserve_papers.plotting.fitting import fix_layout
 from reobserve_papers.plotting.formats import save
-from reobserve_papers.plotting.look import use_sheet
+from reobserve_papers.plotting.style_sheet import use_sheet
 from tests import ROOT
 
 SHEETS = ROOT / "config" / "styles"

@@ -16,7 +16,7 @@ import reobserve_papers
 from reobserve import InputError
 from reobserve_papers import replicate
 from reobserve_papers.golden.comparison import compare
-from reobserve_papers.golden.files import golden_file, read_numbers
+from reobserve_papers.golden.number_files import golden_file, read_numbers
 from reobserve_papers.golden.values import evaluated_numbers
 from reobserve_papers.parameters.parameters import default_parameters
 from reobserve_papers.steps.evaluation import Evaluator

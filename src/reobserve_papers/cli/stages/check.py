@@ -39,7 +39,7 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
         for path in sorted((project / "config" / "bench").glob("*.yaml")):
             PackagedTask.read(path)
             print(f"bench, {path.stem}: the task is sound", file=sys.stderr)
-        from reobserve_papers.plotting.look import read_sheet
+        from reobserve_papers.plotting.style_sheet import read_sheet
 
         for style in known_styles(project):
             if style != DEFAULT_STYLE:

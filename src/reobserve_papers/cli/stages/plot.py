@@ -10,7 +10,7 @@ from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plotting.captions import render, with_note
 from reobserve_papers.plotting.figures import note_of
 from reobserve_papers.plotting.formats import save
-from reobserve_papers.plotting.look import use_sheet
+from reobserve_papers.plotting.style_sheet import use_sheet
 from reobserve_papers.steps.chain import project_of, result
 from reobserve_papers.steps.compute import behind_figure, rows_from
 from reobserve_papers.steps.evaluation import Replication, draw

@@ -23,7 +23,7 @@ from reobserve_papers.plotting.figures import (
     thin,
     time_axis,
 )
-from reobserve_papers.plotting.look import points, thick
+from reobserve_papers.plotting.style_sheet import points, thick
 from reobserve_papers.signals.series import Series
 
 BIN = 0.2  # [s], each drawn as its largest error

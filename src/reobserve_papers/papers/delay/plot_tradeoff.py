@@ -12,7 +12,7 @@ from reobserve_papers.papers.delay.notes import noise
 from reobserve_papers.papers.delay.styles import style_of
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import add_note, few_ticks, headroom, new_figure
-from reobserve_papers.plotting.look import points, thick
+from reobserve_papers.plotting.style_sheet import points, thick
 
 _PANELS = (
     ("varying_rms_delay_error", "RMS error [s]", "(a) delay"),

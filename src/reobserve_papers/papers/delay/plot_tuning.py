@@ -8,7 +8,7 @@ from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.styles import style_of
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import add_note, blank, decades, few_ticks
-from reobserve_papers.plotting.look import thick
+from reobserve_papers.plotting.style_sheet import thick
 
 _SWEPT = {
     "extended_lag": ("rho", "ρ [1/s]"),

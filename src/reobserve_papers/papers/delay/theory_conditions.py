@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reobserve.systems.triangular import TriangularModel
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.scoring import singular_instants
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.delay import keys, noise
 from reobserve_papers.papers.delay.setup import input_and_derivatives
 from reobserve_papers.parameters.job import named

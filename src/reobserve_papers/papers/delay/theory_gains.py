@@ -12,8 +12,8 @@ from scipy.linalg import expm
 
 from reobserve.synthesis.high_gain_design import high_gain, lyapunov_matrix
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import scored
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve_papers.parameters.job import named

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square, scored
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.scoring import singular_instants
 from reobserve_papers.papers.delay.setup import build_model, delay_bounds, input_and_derivatives

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square, scored
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.delay import keys
 from reobserve_papers.papers.delay.observe import estimate
 from reobserve_papers.papers.delay.plant import simulate

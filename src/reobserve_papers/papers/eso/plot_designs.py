@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import STYLES, Style, add_note, blank, few_ticks
-from reobserve_papers.plotting.look import mark, points, thick
+from reobserve_papers.plotting.style_sheet import mark, points, thick
 
 _BLACK, _ORANGE, _BLUE, _, _GREEN = STYLES
 _PURPLE = Style("#a66fc0", "-", 0.9, "D")  # solid and light, because it is the noisiest

@@ -14,8 +14,8 @@ import numpy as np
 
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import settling_time
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.design import stored_design
 from reobserve_papers.papers.eso.random_gains import Drawn, medians, random_gains

@@ -13,7 +13,7 @@ from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.deviation import held_deviation
 

@@ -27,7 +27,7 @@ from reobserve_papers.plotting.figures import (
     thin,
     time_axis,
 )
-from reobserve_papers.plotting.look import points, thick
+from reobserve_papers.plotting.style_sheet import points, thick
 
 # Each observer has the same line in all figures; user-defined observers take these in turn.
 _LINES = dict(

@@ -16,7 +16,7 @@ from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.systems.rigid_body import RigidBody
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.ilo import keys, theory_linear, theory_runs
 from reobserve_papers.papers.ilo.metrics import LEARNING
 from reobserve_papers.parameters.job import named

@@ -25,7 +25,7 @@ from reobserve.synthesis.ilo_sampled_stability import (
 )
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.metrics import LEARNING

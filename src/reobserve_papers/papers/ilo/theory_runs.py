@@ -18,8 +18,8 @@ from reobserve.observers.rigid_body_observer import RigidBodyState
 from reobserve.synthesis.ilo_accuracy import matched_integrator
 from reobserve.synthesis.ilo_certificate import bound18, certify
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import peak, root_mean_square_of_steps
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.lyapunov import gyroscopic_eta

@@ -13,7 +13,7 @@ from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.notes import INPUT, VELOCITY, note, style_of
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import PaperFigure, add_note, new_figure, thin, time_axis
-from reobserve_papers.plotting.look import points, thick
+from reobserve_papers.plotting.style_sheet import points, thick
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from reobserve_papers.plotting.figures import (
     headroom,
     new_figure,
 )
-from reobserve_papers.plotting.look import mark, thick
+from reobserve_papers.plotting.style_sheet import mark, thick
 
 Array = NDArray[np.float64]
 

@@ -22,8 +22,8 @@ from reobserve.observers.imm_state import ImmState
 from reobserve.observers.run import Run
 from reobserve.systems.linear import LinearModel
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
 from reobserve_papers.metrics.responses import root_mean_square
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.null import MEASUREMENT, RANDOM_GAIN, RandomGainFilter

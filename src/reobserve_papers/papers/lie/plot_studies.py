@@ -18,7 +18,7 @@ from reobserve_papers.papers.lie.styles import EDGE, FORMS, GAINS, pair, starts,
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import named
 from reobserve_papers.plotting.figures import STYLES, TRUTH, add_note, decades, mosaic, new_figure
-from reobserve_papers.plotting.look import mark, points, thick
+from reobserve_papers.plotting.style_sheet import mark, points, thick
 
 
 def draw_orders(data: FigureData[keys.Job]) -> Figure:

@@ -27,7 +27,7 @@ from reobserve.synthesis.normal_form.solver import identity, solver_for
 from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import part
+from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.lie import keys, table
 from reobserve_papers.papers.lie.ensemble import RunOutcome, axis, records
 from reobserve_papers.papers.lie.lie_transform import lie_transform

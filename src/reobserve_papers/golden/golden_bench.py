@@ -17,7 +17,7 @@ from pathlib import Path
 from reobserve.core.errors import InputError, ReobserveError, shown
 from reobserve.core.files import NAME, NUMBER, SCORE, Kind, read_rows, read_table, write_table
 from reobserve_papers.golden.comparison import Moved, compare, distance
-from reobserve_papers.golden.files import GoldenNumber, Key
+from reobserve_papers.golden.number_files import GoldenNumber, Key
 from reobserve_papers.golden.tolerances import MARGIN, two_digits_up
 
 TOLERANCE = 1e-4  # relative, for rounding on other processors; 1 % of a constant moves more

@@ -15,13 +15,12 @@ from reobserve_papers.claims.sample_command import sample_again
 from reobserve_papers.claims.samples import keep, read_samples
 from reobserve_papers.claims.verdict_table import put_into
 from reobserve_papers.figure_diff import pixels
-from reobserve_papers.figure_diff.beside import differences
-from reobserve_papers.figure_diff.comparison import Chosen, compare_all, figures
+from reobserve_papers.figure_diff.build_comparison import Chosen, compare_all, figures
 from reobserve_papers.figure_diff.page import render, summary
-from reobserve_papers.golden import bench as golden_bench
-from reobserve_papers.golden import claims as golden_claims
+from reobserve_papers.figure_diff.provenance_diff import differences
+from reobserve_papers.golden import golden_bench, golden_claims
 from reobserve_papers.golden.acceptance import renew
-from reobserve_papers.golden.guard import check_may_accept, keep_reason
+from reobserve_papers.golden.acceptance_rules import check_may_accept, keep_reason
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.parameters.parameters import Parameters, default_parameters

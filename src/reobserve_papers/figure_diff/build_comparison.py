@@ -13,10 +13,9 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, ReobserveError, nearest
 from reobserve_papers.figure_diff import pixels
-from reobserve_papers.golden import bench as golden_bench
-from reobserve_papers.golden import claims as golden_claims
+from reobserve_papers.golden import golden_bench, golden_claims
 from reobserve_papers.golden.comparison import Moved, compare_built
-from reobserve_papers.golden.files import golden_files
+from reobserve_papers.golden.number_files import golden_files
 from reobserve_papers.golden.values import part_names
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import stored_parameters

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from reobserve.tuning.results import Results
-from reobserve_papers.bench.commands import plot_command
-from reobserve_papers.bench.plot import evaluations, heat_map, levels
+from reobserve_papers.bench.bench_figures import evaluations, heat_map, levels
+from reobserve_papers.bench.task_commands import plot_command
 from reobserve_papers.figure_diff.pixels import TOLERANCE, read_pixels, rms_difference
-from reobserve_papers.golden.bench import golden_table
+from reobserve_papers.golden.golden_bench import golden_table
 from tests import ROOT
 from tests.reobserve.tuning.toy import stated_results
 

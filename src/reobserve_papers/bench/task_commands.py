@@ -69,10 +69,10 @@ def plot_command(
 ) -> None:
     """Draw the figures of a task. The name of an output, without its suffix, says which."""
     from reobserve.tuning.results import Results
-    from reobserve_papers.bench.plot import FIGURES
+    from reobserve_papers.bench.bench_figures import FIGURES
     from reobserve_papers.plotting.fitting import fix_layout
     from reobserve_papers.plotting.formats import save
-    from reobserve_papers.plotting.look import use_sheet
+    from reobserve_papers.plotting.style_sheet import use_sheet
 
     use_sheet(style)
     results = Results.read(PackagedTask.read(task_file), table, tuned)

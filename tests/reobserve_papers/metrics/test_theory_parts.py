@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.parts import only, part
+from reobserve_papers.metrics.theory_parts import only, part
 
 CALLS: list[str] = []
 

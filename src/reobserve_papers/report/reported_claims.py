@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from reobserve_papers.report.reading import Gap
+from reobserve_papers.report.report_gaps import Gap
 
 _DRAWN = ("samples", "held", "share", "low", "high")
 

@@ -12,8 +12,8 @@ from matplotlib.ticker import LogLocator
 
 from reobserve.tuning.results import UNDECIDED, Results
 from reobserve.tuning.task import Task
-from reobserve_papers.plotting import look
 from reobserve_papers.plotting.figures import STYLES, PaperFigure, Style, add_note, blank, few_ticks
+from reobserve_papers.plotting.style_sheet import mark, points
 
 _WORST = 2.0  # the ratio to the best at which the colour is darkest
 
@@ -37,7 +37,7 @@ def heat_map(results: Results) -> PaperFigure:
             said = f"{cell['error']:#.3g}{UNDECIDED if within == 'undecided' else ''}"
             axes.text(
                 x, y, said, ha="center", va="center",
-                fontsize=look.points(8), fontweight="bold" if within == "yes" else "normal",
+                fontsize=points(8), fontweight="bold" if within == "yes" else "normal",
                 fontstyle="italic" if within == "undecided" else "normal",
                 color="white" if shade > 0.6 else "black",
             )  # fmt: skip
@@ -52,7 +52,7 @@ def heat_map(results: Results) -> PaperFigure:
         )
         for key in task.table
     ]
-    axes.set_xticks(range(len(titles)), titles, fontsize=look.points(7))
+    axes.set_xticks(range(len(titles)), titles, fontsize=points(7))
     axes.set_yticks(range(len(rows)), [label for label, *_ in rows])
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
     axes.grid(visible=False)
@@ -91,9 +91,7 @@ def levels(results: Results) -> PaperFigure:
     axes[0].set_ylabel("normalised error")
     # Lines for methods, and what markers without a line stand for.
     for label, marker in (("the same, given the noise", "x"), ("tuned again", "o")):
-        axes[0].plot(
-            [], [], marker, color="0.3", mfc="none", markersize=look.mark(4.5), label=label
-        )
+        axes[0].plot([], [], marker, color="0.3", mfc="none", markersize=mark(4.5), label=label)
     _legend(figure, axes[0])
     return figure
 
@@ -101,7 +99,7 @@ def levels(results: Results) -> PaperFigure:
 def _legend(figure: PaperFigure, axes: Axes) -> None:
     """Put a legend above the panels, where it covers nothing."""
     handles = axes.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper center", ncols=3, fontsize=look.points(7))
+    figure.legend(*handles, loc="outside upper center", ncols=3, fontsize=points(7))
 
 
 def _axes(task: Task) -> dict[str, list[tuple[float, str]]]:
@@ -130,7 +128,7 @@ def _levels(
     task, method = results.task, results.task.methods[name]
     others = {key: chosen.conditions for key, chosen in task.training.items() if key != task.main}
     again = {names[0]: key for key, names in others.items() if len(names) == 1}
-    for label, training, noise_given, look_of in (
+    for label, training, noise_given, marks in (
         (method.label, {}, False, {"marker": style.marker, "linestyle": style.linestyle}),
         ("", {}, True, {"marker": "x", "linestyle": "none"}),
         ("", again, method.given_noise, {"marker": "o", "linestyle": "none", "mfc": "none"}),
@@ -143,7 +141,7 @@ def _levels(
         points = [(place, cell["error"]) for place, cell in cells if cell is not None]
         if points:
             x, y = zip(*points, strict=True)
-            axes.plot(x, y, color=style.color, label=label, markersize=look.mark(4.5), **look_of)
+            axes.plot(x, y, color=style.color, label=label, markersize=mark(4.5), **marks)
 
 
 def evaluations(results: Results) -> PaperFigure:

@@ -15,9 +15,9 @@ def own_style() -> Iterator[None]:
     manager = package("matplotlib.font_manager", "draw a figure").fontManager
     fonts = manager.ttflist
     with matplotlib.rc_context():
-        from reobserve_papers.plotting import look
+        from reobserve_papers.plotting.style_sheet import use_sheet
 
-        look.use_sheet(None)
+        use_sheet(None)
         try:
             yield
         finally:

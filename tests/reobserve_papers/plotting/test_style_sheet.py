@@ -9,7 +9,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve_papers.parameters.config import known_styles
-from reobserve_papers.plotting import look
+from reobserve_papers.plotting import style_sheet
 from reobserve_papers.plotting.figures import STYLES, new_figure
 from tests import ROOT
 
@@ -34,7 +34,7 @@ def test_every_style_sheet_belongs_to_a_publisher_format() -> None:
 
 @pytest.mark.parametrize("name", ASKED)
 def test_style_sheet_meets_required_width_and_text_size(name: str) -> None:
-    look.use_sheet(SHEETS / f"{name}.mplstyle")
+    style_sheet.use_sheet(SHEETS / f"{name}.mplstyle")
     width, least = ASKED[name]
     figure, _ = new_figure((2.0,))
     assert figure.get_figwidth() == pytest.approx(width, abs=0.5 / 72)
@@ -43,29 +43,29 @@ def test_style_sheet_meets_required_width_and_text_size(name: str) -> None:
 
 
 def test_default_style_sheet_states_exactly_the_project_style() -> None:
-    look.use_sheet(SHEETS / "default.mplstyle")
-    assert look.as_designed()
+    style_sheet.use_sheet(SHEETS / "default.mplstyle")
+    assert style_sheet.as_designed()
 
 
 def test_style_sheet_is_applied_on_the_default_style_only(tmp_path: Path) -> None:
     first, second = tmp_path / "first.mplstyle", tmp_path / "second.mplstyle"
     first.write_text("font.size: 10\nlines.linewidth: 2.2 # twice\n")
     second.write_text('grid.color: "0.5"\n\n# nothing more\n')
-    look.use_sheet(first)
-    assert not look.as_designed()
-    assert look.points(8.5) == 10
+    style_sheet.use_sheet(first)
+    assert not style_sheet.as_designed()
+    assert style_sheet.points(8.5) == 10
     assert STYLES[0].line()["linewidth"] == 2.0
     usual = matplotlib.rcParamsDefault["lines.markersize"]
-    assert look.mark(2.0) == 2.0
-    first.write_text(f"lines.markersize: {1.5 * look.mark(usual)}\n")
-    look.use_sheet(first)
-    assert look.mark(2.0) == 3.0
-    look.use_sheet(second)
+    assert style_sheet.mark(2.0) == 2.0
+    first.write_text(f"lines.markersize: {1.5 * style_sheet.mark(usual)}\n")
+    style_sheet.use_sheet(first)
+    assert style_sheet.mark(2.0) == 3.0
+    style_sheet.use_sheet(second)
     assert matplotlib.rcParams["font.size"] == 8.5
     assert matplotlib.rcParams["grid.color"] == "0.5"
-    look.use_sheet(None)
-    assert look.as_designed()
-    assert look.points(7) == 7.0
+    style_sheet.use_sheet(None)
+    assert style_sheet.as_designed()
+    assert style_sheet.points(7) == 7.0
     assert STYLES[0].line()["linewidth"] == 1.0
 
 
@@ -73,16 +73,16 @@ def test_small_text_stays_legible(tmp_path: Path) -> None:
     """6.3 points by default would become 3.7; text below 6 points by default is only scaled."""
     sheet = tmp_path / "small.mplstyle"
     sheet.write_text("font.size: 5\n")
-    look.use_sheet(sheet)
-    assert look.points(6.3) == 6.0
-    assert look.points(8.5) == 6.0
+    style_sheet.use_sheet(sheet)
+    assert style_sheet.points(6.3) == 6.0
+    assert style_sheet.points(8.5) == 6.0
 
 
 def test_panels_are_stacked_in_narrow_styles() -> None:
     found = {}
     for name in ASKED:
-        look.use_sheet(SHEETS / f"{name}.mplstyle")
-        found[name] = look.narrow()
+        style_sheet.use_sheet(SHEETS / f"{name}.mplstyle")
+        found[name] = style_sheet.narrow()
     assert {name for name, narrow in found.items() if narrow} == {"ieee-column", "elsevier-column"}
 
 
@@ -111,22 +111,22 @@ def test_invalid_style_sheet_is_reported_with_the_line(tmp_path: Path, lines: st
     sheet = tmp_path / "mine.mplstyle"
     sheet.write_text(f"# mine\n{lines}\n")
     with pytest.raises(InputError, match=rf"mine\.mplstyle: {REFUSED[lines]}") as refused:
-        look.use_sheet(sheet)
+        style_sheet.use_sheet(sheet)
     assert "\n" not in str(refused.value)
-    assert look.as_designed(), "nothing of it is used"
+    assert style_sheet.as_designed(), "nothing of it is used"
 
 
 def test_generic_and_bundled_fonts_are_accepted(tmp_path: Path) -> None:
     sheet = tmp_path / "mine.mplstyle"
     sheet.write_text("font.family: serif\nfont.serif: STIXGeneral, DejaVu Serif\n")
-    assert look.read_sheet(sheet) == {
+    assert style_sheet.read_sheet(sheet) == {
         "font.family": ["serif"], "font.serif": ["STIXGeneral", "DejaVu Serif"],
     }  # fmt: skip
 
 
 def test_unreadable_style_sheet_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.mplstyle: cannot be read"):
-        look.use_sheet(tmp_path / "none.mplstyle")
+        style_sheet.use_sheet(tmp_path / "none.mplstyle")
     (tmp_path / "bytes.mplstyle").write_bytes(b"font.size: \xff\n")
     with pytest.raises(InputError, match="is not UTF-8"):
-        look.use_sheet(tmp_path / "bytes.mplstyle")
+        style_sheet.use_sheet(tmp_path / "bytes.mplstyle")
