@@ -101,7 +101,7 @@ def gather(
     return {
         "papers": [build.paper(name, rows) for name in names],
         "bench": [build.task(name) for name in built],
-        "gaps": gaps.found,
+        "gaps": gaps.entries,
         "environment": environment(folder),
         "versions": package_versions(),
     }

@@ -27,13 +27,13 @@ class ReportGaps:
     """All gaps of a page about the project in ``folder``, in the order in which they were found."""
 
     folder: Path
-    found: list[Gap] = field(default_factory=list)
+    entries: list[Gap] = field(default_factory=list)
 
     def add(self, place: str, problem: object) -> Gap:
         """Add a gap, whose sentence has paths relative to the project."""
         sentence = line(problem).replace(f"{self.folder}{os.sep}", "")
-        self.found.append(Gap(len(self.found) + 1, place, sentence))
-        return self.found[-1]
+        self.entries.append(Gap(len(self.entries) + 1, place, sentence))
+        return self.entries[-1]
 
     def attempt(self, place: str, read: Callable[..., Read], *arguments: Any) -> Read | Gap:
         """Call ``read``, and add a gap for an error of this package's."""

@@ -73,7 +73,7 @@ class Calibration:
     rules: keys.Metrics
     record: Series
 
-    def stated(self) -> Array:
+    def tuned_numbers(self) -> Array:
         """The tuned numbers of the parameter file, in the order of `TUNED`."""
         rows = []
         for name, body in self.observers.items():
@@ -159,7 +159,7 @@ def run_neighbourhood(job: keys.Job, study: keys.Neighbourhood, plant: Series) -
     """
     result = read_kept(Path(study.kept))
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
-    tuned = calibration.stated()
+    tuned = calibration.tuned_numbers()
     rows: list[Row] = [
         ("search", "kept", 1.0, 0, name, float(getattr(result, name)), "1")
         for name in ("trials", "tuned", "targets", "distance")
@@ -299,7 +299,7 @@ def _rows(job: keys.Job, plant: Series, change: Change) -> list[Row]:
     record = plant_stage.simulate(_changed(job, scenario)) if scenario else plant
     observers = {name: _moved(body, **observer) for name, body in job.observers.items()}
     calibration = Calibration(job.plant, observers, job.metrics, record)
-    trial = calibration.try_out(calibration.stated())
+    trial = calibration.try_out(calibration.tuned_numbers())
     rows = list(trial_rows(sweep, level, trial))
     for name, (normal, leakage, _) in trial.means.items():
         rows.append((name, sweep, level, 0, "friction_after", 1.0 - normal - leakage, "1"))

@@ -161,8 +161,8 @@ _CURVES = {
 }
 
 
-def _curve(found: dict[float, Array]) -> tuple[list[float], list[float]]:
-    return list(found), [float(values[0]) for values in found.values()]
+def _curve(by_level: dict[float, Array]) -> tuple[list[float], list[float]]:
+    return list(by_level), [float(values[0]) for values in by_level.values()]
 
 
 def draw_causes(data: FigureData[keys.Job]) -> Figure:
@@ -174,20 +174,20 @@ def draw_causes(data: FigureData[keys.Job]) -> Figure:
     kalman = study.where(sweep=KALMAN, quantity="fault_after")["value"][0]
     mode.axhline(kalman, **KALMAN_STYLE.line(), label="KF-IMM")
     for variant, (style, size, label) in _CURVES.items():
-        found = study.where(sweep=variant, quantity="fault_after").by_level("level")
+        levels = study.where(sweep=variant, quantity="fault_after").by_level("level")
         points = {**style.points(), "linestyle": "", "markersize": mark(size)}
-        mode.plot(*_curve(found), **points, label=label)
+        mode.plot(*_curve(levels), **points, label=label)
     for quantity, marker, label in (
         ("saturation_fraction", "o", "outside"), ("chattering_fraction", "x", "with another sign"),
     ):  # fmt: skip
-        found = study.where(sweep=INTACT, quantity=quantity).by_level("level")
-        outside.plot(*_curve(found), color=SVSF.color, marker=marker, linestyle="",
+        levels = study.where(sweep=INTACT, quantity=quantity).by_level("level")
+        outside.plot(*_curve(levels), color=SVSF.color, marker=marker, linestyle="",
                      markersize=mark(4), label=label)  # fmt: skip
     outside.legend()
     name = study["observer"][0]
-    stated = named(job.observers, name, keys.SmoothVariableStructure).layer_scale
+    scale = named(job.observers, name, keys.SmoothVariableStructure).layer_scale
     for axes in (mode, outside):
-        axes.axvline(stated, color="0.4", linewidth=thick(0.8), linestyle=":")
+        axes.axvline(scale, color="0.4", linewidth=thick(0.8), linestyle=":")
         axes.set_ylim(-0.04, 1.04)
     mode.set_xscale("log")
     start, end = job.metrics.after

@@ -42,7 +42,7 @@ def run(job: keys.Job, plant: Series, progress: Callable[[str], None]) -> dict[s
     """
     body = job.search
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
-    calibration.stated()
+    calibration.tuned_numbers()
     low, high = bounds(body)
     nearby = _nearby(job.seed, body.neighbour_pairs, body.spread)
     history: list[list[float]] = []

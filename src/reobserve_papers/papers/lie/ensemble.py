@@ -168,7 +168,7 @@ def run_injections(
     def squares(observer: NormalFormObserver) -> list[float]:
         return [run.outcome(observer, estimate, job.metrics.settling_band).ise for run in runs]
 
-    observers = _stated(job, study, design)
+    observers = _job_observers(job, study, design)
     errors = {name: squares(observer) for name, observer in observers.items()}
     reference = errors["constant"]
     rows: list[Row] = []
@@ -218,7 +218,7 @@ def _estimate(job: keys.Job) -> Array:
     return np.array(next(iter(job.observers.values())).initial_estimate)
 
 
-def _stated(
+def _job_observers(
     job: keys.Job, study: keys.EnsembleStudy | keys.InjectionsStudy, design: Mapping[str, Any]
 ) -> dict[str, NormalFormObserver]:
     """The observers of the study, with its sampling period."""
@@ -234,7 +234,7 @@ def _observers(
     job: keys.Job, study: keys.EnsembleStudy, design: Mapping[str, Any]
 ) -> list[tuple[str, int, NormalFormObserver]]:
     step = study.sampling_period
-    built = [(name, body.order, body) for name, body in _stated(job, study, design).items()]
+    built = [(name, body.order, body) for name, body in _job_observers(job, study, design).items()]
     form = forms(job, study.design, design)[study.design]
     for order in study.orders:
         with located("studies.ensemble.orders"):

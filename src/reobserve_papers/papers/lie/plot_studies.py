@@ -26,7 +26,7 @@ def draw_orders(data: FigureData[keys.Job]) -> Figure:
     job, study = data.job, data.study
     orders_shown = as_kind("study", job.study, keys.OrdersStudy).orders
     figure, (ise, lost, settling, floquet) = new_figure((1.6, 0.7, 1.6, 1.8))
-    _curves(ise, study, "ise", named=False)
+    _curves(ise, study, "ise", labelled=False)
     ise.set_yscale("log")
     ise.yaxis.set_major_formatter("{x:g}")
     ise.set_ylabel("ISE [s]")
@@ -46,7 +46,7 @@ def draw_orders(data: FigureData[keys.Job]) -> Figure:
     band = 100 * job.metrics.settling_band
     settling.set_title(f"(c) time to {band:g} % of the first error; a gap: not within the run")
     settling.legend(loc="upper left")
-    _curves(floquet, study, "floquet_exponent", named=False)
+    _curves(floquet, study, "floquet_exponent", labelled=False)
     floquet.axhline(0.0, color="0.4", linewidth=thick(0.8))
     floquet.axhline(
         study.value(form="injection", quantity="floquet_exponent"),
@@ -70,10 +70,10 @@ def draw_orders(data: FigureData[keys.Job]) -> Figure:
     return figure
 
 
-def _curves(axes: Axes, study: StudyTable, quantity: str, *, named: bool = True) -> None:
+def _curves(axes: Axes, study: StudyTable, quantity: str, *, labelled: bool = True) -> None:
     for form, (style, label) in GAINS.items():
         axes.plot(
-            *_by_level(study, form, quantity), **style.points(), label=label if named else None
+            *_by_level(study, form, quantity), **style.points(), label=label if labelled else None
         )
 
 

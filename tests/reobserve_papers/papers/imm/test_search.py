@@ -255,7 +255,7 @@ def own_parameters(name: str) -> Calibration:
 def test_stored_numbers_agree_with_the_parameters(name: str) -> None:
     assert list(kept(name)["search"]["found"]) == list(TUNED)
     found = list(kept(name)["search"]["found"].values())
-    np.testing.assert_allclose(found, own_parameters(name).stated(), rtol=1e-12)
+    np.testing.assert_allclose(found, own_parameters(name).tuned_numbers(), rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", SEARCHES)
@@ -305,7 +305,7 @@ def test_only_thin_layers_switch_in_the_found_setting() -> None:
     assert outside["svsf_retuned"] < least < outside["svsf_thin_retuned"]
     # In the unit of the other search none does.
     one = own_parameters("calibrated")
-    trial = one.try_out(one.stated())
+    trial = one.try_out(one.tuned_numbers())
     assert not switches(trial, one.observers, least)
 
 

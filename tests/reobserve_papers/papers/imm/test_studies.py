@@ -188,7 +188,7 @@ def test_end_of_a_range_is_bisected(monkeypatch: pytest.MonkeyPatch) -> None:
     """Filters diverge beyond the factor 3 of one number."""
 
     def try_out(self: Calibration, numbers: Any) -> CalibrationTrial:
-        factors = numbers / self.stated()
+        factors = numbers / self.tuned_numbers()
         if factors[0] > 3.0:
             return CalibrationTrial({}, float("nan"))
         return CalibrationTrial(met(self), 0.0)
@@ -204,7 +204,7 @@ def test_each_factor_changes_only_one_number(monkeypatch: pytest.MonkeyPatch) ->
     tried: list[list[float]] = []
 
     def try_out(self: Calibration, numbers: Any) -> CalibrationTrial:
-        tried.append(list(numbers / self.stated()))
+        tried.append(list(numbers / self.tuned_numbers()))
         return CalibrationTrial(met(self), 0.0)
 
     monkeypatch.setattr(Calibration, "try_out", try_out)
@@ -230,10 +230,10 @@ def test_jointly_tuned_banks_must_share_their_numbers() -> None:
         return Calibration(job.plant, job.observers, job.metrics, record("step"))
 
     with pytest.raises(InputError, match=r"^observers.svsf_thin_tuned: must have the noise of"):
-        calibration().stated()
+        calibration().tuned_numbers()
     settings["observers"]["kalman_tuned"]["realisation"] = "velocity"
     with pytest.raises(InputError, match=r"^observers.kalman_tuned.realisation: must be motion"):
-        calibration().stated()
+        calibration().tuned_numbers()
 
 
 # --- One change at a time -----------------------------------------------------------------------
