@@ -17,7 +17,7 @@ from reobserve import IMM, FaultBank, rts_smoother
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import FAMILIES, family
-from reobserve.estimation.families.observer_section import DesignFile, stated
+from reobserve.estimation.families.observer_section import DesignFile, as_observer
 from reobserve.estimation.families.program import program_of
 from reobserve.estimation.observer_design import Design
 from tests.reobserve.codegen.cases import CASES as EXPORTED
@@ -196,7 +196,7 @@ def designs() -> tuple[Design, ...]:
         found.append(kind.designed(parse_yaml(kind.example, "model.yaml")))
         for example in kind.records.values():
             tree: Any = parse_yaml(example.observer, "record.yaml")
-            one = stated(tree["observer"], 0.01)
+            one = as_observer(tree["observer"], 0.01)
             assert not isinstance(one, DesignFile)
             found.append(one.design(0.01))
     return tuple(found)

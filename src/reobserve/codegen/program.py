@@ -169,7 +169,7 @@ class Program:
         """
         self._assigned(target)
         terms = [
-            (sign, term.mapped(self._named) if isinstance(term, Product) else self._simple(term))
+            (sign, term.mapped(self._as_name) if isinstance(term, Product) else self._simple(term))
             for sign, term in signed(of(value))
         ]
         # Entries that are overwritten may be read again by products and transposed matrices.
@@ -328,16 +328,16 @@ class Program:
                     self.line(f"total {'+' if sign > 0 else '-'}= {factors};")
         self.line(f"{into[at]} = total;")
 
-    def _named(self, part: Expression) -> Expression:
+    def _as_name(self, part: Expression) -> Expression:
         """A name, or one transposed, for any matrix."""
         if isinstance(part, Transposed):
-            return part.mapped(self._named)
+            return part.mapped(self._as_name)
         return part if isinstance(part, Name) else self.let(self._temporary(part.shape), part)
 
     def _simple(self, part: Expression) -> Expression:
         """A term without products of matrices in it."""
         if isinstance(part, Product | Transposed):
-            return self._named(part)
+            return self._as_name(part)
         return part.mapped(self._simple)
 
 

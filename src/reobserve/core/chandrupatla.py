@@ -16,11 +16,11 @@ Point = tuple[float, float]  # where, and the function there
 
 
 @kernel
-def next_trial(newest: Point, opposite: Point, former: Point, apart: float) -> float:
+def next_trial(newest: Point, opposite: Point, former: Point, distance: float) -> float:
     """The next place to look, between ``newest`` and ``opposite``, at which the signs differ.
 
-    ``former`` is the point that one of them took the place of, at first ``newest`` itself. Of both
-    it stays ``apart``, so that two which are not twice as far from each other are as near as asked.
+    ``former`` is the point that one of them took the place of, at first ``newest`` itself.
+    From both it keeps ``distance``: two not twice as far from each other are as near as asked.
     """
     (a, at_a), (b, at_b), (c, at_c) = newest, opposite, former
     share = 0.5
@@ -28,5 +28,5 @@ def next_trial(newest: Point, opposite: Point, former: Point, apart: float) -> f
     if 1.0 - math.sqrt(1.0 - place) < level < math.sqrt(place):
         share = at_a / (at_b - at_a) * at_c / (at_b - at_c)
         share += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
-    least = apart / abs(b - a)
+    least = distance / abs(b - a)
     return a + min(max(share, least), 1.0 - least) * (b - a)

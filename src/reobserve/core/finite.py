@@ -25,7 +25,7 @@ def finite(name: str) -> Callable[[Callable[P, Result]], Callable[P, Result]]:
         def call(*args: P.args, **options: P.kwargs) -> Result:
             with np.errstate(all="ignore"):
                 result = function(*args, **options)
-            if not all(np.isfinite(part).all() for part in _parts(result)):
+            if not all(np.isfinite(part).all() for part in _components(result)):
                 raise InputError(
                     name, "must keep results inside the range of floating-point numbers"
                 )
@@ -36,6 +36,6 @@ def finite(name: str) -> Callable[[Callable[P, Result]], Callable[P, Result]]:
     return decorate
 
 
-def _parts(result: Any) -> tuple[Any, ...]:
+def _components(result: Any) -> tuple[Any, ...]:
     parts = tuple(vars(result).values()) if hasattr(result, "__dict__") else result
     return parts if isinstance(parts, tuple) else (parts,)

@@ -5,7 +5,7 @@ A loop asks every tenth of a second or so, by a call of Python, in which handler
     due = FIRST
     for row in range(rows):
         if row >= due:
-            due = look(row)
+            due = poll(row)
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from numba import types
 from numba.extending import intrinsic
 
 FIRST = 128
-"""The row before which a loop looks first: a row takes well below ten milliseconds."""
+"""The row before which a loop polls first: a row takes well below ten milliseconds."""
 
-_APART = 0.1  # s between two looks
-_FACTOR = 16  # by which the rows between two looks grow or shrink at most
+_PERIOD = 0.1  # s between two polls
+_FACTOR = 16  # by which the rows between two polls grow or shrink at most
 
 
 class _OfThread(threading.local):
-    """The last look of a loop of this thread, and what tells its loops to stop."""
+    """The last poll of a loop of this thread, and what tells its loops to stop."""
 
     row = 0
     moment = 0.0
@@ -51,8 +51,8 @@ def stopped_by(stop: threading.Event) -> Iterator[None]:
         _OF_THREAD.stop = None
 
 
-def next_look(row: int) -> int:
-    """The row before which a loop has to look next. Called by loops, where a handler may raise."""
+def next_poll(row: int) -> int:
+    """The row before which a loop has to poll next. Called by loops, where a handler may raise."""
     it, now = _OF_THREAD, time.monotonic()
     if it.stop is not None and it.stop.is_set():
         raise KeyboardInterrupt
@@ -60,20 +60,20 @@ def next_look(row: int) -> int:
     if row < 2 * FIRST or rows <= 0:  # what was seen last was another loop
         rows = FIRST
     else:
-        rows = int(min(max(rows * _APART / max(taken, 1e-9), rows / _FACTOR), rows * _FACTOR)) + 1
+        rows = int(min(max(rows * _PERIOD / max(taken, 1e-9), rows / _FACTOR), rows * _FACTOR)) + 1
     it.row, it.moment = row, now
     return row + rows
 
 
-def _look(_: Any, row: Any) -> Any:
-    """Compile ``look(row)`` by numba: `next_look`, and an end with what that raises."""
+def _compile_poll(_: Any, row: Any) -> Any:
+    """Compile ``poll(row)`` by numba: `next_poll`, and an end with what that raises."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         python = context.get_python_api(builder)
         lock = python.gil_ensure()
         name = context.insert_const_string(builder.module, __name__)
         module = python.import_module(name)
-        function = python.object_getattr_string(module, "next_look")
+        function = python.object_getattr_string(module, "next_poll")
         argument = python.long_from_longlong(args[0])
         result = python.call_function_objargs(function, (argument,))
         for reference in (module, function, argument):
@@ -90,11 +90,11 @@ def _look(_: Any, row: Any) -> Any:
     return types.int64(types.int64), generate
 
 
-look: Any = intrinsic(_look)
+poll: Any = intrinsic(_compile_poll)
 
 _settings: Any = numba.config
 if _settings.DISABLE_JIT:  # to debug kernels as Python, which may be interrupted anywhere
 
-    def look(row: int) -> int:
-        """The row before which a loop of Python has to look next."""
+    def poll(row: int) -> int:
+        """The row before which a loop of Python has to poll next."""
         return row + FIRST

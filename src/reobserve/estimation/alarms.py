@@ -316,7 +316,7 @@ def alarms(
             report.alarms[rule.name] = AlarmReport("1", 0.0)
             continue
         place = _place(rule.of, f"alarms.{k}.of", names, measurements, predicts)
-        residual, spread = columns[place].estimate == RESIDUAL, outputs.beside(place)
+        residual, spread = columns[place].estimate == RESIDUAL, outputs.deviation_of(place)
         if residual and skips:
             raise InputError(f"alarms.{k}.of", f"{shown(rule.of)} {BLIND}")
         entry = AlarmReport(columns[place].unit, 0.0, learns=isinstance(rule, LearnedThreshold))

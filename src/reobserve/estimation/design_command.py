@@ -52,12 +52,12 @@ def _saved(
     chosen: type[Design] | None, kind: str, tree: Tree, changes: Tree, out: Path
 ) -> tuple[Design, Sequence[str]]:
     """The design of a model or of a specification, written, and sentences on what is left out."""
-    from reobserve.estimation.specified_design import is_specification, specified
+    from reobserve.estimation.specified_design import is_specification, specified_design
 
     if chosen is not None and not is_specification(tree):
         with chosen.keyed():
             return save_design(out, chosen.designed({**tree, **changes})), ()
-    made = specified(tree, kind, changes)
+    made = specified_design(tree, kind, changes)
     if made.from_file:
         raise InputError("observer.kind", "design is of a file that `reobserve design` wrote")
     if len(made.signals[1]) != len(made.design.inputs):

@@ -150,7 +150,7 @@ class Estimation:
 
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                spreads = [self.outputs.beside(c) for c in range(len(self.outputs.columns))]
+                spreads = [self.outputs.deviation_of(c) for c in range(len(self.outputs.columns))]
                 rows = start_up(run, self.layout.measurements, spreads)
             self.start_up = (self.specification.sampling.period * rows).tolist()
         return self.start_up[column]

@@ -36,7 +36,7 @@ def run(design: Path, to: str, out: Path) -> None:
     if to != "c":
         raise InputError("to", f"{shown(to)} must be c")
     if design.suffix.lower() in YAML:
-        texts, notes = _specified(design)
+        texts, notes = _from_specification(design)
     else:
         texts, notes = exported(load_design(design), identifier(design)), ()
     check_not_read([out / name for name in texts], [design])
@@ -47,13 +47,13 @@ def run(design: Path, to: str, out: Path) -> None:
     print(f"to test it: cd {out}; {c_test.COMPILE.format(name=identifier(design))} && ./a.out")
 
 
-def _specified(path: Path) -> tuple[dict[str, str], Sequence[str]]:
+def _from_specification(path: Path) -> tuple[dict[str, str], Sequence[str]]:
     """The texts of the design that a specification states, which is certified first."""
-    from reobserve.estimation.specified_design import specified
+    from reobserve.estimation.specified_design import specified_design
 
     tree = read_yaml(path)
     with naming(path):
-        made = specified(tree)
+        made = specified_design(tree)
         with type(made.design).keyed():
             made.design.certify()
             made.design.try_out()

@@ -53,7 +53,7 @@ class Outputs:
     deviations: list[int]
     converted: list[tuple[int, Conversion]]
 
-    def beside(self, column: int) -> int | None:
+    def deviation_of(self, column: int) -> int | None:
         """The place of the standard deviation of a column, None if there is none."""
         follows = column + 1 < len(self.columns) and self.columns[column + 1].deviation
         return column + 1 if follows else None

@@ -25,7 +25,7 @@ from reobserve.core.units import check_unit
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, items, parse
 from reobserve.estimation.dates import ISO, check_day, check_format, check_zone
 from reobserve.estimation.detector_alarms import DetectorRule
-from reobserve.estimation.families.observer_section import DesignFile, stated
+from reobserve.estimation.families.observer_section import DesignFile, as_observer
 from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
 from reobserve.estimation.quantities import conversion
 
@@ -331,7 +331,7 @@ class Specification:
                 "observer", f"{shown(self.observer)} must be a mapping of keys to values"
             )
         with located("observer"):
-            object.__setattr__(self, "observer", stated(self.observer, self.sampling.period))
+            object.__setattr__(self, "observer", as_observer(self.observer, self.sampling.period))
         for name, parts in self.estimates.items():
             for part, unit in parts.items():
                 with located("estimates"):

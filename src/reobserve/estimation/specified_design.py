@@ -56,7 +56,7 @@ def is_specification(tree: Tree) -> bool:
     return any(name in tree for name in ("kind", *SECTIONS))
 
 
-def specified(
+def specified_design(
     tree: Tree, kind: str = "", changed: Mapping[str, Any] | None = None
 ) -> SpecifiedDesign:
     """The design of the observer in a specification, which may lack the columns.

@@ -238,7 +238,7 @@ class _Grid:
         time = find_time(unlike, body, self._number, notes)
         timed = [time["column"]] if isinstance(time.get("column"), str) else time.get("column", [])
         if any(name.startswith("\0") for name in timed):
-            file, titles, time = self._named(file, titles, time, timed)
+            file, titles, time = self._with_time_names(file, titles, time, timed)
             notes.append(
                 "time has no title, or one that occurs twice; file.names states all titles"
             )
@@ -249,7 +249,7 @@ class _Grid:
             columns = {"time": time, **columns}
         return Suggestion(columns, file, titles, self.rows[self.start], notes)
 
-    def _named(
+    def _with_time_names(
         self, file: dict[str, Any], titles: list[str], time: dict[str, Any], timed: list[str]
     ) -> tuple[dict[str, Any], list[str], dict[str, Any]]:
         """The same with a name for each column of the time."""

@@ -211,7 +211,7 @@ class Timestamps:
         if not len(time):
             return time, values[:, :-1], time
         self._check_hour(steps, time, values)
-        self._look(steps)
+        self._check_early_period(steps)
         self._check_filled(steps)
         slots = self._even(steps, time, values) if even else self._regular(time, steps)
         if report.first is None:
@@ -269,7 +269,7 @@ class Timestamps:
                     int(values[at, -1]),
                 )
 
-    def _look(self, steps: Array) -> None:
+    def _check_early_period(self, steps: Array) -> None:
         """Check the period once there are enough intervals."""
         missing = _LOOKED_AT - len(self.begun)
         if missing > 0 and len(steps):

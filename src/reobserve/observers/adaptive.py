@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.core.covariances import as_positive_definite
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix
 from reobserve.core.value import converter, for_loop
@@ -180,7 +180,7 @@ def _run(
     due = FIRST
     for k in range(steps + 1):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         start = row(record.rate, 2 * k)
         rows.rate[k, 0], rows.rate[k, 1], rows.rate[k, 2] = w
         rows.fault[k, 0], rows.fault[k, 1], rows.fault[k, 2] = _estimate(c, z, start, w)

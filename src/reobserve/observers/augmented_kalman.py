@@ -244,12 +244,12 @@ class AugmentedKalmanFilter(GaussianFilter):
         spread[n:, n:] = as_covariance("unknown_input_covariance", unknown_input_covariance, q)
         return super().init(np.concatenate([as_vector("mean", mean, n), d]), spread, u=u)
 
-    def _named(
+    def _by_name(
         self, rows: FilterRows, kept: PredictedRows | None, keep: Sequence[str]
     ) -> dict[str, Array]:
         n = self.model.states
         cross = [CROSS] if CROSS in keep else []
-        estimates = super()._named(rows, kept, [name for name in keep if name != CROSS])
+        estimates = super()._by_name(rows, kept, [name for name in keep if name != CROSS])
         whole, variance, covariance = (
             estimates.pop(name) for name in ("state", "variance", "covariance")
         )

@@ -41,7 +41,7 @@ def part(arrays: Any, cut: slice) -> Any:
     return type(arrays)(*[array[cut] for array in arrays])
 
 
-def run_many(
+def run_batch(
     observer: Observer[Any], y: Any, u: Any, state: Any, time: ArrayLike | None, loud: bool,
     given: Mapping[str, Any],
 ) -> Run[Any]:  # fmt: skip

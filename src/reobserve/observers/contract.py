@@ -32,7 +32,7 @@ from reobserve.core.value import Value, converter
 from reobserve.observers import dataframes
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
 from reobserve.observers.record import (
-    Many,
+    Batch,
     ObserverState,
     Record,
     Rows,
@@ -244,9 +244,9 @@ class Observer(Value, ABC, Generic[StateKind]):
             for name, pair in (("before", before), ("middle", middle)):
                 if pair is not None:
                     raise InputError(name, "must be left out with many records")
-            from reobserve.observers.batch_run import run_many
+            from reobserve.observers.batch_run import run_batch
 
-            return run_many(self, y, u, state, time, loud, given)
+            return run_batch(self, y, u, state, time, loud, given)
         y, u, before, middle, time, index = dataframes.read_frames(self, y, u, before, middle, time)
         record = self._read(y, u, before, middle, given)
         start = self._start(record.y[0]) if state is None else self._checked(state)
@@ -268,11 +268,11 @@ class Observer(Value, ABC, Generic[StateKind]):
             self.component_names, None if index is None else index[:good], self._periods,
         )  # fmt: skip
 
-    def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Many:
+    def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Batch:
         """Run the compiled loop on many records."""
         pairs = zip(states, records, strict=True)
         every = [self._fill(state, record) for state, record in pairs]
-        return Many(
+        return Batch(
             stacked([rows.estimates for rows in every]), stacked([rows.before for rows in every]),
             [self._good(rows) for rows in every], [rows.state for rows in every],
             [rows.finding for rows in every],

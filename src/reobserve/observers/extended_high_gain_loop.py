@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.chandrupatla import next_trial
 from reobserve.core.direct_call import call
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import allocating_kernel, inlined_kernel, kernel
 
 Array = NDArray[np.float64]
@@ -266,7 +266,7 @@ def _run(
     due = FIRST
     for k in range(len(states) - 1):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         for c in range(channels):
             at[0, c], at[1, c] = right[2 * k, c], right[2 * k + 1, c]
             at[2, c] = left[2 * k + 2, c]

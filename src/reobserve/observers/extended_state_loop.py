@@ -7,7 +7,7 @@ from collections.abc import Sized
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import allocating_kernel, inlined_kernel
 from reobserve.observers.fixed_step import Samples
 
@@ -57,7 +57,7 @@ def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows
     due = FIRST
     for k in range(1, len(rows)):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         _take(y.right, u.right, 2 * k - 2, known[n:])
         _take(y.left, u.left, 2 * k, known[n + columns :])
         _take(y.right, u.right, 2 * k - 1, known[n + 2 * columns :])

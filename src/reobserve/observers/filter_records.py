@@ -10,7 +10,7 @@ import numpy as np
 from reobserve.observers.estimated_noise import refuse_given
 from reobserve.observers.gaussian_state import KalmanState, inputs_of_rows, reached
 from reobserve.observers.linear_loop import FilterPosteriors
-from reobserve.observers.record import Many, Record
+from reobserve.observers.record import Batch, Record
 from reobserve.observers.vague_start import warn_of_starts
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def posteriors_of(observer: GaussianFilter, states: Sequence[KalmanState]) -> Fi
 
 def run_together(
     observer: GaussianFilter, records: Sequence[Record], states: Sequence[KalmanState]
-) -> Many:
+) -> Batch:
     """Run the compiled loop on records that `can_run_together`."""
     first, first_record = states[0], records[0]
     given, fresh = observer._given(first_record.given, len(first_record.y)), first.sample is None
@@ -50,7 +50,7 @@ def run_together(
     inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
     y = np.array([record.y for record in records])
     model, inputs, held = observer._in_record(given, y[0], inputs)
-    keep = observer._kept(given) if given else ()
+    keep = observer._names_to_keep(given) if given else ()
     after = posteriors_of(observer, states)
     starts = after.covariances.diagonal(0, 1, 2).copy()
     rows, kept, ends = observer._filtered(model, inputs, y, fresh, after, keep)
@@ -59,8 +59,8 @@ def run_together(
         P, S = (array[:, : n + 1] for array in rows[1:4:2])
         warn_of_starts(starts, P.diagonal(0, 2, 3), ends[:, 0], S)
     causes = observer.steps.causes
-    return Many(
-        observer._named(rows, kept, keep), {}, ends[:, 0].tolist(),
+    return Batch(
+        observer._by_name(rows, kept, keep), {}, ends[:, 0].tolist(),
         [reached(after, r, states[r], records[r], held, observer._sizes) for r in range(len(y))],
         [causes[cause] if cause else "" for cause in ends[:, 1].tolist()],
     )  # fmt: skip

@@ -47,7 +47,7 @@ from reobserve.observers.gaussian_state import (
     sample_before,
 )
 from reobserve.observers.linear_loop import FilterPosteriors, FilterRows, PredictedRows
-from reobserve.observers.record import Many, Record, Rows, check_state
+from reobserve.observers.record import Batch, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.observers.uneven_times import uneven_hint, uneven_times
 from reobserve.observers.vague_start import warn_of_start
@@ -324,7 +324,7 @@ class GaussianFilter(Observer[KalmanState]):
         """Scratch that no thread uses at the moment."""
         return []
 
-    def _named(
+    def _by_name(
         self, rows: FilterRows, kept: PredictedRows | None, keep: Sequence[str]
     ) -> dict[str, Array]:
         """The estimates by their names."""
@@ -343,7 +343,7 @@ class GaussianFilter(Observer[KalmanState]):
             estimates["noise_variance"] = rows.noise_variance
         return estimates | {name: getattr(kept, name) for name in keep} if keep else estimates
 
-    def _kept(self, given: Mapping[str, Any]) -> Sequence[str]:
+    def _names_to_keep(self, given: Mapping[str, Any]) -> Sequence[str]:
         """Names of what else the run shall hold."""
         names = given.get("keep", ())
         names = tuple(names) if isinstance(names, list | tuple) else (names,)
@@ -354,7 +354,7 @@ class GaussianFilter(Observer[KalmanState]):
 
     def _fill(self, state: KalmanState, record: Record) -> Rows:
         given = self._given(record.given, len(record.y)) if record.given else record.given
-        keep = self._kept(given) if given else ()
+        keep = self._names_to_keep(given) if given else ()
         refuse_given(self, given)
         y, posterior, fresh = record.y, state.posterior, state.sample is None
         model, inputs, held = self._in_record(
@@ -362,7 +362,7 @@ class GaussianFilter(Observer[KalmanState]):
         )  # fmt: skip
         after = posteriors_of(self, [state])
         rows, kept, ends = self._filtered(model, inputs, y[None], fresh, after, keep)
-        estimates = self._named(
+        estimates = self._by_name(
             FilterRows(*[array[0] for array in rows]),
             None if kept is None else PredictedRows(kept[0][0], kept[1][0], kept[2][0]), keep,
         )  # fmt: skip
@@ -394,7 +394,7 @@ class GaussianFilter(Observer[KalmanState]):
             return given
         return KalmanState(posterior, sample, given.count, held, time, noise)
 
-    def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Many:
+    def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Batch:
         if can_run_together(records, states):
             return run_together(self, records, states)
         return super()._run_records(records, states)  # what leads to each row differs

@@ -119,7 +119,7 @@ def reached(
     )  # fmt: skip
 
 
-def beside(left: Array, right: Array) -> Array:
+def side_by_side(left: Array, right: Array) -> Array:
     """Two arrays (., k, p) and (k, q), (1, q) or (p, q) side by side, in the order of rows.
 
     `numpy.concatenate` may choose another order, for which loops would be compiled again.

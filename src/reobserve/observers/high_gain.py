@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.direct_call import call
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_positive, as_vector
 from reobserve.core.value import Value, converter, for_loop, read_only
@@ -156,7 +156,7 @@ def _run(
     due = FIRST
     for k in range(len(rows) - 1):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         for j in range(2):
             measured[j], known[j] = record.output[2 * k + j], record.delayed_input[2 * k + j]
         measured[2], known[2] = record.output_before[2 * k + 2], record.input_before[2 * k + 2]

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from reobserve.core.arguments import as_flag
 from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive
 from reobserve.core.value import converter, for_loop
@@ -239,7 +239,7 @@ def _run(
     due = FIRST
     for k in range(steps):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         past = history[slot]
         start, middle, end = (
             row(record.rate, 2 * k),

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from reobserve.core.arguments import as_flag
 from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive
 from reobserve.core.value import converter
@@ -163,7 +163,7 @@ def _run(
     due = FIRST
     for k in range(steps):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         start, middle, end = (
             row(record.rate, 2 * k),
             row(record.rate, 2 * k + 1),

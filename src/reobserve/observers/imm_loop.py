@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers import linear_steps as linear
 from reobserve.observers.filter_rules import shortest
@@ -294,7 +294,7 @@ def run_bank(
     due = FIRST
     for k in range(len(measurements)):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         if k > 0 or not fresh:
             interact(bank.transition, bank.mixing, posteriors, work)
             predict(bank.model, k, inputs[k], posteriors, work)

@@ -16,7 +16,7 @@ from reobserve.core.errors import InputError
 from reobserve.observers.correlated_noise import TakenOut, uncorrelated
 from reobserve.observers.gain import Gain
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
+from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, side_by_side
 from reobserve.observers.linear_loop import (
     CAUSES,
     predict_linear,
@@ -62,8 +62,8 @@ def linear_in_record(
         if "S" in given:
             after |= {name: part[-1] for name, part in taken._asdict().items()}
         # x = A x + [B I] [u; J (y - D u)]
-        rows["B"] = beside(rows["B"], np.eye(model.states))
-        inputs = beside(inputs, taken.known)
+        rows["B"] = side_by_side(rows["B"], np.eye(model.states))
+        inputs = side_by_side(inputs, taken.known)
     matrices = {name: np.ascontiguousarray(matrix) for name, matrix in rows.items()}
     return InRecord(ModelRows(**matrices), inputs, as_held(after))
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag, as_whole
 from reobserve.core.errors import InputError, shown
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive, as_vector
 from reobserve.core.value import Value, converter
@@ -184,7 +184,7 @@ def _run(law: LevantCoefficients, samples: Array, rows: Array) -> int:
     due = FIRST
     for k in range(len(rows) - 1):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         z, after = rows[k], rows[k + 1]
         # zi - v(i-1) is minus the injection one line above, so v itself is not needed.
         error = z[0] - samples[k]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.gain import Gain
 from reobserve.observers.linear_steps import (
@@ -152,7 +152,7 @@ def run_linear(
         ends[r, 0] = ends[r, 1] = first = 0
         while first < count and ends[r, 0] == first:
             if r * count + first >= due:
-                due = look(r * count + first)
+                due = poll(r * count + first)
             last = min(count, due - r * count)
             _run_rows(
                 model, gain, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
@@ -216,7 +216,7 @@ def predict_linear(
     due = FIRST
     for k in range(len(next_means)):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         # x = A x + B u, P = A P A' + Q
         A = model.A[min(k + 1, len(model.A) - 1)]
         B, Q = model.B[min(k + 1, len(model.B) - 1)], model.Q[min(k + 1, len(model.Q) - 1)]

@@ -12,7 +12,7 @@ from reobserve.core.covariances import as_covariances
 from reobserve.core.errors import InputError
 from reobserve.core.value import for_loop
 from reobserve.observers import linear_loop
-from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, beside
+from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, side_by_side
 from reobserve.observers.nonlinear_filter_work import (
     NO_OUTPUT,
     NO_POSTERIOR,
@@ -120,7 +120,7 @@ def nonlinear_in_record(
     if "dt" in given and periods is not None:
         after["dt"] = periods[-1:]
     if values.size:
-        inputs = beside(inputs, values)
+        inputs = side_by_side(inputs, values)
     return InRecord(NonlinearRows(filter.functions, **fields), inputs, as_held(after))
 
 

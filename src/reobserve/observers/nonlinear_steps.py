@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import (
     correct_extended,
@@ -160,7 +160,7 @@ def run_nonlinear(
         ends[r, 0] = ends[r, 1] = first = 0
         while first < count and ends[r, 0] == first:
             if r * count + first >= due:
-                due = look(r * count + first)
+                due = poll(r * count + first)
             last = min(count, due - r * count)
             _run_rows(
                 model, weights, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
@@ -221,7 +221,7 @@ def predict_nonlinear(
     due = FIRST
     for k in range(len(next_means)):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         if not predict(
             model, weights, k + 1, inputs[k + 1], means[k], covariances[k], next_means[k],
             next_covariances[k], work,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_word
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
 from reobserve.core.small_systems import solve_in_place
 from reobserve.core.value import converter
@@ -147,7 +147,7 @@ def _run(  # noqa: PLR0912, see below
     due = FIRST
     for k in range(len(rows) - 1):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         # l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):
             evaluate(law.injection, known[2 * k + j], work.monomials, measured[j])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.finite import finite
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
@@ -125,7 +125,7 @@ def _run(
     due = FIRST
     for k in range(len(rows) - 1):
         if k >= due:
-            due = look(k)
+            due = poll(k)
         # g = l(y) - beta(y, u) at the start, the middle and the end of the step
         for j in range(2):
             evaluate(injection, known[2 * k + j], buffer, fed[j])

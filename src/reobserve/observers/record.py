@@ -84,7 +84,7 @@ class Rows(NamedTuple):
         return among
 
 
-class Many(NamedTuple):
+class Batch(NamedTuple):
     """Output of the compiled loop for many records: arrays (records, k, ...), and lists of `Rows`.
 
     ``goods`` are numbers of good rows; ``states`` are those after the last rows.

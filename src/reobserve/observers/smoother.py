@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import DivergenceError, InputError, shown
-from reobserve.core.interrupts import FIRST, look
+from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
@@ -227,7 +227,7 @@ def _smooth(
     due = FIRST
     for back in range(len(next_means)):
         if back >= due:
-            due = look(back)
+            due = poll(back)
         k = len(next_means) - 1 - back
         if not take_root(next_covariances[k], root):
             return k

@@ -114,11 +114,11 @@ class _Parser:
             if count % _TOGETHER == 0:
                 joined.append(signs[sign](self.sympy.Integer(join is mul), term))
             else:
-                joined[-1] = self.kept(signs[sign](joined[-1], term))
+                joined[-1] = self.checked(signs[sign](joined[-1], term))
             count += 1
         total = joined[0]
         for term in joined[1:]:
-            total = self.kept(join(total, term))
+            total = self.checked(join(total, term))
         return total
 
     def sign(self) -> Any:
@@ -144,7 +144,7 @@ class _Parser:
             check_constant(self.place, part)
         check_raised(self.place, base, exponent)
         check_power(self.place, exponent)
-        return self.kept(base**exponent)
+        return self.checked(base**exponent)
 
     def atom(self) -> Any:
         kind, token, _ = self.here
@@ -155,12 +155,12 @@ class _Parser:
                 raise InputError(self.place, f"{shown(token)} is beyond floating-point numbers")
             return self.sympy.Integer(token) if whole else self.sympy.Float(token)
         if kind == "name":
-            return self.named(token)
+            return self.symbol_or_call(token)
         if self.ahead("("):
             return self.inside()
         raise self.wrong()
 
-    def named(self, name: str) -> Any:
+    def symbol_or_call(self, name: str) -> Any:
         if name in self.variables:
             self.advance()
             return self.variables[name]
@@ -179,7 +179,7 @@ class _Parser:
             raise InputError(self.place, f"{shown(name)} {NOT_EXPANDED}")
         argument = self.inside()
         check_constant(self.place, argument)
-        return self.kept(function(argument))
+        return self.checked(function(argument))
 
     def inside(self) -> Any:
         self.advance()
@@ -189,7 +189,7 @@ class _Parser:
         self.advance()
         return inner
 
-    def kept(self, value: Any) -> Any:
+    def checked(self, value: Any) -> Any:
         """A part of the expression, unless it is a number that nobody can work with."""
         check_number(self.place, value)
         if value.is_Add or value.is_Mul:

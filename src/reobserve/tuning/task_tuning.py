@@ -38,7 +38,7 @@ def tune_method(
         for k in range(training.repeats):
             with located(f"{task.file}: {task.place}.{method}"):
                 result = tune_once(task, method, name, k)
-            repeats.append(_kept(scorer, method, name, result))
+            repeats.append(_as_repeat(scorer, method, name, result))
             flagged = "".join(f", {setting} at its edge" for setting in result.edges)
             about = f"{task.name}, {method}, {training.title} {k + 1}"
             tell(f"{about}: error {result.score:.4g} on training records{flagged}")
@@ -79,7 +79,7 @@ def _search(task: Task, method: str, training: str, repeat: int) -> tuple[Any, A
     )
 
 
-def _kept(scorer: Scorer, method: str, training: str, result: Tuned) -> Repeat:
+def _as_repeat(scorer: Scorer, method: str, training: str, result: Tuned) -> Repeat:
     task, held_out = scorer.task, {}
     given = task.methods[method].given_noise
     for count in (*(n for n in CHECKPOINTS if n < task.budget), task.budget):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from reobserve import KalmanFilter, LinearModel, rts_smoother
-from reobserve.core.interrupts import FIRST, next_look
+from reobserve.core.interrupts import FIRST, next_poll
 
 # Sends SIGINT to itself in runs that take seconds, and prints how long it took to end them.
 SCRIPT = """
@@ -142,7 +142,7 @@ def test_smoother_looks(monkeypatch: pytest.MonkeyPatch) -> None:
         rows.append(row)
         return row + FIRST
 
-    monkeypatch.setattr("reobserve.core.interrupts.next_look", looked)
+    monkeypatch.setattr("reobserve.core.interrupts.next_poll", looked)
     rts_smoother(kalman, run)
     assert rows == [FIRST, FIRST]  # of the prediction, and backwards
 
@@ -155,8 +155,8 @@ def test_looks_come_every_tenth_of_a_second(
     clock = [0.0]
     monkeypatch.setattr("reobserve.core.interrupts.time.monotonic", lambda: clock[0])
     for _ in range(6):
-        after = next_look(row)
+        after = next_poll(row)
         clock[0] += (after - row) * seconds
         row, apart = after, (after - row) * seconds
     assert apart <= max(0.11, 2 * seconds)
-    assert next_look(FIRST) == 2 * FIRST  # a loop of its own
+    assert next_poll(FIRST) == 2 * FIRST  # a loop of its own

@@ -21,7 +21,7 @@ from reobserve.estimation.families.examples import examples, simulated, specific
 from reobserve.estimation.families.file import load_design
 from reobserve.estimation.output_columns import RESIDUAL
 from reobserve.estimation.specification import as_specification, read_specification
-from reobserve.estimation.specified_design import specified
+from reobserve.estimation.specified_design import specified_design
 from tests.reobserve.bad_input.odd import as_yaml
 
 
@@ -123,7 +123,7 @@ def test_columns_name_what_the_observer_does_not(
 
 def test_names_in_columns_rename_no_estimate() -> None:
     """So that alarms of the specification hold for the design, too."""
-    made = specified(tree_of("ilo-sampled"))
+    made = specified_design(tree_of("ilo-sampled"))
     assert [part.name for part in made.design.estimates["fault"]] == [
         "fault_1", "fault_2", "fault_3",
     ]  # fmt: skip
@@ -178,7 +178,7 @@ def test_specification_is_refused_naming_the_key(
         own = tree.get(section)
         tree[section] = {**own, **keys} if isinstance(own, dict) and keys else keys
     with pytest.raises(InputError) as error:
-        specified(tree, kind)
+        specified_design(tree, kind)
     assert str(error.value).startswith(said)
 
 
@@ -198,11 +198,11 @@ def test_observer_without_fixed_steps_is_refused_in_one_sentence(
 def test_kinds_and_periods_at_the_top_are_named_without_the_section() -> None:
     tree = {"kind": "kalman", "sampling_period": 0.01, "AA": 1}
     with pytest.raises(InputError, match=r"^AA: unknown key"):
-        specified(tree)
+        specified_design(tree)
     with pytest.raises(InputError, match=r"^columns: is missing"):
         as_specification(tree)
     with pytest.raises(InputError, match=r"^kind: is missing"):
-        specified({"sampling_period": 0.01})
+        specified_design({"sampling_period": 0.01})
 
 
 def test_specification_is_not_overwritten(empty: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -554,6 +554,6 @@ def test_long_loops_can_be_interrupted(case: Case, monkeypatch: pytest.MonkeyPat
 
     times = 2 * FIRST // len(case.y) + 1
     y, u = (None if one is None else np.concatenate([one] * times) for one in (case.y, case.u))
-    monkeypatch.setattr("reobserve.core.interrupts.next_look", raise_it)
+    monkeypatch.setattr("reobserve.core.interrupts.next_poll", raise_it)
     with pytest.raises(SignalError):
         case.observer.run(y, u, state=case.state, on_divergence="return")

@@ -6,7 +6,7 @@ from reobserve.codegen.expressions import call
 from reobserve.codegen.program import ONE, Program
 
 
-def next_trial(program: Program, apart: float) -> None:
+def next_trial(program: Program, distance: float) -> None:
     """A function ``next_trial`` of the points newest, opposite and former: places and values."""
     a, b, c = (program.local(name, (2,)) for name in ("newest", "opposite", "former"))
     share, place, level, edge = map(program.local, ("share_there", "place_there", "level", "edge"))
@@ -20,6 +20,6 @@ def next_trial(program: Program, apart: float) -> None:
             slant = (c[0] - a[0]) / (b[0] - a[0])
             rest = a[1] / (c[1] - a[1]) * (b[1] / (c[1] - b[1]))
             program.let(share, share + slant * rest)
-        program.let(edge, apart / call("fabs", b[0] - a[0]))
+        program.let(edge, distance / call("fabs", b[0] - a[0]))
         program.let(share, call("fmin", call("fmax", share, edge), ONE - edge))
         program.let(out[0], a[0] + share * (b[0] - a[0]))

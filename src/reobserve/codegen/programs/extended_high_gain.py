@@ -185,7 +185,7 @@ class _Step:
         going = program.let(program.local("going"), ONE)
         program.let(begin, ZERO)
         with program.for_each("change", MAX_CHANGES), program.when(f"{going} > 0.5"):
-            self._look(z, begin)
+            self._evaluate_at(z, begin)
             program.let(self.xi_first, self.xi[0])
             program.let(self.rate_first, self.rate)
             self._clamp()
@@ -201,7 +201,7 @@ class _Step:
             program.let(begin, end)
         self._clamp()
 
-    def _look(self, at: Name, place: Name) -> None:
+    def _evaluate_at(self, at: Name, place: Name) -> None:
         """Inputs, xi^ and the raw rate at a point."""
         program = self.program
         program.apply(self.row, "inputs_at", self.first, self.last, place)
@@ -215,7 +215,7 @@ class _Step:
         """
         program, given = self.program, (self.first, self.last, self.begin, self.end, self.mode)
         program.apply(self.to, "part", *given, self.z)
-        self._look(self.to, self.end)
+        self._evaluate_at(self.to, self.end)
         at = (self.to[self.n], self.rate, self.xi[0], self.xi_first, self.mode)
         program.apply(self.distance, "margin", *at)
         program.flag(self.holds, "distance[0] >= 0.0")

@@ -34,7 +34,7 @@ class DesignFile:
 
 
 @dataclass(frozen=True, eq=False)
-class Stated:
+class ObserverSection:
     """The system of a family, and its gains, None where they are to be found."""
 
     kind: type[Design]
@@ -49,7 +49,7 @@ class Stated:
             return design
 
 
-def stated(tree: Mapping[str, Any], period: float) -> DesignFile | Stated:
+def as_observer(tree: Mapping[str, Any], period: float) -> DesignFile | ObserverSection:
     """The observer that a mapping states, for a sampling period [s].
 
     Raises
@@ -69,4 +69,4 @@ def stated(tree: Mapping[str, Any], period: float) -> DesignFile | Stated:
         problem = f"must be left out, or {period:g}, which sampling.period states"
         raise InputError("sampling_period", problem)
     kind = family(tree["kind"])
-    return Stated(kind, *kind.read({**rest, "sampling_period": period}))
+    return ObserverSection(kind, *kind.read({**rest, "sampling_period": period}))
