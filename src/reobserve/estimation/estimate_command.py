@@ -168,7 +168,7 @@ def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputEr
             f"{period:g} s disagrees with the timestamps of {file.path} ({RESAMPLING}), which go "
             f"on by {interval:.6g} s on average",
         )
-    return UnevenError(error.found, error.row, least, "the record")
+    return UnevenError(error.finding, error.row, least, "the record")
 
 
 def _blocks(

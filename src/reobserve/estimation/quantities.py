@@ -107,8 +107,8 @@ def _way(unit: Any, other: Any) -> Conversion | None:
         factor = float(quantity(1.0, unit).to(other).magnitude)
     except Exception:  # pint's, of which there are many
         return None
-    found = Conversion(factor - zero if zero else factor, zero)
-    return found if math.isfinite(found.factor + found.offset) and found.factor else None
+    way = Conversion(factor - zero if zero else factor, zero)
+    return way if math.isfinite(way.factor + way.offset) and way.factor else None
 
 
 @cache

@@ -32,21 +32,21 @@ class UnevenError(RowError):
 
     Parameters
     ----------
-    found
+    finding
         Which row is how far off, as the beginning of a sentence, with ``{at}`` for the ``row``.
     least
         The jitter that would accept the rows ``among``; None if no jitter would.
     """
 
-    def __init__(self, found: str, row: int, least: float | None, among: str) -> None:
-        self.found = found
+    def __init__(self, finding: str, row: int, least: float | None, among: str) -> None:
+        self.finding = finding
         accepting = (
             f"no jitter below 0.5 accepts {among}" if least is None else
             f"if samples are taken on time and stamped late, {least:.2g} accepts {among}"
         )  # fmt: skip
         super().__init__(
             "sampling.jitter",
-            f"{found}; {accepting}; if they are taken when their timestamps say, {RESAMPLING}",
+            f"{finding}; {accepting}; if they are taken when their timestamps say, {RESAMPLING}",
             row,
         )
 

@@ -50,7 +50,7 @@ def uncorrelated(
 
     Parameters
     ----------
-    found
+    matrices
         Matrices by name, as `reobserve.systems.linear.LinearModel.by_row` finds them.
     S
         Shape (n, m), or (k, n, m). That of a row drives the step to the next one. None if the noise

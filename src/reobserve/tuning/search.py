@@ -31,7 +31,7 @@ from reobserve.core.progress import progress
 from reobserve.tuning.optimisers import SEARCHES, Array, SpentError
 
 Settings = dict[str, float]
-Found = tuple[float, int, str]  # the objective, failed records, and why the last one failed
+Outcome = tuple[float, int, str]  # the objective, failed records, and why the last one failed
 
 SCALES = ("log", "linear")
 FAILURES = (ReobserveError, ArithmeticError, np.linalg.LinAlgError)
@@ -269,7 +269,7 @@ class Objective:
     score: Callable[[Any, Any], float]
     failed: float
 
-    def __call__(self, settings: Settings) -> Found:
+    def __call__(self, settings: Settings) -> Outcome:
         """The objective of settings, how many records failed, and why the last one did."""
         try:
             observer = self.make(dict(settings))
@@ -293,7 +293,7 @@ class Objective:
 
 
 @contextmanager
-def _mapping(workers: int) -> Iterator[Callable[..., Iterable[Found]]]:
+def _mapping(workers: int) -> Iterator[Callable[..., Iterable[Outcome]]]:
     if workers == 1:
         yield map
         return
@@ -307,7 +307,7 @@ class _Log:
     def __init__(self, path: str | Path | None, head: Mapping[str, Any]) -> None:
         self._path = path
         self._stream: TextIO | None = None
-        self._known: dict[str, Found] = {}
+        self._known: dict[str, Outcome] = {}
         self._head = json.dumps(head)
         if path is not None and Path(path).exists():
             self._read(path)
@@ -337,10 +337,10 @@ class _Log:
         if self._stream is not None:
             self._stream.close()
 
-    def get(self, settings: Settings) -> Found | None:
+    def get(self, settings: Settings) -> Outcome | None:
         return self._known.get(json.dumps(settings))
 
-    def add(self, settings: Settings, outcome: Found) -> None:
+    def add(self, settings: Settings, outcome: Outcome) -> None:
         key = json.dumps(settings)
         if key not in self._known:
             self._known[key] = outcome
@@ -349,5 +349,5 @@ class _Log:
                 self._stream.flush()
 
     @staticmethod
-    def _line(key: str, outcome: Found) -> str:
+    def _line(key: str, outcome: Outcome) -> str:
         return f"[{key}, {json.dumps(list(outcome))[1:]}"

@@ -25,7 +25,7 @@ from reobserve.estimation.observer_design import (
 from reobserve.observers.extended_state import EsoState, ExtendedStateObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import certify
-from reobserve.synthesis.extended_state.design import CertifiedGains as Found
+from reobserve.synthesis.extended_state.design import CertifiedGains
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = FloatArray
@@ -161,7 +161,7 @@ class EsoDesign(Design):
     @classmethod
     def find_gains(cls, system: FaultySystem) -> EsoGains:
         """Gains by linear matrix inequalities."""
-        solution: Found
+        solution: CertifiedGains
         augmented, derivative = system.augmented, system.structure == "pd_pi"
         if system.decay is not None:
             solution = pi.design_feasible(augmented, system.decay, system.solver)
