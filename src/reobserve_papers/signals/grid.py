@@ -2,32 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_positive
 
 MAX_STEPS = 100_000_000  # of anything: more is a slip, and fits no memory
-
-
-class Recorded(Protocol):
-    """A plant's settings, as far as its record goes."""
-
-    @property
-    def horizon(self) -> float:
-        """The simulated time [s]."""
-
-    @property
-    def step(self) -> float:
-        """The time between two samples [s]."""
-
-
-class Noisy(Recorded, Protocol):
-    """The same with noise that is held."""
-
-    @property
-    def noise_period(self) -> float:
-        """The time [s] for which noise is held."""
 
 
 def multiple(name: str, interval: float, step: float, what: str) -> int:
@@ -43,11 +23,10 @@ def multiple(name: str, interval: float, step: float, what: str) -> int:
     return count
 
 
-def plant_grid(plant: Recorded, max_steps: int) -> tuple[int, float]:
+def plant_grid(horizon: float, step: float, max_steps: int) -> tuple[int, float]:
     """The number of plant steps and the step [s]."""
     with located("plant"):
-        step = as_positive("step", plant.step)
-        horizon = as_positive("horizon", plant.horizon)
+        step, horizon = as_positive("step", step), as_positive("horizon", horizon)
         if horizon > max_steps * step:
             raise InputError(
                 "horizon",
@@ -56,17 +35,16 @@ def plant_grid(plant: Recorded, max_steps: int) -> tuple[int, float]:
         return multiple("horizon", horizon, step, "the step"), step
 
 
-def stride(plant: Recorded, sampling_period: Any) -> int:
+def stride(step: float, sampling_period: Any) -> int:
     """Plant samples in half a step of an observer, or `InputError` if that is no whole number."""
-    step = as_positive("plant.step", plant.step)
+    step = as_positive("plant.step", step)
     half = 0.5 * as_positive("sampling_period", sampling_period)
     return multiple("sampling_period", half, step, "plant.step, two in a step")
 
 
-def noise_hold(plant: Noisy) -> int:
+def noise_hold(period: float, step: float) -> int:
     """The number of plant samples for which noise is held, even, so that it jumps between steps."""
-    period = as_positive("plant.noise_period", plant.noise_period)
-    step = plant.step
+    period = as_positive("plant.noise_period", period)
     hold = round(period / step)
     if hold < 2 or hold % 2 or abs(hold * step - period) > 1e-9 * period:
         raise InputError(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import pytest
 
 from reobserve.core.errors import InputError
@@ -20,12 +17,9 @@ def test_number_of_steps_is_limited() -> None:
 
 
 def test_steps_of_a_record_and_levels_of_a_signal_are_limited() -> None:
-    def record(steps: int) -> Any:
-        return SimpleNamespace(horizon=0.5 * steps, step=0.5)
-
-    assert plant_grid(record(1000), 1000) == (1000, 0.5)
+    assert plant_grid(500.0, 0.5, 1000) == (1000, 0.5)
     with pytest.raises(InputError, match=r"^plant.horizon: 500.5 s is 1e\+03 steps, must be 1000 "):
-        plant_grid(record(1001), 1000)
+        plant_grid(500.5, 0.5, 1000)
     assert _count(500_000.0, "half periods", 2) == 500_001
     with pytest.raises(InputError, match=r"^until: asks for 1000002 half periods, .* 1000000 or"):
         _count(500_001.0, "half periods", 2)

@@ -16,13 +16,13 @@ from reobserve_papers.signals.grid import stride
 
 def _observer(job: keys.Job) -> None:
     observe.build(job)
-    stride(job.plant, job.observer.sampling_period)
+    stride(job.plant.step, job.observer.sampling_period)
 
 
 def _study(job: keys.Job) -> None:
     """Check that the steps fit the grid and that the observers have a gain to vary."""
     if isinstance(job.study, keys.Tradeoff):
-        stride(job.plant, job.study.sampling_period)
+        stride(job.plant.step, job.study.sampling_period)
         for name in job.observers:
             named(job.observers, name, keys.HighGain)
 
@@ -49,7 +49,7 @@ def _metrics(job: keys.Job) -> None:
 
 
 def _theory(job: keys.Job, _: Mapping[str, object]) -> None:
-    stride(job.plant, job.theory.sampling_period)
+    stride(job.plant.step, job.theory.sampling_period)
     named(job.observers, "order2_noise", keys.Extended).levant()
 
 

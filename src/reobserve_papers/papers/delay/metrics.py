@@ -174,7 +174,7 @@ def _guess(data: FigureData[keys.Job], *, clean: bool) -> Iterator[Score]:
     """
     job, plant = data.job, data.plant
     observer = next(body for body in job.observers.values() if isinstance(body, keys.Extended))
-    every = 2 * stride(job.plant, observer.sampling_period)
+    every = 2 * stride(job.plant.step, observer.sampling_period)
     time = plant.time[::every]
     channels = {"delay": Channel(np.full(len(time), observer.initial_delay), "s")}
     if job.scenario.model == "pendulum":

@@ -40,7 +40,7 @@ def drawn(
     """
     pair, period = 2 * plant.step, plant.noise_period
     if period >= pair:
-        values, before = held_normal(stream, samples, noise_hold(plant))
+        values, before = held_normal(stream, samples, noise_hold(plant.noise_period, plant.step))
         return values, before, values
     index, ends = np.arange(samples), np.arange(samples // 2 + 2) * pair
     fast = stream.standard_normal(int(np.ceil(ends[-1] / period)) + 1)

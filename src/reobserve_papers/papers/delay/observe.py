@@ -28,7 +28,7 @@ def estimate(job: keys.Job, plant: Series) -> Series:
 
     ``off`` is the share of each step for which the gain is switched off, up to the row's time.
     """
-    every = stride(job.plant, job.observer.sampling_period)
+    every = stride(job.plant.step, job.observer.sampling_period)
     match job.observer:
         case keys.Extended() as observer:
             channels = _extended(job, observer, plant, every)

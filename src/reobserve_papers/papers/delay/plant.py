@@ -41,7 +41,7 @@ def build(job: keys.Job) -> Setup:
     plant, scenario = job.plant, job.scenario
     steps, step = grid(plant)
     if plant.noise_period >= 2 * step:
-        noise_hold(plant)
+        noise_hold(plant.noise_period, plant.step)
     with located("plant"):
         delay = Signal.parse("delay", plant.delay, 1)
     check_delay("plant.delay", delay, delay_bounds(plant), step, steps * step)

@@ -37,7 +37,7 @@ def delay_bounds(plant: keys.Plant) -> tuple[float, float]:
 def grid(plant: keys.Plant) -> tuple[int, float]:
     """The number of plant steps and the step [s], of which the maximum delay is a multiple, too."""
     longest = delay_bounds(plant)[1]
-    steps, step = plant_grid(plant, MAX_STEPS)
+    steps, step = plant_grid(plant.horizon, plant.step, MAX_STEPS)
     if longest > plant.horizon:
         raise InputError(
             "plant.delay_bounds.1",

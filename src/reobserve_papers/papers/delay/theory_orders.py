@@ -39,7 +39,7 @@ def measure(job: keys.Job, sine: Series) -> Iterator[Metric]:
 
 def rows_of(job: keys.Job, sine: Series, order: int) -> tuple[Array, Array]:
     """y and u with its derivatives up to an order, at half the steps of the observer of Fig. 2."""
-    every = stride(job.plant, _body(job).sampling_period)
+    every = stride(job.plant.step, _body(job).sampling_period)
     signals = input_and_derivatives("sine", Signal.parse("sine", job.theory.sine, 1), order)
     u = np.hstack([signal(sine.time[::every]) for signal in signals])
     return np.ascontiguousarray(sine["state"][::every, 0]), u
@@ -62,7 +62,7 @@ def _body(job: keys.Job) -> keys.Extended:
 def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
     """Errors where the delay varies, for all orders, and away from singular instants."""
     body, rules = _body(job), job.metrics
-    every = 2 * stride(job.plant, body.sampling_period)
+    every = 2 * stride(job.plant.step, body.sampling_period)
     time, truth = sine.time[::every], np.column_stack([sine["state"], sine["delay"]])[::every]
     chosen = scored("metrics.varying_from", time, rules.varying_from, rules.varying_until)
     late = scored("metrics.radius", time, rules.radius[0], rules.varying_until)

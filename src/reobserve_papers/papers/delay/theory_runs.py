@@ -135,7 +135,7 @@ def _random_starts(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     bounds = delay_bounds(job.plant)
     body = named(job.observers, "order2", keys.Extended)
     model, step = build_model(job.plant, body.model), job.theory.sampling_period
-    every = stride(job.plant, step)
+    every = stride(job.plant.step, step)
     end = min(ramp.events["jumps"], default=ramp.time[-1]) - step
     rows = 2 * round(end / step) + 1
     y = np.ascontiguousarray(ramp["state"][::every, 0])[:rows]

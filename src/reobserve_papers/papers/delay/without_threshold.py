@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 def estimate(job: keys.Job, observer: keys.Extended, plant: Series) -> Series:
     """The estimates of the delay [s] of the scalar plant, by classical Runge-Kutta."""
-    every = stride(job.plant, observer.sampling_period)
+    every = stride(job.plant.step, observer.sampling_period)
     rows = np.column_stack([plant["state"], plant["input"], plant["input_derivatives"]])[::every]
     values = np.empty((len(rows) // 2 + 1, 2))
     values[0] = [*observer.initial_estimate, observer.initial_delay]

@@ -97,7 +97,7 @@ class MotorExperiment:
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> MotorExperiment:
     """Construct a scenario (Indriawati, Agustinah & Jazidie, Section IV, faults)."""
-    steps, step = plant_grid(plant, MOST_STEPS)
+    steps, step = plant_grid(plant.horizon, plant.step, MOST_STEPS)
     driven = controlled_motor(plant)
     with located("plant"):
         if steps % 2:

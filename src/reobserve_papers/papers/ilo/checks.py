@@ -21,7 +21,7 @@ _MATCHED = {"continuous": keys.Continuous, "adaptive": keys.Adaptive}
 
 CHECKS = Checks(
     build={
-        "plant": lambda job: noise_hold(job.plant),
+        "plant": lambda job: noise_hold(job.plant.noise_period, job.plant.step),
         "scenario": plant.build,
         "metrics": lambda job: check_rules(job.metrics, job.plant.horizon, job.plant.step),
         "study": _study,

@@ -18,7 +18,7 @@ MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 def build(job: keys.Job) -> tuple[Satellite, Signal, Signal]:
     """Construct satellite, control and fault of a scenario, and check them against the grid."""
     plant = job.plant
-    steps, step = plant_grid(plant, MOST_STEPS)
+    steps, step = plant_grid(plant.horizon, plant.step, MOST_STEPS)
     with located("plant"):
         satellite = Satellite(plant.inertia, plant.input_matrix, plant.fault_matrix)
         control = Signal.parse("control", plant.control, 3)
@@ -37,13 +37,15 @@ def simulate(job: keys.Job) -> Series:
     """
     plant = job.plant
     satellite, control, fault = build(job)
-    steps, step = plant_grid(plant, MOST_STEPS)
+    steps, step = plant_grid(plant.horizon, plant.step, MOST_STEPS)
     rate = satellite.simulate(plant.initial_rate, control, fault, step, steps)
     time = np.arange(steps + 1, dtype=np.float64) * step
     channels = {"rate": Channel(rate, "rad/s")}
     if plant.noise > 0:
         stream = random_stream(job.seed, "ilo", "rate noise")
-        noise, noise_before = held_normal(stream, steps + 1, noise_hold(plant), 3)
+        noise, noise_before = held_normal(
+            stream, steps + 1, noise_hold(plant.noise_period, plant.step), 3
+        )
         channels["measured"] = Channel(rate + plant.noise * noise, "rad/s")
         channels["measured_before"] = Channel(rate + plant.noise * noise_before, "rad/s")
     for name, signal in (("control", control), ("fault", fault)):

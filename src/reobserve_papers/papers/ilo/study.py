@@ -71,7 +71,9 @@ def _noise_rows(job: keys.Job, plant: Series) -> Iterator[dict[str, Any]]:
             built[name] = build_observer(job.plant, observer)
     for run in range(study.noise_runs):
         stream = random_stream(job.seed, "ilo", "matching noise", str(run))
-        noise = held_normal(stream, len(plant.time), noise_hold(job.plant), 3)
+        noise = held_normal(
+            stream, len(plant.time), noise_hold(job.plant.noise_period, job.plant.step), 3
+        )
         for level in study.noise_levels:
             # The same sample for every observer and level, so that only these differ.
             noisy = _with_noise(plant, level, noise)

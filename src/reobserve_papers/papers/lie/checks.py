@@ -22,7 +22,7 @@ def _design(job: keys.Job) -> NormalForm:
 
 
 def _observer(job: keys.Job, form: NormalForm) -> None:
-    stride(job.plant, build_observer(job.observer, form).sampling_period)
+    stride(job.plant.step, build_observer(job.observer, form).sampling_period)
 
 
 def _theory(job: keys.Job, forms: Mapping[str, NormalForm]) -> None:

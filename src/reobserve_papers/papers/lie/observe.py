@@ -33,7 +33,7 @@ def observe(
     on_divergence: OnDivergence = "raise",
 ) -> tuple[Run[NormalFormState], int]:
     """Run an observer on a record, and return the plant samples in half of its steps, too."""
-    every = stride(plant_settings, observer.sampling_period)
+    every = stride(plant_settings.step, observer.sampling_period)
     output = plant["output"][::every]
     start = observer.init(initial)
     return run_on_halves(observer, output, state=start, on_divergence=on_divergence), every

@@ -105,4 +105,4 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
 
 def grid(plant: keys.Plant) -> tuple[int, float]:
     """The number of plant steps and the step [s] (see `plant_grid`)."""
-    return plant_grid(plant, MOST_STEPS)
+    return plant_grid(plant.horizon, plant.step, MOST_STEPS)
