@@ -24,6 +24,7 @@ ALIASES = 200
 LETTERS = 2_000_000  # of all text in a tree
 YAML_BYTES = 512 * 1024  # of a file; the largest configuration has 40 000
 _STORED_VALUES = 5_000_000  # in a file that a step of the chain wrote
+_TOO_LARGE = "holds more values or text than anything that is read here needs"
 # Plain values of YAML 1.2 (its core schema), each with the characters that one may begin with.
 _YAML_1_2 = {
     "bool": (r"^(true|True|TRUE|false|False|FALSE)$", [*"tTfF"]),
@@ -42,7 +43,6 @@ _LARGEST = 2**53  # up to here every integer is a float
 def check_plain(tree: Any, place: str, values: int = VALUES) -> None:
     """Refuse what JSON cannot hold, what is nested too deep, and too many values."""
     waiting, letters = [(tree, place, 0)], 0
-    too_large = InputError(place, "holds more values or text than anything that is read here needs")
     while waiting:
         value, here, depth = waiting.pop()
         values -= 1
@@ -55,13 +55,13 @@ def check_plain(tree: Any, place: str, values: int = VALUES) -> None:
         if isinstance(value, Mapping | list | tuple):
             parts = value.items() if isinstance(value, Mapping) else enumerate(value)
             if len(value) > values:
-                raise too_large
+                raise InputError(place, _TOO_LARGE)
             waiting.extend((part, f"{here}.{key}", depth + 1) for key, part in parts)
         else:
             _check_leaf(value, here)
             letters += len(value) if isinstance(value, str) else 0
         if letters > LETTERS:
-            raise too_large
+            raise InputError(place, _TOO_LARGE)
 
 
 def _check_leaf(value: Any, place: str) -> None:

@@ -8,19 +8,11 @@ from typing import Any
 
 from reobserve.core.documents import Tree
 from reobserve.core.errors import InputError, nearest, shown
+from reobserve_papers.parameters.parameters import OVERRIDDEN, is_entry
 from reobserve_papers.parameters.step_kinds import SECTIONS
-
-OVERRIDDEN = "user override"
 
 # Keys whose value is a word, also where it looks like a number.
 _WORDS = ("unit", "source", "why", "label", "title", "file", "column", "text", "same_as")
-
-
-def is_entry(branch: Any) -> bool:
-    """True if a branch of the tree is an entry: a value with a unit, or a link to one."""
-    return isinstance(branch, Mapping) and (
-        ("value" in branch and "unit" in branch) or isinstance(branch.get("same_as"), str)
-    )
 
 
 def resolve(tree: Tree, overrides: Tree, paper: str) -> Tree:

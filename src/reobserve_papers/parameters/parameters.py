@@ -21,9 +21,10 @@ from reobserve.core.seals import sealed
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import add_sources
-from reobserve_papers.parameters.overrides import OVERRIDDEN, is_entry, resolve
 from reobserve_papers.parameters.settings import settings
 from reobserve_papers.parameters.step_kinds import SECTIONS
+
+OVERRIDDEN = "user override"  # the source of a value that a user has changed
 
 # What branches may name, by key: one name or a list of them, and where they stand.
 _NAMED = {
@@ -55,9 +56,10 @@ class Parameters:
             raise InputError("paper", f"there is no {paper!r}{nearest(paper, papers)}")
         tree = read_yaml(project / "config" / "papers" / f"{paper}.yaml")
         check_plain(overrides or {}, paper)
-        tree = resolve(tree, overrides or {}, paper)
+        from reobserve_papers.parameters.overrides import resolve  # which jobs do without
         from reobserve_papers.parameters.parameter_file import ParameterFile
 
+        tree = resolve(tree, overrides or {}, paper)
         parse(ParameterFile, tree, paper)
         parameters = cls(paper, tree, seed)
         parameters._check_ranges()
@@ -110,7 +112,8 @@ class Parameters:
         Labels, titles and sources are left out except for plots: they decide no number.
         """
         found = settings(self, step, name)
-        decisive: Tree = found if step == "plot" else _without_wording(found)
+        # A new title must make nothing stale but plots.
+        decisive: Tree = found if step == "plot" else _without(found, ("label", "title", "source"))
         return decisive
 
     def decisive(self) -> Tree:
@@ -165,17 +168,19 @@ def default_seed(project: Path) -> int:
     return seed
 
 
+def is_entry(branch: Any) -> bool:
+    """True if a branch of the tree is an entry: a value with a unit, or a link to one."""
+    return isinstance(branch, Mapping) and (
+        ("value" in branch and "unit" in branch) or isinstance(branch.get("same_as"), str)
+    )
+
+
 def _values(branch: Any) -> Any:
     if is_entry(branch):
         return branch["value"]
     if isinstance(branch, Mapping):
         return {key: _values(value) for key, value in branch.items()}
     return branch
-
-
-def _without_wording(branch: Any) -> Any:
-    """The values that decide numbers: a new name or title must make nothing stale but drawings."""
-    return _without(branch, ("label", "title", "source"))
 
 
 def _without(branch: Any, keys: tuple[str, ...]) -> Any:

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from reobserve_papers.parameters.overrides import OVERRIDDEN
-from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.parameters import OVERRIDDEN, Parameters
 from reobserve_papers.report.report_gaps import line
 from reobserve_papers.report.reported_claims import ReportedClaim
 

@@ -80,7 +80,7 @@ def replicate(
 
 def _name_files_from_here(parameters: Parameters, folder: Path) -> None:
     """Make paths whole that parameter files state relative to the project."""
-    from reobserve_papers.parameters.overrides import OVERRIDDEN
+    from reobserve_papers.parameters.parameters import OVERRIDDEN
 
     for _, entry in parameters.entries():
         if entry["source"] == OVERRIDDEN:

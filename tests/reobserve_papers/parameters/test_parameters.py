@@ -15,8 +15,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats
 from reobserve.core.seals import digest
 from reobserve_papers.parameters.config import known_papers
-from reobserve_papers.parameters.overrides import OVERRIDDEN
-from reobserve_papers.parameters.parameters import Parameters, leaves
+from reobserve_papers.parameters.parameters import OVERRIDDEN, Parameters, leaves
 from tests import ROOT
 
 
