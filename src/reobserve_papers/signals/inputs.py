@@ -44,15 +44,11 @@ import numpy as np
 from reobserve.core.arguments import MOST_STATES, as_kind, as_whole
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.matrices import as_floats, as_positive, as_scalar
-from reobserve_papers.signals.samples import read_samples
 from reobserve_papers.signals.signal_shapes import (
     SAME_INSTANT,
     Array,
     Constant,
     GrowingSine,
-    Held,
-    Linear,
-    PiecewiseConstant,
     Ramp,
     Shape,
     Sine,
@@ -151,7 +147,7 @@ class Signal:
                     f"{name}[{i}]",
                     "has no derivative in closed form; state it by constants, sines and ramps",
                 )
-            if not isinstance(term.shape, Constant | PiecewiseConstant):
+            if shape != Constant(0.0):
                 terms.append(Term(term.axis, term.onset, term.end, shape, term.jumps))
         return Signal(self.axes, tuple(terms))
 
@@ -256,12 +252,16 @@ def _shape(
     if kind == "sweep":
         sweep = Sweep.sine(onset, **numbers)
         return sweep, (onset + sweep.duration,)
+    from reobserve_papers.signals.piecewise_constant import PiecewiseConstant
+
     build = PiecewiseConstant.square if kind == "square" else PiecewiseConstant.prbs
     levels = build(onset, end, **numbers)
     return levels, tuple(levels.instants[1:].tolist())
 
 
 def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: float) -> Term:
+    from reobserve_papers.signals.samples import Held, Linear, read_samples
+
     interpolation = term.get("interpolation", "linear")
     if interpolation not in ("linear", "hold"):
         raise InputError(f"{name}.interpolation", f"{shown(interpolation)} must be linear or hold")

@@ -1,7 +1,8 @@
-"""Samples of a signal from a user's file, CSV (with a header) or Parquet."""
+"""Samples of a signal from a user's file, CSV (with a header) or Parquet, and between them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,39 @@ import numpy as np
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import NUMBER, read_bytes
-from reobserve_papers.signals.signal_shapes import Array
+from reobserve_papers.signals.signal_shapes import SAME_INSTANT, Array, Shape
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """The last of ``values`` that was taken, each at its of ``instants`` [s]."""
+
+    instants: Array
+    values: Array
+
+    def __call__(self, time: Array, before: bool) -> Array:
+        """Values at increasing times [s], with ``before`` what was held until then."""
+        edge = -SAME_INSTANT if before else SAME_INSTANT
+        return self.values[np.searchsorted(self.instants, time + edge, side="right") - 1]
+
+    def derivative(self) -> Shape | None:
+        """None: samples do not say what is between them."""
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Straight lines between ``values`` at ``instants`` [s], the last of which holds."""
+
+    instants: Array
+    values: Array
+
+    def __call__(self, time: Array, before: bool) -> Array:
+        """Values at increasing times [s]."""
+        return np.interp(time, self.instants, self.values)
+
+    def derivative(self) -> None:
+        """None: samples do not say what is between them."""
 
 
 def read_samples(path: Path, column: str) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve_papers.signals.grid import MAX_STEPS, multiple, plant_grid
-from reobserve_papers.signals.signal_shapes import _count
+from reobserve_papers.signals.piecewise_constant import _count
 
 
 def test_number_of_steps_is_limited() -> None:

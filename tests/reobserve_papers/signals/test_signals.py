@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve_papers.signals.inputs import Signal, sample_files
-from reobserve_papers.signals.signal_shapes import PRIMITIVE_POLYNOMIALS, maximum_length_sequence
+from reobserve_papers.signals.piecewise_constant import (
+    PRIMITIVE_POLYNOMIALS,
+    maximum_length_sequence,
+)
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from reobserve_papers.papers.delay import keys
 from reobserve_papers.signals.grid import noise_hold
 from reobserve_papers.signals.inputs import Signal, Term
 from reobserve_papers.signals.random_streams import held_normal
-from reobserve_papers.signals.signal_shapes import Linear
+from reobserve_papers.signals.samples import Linear
 
 Array = NDArray[np.float64]
 
