@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from reobserve_papers.golden.files import read_parameters, values_by_key
+from reobserve_papers.golden.number_files import read_parameters, values_by_key
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.environment import environment, package_versions

@@ -311,7 +311,9 @@ def test_parameters_that_changed_since_the_acceptance_are_named(
         entry = {"value": gain, "unit": "1", "source": "assumed"}
         tree = {**TREE, "plant": {"gain": entry, "linked": {"same_as": "plant.gain"}}}
         stated = Parameters("made", tree, 0)
-        monkeypatch.setattr(commands.Parameters, "load", lambda *arguments, **options: stated)
+        monkeypatch.setattr(
+            figdiff_commands.Parameters, "load", lambda *arguments, **options: stated
+        )
         monkeypatch.setattr(acceptance, "default_parameters", lambda *arguments: stated)
 
     def since() -> str:
@@ -358,8 +360,8 @@ def test_claims_that_lack_samples_come_last_and_keep_their_verdicts(
         asked.append(undecided)
         return True
 
-    monkeypatch.setattr(commands, "claims_file", lambda *arguments: Path("README.md"))
-    monkeypatch.setattr(commands, "sample_again", sample)
+    monkeypatch.setattr(figdiff_commands, "claims_file", lambda *arguments: Path("README.md"))
+    monkeypatch.setattr(figdiff_commands, "sample_again", sample)
     rewrite("results/claims.csv", "reproduced", "undecided")()
     rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
     lack = "1 claim lacks samples: `make samples PAPER=made` (is_stable)"
