@@ -374,7 +374,6 @@ def test_claims_that_lack_samples_come_last_and_keep_their_verdicts(
         assert said.count("moved") == (2 if not asked else 0)
         if not asked:
             assert said.index("theory") < said.index("claims: lacks")
-            commit()
             assert main(["accept", "--reason", "the gain is smaller"]) == 0
             assert "made is_stable: reproduced, not sampled since" in capsys.readouterr().out
             commit()
