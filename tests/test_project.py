@@ -263,10 +263,21 @@ def test_metadata_agrees() -> None:
         families = [author["family-names"] for author in reference["authors"]]
         for author, family in zip(about["authors"], families, strict=True):
             assert author.endswith(family)
-    workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
-    steps = [step.get("run", "") for step in workflow["jobs"]["test"]["steps"]]
-    assert any("make test" in step for step in steps)
     assert "make test" in (ROOT / ".ci/run").read_text()
+
+
+@pytest.mark.parametrize("folder", [ROOT, ROOT / "examples/two_mass"])
+def test_pull_requests_are_compared_with_the_accepted_figures(folder: Path) -> None:
+    """After the tests, pass or fail, without a second build, and on the page of the run."""
+    workflow = yaml.safe_load((folder / ".github/workflows/ci.yml").read_text())
+    assert "pull_request" in workflow[True]  # the key `on`
+    steps = [step for step in workflow["jobs"]["test"]["steps"] if "run" in step]
+    lines = [step["run"] for step in steps]
+    compared = next(k for k, line in enumerate(lines) if "reobserve-papers figdiff" in line)
+    assert "make test" in lines[compared - 1]
+    assert 'figdiff/summary.md >> "$GITHUB_STEP_SUMMARY"' in lines[compared + 1]
+    assert all("always()" in step["if"] for step in steps[compared : compared + 2])
+    assert not [line for line in lines if "snakemake" in line or "make figdiff" in line]
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))

@@ -21,6 +21,7 @@ from reobserve_papers.figure_diff.provenance_diff import differences
 from reobserve_papers.golden import golden_bench, golden_claims
 from reobserve_papers.golden.acceptance import renew
 from reobserve_papers.golden.acceptance_rules import check_may_accept, keep_reason
+from reobserve_papers.golden.number_files import write_parameters
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
@@ -78,7 +79,9 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
         moved += renew(project, results / owner, tree, owner, cores, only=part)
     redrawn = [line for pair in parts for line in _renew_references(references, results, *pair)]
     for name in chosen:
-        moved += renew(project, results / name, Parameters.load(project, name).tree, name, cores)
+        parameters = Parameters.load(project, name)
+        moved += renew(project, results / name, parameters.tree, name, cores)
+        write_parameters(project, parameters)
         _keep_samples(project, results, name)
     tasks = [] if paper else known_tasks(project)
     moved += [line for task in tasks for line in golden_bench.renew(project, results, task)]

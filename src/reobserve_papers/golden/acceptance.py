@@ -19,11 +19,9 @@ from reobserve_papers.golden.number_files import (
     golden_files,
     read_numbers,
     write_numbers,
-    write_parameters,
 )
 from reobserve_papers.golden.tolerances import tolerance
 from reobserve_papers.golden.values import built_numbers, part_names
-from reobserve_papers.parameters.parameters import default_parameters
 
 
 def renew(
@@ -58,8 +56,6 @@ def renew(
         if part not in built and not only:
             path.unlink()
             moved.append(f"{paper} {part}: removed, nothing of this name is built")
-    if not only:
-        write_parameters(project, default_parameters(project, paper))
     return moved
 
 

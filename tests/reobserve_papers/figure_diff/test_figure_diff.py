@@ -314,7 +314,6 @@ def test_parameters_that_changed_since_the_acceptance_are_named(
         monkeypatch.setattr(
             figdiff_commands.Parameters, "load", lambda *arguments, **options: stated
         )
-        monkeypatch.setattr(acceptance, "default_parameters", lambda *arguments: stated)
 
     def since() -> str:
         said = main(["figdiff"]), capsys.readouterr().out
