@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,22 +12,16 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.documents import read_json
-from reobserve.core.errors import InputError, ReobserveError, located, shown
+from reobserve.core.errors import InputError, located, shown
 from reobserve.core.files import read_table
 from reobserve.core.seals import digest
 from reobserve.core.validation import parse
-from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.metrics.study_table import StudyTable
-from reobserve_papers.parameters.figure_data import FigureData
-from reobserve_papers.parameters.job import AnyJob, Settings, declared_keys, read_job
+from reobserve_papers.parameters.job import Settings, declared_keys, read_job
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import KINDS, SEED
 from reobserve_papers.signals.series import Series
-from reobserve_papers.steps.chain import Step
 from reobserve_papers.steps.provenance import code_digest, versions
-
-Rows = Iterable[Mapping[str, Any]]  # of a study
 
 
 def paper_module(package: str, part: str) -> Any:
@@ -150,55 +143,7 @@ def read_design(path: Path, paper: str, name: str) -> dict[str, Any]:
     return stored.design
 
 
-@contextmanager
-def rows_from(study: Path | None) -> Iterator[None]:
-    """Blame a study's file for what a figure misses among its rows.
-
-    Each row has been checked by itself; which rows there must be, only who asks for them knows.
-    """
-    try:
-        yield
-    except (LookupError, ValueError) as error:
-        if study is None or isinstance(error, ReobserveError):
-            raise
-        problem = f"has not the rows that the figure needs ({error}); run the study again"
-        raise InputError(str(study), problem) from error
-
-
 def read_study(package: str, path: Path) -> list[dict[str, str]]:
     """The rows of a study."""
     module = paper_module(package, "study_rows")
     return read_table(path, module.HEADER, module.KINDS)
-
-
-def behind_figure(
-    results: Mapping[Step, Any],
-) -> tuple[Series, dict[str, Series], list[dict[str, Any]] | None]:
-    """The plant, the estimates by observer and the rows of a study, of what a figure reads."""
-    by_kind = {step[0]: found for step, found in results.items()}
-    estimates = {step[2]: found for step, found in results.items() if step[0] == "observe"}
-    return by_kind["plant"], estimates, by_kind.get("study")
-
-
-def figure_data(
-    parameters: Parameters,
-    settings: Settings,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    rows: Rows | None = None,
-) -> FigureData[AnyJob]:
-    """The data of a figure of a paper. ``rows`` are those of its study, if it has one."""
-    with located(parameters.paper):
-        job = read_job(declared_keys(parameters), settings)
-    data = FigureData(job, plant, estimates)
-    if rows is None:
-        return data
-    return replace(
-        data, study=StudyTable.of(rows, paper_module(parameters.package, "study_rows").KINDS)
-    )
-
-
-def measure(parameters: Parameters, data: FigureData[AnyJob]) -> list[Metric]:
-    """The metrics of a figure, or `InputError` if a setting of the metrics cannot be used."""
-    with located(parameters.paper):
-        return list(paper_module(parameters.package, "metrics").measure(data))

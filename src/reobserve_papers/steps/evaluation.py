@@ -19,15 +19,8 @@ from reobserve_papers.metrics.theory_parts import only
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.chain import Step, reads
-from reobserve_papers.steps.compute import (
-    behind_figure,
-    figure_data,
-    measure,
-    paper_module,
-    read_study,
-    rows_from,
-    run_step,
-)
+from reobserve_papers.steps.compute import paper_module, read_study, run_step
+from reobserve_papers.steps.figures import behind_figure, figure_data, measure, rows_from
 
 if TYPE_CHECKING:
     import pandas as pd

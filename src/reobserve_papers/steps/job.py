@@ -16,24 +16,18 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.files import write_table, write_text
 from reobserve.core.seals import digest, sealed
 from reobserve.core.validation import parse
-from reobserve_papers.metrics.metrics import read_metrics, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.chain import Step, project_of, reads, result
 from reobserve_papers.steps.compute import (
     Provenance,
-    behind_figure,
-    figure_data,
-    measure,
     paper_module,
     provenance,
     read_design,
     read_study,
-    rows_from,
     run_step,
     signed,
 )
-from reobserve_papers.steps.meanings import check_meanings
 
 
 def run(step: str, parameter_file: Path, **named: str) -> None:
@@ -44,6 +38,9 @@ def run(step: str, parameter_file: Path, **named: str) -> None:
     output = project / result(parameters.paper, step, *names)
     inputs = stored(parameters, project, step, *names)
     if step == "metrics":
+        from reobserve_papers.steps.figures import behind_figure, figure_data, measure, rows_from
+        from reobserve_papers.steps.meanings import check_meanings
+
         plant, estimates, rows = behind_figure(inputs)
         data = figure_data(parameters, settings, plant, estimates, rows)
         with rows_from(study_file(parameters, project, inputs)):
@@ -55,6 +52,8 @@ def run(step: str, parameter_file: Path, **named: str) -> None:
         case "plant" | "observe":
             signed(found, parameters, step, name, settings, *[*inputs.values()][:1]).write(output)
         case "metrics" | "theory":
+            from reobserve_papers.metrics.metrics import write_metrics
+
             write_metrics(output, found)
         case "study" | "table":
             module = paper_module(parameters.package, "study_rows" if step == "study" else step)
@@ -85,6 +84,8 @@ def _read(parameters: Parameters, path: Path, step: str, *names: str) -> Any:
         case "study":
             return read_study(parameters.package, path)
         case "metrics":
+            from reobserve_papers.metrics.metrics import read_metrics
+
             return read_metrics(path)
     return read_series(path, parameters, step, *names)
 

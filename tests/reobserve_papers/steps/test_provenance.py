@@ -10,7 +10,7 @@ import pytest
 from reobserve.core.import_closure import import_closure
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps import provenance
-from tests import ROOT
+from tests import FIVE, ROOT
 
 
 def test_digest_of_a_job_covers_the_library_and_the_paper() -> None:
@@ -22,6 +22,13 @@ def test_digest_of_a_job_covers_the_library_and_the_paper() -> None:
         "reobserve.observers.ilo",
         "reobserve.core.kernel",
     } <= set(closure)
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_record_of_a_plant_depends_on_no_observer(paper: str) -> None:
+    closure = import_closure(provenance.stage_modules("plant", f"reobserve_papers.papers.{paper}"))
+    assert f"reobserve_papers.papers.{paper}.plant" in closure
+    assert not [module for module in closure if module.startswith("reobserve.observers")]
 
 
 def test_digest_of_samples_covers_all_steps_of_the_paper() -> None:

@@ -29,8 +29,9 @@ from reobserve.observers.run import Run
 from reobserve_papers.metrics.responses import scored
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm import plant as plant_stage
+from reobserve_papers.papers.imm.plant import modes
 from reobserve_papers.papers.imm.scoring import off_quoted, quoted_distance
-from reobserve_papers.papers.imm.setup import bank, measured_columns, modes, run, saturation
+from reobserve_papers.papers.imm.setup import bank, measured_columns, run, saturation
 from reobserve_papers.papers.imm.study_rows import OUTPUTS, STATES, TUNED
 from reobserve_papers.plants.hydraulic_actuator import ActuatorModel
 from reobserve_papers.signals.series import Series

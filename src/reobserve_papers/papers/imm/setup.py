@@ -1,16 +1,15 @@
-"""Models, signals and banks of filters from the values of the parameter file."""
+"""Banks of filters from the values of the parameter file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, located
+from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_vector
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM
@@ -20,7 +19,7 @@ from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
 from reobserve_papers.papers.imm import keys
-from reobserve_papers.papers.imm.keys import MODES
+from reobserve_papers.papers.imm.plant import modes
 from reobserve_papers.plants.hydraulic_actuator import (
     MOTION,
     ORDER,
@@ -28,12 +27,8 @@ from reobserve_papers.plants.hydraulic_actuator import (
     ActuatorModel,
     SampledActuator,
 )
-from reobserve_papers.signals.grid import multiple
-from reobserve_papers.signals.inputs import Signal
 
 Array = NDArray[np.float64]
-
-MOST_STEPS = 5_000_000  # of a plant's record
 
 # [rad/s] States are divided by its powers. Q and P0 are given in these units. The value does not
 # matter: with both converted to other units a bank gives the same probabilities.
@@ -45,65 +40,6 @@ _KEYS = {
     "R": "measurement_noise",
     "covariance": "initial_covariance",
 }
-
-
-def modes(plant: keys.Plant) -> list[ActuatorModel]:
-    """The identified models, in the order of `MODES`, or `InputError` with the wrong one."""
-    models = []
-    for name in MODES:
-        try:
-            numerator, denominator = (
-                getattr(plant, f"{name}_{part}") for part in ("numerator", "denominator")
-            )
-            models.append(ActuatorModel(numerator, denominator))
-        except InputError as error:
-            raise InputError(f"plant.{name}_{error.parameter}", error.problem) from None
-    return models
-
-
-@dataclass(frozen=True)
-class ActuatorExperiment:
-    """A checked scenario: input and mode of each step, and standard deviations of the noise.
-
-    ``models`` are two, before and after the fault; ``mode`` is the index of one, shape (k,), and
-    ``control``, (k,), the input; ``noise``, (4,), of `MOTION`; ``onset`` [s];
-    ``switching_condition`` as `reobserve_papers.plants.hydraulic_actuator.simulate` has it.
-    """
-
-    models: tuple[ActuatorModel, ActuatorModel]
-    mode: NDArray[np.int64]
-    control: Array
-    noise: Array
-    period: float
-    onset: float
-    switching_condition: str
-
-
-def experiment(plant: keys.Plant, scenario: keys.Scenario) -> ActuatorExperiment:
-    """The input, modes and noise of a scenario."""
-    known = modes(plant)
-    horizon, period, onset = plant.horizon, scenario.period, scenario.onset
-    with located("scenario"):
-        if horizon > MOST_STEPS * period:
-            raise InputError("period", f"{period:g} s makes more than {MOST_STEPS:g} steps")
-        steps = multiple("period", horizon, period, "the period")
-        control = Signal.parse("input", scenario.input, 1)
-        control.check_grid("input", period, horizon)
-        if onset >= horizon:
-            raise InputError("onset", f"{onset:g} s must be before the end at {horizon:g} s")
-        begin = multiple("onset", onset, period, "the period")
-        noise = np.array(scenario.noise, dtype=np.float64)
-        faulty = known[0].blended(known[MODES.index(scenario.fault)], scenario.share)
-    rows = np.arange(steps, dtype=np.float64)
-    return ActuatorExperiment(
-        (known[0], faulty),
-        (rows >= begin).astype(np.int64),
-        control(rows * period)[:, 0],
-        noise,
-        period,
-        onset,
-        scenario.switching_condition,
-    )
 
 
 def bank(

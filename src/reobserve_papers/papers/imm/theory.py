@@ -27,7 +27,8 @@ from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.imm import keys
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.null import MEASUREMENT, RANDOM_GAIN, RandomGainFilter
-from reobserve_papers.papers.imm.setup import STATE_FREQUENCY, bank, measured_columns, modes, run
+from reobserve_papers.papers.imm.plant import modes
+from reobserve_papers.papers.imm.setup import STATE_FREQUENCY, bank, measured_columns, run
 from reobserve_papers.papers.imm.units import UNITS
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve_papers.signals.grid import multiple

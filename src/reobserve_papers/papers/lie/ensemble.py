@@ -21,6 +21,7 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve_papers.papers.lie import keys
+from reobserve_papers.papers.lie.plant import build_system
 from reobserve_papers.papers.lie.scoring import (
     integral_of_sizes,
     integral_of_squares,
@@ -29,7 +30,7 @@ from reobserve_papers.papers.lie.scoring import (
     settling_time_of,
     share_better,
 )
-from reobserve_papers.papers.lie.setup import build_observer, build_problem, build_system, forms
+from reobserve_papers.papers.lie.setup import build_observer, build_problem, forms
 from reobserve_papers.papers.lie.study_rows import Row
 from reobserve_papers.parameters.job import named
 from reobserve_papers.plants.polynomial import PolynomialPlant

@@ -1,4 +1,4 @@
-"""System, normal form and observers from their parameters."""
+"""Normal form and observers from their parameters."""
 
 from __future__ import annotations
 
@@ -17,23 +17,10 @@ from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
-from reobserve.systems.polynomial import PolynomialSystem
 from reobserve_papers.papers.lie import keys
-from reobserve_papers.signals.grid import plant_grid
+from reobserve_papers.papers.lie.plant import build_system
 
 Array = FloatArray
-
-MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
-
-
-def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
-    """The plant's system, whose size is that of the first list of powers."""
-    with located("plant"):
-        states, outputs = plant.states, plant.outputs
-        return PolynomialSystem(
-            PolynomialMap.from_terms("dynamics", plant.dynamics, states, states, exact=exact),
-            PolynomialMap.from_terms("output", plant.output, outputs, states, exact=exact),
-        )
 
 
 def build_problem(
@@ -101,8 +88,3 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
             form, observer.order, observer.gain, sampling_period=observer.sampling_period
         )
     return TransformedObserver(form, observer.order, sampling_period=observer.sampling_period)
-
-
-def grid(plant: keys.Plant) -> tuple[int, float]:
-    """The number of plant steps and the step [s] (see `plant_grid`)."""
-    return plant_grid(plant.horizon, plant.step, MOST_STEPS)

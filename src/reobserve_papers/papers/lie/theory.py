@@ -32,8 +32,9 @@ from reobserve_papers.papers.lie import keys, table
 from reobserve_papers.papers.lie.ensemble import RunOutcome, axis, records
 from reobserve_papers.papers.lie.lie_transform import lie_transform
 from reobserve_papers.papers.lie.operations import operations
+from reobserve_papers.papers.lie.plant import build_system
 from reobserve_papers.papers.lie.scoring import MEASURES, largest_improvement, share_better
-from reobserve_papers.papers.lie.setup import build_problem, build_system, stored_form
+from reobserve_papers.papers.lie.setup import build_problem, stored_form
 from reobserve_papers.papers.lie.theory_runs import (
     GROWTH,
     Case,

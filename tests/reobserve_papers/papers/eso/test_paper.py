@@ -34,8 +34,9 @@ from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
-from reobserve_papers.steps.compute import compute_design, figure_data
+from reobserve_papers.steps.compute import compute_design
 from reobserve_papers.steps.evaluation import Evaluator
+from reobserve_papers.steps.figures import figure_data
 from tests import ROOT
 from tests.reobserve.synthesis.plants import dc_motor
 from tests.reobserve_papers.papers import fixed_parameters, job_of
