@@ -56,15 +56,11 @@ def figdiff_options(command: argparse.ArgumentParser) -> None:
         metavar="PAPER[/FIGURE]",
         help="only these papers, or figures, tables or theories of papers (default: all)",
     )
-    for name, default, text in (
-        ("reference", "tests/reference", "the accepted figures"),
-        ("results", "results", "the folder of results"),
-        ("output", "figdiff", "the folder for the page and its summary"),
-    ):
-        command.add_argument(
-            f"--{name}", type=Path, default=Path(default), metavar="DIR",
-            help=f"{text} (default: {default})",
-        )  # fmt: skip
+    _folders(command, ("output", "figdiff", "the folder for the page and its summary"))
+    command.add_argument(
+        "--tolerances", type=Path, metavar="FILE",
+        help="for folders of other files: relative, absolute, picture, and files with their own",
+    )  # fmt: skip
     add_project(command)
 
 
@@ -80,4 +76,17 @@ def accept_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--cores", type=whole(1), default=2, help="processor cores for the build (default: 2)"
     )
+    _folders(command)
     add_project(command)
+
+
+def _folders(command: argparse.ArgumentParser, *others: tuple[str, str, str]) -> None:
+    folders = (
+        ("reference", "tests/reference", "the accepted figures, or files of any script"),
+        ("results", "results", "the folder of results"),
+    )
+    for name, default, text in (*folders, *others):
+        command.add_argument(
+            f"--{name}", type=Path, default=Path(default), metavar="DIR",
+            help=f"{text} (default: {default})",
+        )  # fmt: skip

@@ -26,8 +26,8 @@ def add_project(command: argparse.ArgumentParser) -> None:
 
 
 def check_project(options: Mapping[str, Any]) -> None:
-    """Refuse the folder of ``--project`` if it is no project."""
-    folder = options.get("project")
+    """Refuse the folder of ``--project`` if it is no project, but for two folders to compare."""
+    folder = None if "reference" in options else options.get("project")
     if folder is not None and not (folder / "config" / "papers").is_dir():
         where = "this folder" if folder == Path() else shown(str(folder))
         problem = f"{where} has no config/papers; name a checkout of reobserve, or run this in one"

@@ -37,6 +37,7 @@ class Item:
     difference of their panels in grey levels, and ``note_rms`` that of what is printed below.
     ``problems`` are sentences on what is missing or cannot be compared. ``stale`` says why a build
     would make it again, if it would. ``lacking`` are claims that samples do not decide any more.
+    ``allowed`` is the tolerance of the images.
     """
 
     paper: str
@@ -49,6 +50,12 @@ class Item:
     problems: list[str] = field(default_factory=list)
     stale: str = ""
     lacking: Sequence[str] = ()
+    allowed: float = pixels.TOLERANCE
+
+    @property
+    def title(self) -> str:
+        """The paper and the name, or the name of a file."""
+        return f"{self.paper} {self.name}".strip()
 
     @property
     def verdict(self) -> str:
@@ -68,13 +75,13 @@ class Item:
             return -1.0
         if self.problems:
             return math.inf
-        drawn = self.rms / pixels.TOLERANCE if self.rms and self.redrawn else 0.0
+        drawn = self.rms / (self.allowed or 1e-9) if self.rms and self.redrawn else 0.0
         return max((move.excess for move in self.moved), default=drawn)
 
     @property
     def redrawn(self) -> bool:
         """True if the images differ by more than the tolerance."""
-        return max(self.rms or 0.0, self.note_rms) > pixels.TOLERANCE
+        return max(self.rms or 0.0, self.note_rms) > self.allowed
 
     @property
     def lack(self) -> str:

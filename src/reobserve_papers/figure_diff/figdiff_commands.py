@@ -16,11 +16,17 @@ from reobserve_papers.claims.samples import keep, read_samples
 from reobserve_papers.claims.verdict_table import put_into
 from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.build_comparison import Chosen, compare_all, figures
+from reobserve_papers.figure_diff.folders import Tolerances, compare_folders, copy_results
 from reobserve_papers.figure_diff.page import render, summary
 from reobserve_papers.figure_diff.provenance_diff import differences
 from reobserve_papers.golden import golden_bench, golden_claims
 from reobserve_papers.golden.acceptance import renew
-from reobserve_papers.golden.acceptance_rules import check_may_accept, keep_reason
+from reobserve_papers.golden.acceptance_rules import (
+    add_reason,
+    check_may_accept,
+    check_reason,
+    keep_reason,
+)
 from reobserve_papers.golden.number_files import write_parameters
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import shared_texts
@@ -31,20 +37,26 @@ _SECONDS = 60.0  # CPU s of samples for each claim, when a change is accepted
 
 
 def figdiff_command(
-    project: Path, part: Sequence[str], reference: Path, results: Path, output: Path
-) -> None:
+    project: Path, part: Sequence[str], reference: Path, results: Path, output: Path,
+    tolerances: Path | None,
+) -> None:  # fmt: skip
     """Compare, write page and summary to ``output``, and fail if anything does not agree.
 
     Of some papers, or figures of papers, if ``part`` names them. What a build would make again is
-    not up to date, and agrees with nothing.
+    not up to date, and agrees with nothing. Folders without a paper are compared file by file.
     """
-    check_code(project)
     folders = (("--reference", reference), ("--results", results))
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
-    items, page = compare_all(project, reference, results, part), output / "index.html"
+    of_papers = _of_papers(project, reference, results)
+    if of_papers:
+        check_code(project)
+        items = compare_all(project, reference, results, part)
+    else:
+        items = compare_folders(reference, results, Tolerances.read(tolerances))
     failed = [item for item in items if item.verdict != "agrees"]
-    context = differences(project, {item.paper for item in failed}) if failed else []
-    if not can_tell(project, results):
+    page = output / "index.html"
+    context = differences(project, {item.paper for item in failed}) if failed and of_papers else []
+    if of_papers and not can_tell(project, results):
         context.append(
             "not checked: whether these are up to date, which only a build in `results` tells"
         )
@@ -56,7 +68,22 @@ def figdiff_command(
         raise ReobserveError(f"{len(failed)} do not agree with what was accepted; see {page}")
 
 
-def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
+def _of_papers(project: Path, reference: Path, results: Path) -> bool:
+    """True unless there are two folders without any paper of a project."""
+    if not (project / "config" / "papers").is_dir():
+        for name, path in (("--reference", reference), ("--results", results)):
+            if not path.is_dir():
+                problem = f"there is no folder {path}, nor config/papers, the papers of a project"
+                raise InputError(name, problem)
+        return False
+    known = [*known_papers(project), "bench"]
+    sides = [side for side in (reference, results) if side.is_dir()]
+    return len(sides) < 2 or any((side / name).is_dir() for side in sides for name in known)
+
+
+def accept_command(
+    project: Path, paper: Sequence[str], reason: str, cores: int, reference: Path, results: Path
+) -> None:
     """Accept figures, golden numbers, verdicts, and the table of the README, of some or all papers.
 
     If no paper is named, results of the bench are accepted, too; of PAPER/FIGURE only its numbers
@@ -64,10 +91,18 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     is not up to date is built first; if that fails, what was accepted stays. Claims whose cached
     samples do not apply any more are sampled again, and keep their verdict if that decides nothing.
     """
+    if not _of_papers(project, reference, results):
+        check_reason(reason)
+        items = compare_folders(reference, results, Tolerances())
+        moved = [f"{item.title}: {item.verdict}" for item in items if item.verdict != "agrees"]
+        copy_results(reference, results)
+        print("\n".join(moved) or "nothing moved")
+        add_reason(reference / "REASONS.md", reason, f"{len(moved)} files moved")
+        return
     check_code(project)
     check_may_accept(project, reason)
-    known, results, moved = known_papers(project), project / "results", []
-    references = project / "tests" / "reference"
+    known, results, moved = known_papers(project), project / results, []
+    references = project / reference
     parts = Chosen.read(project, paper).parts if paper else ()
     whole = [name for name in paper if "/" not in name]
     chosen = named_papers(known, whole) if whole or not paper else []

@@ -29,7 +29,7 @@ class _Shown:
 
 def drawing(item: Item) -> str:
     """Sentence on how far the images differ."""
-    if not item.rms or item.rms <= pixels.TOLERANCE < item.note_rms:
+    if not item.rms or item.rms <= item.allowed < item.note_rms:
         return f"only the note below the panels differs, RMS {item.note_rms:.3g} grey levels"
     return f"RMS {item.rms:.3g} grey levels"
 
@@ -42,13 +42,19 @@ def counts(items: Sequence[Item]) -> str:
     return ", ".join(f"{totals[word]} {words[word]}" for word in words if totals[word]) or "nothing"
 
 
+def heading(items: Sequence[Item]) -> str:
+    """The number of items, and what they are."""
+    kinds = "figures, tables, theories and papers' claims" if items[0].paper else "files"
+    return f"{len(items)} {kinds}"
+
+
 def summary(items: Sequence[Item], problems: Sequence[str], context: Sequence[str] = ()) -> str:
     """The counts and what does not agree, the largest change first, as a list in Markdown.
 
     It has `MOST_LINES` at most, so that it can stand in a pull request. ``context`` are sentences
     on what else is different.
     """
-    lines = [f"{len(items)} figures, tables, theories and papers' claims: {counts(items)}"]
+    lines = [f"{heading(items)}: {counts(items)}"]
     lines += [f"- {sentence}" for sentence in (*problems, *context)]
     failed = [item for item in items if item.verdict != "agrees"]
     for number, item in enumerate(failed):
@@ -56,7 +62,7 @@ def summary(items: Sequence[Item], problems: Sequence[str], context: Sequence[st
         if len(lines) + 1 + len(said) > MOST_LINES - 1:
             lines.append(f"- and {len(failed) - number} more, on the page")
             break
-        lines += [f"- {item.paper} {item.name}: {item.verdict}", *said]
+        lines += [f"- {item.title}: {item.verdict}", *said]
     return "\n".join(lines)
 
 
@@ -91,12 +97,12 @@ def render(
         policy=content_policy(style, script),
         style=Markup(style),
         script=Markup(script),
+        heading=heading(items),
         counts=counts(items),
         problems=problems,
         beside=context,
         failed=shown,
         agreeing=[item for item in items if item.verdict == "agrees"],
-        tolerance=pixels.TOLERANCE,
     )
 
 

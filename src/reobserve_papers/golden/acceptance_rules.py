@@ -11,14 +11,19 @@ from shutil import which
 from reobserve.core.errors import ReobserveError
 
 
-def check_may_accept(project: Path, reason: str) -> None:
-    """Raise `ReobserveError` in CI, without a reason, or if the tree has uncommitted changes."""
+def check_reason(reason: str) -> None:
+    """Raise `ReobserveError` in CI, or without a reason."""
     if os.environ.get("CI", "").lower() not in ("", "0", "false"):
         raise ReobserveError("nothing is accepted in CI: the variable CI is set")
     if len(reason.split()) < 3:
         raise ReobserveError(
             f"the reason {reason!r} must say in three words or more why the numbers move"
         )
+
+
+def check_may_accept(project: Path, reason: str) -> None:
+    """Raise `ReobserveError` as `check_reason`, or if the tree has uncommitted changes."""
+    check_reason(reason)
     changed = _changed(project)
     if changed:
         raise ReobserveError(
@@ -51,7 +56,11 @@ def keep_reason(project: Path, reason: str, moved: str) -> None:
     if not _changed(project):
         return
     commit = git(project, "rev-parse", "--short", "HEAD").strip()
-    log = project / "tests" / "golden" / "REASONS.md"
+    add_reason(project / "tests" / "golden" / "REASONS.md", reason, moved, f", at {commit}")
+
+
+def add_reason(log: Path, reason: str, moved: str, place: str = "") -> None:
+    """Add a reason of today to a list of reasons."""
     today = datetime.now(tz=UTC).date().isoformat()
     with log.open("a", encoding="utf-8") as stream:
-        stream.write(f"- {today}, at {commit}: {' '.join(reason.split())} ({moved})\n")
+        stream.write(f"- {today}{place}: {' '.join(reason.split())} ({moved})\n")

@@ -77,7 +77,7 @@ def compare(golden: Numbers, built: Numbers, name: str) -> Iterator[Moved]:
 
 def _compare(golden: Numbers, built: Numbers, name: str) -> Iterator[Moved]:
     for (source, quantity, _), keys in columns(golden, built).items():
-        place = f"{name}, {source} {quantity}"
+        place = f"{name}, {source} {quantity}" if source else f"{name}, {quantity}"
         old, new = ([key for key in keys if key in side] for side in (golden, built))
         units = {golden[key].unit for key in old}, {built[key].unit for key in new}
         if old != new:
@@ -89,7 +89,8 @@ def _compare(golden: Numbers, built: Numbers, name: str) -> Iterator[Moved]:
             worst = max(keys, key=lambda key: excess(golden, built, key))
             if (off := excess(golden, built, worst)) > 1:
                 old_one, new_one = golden[worst], built[worst]
-                at = f"{place} at {worst[2]} s" if worst[2] else place
+                where = f" at {worst[2]} s" if worst[2][:1].isdigit() else f" in {worst[2]}"
+                at = place + where * bool(worst[2])
                 allowed = "" if new_one.is_word else old_one.tolerance
                 values = old_one.value or "nothing", new_one.value or "nothing"
                 yield Moved(at, values[0], values[1], allowed, new_one.unit, off)
@@ -124,4 +125,6 @@ def _extent(keys: list[Key]) -> str:
         return "none"
     if not keys[0][2]:
         return "a number"
+    if not keys[0][2][0].isdigit():
+        return f"{len(keys)} values"
     return f"{len(keys)} numbers up to {max(float(time) for _, _, time in keys):g} s"

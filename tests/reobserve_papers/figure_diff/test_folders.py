@@ -1,0 +1,146 @@
+"""`figdiff` and `accept` on two folders of a script that knows nothing of this project."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from reobserve.core.files import read_text, write_text
+from reobserve_papers.cli.main import main
+from reobserve_papers.figure_diff.folders import Tolerances, compare_folders
+
+Capture = pytest.CaptureFixture[str]
+COMPARE = ["figdiff", "--reference", "ref", "--results", "out"]
+TABLE = "name,time,rms\nfast,0.5,1.25\nslow,1.0,-2e-3\n"
+TREE = {"gain": 2.0, "poles": [-1.0, -2.5], "runs": [{"seed": 3}, {"seed": 4}], "solver": "qr"}
+
+
+def picture(path: Path, colour: int = 0, size: int = 40) -> None:
+    shown = np.full((size, 40, 3), 255, dtype=np.uint8)
+    shown[10:20, 5:35] = (colour, 0, 120)
+    Image.fromarray(shown).save(path)
+
+
+@pytest.fixture(autouse=True)
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CI", "")
+    for folder in map(Path, ("ref", "out")):
+        (folder / "runs").mkdir(parents=True)
+        write_text(folder / "runs/scores.csv", TABLE)
+        write_text(folder / "summary.json", json.dumps(TREE))
+        picture(folder / "fig1.png")
+        write_text(folder / "notes.txt", str(folder))  # which is not compared
+
+
+def table(old: str, new: str) -> Callable[[], object]:
+    return lambda: write_text("out/runs/scores.csv", TABLE.replace(old, new))
+
+
+def tree(**changes: object) -> Callable[[], object]:
+    return lambda: write_text("out/summary.json", json.dumps({**TREE, **changes}))
+
+
+def write(name: str, content: bytes) -> Callable[[], object]:
+    return lambda: Path(name).write_bytes(content)
+
+
+CHANGED = {
+    "number": (table("1.25", "1.26"), "scores.csv, column rms in line 2: golden 1.25, found 1.26"),
+    "sign": (table("-2e-3", "2e-3"), "column rms in line 3"),
+    "nan": (table("1.25", "nan"), "column rms in line 2: golden 1.25, found nan"),
+    "infinity": (table("1.25", "inf"), "column rms in line 2: golden 1.25, found inf"),
+    "empty cell": (table("1.25", ""), "column rms in line 2: golden 1.25, found nothing"),
+    "word": (table("slow", "slower"), "column name in line 3: golden slow, found slower"),
+    "word for a number": (table("1.25", "high"), "column rms in line 2: golden 1.25, found high"),
+    "row less": (table("slow,1.0,-2e-3\n", ""), "column rms: golden 3 values, found 2 values"),
+    "row more": (table("slow", "a,1,2\nslow"), "golden 3 values, found 4 values"),
+    "column renamed": (table("rms", "RMS"), "column RMS: golden none, found 3 values"),
+    "columns exchanged": (table("name,time", "time,name"), "column time"),
+    "ragged": (table("1.0,-2e-3", "1.0"), "line 3 has not 3 cells"),
+    "no table": (write("out/runs/scores.csv", b"\xff\xfe\x00"), "is not UTF-8"),
+    "key changed": (tree(gain=2.1), "summary.json, gain: golden 2, found 2.1"),
+    "key more": (tree(more=1), "summary.json, more: golden none, found a number"),
+    "item": (tree(poles=[-1.0, -2.6]), "summary.json, poles in item 1: golden -2.5, found -2.6"),
+    "length": (tree(poles=[-1.0]), "summary.json, poles: golden 2 values, found 1 values"),
+    "nested": (tree(runs=[{"seed": 3}, {"seed": 5}]), "runs.seed in item 1: golden 4, found 5"),
+    "not a number": (tree(gain=float("nan")), "summary.json.gain: nan must be a finite number"),
+    "no JSON": (write("out/summary.json", b'{"gain": 2'), "summary.json: is not JSON"),
+    "colour": (lambda: picture(Path("out/fig1.png"), 90), "fig1.png: moved\n    - RMS "),
+    "size": (lambda: picture(Path("out/fig1.png"), 0, 41), "40 x 41 pixels, the reference figure"),
+    "no picture": (write("out/fig1.png", b"PNG"), "fig1.png: is damaged or is no image"),
+    "missing": (lambda: Path("out/summary.json").unlink(), "summary.json: it is missing"),
+    "new": (write("out/fig2.csv", b"a\n1\n"), "fig2.csv: there is no accepted file"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGED)
+def test_each_change_is_named_fails_and_can_be_accepted(change: str, capsys: Capture) -> None:
+    assert main(COMPARE) == 0
+    assert capsys.readouterr().out == "3 files: 3 agree\n"
+    make, said = CHANGED[change]
+    make()
+    assert main(COMPARE) == 1
+    printed = capsys.readouterr()
+    assert said in printed.out
+    assert "1 do not agree with what was accepted; see figdiff/index.html" in printed.err
+    assert read_text("figdiff/summary.md") == printed.out
+    page = read_text("figdiff/index.html")
+    assert '<span class="verdict">' in page
+    if change in ("colour", "number", "item"):
+        accept = [
+            "accept",
+            "--reference",
+            "ref",
+            "--results",
+            "out",
+            "--reason",
+            "a new gain is in",
+        ]
+        assert main(accept) == 0
+        assert capsys.readouterr().out.endswith(": moved\n")
+        assert read_text("ref/REASONS.md").endswith(": a new gain is in (1 files moved)\n")
+        assert main(COMPARE) == 0
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.floats(-9, 0), st.booleans())
+def test_tolerance_separates_numbers_that_agree(value: float, power: float, above: bool) -> None:
+    relative = 10**power
+    moved = value + (1.5 if above else 0.5) * (1e-12 + relative * abs(value))
+    for folder, number in (("ref", value), ("out", moved)):
+        write_text(f"{folder}/runs/scores.csv", f"x\n{number!r}\n")
+    (item,) = compare_folders(Path("ref/runs"), Path("out/runs"), Tolerances(relative=relative))
+    resolved = abs(moved - value) > 1e-15 * abs(value)  # where half a step rounds to none
+    assert item.verdict == ("moved" if above and resolved else "agrees")
+
+
+def test_tolerances_are_stated_for_all_files_and_for_some(capsys: Capture) -> None:
+    table("1.25", "1.26")()
+    tree(gain=2.001)()
+    picture(Path("out/fig1.png"), 2)
+    write_text(
+        "allowed.yaml",
+        "relative: 1e-2\nfiles:\n  fig*.png: {picture: 5}\n  summary.json: {relative: 1e-6}\n",
+    )
+    assert main([*COMPARE, "--tolerances", "allowed.yaml"]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith("3 files: 1 moved, 2 agree\n- summary.json: moved\n")
+    write_text("allowed.yaml", "relativ: 1e-2\n")
+    assert main([*COMPARE, "--tolerances", "allowed.yaml"]) == 1
+    assert "allowed.yaml" in capsys.readouterr().err
+
+
+def test_folders_that_are_not_there_and_empty_ones_are_refused(capsys: Capture) -> None:
+    assert main(["figdiff"]) == 1
+    said = "--reference: there is no folder tests/reference, nor config/papers, the papers of a"
+    assert said in capsys.readouterr().err
+    Path("empty").mkdir()
+    assert main(["figdiff", "--reference", "empty", "--results", "empty"]) == 1
+    assert "empty: has no files to compare: *.csv, *.json, *.png" in capsys.readouterr().err
