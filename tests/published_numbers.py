@@ -166,7 +166,7 @@ def of_lie() -> Iterator[str]:
     yield "All ten nonlinear coefficients"
     drawn = _paper("lie").decider.samples["injection_enlarges_domain"].trials
     order = Reference("theory", "nonlinear", "share_better_at_order_0 measure=square")
-    better = sum(bool(trial.found) and trial.found[order] > 0.5 for trial in drawn)
+    better = sum(bool(trial.numbers) and trial.numbers[order] > 0.5 for trial in drawn)
     yield f"{better} of {len(drawn)} random injections are better"
     for claim in ("injection_enlarges_domain", "nonresonance_is_easy", "identity_most_reliable"):
         yield f"It holds in {_held('lie', claim)} samples"

@@ -16,7 +16,7 @@ from reobserve.core.errors import InputError, located
 from reobserve.core.files import NAME, Kind, read_table, write_table
 from reobserve_papers.claims.checks import Numbers
 from reobserve_papers.claims.conventions import Conventions, SingleAlternative
-from reobserve_papers.claims.outcomes import Found, Outcome, outcome, taken
+from reobserve_papers.claims.outcomes import Outcome, Sample, outcome, taken
 from reobserve_papers.claims.registry import Claim, Registry
 from reobserve_papers.claims.restrictions import Keep, kept_by, narrower, spelt
 from reobserve_papers.claims.robustness import Robustness, counted
@@ -119,12 +119,12 @@ class Decider:
         if own and claim.name in self._known:
             return self._known[claim.name]
         if claim.choices:
-            found = self.samples[claim.name].outcomes(claim)
+            outcomes = self.samples[claim.name].outcomes(claim)
         else:
-            found = [outcome(claim, self.numbers)]
+            outcomes = [outcome(claim, self.numbers)]
         if own:
-            self._known[claim.name] = found
-        return found
+            self._known[claim.name] = outcomes
+        return outcomes
 
     def counted(self, claim: Claim, outcomes: Sequence[Outcome]) -> Counted:
         """The number of settings in which it holds."""
@@ -135,12 +135,12 @@ class Decider:
     def alternatives(self) -> Iterator[Alternative]:
         """All alternatives: of conventions, single ones, and of what main claims depend on."""
         conventions = self.conventions
-        for name, one in conventions.stated.items():
+        for name, convention in conventions.stated.items():
             concerned = self.registry.naming(name)
-            for label, value in one.alternatives.items():
+            for label, value in convention.alternatives.items():
                 other = conventions.with_value(name, value)
                 claims = {claim: self.registry.variant(claim, other) for claim in concerned}
-                change = f"{name} from {spelt(one.value)} to {spelt(value)}"
+                change = f"{name} from {spelt(convention.value)} to {spelt(value)}"
                 yield Alternative(f"{name}: {label}", "convention", change, other, claims)
         for name, single in conventions.single.items():
             if self.registry.claims and single.paper == self.registry.claims[0].paper:
@@ -155,11 +155,11 @@ class Decider:
     def changes(self, alternatives: Iterable[Alternative]) -> Iterator[Changed]:
         """Yield what each alternative changes, one without a claim where it changes nothing."""
         title = self.title
-        for one in alternatives:
+        for alternative in alternatives:
             judged, rows = dict(self.judged), []
-            for claim in self._concerned(one):
+            for claim in self._concerned(alternative):
                 before = self.judged[claim.name]
-                after, note = self._other(claim, one)
+                after, note = self._other(claim, alternative)
                 judged[claim.name] = after
                 moved = after.verdict != before.verdict
                 lost = bool(before.promised) and not after.promised
@@ -168,20 +168,20 @@ class Decider:
                 if moved or note:
                     rows.append((claim.name, before.verdict, after.verdict, note))
             # Where it leaves no main claim it says nothing of the title.
-            other_title = self._title(judged, one.conventions) or title
+            other_title = self._title(judged, alternative.conventions) or title
             for name, verdict, other, note in rows or [("", "", "", "")]:
-                yield Changed(one, name, verdict, other, title, other_title, note)
+                yield Changed(alternative, name, verdict, other, title, other_title, note)
 
     def _own(self, name: str) -> Claim:
         return next(claim for claim in self.registry.claims if claim.name == name)
 
-    def _concerned(self, one: Alternative) -> list[Claim]:
+    def _concerned(self, alternative: Alternative) -> list[Claim]:
         """The claims whose verdict an alternative might change, as it reads them."""
-        rule = one.conventions.values["share"] != self.conventions.values["share"]
+        rule = alternative.conventions.values["share"] != self.conventions.values["share"]
         return [
-            one.claims.get(claim.name, claim)
+            alternative.claims.get(claim.name, claim)
             for claim in self.registry.claims
-            if rule or claim.name in one.claims or claim.name in one.keep
+            if rule or claim.name in alternative.claims or claim.name in alternative.keep
         ]
 
     def _judged(self, claim: Claim, conventions: Conventions, keep: Keep | None = None) -> Judged:
@@ -198,7 +198,7 @@ class Decider:
         if claim.choices and claim.name not in self.samples:
             return (BROKEN,)
         try:
-            if claim.quantifier == "always" and self._stated(claim) != "holds":
+            if claim.quantifier == "always" and self._nominal_outcome(claim) != "holds":
                 return (CONTRADICTED,)
             outcomes = self.outcomes(claim)
         except InputError:
@@ -208,50 +208,50 @@ class Decider:
         fitted = (claim.quantifier == "can" or claim.printed) and self.setting(claim) != ""
         if keep is not None:
             outcomes = self._kept(claim, outcomes, keep)
-        found = self.counted(claim, outcomes)
+        count = self.counted(claim, outcomes)
         if keep is not None and claim.choices and self.samples[claim.name].whole is not None:
-            found = counted(outcomes, whole=bool(outcomes))
-        return possible(claim.quantifier, found, conventions.values["share"], fitted)
+            count = counted(outcomes, whole=bool(outcomes))
+        return possible(claim.quantifier, count, conventions.values["share"], fitted)
 
     def setting(self, claim: Claim) -> str:
         """A setting at which a claim is known to hold, or for what is `always` so, to fail."""
         wanted = claim.quantifier != "always"
-        if (self._stated(claim) == "holds") == wanted:
+        if (self._nominal_outcome(claim) == "holds") == wanted:
             return "the parameter file"
         samples = self.samples.get(claim.name, Robustness())
         outcomes = self.outcomes(claim) if samples.trials else []
-        for trial, found in zip(samples.trials, outcomes, strict=True):
-            if (found == "holds") == wanted and found not in ("diverged", "refused"):
+        for trial, word in zip(samples.trials, outcomes, strict=True):
+            if (word == "holds") == wanted and word not in ("diverged", "refused"):
                 listed = zip(samples.names, trial.values, strict=True)
                 return ", ".join(f"{name} {spelt(value)}" for name, value in listed)
         return claim.setting
 
     def holds(self, claim: Claim) -> bool:
         """True if it holds with the parameter file as it is, which has no vote."""
-        return self._stated(claim) == "holds"
+        return self._nominal_outcome(claim) == "holds"
 
-    def stated(self, claim: Claim) -> Found:
+    def nominal(self, claim: Claim) -> Sample:
         """The numbers of a claim with the parameter file as it is."""
-        references = [one for check in claim.checks for one in check.references]
+        references = [ref for check in claim.checks for ref in check.references]
         return taken(references, self.numbers)
 
-    def _stated(self, claim: Claim) -> Outcome:
+    def _nominal_outcome(self, claim: Claim) -> Outcome:
         return outcome(claim, self.numbers)
 
     def _kept(self, claim: Claim, outcomes: list[Outcome], keep: Keep) -> list[Outcome]:
         samples = self.samples[claim.name]
         return [
-            found
-            for number, (trial, found) in enumerate(zip(samples.trials, outcomes, strict=True))
+            word
+            for number, (trial, word) in enumerate(zip(samples.trials, outcomes, strict=True))
             if keep(dict(zip(samples.names, trial.values, strict=True)), number)
         ]
 
-    def _other(self, claim: Claim, one: Alternative) -> tuple[Judged, str]:
+    def _other(self, claim: Claim, alternative: Alternative) -> tuple[Judged, str]:
         """The verdict by an alternative, or the one there is where that cannot be said."""
         before = self.judged[claim.name]
         unchanged = replace(before, promised=claim.promised, purpose=claim.purpose)
         try:
-            after = self._judged(claim, one.conventions, one.keep.get(claim.name))
+            after = self._judged(claim, alternative.conventions, alternative.keep.get(claim.name))
         except InputError:
             return unchanged, NOT_COMPUTED
         if len(after.verdicts) > 1 and before.verdict in after.verdicts:
@@ -270,8 +270,10 @@ class Decider:
             for claim, changes in single.claims.items()
         }
         keep = kept_by(self.registry, single, self._seed)
-        parts = [*(f"{claim}: {', '.join(map(str, one))}" for claim, one in single.claims.items())]
-        parts += [f"{key} {spelt(one)}" for key, one in {**single.ranges, **single.weights}.items()]
+        parts = [f"{claim}: {', '.join(map(str, keys))}" for claim, keys in single.claims.items()]
+        parts += [
+            f"{key} {spelt(item)}" for key, item in {**single.ranges, **single.weights}.items()
+        ]
         kind = "claim" if claims else "samples"
         return Alternative(name, kind, "; ".join(parts), self.conventions, claims, keep)
 
@@ -289,17 +291,17 @@ def title(decider: Decider, changes: Iterable[Changed]) -> Title:
     mains = main_claims(decider.judged.values(), values["main"], values["purpose"])
     reasons: list[str] = []
     if plain == OPEN:
-        short = [one for one in mains if one.verdict != REPRODUCED]
-        listed = ", ".join(f"{one.name} {one.verdict}" for one in short)
+        short = [claim for claim in mains if claim.verdict != REPRODUCED]
+        listed = ", ".join(f"{claim.name} {claim.verdict}" for claim in short)
         reasons.append(
             f"{len(mains) - len(short)} of {len(mains)} main claims are reproduced: {listed}"
         )
-    if contradicted := [one.name for one in mains if one.verdict == CONTRADICTED]:
+    if contradicted := [claim.name for claim in mains if claim.verdict == CONTRADICTED]:
         reasons.append(f"contradicted: {', '.join(contradicted)}")
     by: dict[str, dict[str, None]] = {}
-    for one in changes:
-        if one.other_title != plain:
-            by.setdefault(one.other_title, {})[one.alternative.name] = None
+    for change in changes:
+        if change.other_title != plain:
+            by.setdefault(change.other_title, {})[change.alternative.name] = None
     changing = [f"{word} with {'; '.join(names)}" for word, names in by.items()]
     changing += [
         f"{other} if {claim} is {word}, which its samples allow"
@@ -316,12 +318,12 @@ def write_alternatives(path: Path, changes: Iterable[Changed], title: Title) -> 
     }  # fmt: skip
     rows = (
         {
-            "alternative": one.alternative.name, "kind": one.alternative.kind,
-            "change": one.alternative.change, "claim": one.claim, "verdict": one.verdict,
-            "other": one.other, "title": one.title, "other_title": one.other_title,
-            "note": one.note,
+            "alternative": change.alternative.name, "kind": change.alternative.kind,
+            "change": change.alternative.change, "claim": change.claim, "verdict": change.verdict,
+            "other": change.other, "title": change.title, "other_title": change.other_title,
+            "note": change.note,
         }
-        for one in changes
+        for change in changes
     )  # fmt: skip
     write_table(path, [first, *rows], HEADER, seal=True)
 

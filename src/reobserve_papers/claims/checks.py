@@ -116,7 +116,7 @@ class Check:
     def of_others(self, others: Mapping[str, str]) -> Check:
         """The same check of other observers, by name."""
         value, other = (
-            tuple(one._replace(observer=others.get(one.observer, one.observer)) for one in listed)
+            tuple(ref._replace(observer=others.get(ref.observer, ref.observer)) for ref in listed)
             for listed in (self.value, self.other)
         )
         return replace(self, value=value, other=other)
@@ -144,13 +144,13 @@ class Check:
 
     def values(self, numbers: Numbers) -> list[float]:
         """The values of the relation, one for each reference (see `Reference.look_up`)."""
-        found = [reference.look_up(numbers) for reference in self.value]
+        values = [reference.look_up(numbers) for reference in self.value]
         others = [reference.look_up(numbers) for reference in self.other]
         if self.how == "over":
-            return [_quotient(a, b) for a, b in zip(found, others, strict=True)]
+            return [_quotient(a, b) for a, b in zip(values, others, strict=True)]
         if self.how == "minus":
-            return [a - b for a, b in zip(found, others, strict=True)]
-        return found
+            return [a - b for a, b in zip(values, others, strict=True)]
+        return values
 
     def holds(self, numbers: Numbers) -> bool:
         """True if the numbers satisfy it."""

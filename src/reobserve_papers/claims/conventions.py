@@ -97,16 +97,16 @@ def read_conventions(project: Path) -> Conventions:
     path = project / CONVENTIONS
     if not path.is_file():
         return Conventions()
-    found = parse(ConventionsFile, read_yaml(path))
-    for name, one in found.conventions.items():
-        for value in (one.value, *one.alternatives.values()):
+    file = parse(ConventionsFile, read_yaml(path))
+    for name, entry in file.conventions.items():
+        for value in (entry.value, *entry.alternatives.values()):
             with located(f"conventions.{name}"):
                 _check(name, value)
-        if one.value in one.alternatives.values():
-            problem = f"{shown(one.value)} must be another than the value"
+        if entry.value in entry.alternatives.values():
+            problem = f"{shown(entry.value)} must be another than the value"
             raise InputError(f"conventions.{name}.alternatives", problem)
-    values = {**SPECIAL, **{name: one.value for name, one in found.conventions.items()}}
-    return Conventions(values, found.conventions, found.alternatives, found.note)
+    values = {**SPECIAL, **{name: entry.value for name, entry in file.conventions.items()}}
+    return Conventions(values, file.conventions, file.alternatives, file.note)
 
 
 @cache
@@ -134,8 +134,8 @@ def words_in(tree: Any) -> Iterator[str]:
 def without_reasons(tree: Any) -> Any:
     """A tree without its reasons, which decide nothing."""
     if isinstance(tree, Mapping):
-        return {key: without_reasons(one) for key, one in tree.items() if key not in _WORDING}
-    return [without_reasons(one) for one in tree] if isinstance(tree, list) else tree
+        return {key: without_reasons(part) for key, part in tree.items() if key not in _WORDING}
+    return [without_reasons(part) for part in tree] if isinstance(tree, list) else tree
 
 
 def names_in(tree: Any) -> set[str]:
@@ -157,7 +157,7 @@ def filled(tree: Any, values: Mapping[str, Any]) -> Any:
     whole = _NAMED.fullmatch(tree)
     if whole:
         return _value(whole[1], values)
-    return _NAMED.sub(lambda found: str(_value(found[1], values)), tree)
+    return _NAMED.sub(lambda match: str(_value(match[1], values)), tree)
 
 
 def changed(body: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -184,7 +184,7 @@ def _with(tree: Any, path: list[str], value: Any, key: str) -> Any:
         if not head.isdigit() or int(head) >= len(tree):
             raise InputError(key, f"there is no item {head}, must be 0 to {len(tree) - 1}")
         number = int(head)
-        return [_with(one, rest, value, key) if k == number else one for k, one in enumerate(tree)]
+        return [*tree[:number], _with(tree[number], rest, value, key), *tree[number + 1 :]]
     if not isinstance(tree, Mapping) or (rest and head not in tree):
         known = tree if isinstance(tree, Mapping) else ()
         raise InputError(key, f"there is no {shown(head)}{nearest(head, known)}")

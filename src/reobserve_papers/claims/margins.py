@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from reobserve_papers.claims.checks import Check
-from reobserve_papers.claims.outcomes import Found, deciding, nested
+from reobserve_papers.claims.outcomes import Sample, deciding, nested
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.verdicts import Counted, possible
 
@@ -16,14 +16,13 @@ _MOVABLE = ("below", "above")
 
 
 def margins(
-    claim: Claim, found: Sequence[Found | None], whole: bool, share: float
+    claim: Claim, samples: Sequence[Sample | None], whole: bool, share: float
 ) -> dict[Check, tuple[float, float]]:
     """Values between which a bound may be without another verdict, by check with one bound.
 
-    What was ``found`` are the samples. The ends are numbers at which an outcome turns over, or
-    infinite.
+    The ends are numbers at which an outcome turns over, or infinite.
     """
-    numbers = [deciding(claim, None if one is None else nested(one)) for one in found]
+    numbers = [deciding(claim, None if sample is None else nested(sample)) for sample in samples]
     return {
         check: (
             _end(claim, k, numbers, whole, share, -1),
@@ -34,12 +33,12 @@ def margins(
     }
 
 
-def format_margins(found: dict[Check, tuple[float, float]]) -> str:
+def format_margins(intervals: dict[Check, tuple[float, float]]) -> str:
     """The same for a reader."""
-    alone = len(found) == 1
+    alone = len(intervals) == 1
     return "; ".join(
         f"{'' if alone else f'{check.name} '}{check.relation} {_format(low, high)}"
-        for check, (low, high) in found.items()
+        for check, (low, high) in intervals.items()
     )
 
 
@@ -60,19 +59,19 @@ def _end(
     check = claim.checks[k]
     rest = [(j, other) for j, other in enumerate(claim.checks) if j != k]
     # Only where all other checks hold does this bound decide.
-    open_ones = [one[k] for one in numbers if one and all(c.satisfied_by(one[j]) for j, c in rest)]
+    open_ones = [row[k] for row in numbers if row and all(c.satisfied_by(row[j]) for j, c in rest)]
 
     def verdicts(bound: float) -> tuple[str, ...]:
         moved = replace(check, bound=bound)
         held = sum(moved.satisfied_by(number) for number in open_ones)
         return possible(claim.quantifier, Counted(held, len(numbers), whole), share)
 
-    found = verdicts(check.bound)
+    current = verdicts(check.bound)
     ends = {number for number in open_ones if math.isfinite(number)}
     ahead = [end for end in ends if way * end >= way * check.bound]
     ahead.sort(reverse=way < 0)
     for end, following in pairwise([*ahead, way * math.inf]):
         beyond = (end + following) / 2 if math.isfinite(following) else end + way
-        if verdicts(beyond) != found:
+        if verdicts(beyond) != current:
             return end
     return way * math.inf

@@ -20,8 +20,8 @@ from reobserve_papers.steps.evaluation import Evaluator
 # neither (a tie); else it is opposed where it does not hold.
 Outcome = Literal["holds", "tie", "opposed", "diverged", "refused"]
 
-# What came out of one sample: by reference, without those of a figure that diverged.
-Found = Mapping[Reference, float]
+# Numbers of one sample by reference, without those of a figure that diverged.
+Sample = Mapping[Reference, float]
 
 
 class Outcomes:
@@ -30,40 +30,40 @@ class Outcomes:
     def __init__(self, base: Evaluator, claims: Iterable[Claim]) -> None:
         # What others start from: all that the claims need.
         self._base = base
-        figures = dict.fromkeys(one.figure for claim in claims for one in claim.wanted)
-        self._stated = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
+        figures = dict.fromkeys(ref.figure for claim in claims for ref in claim.wanted)
+        self._nominal = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
 
-    def apart(self) -> Outcomes:
+    def isolated(self) -> Outcomes:
         """A copy, with which all that it runs from here on is forgotten."""
         other = copy.copy(self)
-        other._base = self._base.apart()
+        other._base = self._base.isolated()
         return other
 
-    def at(self, parameters: Parameters, claims: Iterable[Claim]) -> dict[str, Found]:
+    def at(self, parameters: Parameters, claims: Iterable[Claim]) -> dict[str, Sample]:
         """Return the numbers that the claims want, by claim."""
         evaluator = self._base.sibling(parameters)
         claims = list(claims)
-        wanted = [one for claim in claims for one in claim.wanted]
-        asked = frozenset(one.metric for one in wanted if one.figure == THEORY)
+        wanted = [ref for claim in claims for ref in claim.wanted]
+        asked = frozenset(ref.metric for ref in wanted if ref.figure == THEORY)
         numbers: dict[str, Mapping[tuple[str, str], float]] = {}
-        for figure in dict.fromkeys(one.figure for one in wanted):
+        for figure in dict.fromkeys(ref.figure for ref in wanted):
             try:
                 numbers[figure] = lookup(metrics_of(evaluator, figure, asked))
             except DivergenceError:
                 continue
         return {claim.name: taken(claim.wanted, numbers) for claim in claims}
 
-    def stated(self, claim: Claim) -> Found | None:
-        """The numbers with the stated parameters, or None if it names an unknown one."""
+    def nominal(self, claim: Claim) -> Sample | None:
+        """The numbers with the parameter file as it is, or None if it names an unknown one."""
         try:
             for check in claim.checks:
-                check.values(self._stated)
+                check.values(self._nominal)
         except InputError:
             return None
         return {
-            one: self._stated[one.figure][one.observer, one.metric]
-            for one in claim.wanted
-            if (one.observer, one.metric) in self._stated.get(one.figure, {})
+            ref: self._nominal[ref.figure][ref.observer, ref.metric]
+            for ref in claim.wanted
+            if (ref.observer, ref.metric) in self._nominal.get(ref.figure, {})
         }
 
 
@@ -77,7 +77,7 @@ def basis_of(evaluator: Evaluator, claim: Claim, known: Sequence[str] | None = N
     parameters = evaluator.parameters
     if known is not None and set(known) != set(parameters.by_key):
         evaluator = Evaluator(_without_new(parameters, frozenset(known)))
-    figures = dict.fromkeys(one.figure for one in claim.wanted)
+    figures = dict.fromkeys(ref.figure for ref in claim.wanted)
     seen = {
         figure: evaluator.digest(None if figure == THEORY else figure)
         for figure in figures
@@ -124,14 +124,14 @@ def metrics_of(
 
 def taken(wanted: Iterable[Reference], numbers: Numbers) -> dict[Reference, float]:
     """The numbers that a claim wants, without those of figures that diverged."""
-    return {one: one.look_up(numbers) for one in wanted if one.figure in numbers}
+    return {ref: ref.look_up(numbers) for ref in wanted if ref.figure in numbers}
 
 
-def nested(found: Found) -> dict[str, dict[tuple[str, str], float]]:
+def nested(sample: Sample) -> dict[str, dict[tuple[str, str], float]]:
     """The same numbers, by figure."""
     numbers: dict[str, dict[tuple[str, str], float]] = {}
-    for one, value in found.items():
-        numbers.setdefault(one.figure, {})[one.observer, one.metric] = value
+    for ref, value in sample.items():
+        numbers.setdefault(ref.figure, {})[ref.observer, ref.metric] = value
     return numbers
 
 

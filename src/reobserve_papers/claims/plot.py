@@ -45,29 +45,29 @@ _MAX_BARS = 6  # the largest; the others seldom explain more than chance does
 
 
 def specification_curves(
-    claims: Sequence[Claim], found: Mapping[str, Robustness], parameter_file: Numbers
+    claims: Sequence[Claim], sampled: Mapping[str, Robustness], parameter_file: Numbers
 ) -> Figure:
     """Draw specification curves of the main claims that were sampled, one below the other."""
-    drawn = [claim for claim in claims if claim.is_main and claim.name in found]
-    drawn = [claim for claim in drawn if found[claim.name].samples]
+    drawn = [claim for claim in claims if claim.is_main and claim.name in sampled]
+    drawn = [claim for claim in drawn if sampled[claim.name].samples]
     if not drawn:
         return _said("No main claim depends on a choice that could be sampled.")
-    rows = [len(found[claim.name].names) for claim in drawn]
+    rows = [len(sampled[claim.name].names) for claim in drawn]
     figure, panels = _stack(
         [place for count in rows for place in ((0.45, 1.5), (0.06, 0.05 + 0.13 * count))], 0.25
     )
     for claim, curve, choices in zip(drawn, panels[::2], panels[1::2], strict=True):
-        _curve(curve, choices, claim, found[claim.name], parameter_file)
+        _curve(curve, choices, claim, sampled[claim.name], parameter_file)
     return figure
 
 
-def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
+def sensitivity_bars(claims: Sequence[Claim], sampled: Mapping[str, Robustness]) -> Figure:
     """Draw how much of the deciding number each choice explains, of claims that they turn over."""
-    drawn = [(claim, found[claim.name]) for claim in claims if claim.name in found]
+    drawn = [(claim, sampled[claim.name]) for claim in claims if claim.name in sampled]
     each = influences(drawn)
     shown = [
-        (claim, one, bars[:_MAX_BARS])
-        for (claim, one), bars in zip(drawn, each, strict=True)
+        (claim, samples, bars[:_MAX_BARS])
+        for (claim, samples), bars in zip(drawn, each, strict=True)
         if bars
     ]
     if not shown:
@@ -76,8 +76,8 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
     figure, (axes,) = _stack([(0.05, _ROW * rows)], 0.6)
     places: list[float] = []
     row = 0.0
-    for claim, one, bars in shown:
-        said = f"{_spoken(claim)}: held in {_held(claim, one)} of {one.samples} samples"
+    for claim, samples, bars in shown:
+        said = f"{_spoken(claim)}: held in {_held(claim, samples)} of {samples.samples} samples"
         axes.text(0.0, row + _TITLE - 0.9, said, fontsize=7.5)
         places += [row + _TITLE + k for k in range(len(bars))]
         row += _TITLE + len(bars)
@@ -119,13 +119,13 @@ def _stack(places: Sequence[tuple[float, float]], below: float) -> tuple[Figure,
 
 
 def _curve(
-    curve: Axes, choices: Axes, claim: Claim, one: Robustness, parameter_file: Numbers
+    curve: Axes, choices: Axes, claim: Claim, samples: Robustness, parameter_file: Numbers
 ) -> None:
-    k = deciding_check(claim, one)
+    k = deciding_check(claim, samples)
     check = claim.checks[k]
-    outcomes, deciding = one.outcomes(claim), deciding_numbers(claim, one)
+    outcomes, deciding = samples.outcomes(claim), deciding_numbers(claim, samples)
     order = sorted(
-        (number for number, found in enumerate(deciding) if found),
+        (number for number, present in enumerate(deciding) if present),
         key=lambda number: _last_if_none(deciding[number][k]),
     )
     numbers = [deciding[number][k] for number in order]
@@ -146,21 +146,21 @@ def _curve(
     if math.isfinite(stated):
         curve.axhline(stated, color=_STATED, linewidth=0.8, label="parameter file")
     _scale(curve, [*filter(math.isfinite, [*numbers, stated])], _bounds(check))
-    lost = one.samples - len(order)
+    lost = samples.samples - len(order)
     noted = f" ({lost} diverged or were refused)" if lost else ""
     curve.set_title(
-        f"{_spoken(claim)}: held in {_held(claim, one)} of {one.samples} samples{noted}"
+        f"{_spoken(claim)}: held in {_held(claim, samples)} of {samples.samples} samples{noted}"
     )
     curve.set_ylabel("\n".join(textwrap.wrap(_spelled(check), 26)), fontsize=_SMALL)
     curve.legend(fontsize=_SMALL, ncols=3, loc="best")
     curve.set_xticks([])
-    for row in range(len(one.names)):
-        shades = _in_range([one.trials[number].values[row] for number in order])
+    for row in range(len(samples.names)):
+        shades = _in_range([samples.trials[number].values[row] for number in order])
         choices.scatter(
             range(len(order)), [row] * len(order), c=shades, cmap="Greys", vmin=-0.25, vmax=1.0,
             s=9, marker="s", linewidths=0,
         )  # fmt: skip
-    _label_rows(choices, one.names)
+    _label_rows(choices, samples.names)
     choices.set_xlim(curve.get_xlim())
     choices.set_xlabel(
         "samples in order; dark: high in its range, or late among its words in alphabetic order",
@@ -170,8 +170,8 @@ def _curve(
     choices.grid(visible=False)
 
 
-def _held(claim: Claim, one: Robustness) -> int:
-    return one.outcomes(claim).count("holds")
+def _held(claim: Claim, samples: Robustness) -> int:
+    return samples.outcomes(claim).count("holds")
 
 
 def _bounds(check: Check) -> list[float]:

@@ -58,7 +58,7 @@ def alternatives_curve(
     verdicts
         The verdicts by the conventions as stated, by claim.
     """
-    mains = [one.name for one in claims if one.is_main and verdicts.get(one.name) in _VERDICTS]
+    mains = [c.name for c in claims if c.is_main and verdicts.get(c.name) in _VERDICTS]
     by: dict[str, dict[str, str]] = {STATED: {}}
     plain = rows[0]["title"] if rows else title.word
     titles = {STATED: plain}
@@ -108,7 +108,7 @@ def alternatives_curve(
                 *zip(*spots, strict=True), linestyle="", marker=marker, color=color, markersize=3,
                 label=word,
             )  # fmt: skip
-    below.set_yticks(range(len(mains)), [one.replace("_", " ") for one in mains], fontsize=_SMALL)
+    below.set_yticks(range(len(mains)), [name.replace("_", " ") for name in mains], fontsize=_SMALL)
     below.set_ylim(len(mains) - 0.4, -0.6)
     below.set_xlim(above.get_xlim())
     below.set_xticks([])
@@ -127,8 +127,8 @@ def alternatives_curve(
 
 
 def _share(changed: Mapping[str, str], mains: Sequence[str], verdicts: Mapping[str, str]) -> float:
-    found = [changed.get(claim, verdicts[claim]) for claim in mains]
-    return found.count(REPRODUCED) / len(found) if found else 0.0
+    words = [changed.get(claim, verdicts[claim]) for claim in mains]
+    return words.count(REPRODUCED) / len(words) if words else 0.0
 
 
 def _panels(figure: Figure, heights: tuple[float, float, float]) -> tuple[Axes, Axes]:

@@ -53,7 +53,7 @@ def spelt(value: Any) -> str:
     if isinstance(value, list):
         return " to ".join(map(spelt, value)) if len(value) == 2 else ", ".join(map(spelt, value))
     if isinstance(value, Mapping):
-        return ", ".join(f"{spelt(key)} {spelt(one)}" for key, one in value.items())
+        return ", ".join(f"{spelt(key)} {spelt(item)}" for key, item in value.items())
     return str(value)
 
 
@@ -62,7 +62,7 @@ def _about(registry: Registry, single: SingleAlternative) -> list[Claim]:
     for name in single.only:
         if name not in names:
             raise InputError("only", f"there is no {shown(name)}{nearest(name, names)}")
-    return [one for one in registry.claims if not single.only or one.name in single.only]
+    return [claim for claim in registry.claims if not single.only or claim.name in single.only]
 
 
 def _knobs(claim: Claim) -> list[Knob]:
@@ -100,13 +100,13 @@ def _check_limit(place: str, knob: Knob, listed: Any) -> None:
 
 def _matches(key: str, knob: Knob) -> bool:
     return key == knob.name or any(
-        fnmatchcase(".".join((one, *map(str, knob.path))), key) or fnmatchcase(one, key)
-        for one in knob.keys
+        fnmatchcase(".".join((entry, *map(str, knob.path))), key) or fnmatchcase(entry, key)
+        for entry in knob.keys
     )
 
 
 def _of_key(knob: Knob, listed: Mapping[str, Any]) -> Any:
-    return next((one for key, one in listed.items() if _matches(key, knob)), None)
+    return next((value for key, value in listed.items() if _matches(key, knob)), None)
 
 
 def _within(knob: Knob, listed: Sequence[Any]) -> Keep:

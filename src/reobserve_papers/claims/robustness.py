@@ -13,7 +13,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.choices import chosen, with_values
-from reobserve_papers.claims.outcomes import Found, Outcome, Outcomes, basis_of, nested, outcome
+from reobserve_papers.claims.outcomes import Outcome, Outcomes, Sample, basis_of, nested, outcome
 from reobserve_papers.claims.registry import Claim
 from reobserve_papers.claims.samples import (
     KnownSamples,
@@ -41,7 +41,7 @@ class Trial:
     """One sample: how its values are chosen, and what came out, None where it was refused."""
 
     choose: Callable[[], tuple[Any, ...]] = field(compare=False, repr=False)
-    found: Found | None
+    numbers: Sample | None
 
     @cached_property
     def values(self) -> tuple[Any, ...]:
@@ -78,7 +78,7 @@ class Robustness:
     def outcomes(self, claim: Claim) -> list[Outcome]:
         """The outcome of a claim in each sample, as it is or as an alternative reads it."""
         return [
-            outcome(claim, None if trial.found is None else nested(trial.found))
+            outcome(claim, None if trial.numbers is None else nested(trial.numbers))
             for trial in self.trials
         ]
 
@@ -88,9 +88,9 @@ class Robustness:
 
     def alike(self, claim: Claim) -> bool:
         """True if many samples gave the same numbers, all of them: no choice reaches these."""
-        named = list(dict.fromkeys(one for check in claim.checks for one in check.references))
+        named = list(dict.fromkeys(ref for check in claim.checks for ref in check.references))
         seen = {
-            None if trial.found is None else tuple(repr(trial.found.get(one)) for one in named)
+            None if trial.numbers is None else tuple(repr(trial.numbers.get(ref)) for ref in named)
             for trial in self.trials
         }
         return self.samples >= _ALIKE and len(seen) == 1 and None not in seen
@@ -98,14 +98,14 @@ class Robustness:
     def to_keep(self, claim: Claim) -> Samples:
         """The samples as a table holds them, with the numbers that all of them have."""
         looked = [
-            one
-            for one in claim.wanted
+            ref
+            for ref in claim.wanted
             if all(
-                trial.found is None or one in trial.found or _has_lost(trial.found, one)
+                trial.numbers is None or ref in trial.numbers or _has_lost(trial.numbers, ref)
                 for trial in self.trials
             )
         ]
-        samples = tuple(as_text(looked, trial.found) for trial in self.trials)
+        samples = tuple(as_text(looked, trial.numbers) for trial in self.trials)
         return Samples(self.basis, tuple(map(str, looked)), samples, cached=self.cached)
 
 
@@ -114,14 +114,14 @@ def read_robustness(
 ) -> dict[str, Robustness]:
     """The samples of claims by name, from a table of all of them."""
     table = read_samples(path, parameters.paper)
-    found = {}
+    samples = {}
     for claim in claims:
         if (stored := table.of(claim)) is not None:
-            one = found[claim.name] = Robustness.begin(claim, stored.basis)
+            robustness = samples[claim.name] = Robustness.begin(claim, stored.basis)
             for number in stored.numbers:
                 choose = partial(chosen, parameters, claim.choices, number)
-                one.trials.append(Trial(choose, stored.found(number)))
-    return found
+                robustness.trials.append(Trial(choose, stored.at(number)))
+    return samples
 
 
 def counted(outcomes: Sequence[Outcome], whole: bool = False) -> Counted:
@@ -129,19 +129,19 @@ def counted(outcomes: Sequence[Outcome], whole: bool = False) -> Counted:
     return Counted(outcomes.count("holds"), len(outcomes), whole, outcomes.count("refused"))
 
 
-def _has_lost(found: Found, one: Any) -> bool:
+def _has_lost(sample: Sample, ref: Any) -> bool:
     """True if nothing of the figure is in a sample: it diverged."""
-    return all(other.figure != one.figure for other in found)
+    return all(other.figure != ref.figure for other in sample)
 
 
 @dataclass(frozen=True)
 class Inquiry:
-    """Claims of which samples are made, and by name what is found and what was known of each."""
+    """Claims of which samples are made, and by name the samples and what was known of each."""
 
     parameters: Parameters
     outcomes: Outcomes
     claims: Sequence[Claim]
-    found: dict[str, Robustness]
+    sampled: dict[str, Robustness]
     known: dict[str, KnownSamples]
     share: float
     spent: dict[str, float]  # CPU s on samples of each claim
@@ -166,16 +166,16 @@ class Inquiry:
         outcomes = Outcomes(
             evaluator, [claim for claim in claims if claim.checks and claim.choices]
         )
-        chunks, asked, found, known = list(chunks), [], {}, {}
+        chunks, asked, sampled, known = list(chunks), [], {}, {}
         for claim in claims:
-            if not (claim.checks and claim.choices) or (stated := outcomes.stated(claim)) is None:
+            if not (claim.checks and claim.choices) or (nominal := outcomes.nominal(claim)) is None:
                 continue
-            for one in claim.wanted:
-                if one not in stated:
+            for ref in claim.wanted:
+                if ref not in nominal:
                     place = f"claims.{claim.paper}.{claim.name}"
-                    raise InputError(place, f"an alternative names {one}, which there is not")
+                    raise InputError(place, f"an alternative names {ref}, which there is not")
             asked.append(claim)
-            found[claim.name] = Robustness.begin(claim, basis_of(evaluator, claim))
+            sampled[claim.name] = Robustness.begin(claim, basis_of(evaluator, claim))
             needed = claim.wanted if complete else claim.references_of_all
             past = cached.current(evaluator, claim, needed) if cached else None
             if past is not None and past.first > 0:  # a chunk, whose first samples are missing
@@ -184,39 +184,39 @@ class Inquiry:
             for table in chunks:
                 if (made := table.current(evaluator, claim, claim.wanted)) is not None:
                     for number in made.numbers:
-                        here.take(number, made.found(number))
-        spent = dict.fromkeys(found, 0.0)
-        inquiry = Inquiry(evaluator.parameters, outcomes, asked, found, known, share, spent)
+                        here.take(number, made.at(number))
+        spent = dict.fromkeys(sampled, 0.0)
+        inquiry = Inquiry(evaluator.parameters, outcomes, asked, sampled, known, share, spent)
         inquiry._verify(evaluator)
         return inquiry
 
     def _verify(self, evaluator: Evaluator) -> None:
         """Repeat a cached sample of some claims, and of all others if one of these differs."""
-        cached = {name: one.cached for name, one in self.known.items() if one.cached}
+        cached = {name: known.cached for name, known in self.known.items() if known.cached}
         for numbers in to_repeat(evaluator, self.claims, cached):
             for number in sorted({*numbers.values()}):
-                named = [one for one in self.claims if numbers.get(one.name) == number]
-                self.ask(number, [one for one in named if number not in self.known[one.name].made])
+                named = [claim for claim in self.claims if numbers.get(claim.name) == number]
+                self.ask(number, [c for c in named if number not in self.known[c.name].made])
             if all(self.known[name].cached for name in numbers):
                 return
 
     def limit(self, claim: Claim, samples: Callable[[Claim], int]) -> int:
         """The number of samples of a claim at which sampling ends, decided or not."""
-        whole = self.found[claim.name].whole
+        whole = self.sampled[claim.name].whole
         return whole if whole is not None else max(samples(claim), self.known[claim.name].length)
 
     def possible(self, claim: Claim) -> tuple[str, ...]:
         """The verdicts on a claim that are possible by the samples so far."""
-        counted = self.found[claim.name].counted(self._held[claim.name])
+        counted = self.sampled[claim.name].counted(self._held[claim.name])
         return possible(claim.quantifier, counted, self.share)
 
     def decided(self, claim: Claim) -> bool:
         """True if no more samples of a claim are needed. Those that are cached are all used."""
-        one = self.found[claim.name]
-        if one.whole is not None:
-            return one.samples == one.whole
+        robustness = self.sampled[claim.name]
+        if robustness.whole is not None:
+            return robustness.samples == robustness.whole
         least = max(_LEAST, self.known[claim.name].length)
-        return one.samples >= least and len(self.possible(claim)) == 1
+        return robustness.samples >= least and len(self.possible(claim)) == 1
 
     def fill(
         self, samples: Callable[[Claim], int], chunk: range | None = None, *,
@@ -240,19 +240,20 @@ class Inquiry:
             if not going:
                 break
             if chunk is None or number in chunk:
-                self.ask(number, [one for one in going if number not in self.known[one.name]])
+                self.ask(number, [claim for claim in going if number not in self.known[claim.name]])
             for claim in going:
-                if number == self.found[claim.name].samples and number in self.known[claim.name]:
+                if number == self.sampled[claim.name].samples and number in self.known[claim.name]:
                     self.add(number, claim)
 
     def to_keep(self) -> dict[str, Samples]:
         """The samples of each claim that was not left out, for a table."""
-        return {claim.name: self.found[claim.name].to_keep(claim) for claim in self.claims}
+        return {claim.name: self.sampled[claim.name].to_keep(claim) for claim in self.claims}
 
     def chunk(self, numbers: range) -> dict[str, Samples]:
         """The samples made between two numbers, beyond those that are cached, by claim."""
         return {
-            name: one.chunk(self.found[name].basis, numbers) for name, one in self.known.items()
+            name: known.chunk(self.sampled[name].basis, numbers)
+            for name, known in self.known.items()
         }
 
     def ask(self, number: int, claims: Iterable[Claim]) -> None:
@@ -260,7 +261,7 @@ class Inquiry:
         together = defaultdict(list)
         for claim in claims:
             together[tuple(claim.keys)].append(claim)
-        here = self.outcomes.apart()  # claims that depend on the same choices share what they need
+        here = self.outcomes.isolated()  # claims of the same choices share what they need
         for members in together.values():
             began = time.process_time()
             choices = members[0].choices
@@ -274,14 +275,14 @@ class Inquiry:
                 self.spent[claim.name] += (time.process_time() - began) / len(members)
 
     def add(self, number: int, claim: Claim) -> None:
-        """Take the next sample of a claim, which must be known, for what is found."""
-        one, known = self.found[claim.name], self.known[claim.name]
-        found = known[number]
-        one.trials.append(Trial(partial(chosen, self.parameters, claim.choices, number), found))
-        one.cached += known.is_cached(number)
-        self._held[claim.name].append(outcome(claim, None if found is None else nested(found)))
+        """Take the next sample of a claim, which must be known."""
+        so_far, known = self.sampled[claim.name], self.known[claim.name]
+        sample = known[number]
+        so_far.trials.append(Trial(partial(chosen, self.parameters, claim.choices, number), sample))
+        so_far.cached += known.is_cached(number)
+        self._held[claim.name].append(outcome(claim, None if sample is None else nested(sample)))
 
 
-def _rounded(claim: Claim, found: Found | None) -> Found | None:
+def _rounded(claim: Claim, sample: Sample | None) -> Sample | None:
     """The numbers with as many digits as are kept, so that it does not matter who made them."""
-    return from_text(claim.wanted, as_text(claim.wanted, found))
+    return from_text(claim.wanted, as_text(claim.wanted, sample))

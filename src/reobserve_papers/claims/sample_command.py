@@ -26,10 +26,10 @@ def sample_command(
     ``max_samples`` limits the samples of each claim (None: the convention `samples`, or what the
     claim says itself), ``claim`` says which claims are sampled (none: all).
     """
-    known = [one for one in known_papers(project) if claims_file(project, one).is_file()]
+    known = [name for name in known_papers(project) if claims_file(project, name).is_file()]
     differing = []
-    for one in named_papers(known, paper):
-        parameters = default_parameters(project, one)
+    for name in named_papers(known, paper):
+        parameters = default_parameters(project, name)
         registry = read_registry(project, parameters)
         claims = _named(registry.claims, claim)
         if check:
@@ -42,11 +42,11 @@ def sample_command(
 
 
 def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:
-    known = [one.name for one in claims]
+    known = [claim.name for claim in claims]
     for name in named:
         if name not in known:
             raise InputError("--claim", f"there is no {shown(name)}{nearest(name, known)}")
-    return [one for one in claims if not named or one.name in named]
+    return [claim for claim in claims if not named or claim.name in named]
 
 
 def sample_again(
@@ -77,7 +77,7 @@ def _sample_on(
     limits = {claim.name: max_samples or claim.maximum or values["samples"] for claim in claims}
     cached = read_cached(project, parameters.paper)
     inquiry = Inquiry.begin(Evaluator(parameters), claims, values["share"], cached, complete=True)
-    found, step = inquiry.found, _FIRST
+    tried, step = inquiry.sampled, _FIRST
 
     def limit(claim: Claim) -> int:
         return min(step, limits[claim.name])
@@ -86,13 +86,13 @@ def _sample_on(
         inquiry.fill(limit, seconds=seconds, whole=whole)
         keep(project, parameters, inquiry.to_keep())
         left = [claim.name for claim in inquiry.claims if len(inquiry.possible(claim)) > 1]
-        drawn = f"{sum(robustness.samples for robustness in found.values())} samples"
+        drawn = f"{sum(robustness.samples for robustness in tried.values())} samples"
         print(
-            f"{parameters.paper}: {drawn}, {len(left)} of {len(found)} claims undecided", flush=True
+            f"{parameters.paper}: {drawn}, {len(left)} of {len(tried)} claims undecided", flush=True
         )
-        going = [name for name in found if name in left or name in whole]
+        going = [name for name in tried if name in left or name in whole]
         if all(
-            max(step, found[name].samples) >= limits[name] or inquiry.spent[name] >= seconds
+            max(step, tried[name].samples) >= limits[name] or inquiry.spent[name] >= seconds
             for name in going
         ):
             return
@@ -114,10 +114,10 @@ def _differences(
         if (past := cached.current(evaluator, claim)) is None:
             said.append(f"{place}: there are no cached samples of the claim as it is")
             continue
-        made = inquiry.found[claim.name].to_keep(claim)
+        made = inquiry.sampled[claim.name].to_keep(claim)
         looked = set(made.references).intersection(past.references)
         both = range(min(len(made.samples), len(past.samples)))
-        moved = [k for k in both if not alike(made.found(k), past.found(k), looked)]
+        moved = [k for k in both if not alike(made.at(k), past.at(k), looked)]
         if moved:
             k = moved[0]
             said.append(

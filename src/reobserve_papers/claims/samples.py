@@ -23,7 +23,7 @@ from reobserve.core.seals import sealed
 from reobserve.core.validation import parse
 from reobserve_papers.claims.checks import THEORY, Reference
 from reobserve_papers.claims.choices import chosen, with_values
-from reobserve_papers.claims.outcomes import Found, basis_of
+from reobserve_papers.claims.outcomes import Sample, basis_of
 from reobserve_papers.claims.registry import Claim, read_registry
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import Parameters
@@ -78,34 +78,34 @@ class Samples:
         """The places of the numbers."""
         return tuple(map(Reference.parse, self.metrics))
 
-    def found(self, number: int) -> Found | None:
+    def at(self, number: int) -> Sample | None:
         """The numbers of a sample, or None where it was refused."""
         return from_text(self.references, self.samples[number - self.first])
 
 
-def from_text(references: Sequence[Reference], sample: str | None) -> Found | None:
+def from_text(references: Sequence[Reference], text: str | None) -> Sample | None:
     """The numbers of a sample as it is stored, or `ValueError` if it holds anything else."""
+    if text is None:
+        return None
+    words = zip(references, text.split(), strict=True)
+    return {ref: float(word) for ref, word in words if word != _LOST}
+
+
+def as_text(references: Sequence[Reference], sample: Sample | None) -> str | None:
+    """A sample as it is stored."""
     if sample is None:
         return None
-    words = zip(references, sample.split(), strict=True)
-    return {one: float(word) for one, word in words if word != _LOST}
+    return " ".join(f"{sample[ref]:.{_DIGITS}g}" if ref in sample else _LOST for ref in references)
 
 
-def as_text(references: Sequence[Reference], found: Found | None) -> str | None:
-    """A sample as it is stored."""
-    if found is None:
-        return None
-    return " ".join(f"{found[one]:.{_DIGITS}g}" if one in found else _LOST for one in references)
-
-
-def alike(found: Found | None, other: Found | None, both: Collection[Reference]) -> bool:
+def alike(sample: Sample | None, other: Sample | None, both: Collection[Reference]) -> bool:
     """True if two samples came out the same, but for rounding elsewhere, where ``both`` looked."""
-    if found is None or other is None:
-        return found is other is None
-    if not both or any((one in found) != (one in other) for one in both):
+    if sample is None or other is None:
+        return sample is other is None
+    if not both or any((ref in sample) != (ref in other) for ref in both):
         return False
-    one, two = ([side[name] for name in both if name in side] for side in (found, other))
-    return np.allclose(one, two, rtol=_ROUNDING, atol=0.0, equal_nan=True)
+    values, others = ([x[ref] for ref in both if ref in x] for x in (sample, other))
+    return np.allclose(values, others, rtol=_ROUNDING, atol=0.0, equal_nan=True)
 
 
 @dataclass(frozen=True)
@@ -117,12 +117,12 @@ class SampleTable:
 
     def of(self, claim: Claim) -> Samples | None:
         """The samples of a claim, or `InputError` if they are more than all its settings."""
-        found = self.claims.get(claim.name)
-        if found and claim.cells is not None and found.numbers.stop > len(claim.cells):
+        samples = self.claims.get(claim.name)
+        if samples and claim.cells is not None and samples.numbers.stop > len(claim.cells):
             allowed = f"at most {len(claim.cells)}, which are all settings"
             place = f"samples.{claim.paper}.{claim.name}"
-            raise InputError(place, f"there are {found.numbers.stop}, must be {allowed}")
-        return found
+            raise InputError(place, f"there are {samples.numbers.stop}, must be {allowed}")
+        return samples
 
     def current(
         self, evaluator: Evaluator, claim: Claim, needed: Iterable[Reference] = ()
@@ -155,15 +155,15 @@ def write_samples(
 ) -> None:
     """Write samples of a paper's claims, a line each, with the versions that made them."""
     rows = {
-        name: {key: value for key, value in vars(one).items() if value != 0}
-        for name, one in claims.items()
+        name: {key: value for key, value in vars(samples).items() if value != 0}
+        for name, samples in claims.items()
     }
     tree = {
         "paper": parameters.paper, "packages": versions(), "keys": list(parameters.by_key),
         "claims": rows,
     }  # fmt: skip
-    head = {key: one for key, one in (sealed(tree) if seal else tree).items() if key != "claims"}
-    lines = (f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in rows.items())
+    head = {key: part for key, part in (sealed(tree) if seal else tree).items() if key != "claims"}
+    lines = (f"  {json.dumps(name)}: {json.dumps(row)}" for name, row in rows.items())
     text = json.dumps(head, indent=1)[:-2] + ',\n "claims": {\n' + ",\n".join(lines) + "\n }\n}\n"
     write_text(path, text)
 
@@ -174,13 +174,13 @@ def read_cached(project: Path, paper: str) -> SampleTable:
     return read_samples(path, paper) if path.exists() else SampleTable()
 
 
-def keep(project: Path, parameters: Parameters, found: Mapping[str, Samples]) -> None:
+def keep(project: Path, parameters: Parameters, samples: Mapping[str, Samples]) -> None:
     """Cache samples of a paper's claims in ``config/samples``, with those there of other claims."""
     cached, evaluator = read_cached(project, parameters.paper), Evaluator(parameters)
     kept = {}
     for claim in read_registry(project, parameters).claims:
-        if claim.name in found:
-            kept[claim.name] = replace(found[claim.name], cached=0)
+        if claim.name in samples:
+            kept[claim.name] = replace(samples[claim.name], cached=0)
         elif cached.current(evaluator, claim):
             # They are kept with the keys that there are now.
             past = cached.claims[claim.name]
@@ -199,7 +199,7 @@ class KnownSamples:
 
     wanted: tuple[Reference, ...] = ()
     cached: Samples | None = None
-    made: dict[int, Found | None] = field(default_factory=dict)
+    made: dict[int, Sample | None] = field(default_factory=dict)
 
     @property
     def length(self) -> int:
@@ -213,17 +213,17 @@ class KnownSamples:
     def __contains__(self, number: int) -> bool:
         return number in self.made or self.is_cached(number)
 
-    def __getitem__(self, number: int) -> Found | None:
+    def __getitem__(self, number: int) -> Sample | None:
         if self.cached and self.is_cached(number):
-            return self.cached.found(number)
+            return self.cached.at(number)
         return self.made[number]
 
-    def take(self, number: int, found: Found | None) -> None:
+    def take(self, number: int, sample: Sample | None) -> None:
         """Add a new result of a sample, and drop the cached samples if it differs from theirs."""
-        self.made[number] = found
+        self.made[number] = sample
         if self.cached and number in self.cached.numbers:
             both = set(self.wanted).intersection(self.cached.references)
-            if not alike(found, self.cached.found(number), both):
+            if not alike(sample, self.cached.at(number), both):
                 self.cached = None
 
     def chunk(self, basis: str, numbers: range) -> Samples:
@@ -242,35 +242,35 @@ def to_repeat(
     in one sample. Studies take seconds, so numbers of a figure whose study runs again count as one:
     golden numbers, and the nightly comparison of all samples, notice a change of one number alone.
     """
-    found = {}
+    best = {}
     for claim in claims:
         if (past := cached.get(claim.name)) and past.samples:
             tried = past.numbers[:_TRIED]
-            parts = {number: _parts(evaluator, claim, past, number) for number in tried}
-            found[claim.name] = max(parts.items(), key=lambda item: len(item[1]))
+            coverage = {number: _coverage(evaluator, claim, past, number) for number in tried}
+            best[claim.name] = max(coverage.items(), key=lambda item: len(item[1]))
     covered: set[Step | Reference] = set()
     needed: dict[str, int] = {}
     others: dict[str, int] = {}
-    for name, (number, one) in sorted(found.items(), key=lambda item: -len(item[1][1])):
-        (others if one and one <= covered else needed)[name] = number
-        covered |= one
+    for name, (number, parts) in sorted(best.items(), key=lambda item: -len(item[1][1])):
+        (others if parts and parts <= covered else needed)[name] = number
+        covered |= parts
     return needed, others
 
 
-def _parts(
+def _coverage(
     evaluator: Evaluator, claim: Claim, cached: Samples, number: int
 ) -> set[Step | Reference]:
     """The steps that a sample runs again and the numbers that it takes, except those of studies."""
     parameters = evaluator.parameters
     values = chosen(parameters, claim.choices, number)
     sample = evaluator.sibling(with_values(parameters, claim.choices, values))
-    taken = set(claim.wanted).intersection(cached.found(number) or ())
+    taken = set(claim.wanted).intersection(cached.at(number) or ())
     parts: set[Step | Reference] = set()
-    for figure in {one.figure for one in taken}:
+    for figure in {ref.figure for ref in taken}:
         last = (THEORY,) if figure == THEORY else ("metrics", figure)
         steps = behind(sample.parameters, *last)
         again = {step for step in steps if sample.key(*step) != evaluator.key(*step)}
         parts |= again
         if not any(step[0] == "study" for step in again):
-            parts |= {one for one in taken if one.figure == figure}
+            parts |= {ref for ref in taken if ref.figure == figure}
     return parts

@@ -47,12 +47,12 @@ def deciding_check(claim: Claim, robustness: Robustness) -> int:
 def deciding_numbers(claim: Claim, robustness: Robustness) -> list[tuple[float, ...]]:
     """The numbers that decide the checks, none for a sample that diverged or was refused."""
     return [
-        deciding(claim, None if trial.found is None else nested(trial.found))
+        deciding(claim, None if trial.numbers is None else nested(trial.numbers))
         for trial in robustness.trials
     ]
 
 
-def influences(found: Iterable[tuple[Claim, Robustness]]) -> list[list[Influence]]:
+def influences(samples: Iterable[tuple[Claim, Robustness]]) -> list[list[Influence]]:
     """The influence of every choice with a range on each claim, largest first.
 
     Empty for a claim with too few samples, or that holds or fails in fewer than five. The
@@ -60,7 +60,7 @@ def influences(found: Iterable[tuple[Claim, Robustness]]) -> list[list[Influence
     """
     from scipy.stats import false_discovery_control
 
-    each = [_influences(*one) for one in found]
+    each = [_influences(*pair) for pair in samples]
     chances = [bar.chance for bars in each for bar in bars]
     corrected = iter(false_discovery_control(chances, method="by") if chances else ())
     each = [[bar._replace(chance=float(next(corrected))) for bar in bars] for bars in each]
@@ -70,19 +70,19 @@ def influences(found: Iterable[tuple[Claim, Robustness]]) -> list[list[Influence
 def _influences(claim: Claim, robustness: Robustness) -> list[Influence]:
     from scipy.stats import chatterjeexi
 
-    outcomes = [int(one == "holds") for one in robustness.outcomes(claim)]
+    outcomes = [int(outcome == "holds") for outcome in robustness.outcomes(claim)]
     held = sum(outcomes)
     if len(outcomes) < FEWEST or min(held, len(outcomes) - held) < _RAREST:
         return []
-    found = []
+    bars = []
     for column, name in enumerate(robustness.names):
         places = as_places([trial.values[column] for trial in robustness.trials])
         if len(set(places)) > 1 and name != "seed":
             # Where values of a choice are alike their order is that of the samples, which is
             # random.
             result = chatterjeexi(places, outcomes)
-            found.append(Influence(name, float(result.statistic), float(result.pvalue)))
-    return found
+            bars.append(Influence(name, float(result.statistic), float(result.pvalue)))
+    return bars
 
 
 def as_places(values: Sequence[Any]) -> list[float]:

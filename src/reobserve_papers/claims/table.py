@@ -63,13 +63,13 @@ def row(
     share = decider.conventions.values["share"]
     outcomes = decider.outcomes(claim)
     counted = decider.counted(claim, outcomes)
-    found = [trial.found for trial in samples.trials] if samples else [decider.stated(claim)]
+    sampled = [trial.numbers for trial in samples.trials] if samples else [decider.nominal(claim)]
     word = decider.judged[claim.name].verdict
     cells |= {
         "verdict": word,
         "holds": "yes" if decider.holds(claim) else "no",
         "measured": measured,
-        "margin": format_margins(margins(claim, found, counted.whole, share)),
+        "margin": format_margins(margins(claim, sampled, counted.whole, share)),
         "changes": changes,
     }
     if word in (CALIBRATED, CONTRADICTED) and (setting := decider.setting(claim)):

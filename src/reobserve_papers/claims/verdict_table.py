@@ -25,12 +25,12 @@ def table(rows: Sequence[Mapping[str, str]], titles: Mapping[str, Title]) -> str
         f"| paper | replication | claims | {' | '.join(VERDICTS)} | thresholds |",
         f"|---|---|{'---:|' * (len(VERDICTS) + 1)}---|",
     ]
-    for paper, found in count(rows).items():
-        cells = [str(found[word]) for word in VERDICTS]
+    for paper, counts in count(rows).items():
+        cells = [str(counts[word]) for word in VERDICTS]
         who = [row["threshold"] for row in _of(rows, paper)]
-        cells.append(", ".join(f"{who.count(one)} {one}" for one in THRESHOLDS))
+        cells.append(", ".join(f"{who.count(kind)} {kind}" for kind in THRESHOLDS))
         word = titles[paper].word
-        lines.append(f"| `{paper}` | {word} | {sum(found.values())} | {' | '.join(cells)} |")
+        lines.append(f"| `{paper}` | {word} | {sum(counts.values())} | {' | '.join(cells)} |")
     lines.append("")
     lines += [f"- `{paper}` {in_words(titles[paper])}" for paper in count(rows)]
     return "\n".join(lines) + "\n"
@@ -71,7 +71,7 @@ def put_into(readme: Path, verdicts: str, papers: Sequence[str] = ()) -> None:
     if papers and (new := _rows(table)):
         rows = _rows(old) | new
         head = table.partition(next(iter(new.values())))[0]
-        table = head + "".join(rows[one] for one in papers if one in rows)
+        table = head + "".join(rows[paper] for paper in papers if paper in rows)
     write_text(readme, f"{before}{begin}\n{table}\n{end}{after}")
 
 
@@ -83,4 +83,4 @@ def title_in(readme: Path, paper: str) -> Title:
 
 def _rows(text: str) -> dict[str, str]:
     """The rows of `table` by paper."""
-    return {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` .*\n", text, re.MULTILINE)}
+    return {match[1]: match[0] for match in re.finditer(r"^\| `(\w+)` .*\n", text, re.MULTILINE)}

@@ -161,6 +161,6 @@ def open_verdicts(claims: Sequence[Judged], majority: float) -> Iterator[tuple[s
         if len(claim.verdicts) == 1:
             continue
         for word in claim.verdicts:
-            others = [word if one is claim else one.verdict for one in claims]
+            others = [word if judged is claim else judged.verdict for judged in claims]
             if (other := plain_title(others, majority)) != title:
                 yield claim.name, word, other

@@ -96,10 +96,10 @@ class ActuatorModel:
     def markov(self) -> Array:
         """h1 to h4, shape (4,): the numbers that the transfer function's series in 1/s has."""
         b, a = self.coefficients
-        found = np.zeros(ORDER)
+        h = np.zeros(ORDER)
         for k in range(ORDER):
-            found[k] = b[k] - a[:k] @ found[:k][::-1]
-        return found
+            h[k] = b[k] - a[:k] @ h[:k][::-1]
+        return h
 
     @property
     def gain(self) -> float:
@@ -218,16 +218,16 @@ def simulate(
     index = np.ascontiguousarray(chosen, dtype=np.int64)
 
     def run(index: NDArray[np.int64]) -> Array:
-        found: Array = _simulate(
-            np.array([one.A for one in sampled]),
-            np.array([one.B[:, 0] for one in sampled]),
+        motion: Array = _simulate(
+            np.array([model.A for model in sampled]),
+            np.array([model.B[:, 0] for model in sampled]),
             shares,
             shares if hand_over == "motion" else np.zeros_like(shares),
             scales,
             index,
             np.ascontiguousarray(held),
         )
-        return found
+        return motion
 
     if hand_over != "outputs":
         return run(index)

@@ -53,19 +53,19 @@ def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
     scenario: str = names[0] if step == "observe" else body.get("scenario", "")
     if step == "observe" and scenario not in tree["scenarios"]:
         parameters.section("scenarios", scenario)  # refuses it, by the names that there are
-    found: list[Step] = []
+    needs: list[Step] = []
     for result in kind.results:
         if result == "plant" and scenario:
-            found.append(("plant", scenario))
+            needs.append(("plant", scenario))
         elif result == "estimates":
-            found += [("observe", scenario, observer) for observer in body["observers"]]
+            needs += [("observe", scenario, observer) for observer in body["observers"]]
         elif result == "designs":
-            found += [("design", name) for name in tree.get("designs", {})]
+            needs += [("design", name) for name in tree.get("designs", {})]
         elif result == "metrics":
-            found.append(("metrics", *names))
+            needs.append(("metrics", *names))
         elif result in body:  # a design or a study, if the branch names one
-            found.append((result, body[result]))
-    return found
+            needs.append((result, body[result]))
+    return needs
 
 
 def _each(parameters: Parameters, kind: str, chunks: tuple[str, ...]) -> list[Step]:
@@ -81,10 +81,10 @@ def _each(parameters: Parameters, kind: str, chunks: tuple[str, ...]) -> list[St
 
 def behind(parameters: Parameters, *step: str) -> list[Step]:
     """A step and all that it needs, each after what it reads."""
-    found: dict[Step, None] = {}
+    steps: dict[Step, None] = {}
     for need in reads(parameters, *step):
-        found |= dict.fromkeys(behind(parameters, *need))
-    return [*found, step]
+        steps |= dict.fromkeys(behind(parameters, *need))
+    return [*steps, step]
 
 
 def inputs(

@@ -140,16 +140,16 @@ class Evaluator:
         """
         if "theory" not in self.parameters.tree:
             return []
-        found: list[Metric]
+        metrics: list[Metric]
         if asked is None or self.key("theory") in self._done:
-            found = self.result("theory")
-            return found
+            metrics = self.result("theory")
+            return metrics
         key = f"{self.key('theory')} {' '.join(sorted(asked))}"
         if key not in self._done:
             with only(asked):
                 self._done[key] = self.run("theory")
-        found = self._done[key]
-        return found
+        metrics = self._done[key]
+        return metrics
 
     def table(self, table: str) -> list[dict[str, Any]]:
         """The rows of one table (raises as `figure`)."""
@@ -185,7 +185,7 @@ class Evaluator:
         """An evaluator of other parameters of the paper, which shares all results."""
         return Evaluator(parameters, self._done, self._files)
 
-    def apart(self) -> Evaluator:
+    def isolated(self) -> Evaluator:
         """A copy that starts from the results so far and keeps new ones to itself."""
         return Evaluator(self.parameters, dict(self._done), self._files)
 

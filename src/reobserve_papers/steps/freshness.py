@@ -74,7 +74,7 @@ def record_of(project: Path, output: str) -> Path:
     """The file that Snakemake keeps on an output."""
     name = base64.urlsafe_b64encode(output.encode()).decode()
     *folders, last = (name[k : k + _LONGEST] for k in range(0, len(name), _LONGEST))
-    return project.joinpath(".snakemake/metadata", *(f"@{one}" for one in folders), last)
+    return project.joinpath(".snakemake/metadata", *(f"@{part}" for part in folders), last)
 
 
 def _read(record: Path) -> dict[str, Any]:
@@ -94,10 +94,10 @@ def can_tell(project: Path, results: Path) -> bool:
 def out_of_date(project: Path, papers: Sequence[str], *, bench: bool) -> dict[Path, str]:
     """Files that a build would make again, or that were edited, with the reason."""
     chosen = ["--config", f"papers=[{','.join(papers)}]"]
-    found: dict[Path, str] = {}
+    outdated: dict[Path, str] = {}
     for asked in (chosen, ["bench"])[: 1 + bench]:
-        found |= states(project, *asked)
-    return {path: why for path, why in found.items() if why}
+        outdated |= states(project, *asked)
+    return {path: why for path, why in outdated.items() if why}
 
 
 def states(project: Path, *asked: str) -> dict[Path, str]:

@@ -44,22 +44,22 @@ def run(step: str, parameter_file: Path, **named: str) -> None:
         plant, estimates, rows = behind_figure(inputs)
         data = figure_data(parameters, settings, plant, estimates, rows)
         with rows_from(study_file(parameters, project, inputs)):
-            found: Any = measure(parameters, data)
-        check_meanings(parameters.package, found)
+            results: Any = measure(parameters, data)
+        check_meanings(parameters.package, results)
     else:
-        found = run_step(parameters, step, name, [*inputs.values()], _say)
+        results = run_step(parameters, step, name, [*inputs.values()], _say)
     match step:
         case "plant" | "observe":
-            signed(found, parameters, step, name, settings, *[*inputs.values()][:1]).write(output)
+            signed(results, parameters, step, name, settings, *[*inputs.values()][:1]).write(output)
         case "metrics" | "theory":
             from reobserve_papers.metrics.metrics import write_metrics
 
-            write_metrics(output, found)
+            write_metrics(output, results)
         case "study" | "table":
             module = paper_module(parameters.package, "study_rows" if step == "study" else step)
-            write_table(output, found, module.HEADER, seal=True)
+            write_table(output, results, module.HEADER, seal=True)
         case _:
-            kept = {step: found, "provenance": provenance(parameters, step, name, settings)}
+            kept = {step: results, "provenance": provenance(parameters, step, name, settings)}
             write_text(output, json.dumps(sealed(kept), indent=1, ensure_ascii=False) + "\n")
 
 

@@ -27,9 +27,9 @@ def meanings(package: str) -> Meanings:
         stated: Mapping[str, str] = getattr(paper_module(package, "metrics"), "MEANINGS", {})
     except InputError:
         return []
-    found = [(pattern(name), text.replace("`", "")) for name, text in stated.items()]
+    described = [(pattern(name), text.replace("`", "")) for name, text in stated.items()]
     # The exact name explains better than a pattern that happens to fit.
-    return sorted(found, key=lambda pair: pair[0].pattern.count(".+"))
+    return sorted(described, key=lambda pair: pair[0].pattern.count(".+"))
 
 
 def pattern(name: str) -> re.Pattern[str]:
@@ -41,10 +41,10 @@ def pattern(name: str) -> re.Pattern[str]:
 def check_meanings(package: str, metrics: Iterable[Metric]) -> None:
     """Refuse metrics of a paper that no entry of its ``MEANINGS`` explains."""
     known = meanings(package)
-    for one in metrics:
-        if not any(fits.fullmatch(one.metric) for fits, _ in known):
+    for metric in metrics:
+        if not any(fits.fullmatch(metric.metric) for fits, _ in known):
             problem = f"has no entry in MEANINGS of {paper_part(package, 'metrics')}"
-            raise InputError(f"metric {one.metric!r}", problem)
+            raise InputError(f"metric {metric.metric!r}", problem)
 
 
 def list_metrics(packages: Mapping[str, str]) -> str:
@@ -60,12 +60,12 @@ def list_metrics(packages: Mapping[str, str]) -> str:
 def print_metrics(project: Path, paper: Sequence[str]) -> None:
     """Print what the metrics of papers are, of all if none is named."""
     chosen = named_papers(known_papers(project), paper)
-    print(list_metrics({one: Parameters.load(project, one).package for one in chosen}))
+    print(list_metrics({name: Parameters.load(project, name).package for name in chosen}))
 
 
 def _list(paper: str, docstring: str, stated: Mapping[str, str]) -> str:
     _, *paragraphs = docstring.strip().split("\n\n")
-    lines = [textwrap.fill(" ".join(one.split()), 100) + "\n\n" for one in paragraphs]
+    lines = [textwrap.fill(" ".join(paragraph.split()), 100) + "\n\n" for paragraph in paragraphs]
     rows = [f"| `{name}` | {text.replace('|', chr(92) + '|')} |" for name, text in stated.items()]
     table = "\n".join(["| metric | what it is |", "|---|---|", *rows])
     return f"## Metrics of `{paper}`\n\n{''.join(lines)}{table}\n"

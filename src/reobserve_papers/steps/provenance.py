@@ -33,13 +33,13 @@ def stage_modules(stage: str, package: str) -> list[str]:
         needed, optional = ["keys"], [*_EVALUATED]
     if stage in _STUDIED:
         optional += ["study_rows"]
-    found = [paper_part(package, part) for part in optional]
+    modules = [paper_part(package, part) for part in optional]
     return [
         "reobserve_papers.__main__",
         "reobserve_papers.cli.stage_commands",
         JOB if stage in KINDS and stage != "plot" else f"reobserve_papers.cli.stages.{stage}",
         *(paper_part(package, part) for part in needed),
-        *(module for module in found if source(module) is not None),
+        *(module for module in modules if source(module) is not None),
     ]
 
 
@@ -60,9 +60,9 @@ def shared_digest(module: str) -> str:
 
 def files_digest(*places: str) -> str:
     """A short hash of files and of all files in folders, but for hidden ones."""
-    found = {path for place in map(Path, places) for path in (place, *place.rglob("*.*"))}
+    paths = {path for place in map(Path, places) for path in (place, *place.rglob("*.*"))}
     whole = hashlib.sha256()
-    for path in sorted(found):
+    for path in sorted(paths):
         if path.is_file() and not path.name.startswith("."):
             whole.update(str(path).encode())
             whole.update(hashlib.sha256(path.read_bytes()).digest())

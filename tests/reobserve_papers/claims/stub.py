@@ -87,7 +87,7 @@ def assess(
     """The samples of claims, as the job `robustness` makes them."""
     inquiry = Inquiry.begin(evaluator, claims, share, cached, chunks)
     inquiry.fill(samples)
-    return inquiry.found
+    return inquiry.sampled
 
 
 def with_checks(one: Claim, *checks: Check) -> Claim:

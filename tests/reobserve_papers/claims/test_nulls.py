@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from reobserve_papers.claims.outcomes import Found, nested, outcome
+from reobserve_papers.claims.outcomes import Sample, nested, outcome
 from reobserve_papers.claims.registry import Claim, read_registry
 from reobserve_papers.claims.samples import read_cached
 from reobserve_papers.parameters.parameters import Parameters
@@ -20,7 +20,7 @@ CLAIMS = [
 ]
 
 
-def holds(claim: Claim, found: Found | None) -> bool:
+def holds(claim: Claim, found: Sample | None) -> bool:
     return outcome(claim, None if found is None else nested(found)) == "holds"
 
 
@@ -31,7 +31,7 @@ def test_null_fails_in_most_samples(claim: Claim) -> None:
     samples = CACHED[claim.paper].get(claim.name)
     if samples is None or not named.issubset(samples.references):
         pytest.skip("samples are not cached; test_samples fails then, too")
-    passed = [holds(claim.with_null, samples.found(k)) for k in samples.numbers]
+    passed = [holds(claim.with_null, samples.at(k)) for k in samples.numbers]
     assert sum(passed) < len(passed) / 2
 
 

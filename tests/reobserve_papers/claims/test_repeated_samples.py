@@ -70,7 +70,7 @@ def test_all_that_cached_samples_run_is_repeated_and_studies_once(
 
     def steps(one: Claim, number: int) -> Counter[tuple[str, ...]]:
         values = chosen(parameters, one.choices, number)
-        here = base.apart().sibling(with_values(parameters, one.choices, values))
+        here = base.isolated().sibling(with_values(parameters, one.choices, values))
         return recorded.of(here, one)
 
     needed, others = to_repeat(Evaluator(parameters), claims, cached)

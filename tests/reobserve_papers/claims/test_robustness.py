@@ -78,7 +78,7 @@ def test_all_claims_use_the_same_samples() -> None:
     slow = claim("fig1 a gain", SHARE, GAIN, above=400, name="slow")
     both = assess(Evaluator(ILO), [quick, slow], lambda _: 400, 0.9)
     assert (both["it"].samples, both["slow"].samples) == (20, 36)
-    gains = [[trial.found for trial in one.trials] for one in both.values()]
+    gains = [[trial.numbers for trial in one.trials] for one in both.values()]
     assert gains[0] == gains[1][:20]
 
 
@@ -86,8 +86,8 @@ def test_sample_stores_its_choices_and_numbers() -> None:
     one = found(claim("fig1 a gain", GAIN, above=400), 3)
     assert one.names == (GAIN,)
     for trial in one.trials:
-        assert trial.found is not None
-        assert list(trial.found.values()) == pytest.approx(trial.values, rel=1e-9)
+        assert trial.numbers is not None
+        assert list(trial.numbers.values()) == pytest.approx(trial.values, rel=1e-9)
 
 
 def test_samples_that_cannot_differ_are_reported() -> None:
@@ -128,11 +128,11 @@ def test_refused_sample_is_lost() -> None:
     samples = found(one)
     outcomes = samples.outcomes(one)
     assert 0 < outcomes.count("refused") == samples.samples - outcomes.count("holds")
-    gains = [trial.values[0] for trial in samples.trials if trial.found is None]
+    gains = [trial.values[0] for trial in samples.trials if trial.numbers is None]
     assert gains
     assert max(gains) < 1000
     kept = samples.to_keep(one).samples
-    assert [text is None for text in kept] == [trial.found is None for trial in samples.trials]
+    assert [text is None for text in kept] == [trial.numbers is None for trial in samples.trials]
 
 
 def test_samples_take_the_numbers_of_alternatives_and_nulls() -> None:
@@ -140,7 +140,7 @@ def test_samples_take_the_numbers_of_alternatives_and_nulls() -> None:
     one = with_checks(one, *one.checks)
     one = replace(one, wanted=(*one.wanted, Reference("fig1", "a", "share")))
     samples = found(one, 3)
-    names = [(ref.observer, ref.metric) for ref in samples.trials[0].found or ()]
+    names = [(ref.observer, ref.metric) for ref in samples.trials[0].numbers or ()]
     assert names == [("a", "gain"), ("idle", "gain"), ("a", "share")]
     assert samples.outcomes(one.with_null) == ["holds"] * 3  # it is 1000
     harder = with_checks(one, Check.parse({"value": "fig1 a gain", "above": 1001}))

@@ -20,7 +20,7 @@ from reobserve_papers.claims import sample_command as commands
 from reobserve_papers.claims import samples as tables
 from reobserve_papers.claims.checks import Check, Reference
 from reobserve_papers.claims.choices import Choice, Knob, find_choice
-from reobserve_papers.claims.outcomes import Found, basis_of
+from reobserve_papers.claims.outcomes import Sample, basis_of
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
 from reobserve_papers.claims.robustness import Robustness, read_robustness
 from reobserve_papers.claims.sample_command import sample_command
@@ -255,7 +255,7 @@ numbers = st.dictionaries(st.sampled_from([GAINS, SHARES]), st.floats(width=32))
 
 @given(st.lists(numbers), st.integers(0, 2000), st.booleans(), st.data())
 def test_table_is_read_as_it_was_written(
-    found: list[Found | None], first: int, seal: bool, data: st.DataObject
+    found: list[Sample | None], first: int, seal: bool, data: st.DataObject
 ) -> None:
     texts = tuple(as_text([GAINS, SHARES], one) for one in found)
     cached = data.draw(st.integers(0, len(texts)))
@@ -268,7 +268,7 @@ def test_table_is_read_as_it_was_written(
     assert table.keys == KEYS
     assert table.claims == {"it": one, "none": replace(one, samples=(), cached=0)}
     for number, numbers in zip(one.numbers, found, strict=True):
-        assert alike(table.claims["it"].found(number), numbers, [GAINS, SHARES])
+        assert alike(table.claims["it"].at(number), numbers, [GAINS, SHARES])
 
 
 @pytest.mark.parametrize(

@@ -90,8 +90,8 @@ def test_p_values_are_corrected_for_multiple_tests() -> None:
 
 
 def error_of(trial: Trial) -> float:
-    assert trial.found is not None
-    return trial.found[Reference("fig1", "a", "error")]
+    assert trial.numbers is not None
+    return trial.numbers[Reference("fig1", "a", "error")]
 
 
 def columns(one: Robustness) -> list[tuple[list[float], list[int]]]:

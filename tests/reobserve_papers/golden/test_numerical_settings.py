@@ -60,8 +60,8 @@ def test_refined_settings_reverse_no_claim(
         for part in key.split("."):
             branch = branch[part]
         branch["value"] = refined(branch, key)
-    finer = evaluators[paper].apart().at(Parameters(paper, tree, parameters.seed), claims)
+    finer = evaluators[paper].isolated().at(Parameters(paper, tree, parameters.seed), claims)
     for claim in claims:
-        stated = evaluators[paper].stated(claim)
+        stated = evaluators[paper].nominal(claim)
         assert stated is not None
         assert outcome(claim, nested(finer[claim.name])) == outcome(claim, nested(stated))

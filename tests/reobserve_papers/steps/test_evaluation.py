@@ -53,7 +53,7 @@ def test_missing_rows_are_reported_with_the_file(
     )
     evaluator = Evaluator(PARAMETER_FILES["lie"])
     evaluator.take_study("orders", Path("orders.study.csv"))
-    for each in (evaluator, evaluator.apart(), evaluator.sibling(PARAMETER_FILES["lie"])):
+    for each in (evaluator, evaluator.isolated(), evaluator.sibling(PARAMETER_FILES["lie"])):
         with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the fig"):
             each.figure("fig1_orders")
 

@@ -41,8 +41,8 @@ def _rows(project: Path, parameters: Parameters) -> list[dict[str, Any]]:
     rows = [
         row(
             claim, decider, decider.numbers, decider.samples.get(claim.name),
-            "; ".join(one["alternative"] for one in changes if one["claim"] == claim.name
-                      and one["other"] != one["verdict"]),
+            "; ".join(change["alternative"] for change in changes if change["claim"] == claim.name
+                      and change["other"] != change["verdict"]),
         )
         for claim in claims
     ]  # fmt: skip

@@ -33,8 +33,8 @@ def _table(source: Path, digits: int | None) -> str:
     if not header:
         raise InputError(str(source), "is empty, must be a table with a header")
     if tuple(header) == HEADER:
-        found = read_metrics(source)
-        header, rows = by_observer(found, lambda value: latex_number(value, digits or _DIGITS))
+        metrics = read_metrics(source)
+        header, rows = by_observer(metrics, lambda value: latex_number(value, digits or _DIGITS))
         # Words, where names have underscores; numbers are LaTeX already.
         cells = [[_words(row[0]), *row[1:-1], latex(row[-1])] for row in rows]
         columns = f"l{'r' * (len(header) - 2)}l"
@@ -42,7 +42,7 @@ def _table(source: Path, digits: int | None) -> str:
     numeric = [all(SCORE.allows(row[k]) for row in rows if row[k]) for k in range(len(header))]
     cells = [[_cell(cell, digits) for cell in row] for row in rows]
     return booktabs(
-        [latex(name) for name in header], cells, "".join("r" if one else "l" for one in numeric)
+        [latex(name) for name in header], cells, "".join("r" if right else "l" for right in numeric)
     )
 
 

@@ -120,11 +120,11 @@ LEARNING = "learning"
 
 def measure(data: FigureData[keys.Job]) -> Iterator[Metric]:
     """The numbers of a figure, observer by observer (see `MEANINGS`)."""
-    scores = [one for name in data.estimates for one in scores_of(name, _scores(data, name))]
+    scores = [metric for name in data.estimates for metric in scores_of(name, _scores(data, name))]
     yield from scores
     if keys.VARIANTS.keys() <= data.estimates.keys():
-        named = (one for one in scores if one.observer == data.job.metrics.variant)
-        yield from (replace(one, observer=LEARNING) for one in named)
+        named = (metric for metric in scores if metric.observer == data.job.metrics.variant)
+        yield from (replace(metric, observer=LEARNING) for metric in named)
         yield from _relative_errors(data)
     score = "relative_rms_error"
     if data.study:  # the mean over the runs at each level
@@ -142,9 +142,9 @@ def _relative_errors(data: FigureData[keys.Job]) -> Iterator[Metric]:
             "zero": errors.guessed(0.0),
             "mean": errors.guessed(errors.mean_fault),
         }
-        for name, one in guesses.items():
+        for name, guess in guesses.items():
             for norm in NORMS:
-                score = ("relative_error", one.relative(norm), "1")
+                score = ("relative_error", guess.relative(norm), "1")
                 yield Metric.at(name, score, norm=norm, window=window)
     begin = float(estimate.time[-1]) - job.metrics.late_window
     late = Errors.of(data.plant, estimate, job.metrics.axis - 1).window(begin)

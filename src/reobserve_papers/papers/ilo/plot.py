@@ -48,11 +48,11 @@ def estimation(data: FigureData[keys.Job]) -> Figure:
     styles, main = _styles(estimates), next(iter(estimates))
     figure, (above, middle, below) = new_figure((1.9, 1.35, 1.75))
 
-    fault, found = (
+    fault, estimated = (
         thin(series.time, series["fault"][:, axis - 1]) for series in (plant, estimates[main])
     )
     above.plot(*fault, **TRUTH.line(), label=f"fault of thruster {axis}")
-    above.plot(*found, **styles[main].line(), label=f"estimate: {labels[main]}")
+    above.plot(*estimated, **styles[main].line(), label=f"estimate: {labels[main]}")
     above.set_ylabel("torque [N m]")
     above.set_title("(a) fault and its estimate")
     above.legend(loc="upper left", ncols=2)
@@ -139,11 +139,11 @@ def matching(data: FigureData[keys.Job]) -> Figure:
 def _sweep(axes: Axes, study: StudyTable, sweep: str, name: str, style: Style, label: str) -> None:
     """Plot the mean over runs against the level, with the range of the runs."""
     runs = study.where(sweep=sweep, observer=name).by_level("level", "relative_rms_error")
-    scores = [100 * one for one in runs.values()]
-    axes.loglog(list(runs), [np.mean(one) for one in scores], **style.points(), label=label)
+    scores = [100 * errors for errors in runs.values()]
+    axes.loglog(list(runs), [np.mean(errors) for errors in scores], **style.points(), label=label)
     decades(axes.xaxis)
     decades(axes.yaxis)
-    least, most = ([end(one) for one in scores] for end in (np.min, np.max))
+    least, most = ([end(errors) for errors in scores] for end in (np.min, np.max))
     axes.fill_between(list(runs), least, most, color=style.color, alpha=0.2, linewidth=0)
 
 

@@ -188,9 +188,9 @@ def _error(omega: float, law: LearningLaw, held: bool) -> Complex:
     if not held:
         return np.asarray(error_transfer(omega, law)[0])
     turn = 1j * omega * law.update_interval
-    one = np.eye(len(law.K1))
-    estimate = one - sampled_error_transfer(omega, law)[0]
-    return np.asarray(one + estimate * np.expm1(-turn) / turn)
+    identity = np.eye(len(law.K1))
+    estimate = identity - sampled_error_transfer(omega, law)[0]
+    return np.asarray(identity + estimate * np.expm1(-turn) / turn)
 
 
 def _distance(law: LearningLaw, held: bool, omega: float, axis: int) -> float:

@@ -174,8 +174,8 @@ def _adaptive(runs: Runs) -> Iterator[Metric]:
 @part
 def _slower(runs: Runs) -> Iterator[Metric]:
     for factor in runs.job.theory.slowdowns:
-        found = _slowed(runs, factor)
-        yield Metric.at("sampled", ("relative_error", found, "1"), slowdown=factor)
+        error = _slowed(runs, factor)
+        yield Metric.at("sampled", ("relative_error", error, "1"), slowdown=factor)
 
 
 def _slowed(runs: Runs, factor: float) -> float:
@@ -235,11 +235,11 @@ def _under_random_faults(runs: Runs) -> Iterator[Metric]:
     variants = [
         replace(runs.variant(name), K2=gain, update_interval=interval) for name in keys.VARIANTS
     ]
-    found = min(_error_under_random_fault(runs, one) for one in variants)
-    yield Metric("best", "relative_error_under_random_fault", found, "1")
+    error = min(_error_under_random_fault(runs, variant) for variant in variants)
+    yield Metric("best", "relative_error_under_random_fault", error, "1")
     integral = pure_integrator(runs.job, theory.adaptive_gain, theory.damping_ratio)
-    found = _error_under_random_fault(runs, integral)
-    yield Metric("integral", "relative_error_under_random_fault", found, "1")
+    error = _error_under_random_fault(runs, integral)
+    yield Metric("integral", "relative_error_under_random_fault", error, "1")
 
 
 @part
@@ -247,8 +247,8 @@ def _under_the_fastest_fault(runs: Runs) -> Iterator[Metric]:
     """Error of an integrator under a random fault that is as fast as the torque can be."""
     theory = runs.job.theory
     integral = pure_integrator(runs.job, theory.adaptive_gain, theory.damping_ratio)
-    found = _error_under_random_fault(runs, integral, _FASTEST)
-    score = ("relative_error_under_random_fault", found, "1")
+    error = _error_under_random_fault(runs, integral, _FASTEST)
+    score = ("relative_error_under_random_fault", error, "1")
     yield Metric.at("integral", score, fault="fastest")
 
 
@@ -282,8 +282,8 @@ def _under_noise(runs: Runs) -> Iterator[Metric]:
     gain = matched_integrator(sampled.K2, sampled.update_interval).integral_gain
     integral = pure_integrator(runs.job, gain.tolist(), theory.damping_ratio)
     for name, observer in (("sampled", sampled), ("integral", integral)):
-        found = runs.relative_error(observer, noisy)
-        yield Metric(name, "relative_error_under_noise", found, "1")
+        error = runs.relative_error(observer, noisy)
+        yield Metric(name, "relative_error_under_noise", error, "1")
 
 
 @part
@@ -293,8 +293,8 @@ def _with_wrong_inertia(runs: Runs) -> Iterator[Metric]:
     factor = (1 + theory.inertia_error) * observer.inertia_factor
     record = runs.record(theory.aperiodic)
     estimate = runs.estimate(replace(observer, inertia_factor=factor), record)
-    found = scored_errors(runs.job, _lumped(runs.job.plant, record, factor), estimate)
-    error = found.relative_root_mean_square
+    errors = scored_errors(runs.job, _lumped(runs.job.plant, record, factor), estimate)
+    error = errors.relative_root_mean_square
     yield Metric(LEARNING, "relative_error_with_wrong_inertia", error, "1")
     rates, _ = rate_and_error(record, estimate)
     error = float(np.linalg.norm(rates) / np.linalg.norm(rates + estimate["rate"]))
@@ -320,8 +320,8 @@ def _by_adaptive_gain(runs: Runs) -> Iterator[Metric]:
     """Error of a pure integrator with the given gain."""
     theory = runs.job.theory
     integral = pure_integrator(runs.job, theory.adaptive_gain, theory.damping_ratio)
-    found = runs.relative_error(integral, runs.record(theory.aperiodic))
-    yield Metric("integral", "relative_error", found, "1")
+    error = runs.relative_error(integral, runs.record(theory.aperiodic))
+    yield Metric("integral", "relative_error", error, "1")
 
 
 def random_fault(theory: keys.Theory, horizon: float, axis: int) -> Terms:
