@@ -18,7 +18,7 @@ from reobserve.core.import_closure import import_closure
 from reobserve_papers.golden.values import part_names
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.meanings import meanings
+from reobserve_papers.steps.glossary import glossary
 from tests import ROOT
 
 from . import FIVE
@@ -284,7 +284,7 @@ def test_pull_requests_are_compared_with_the_accepted_figures(folder: Path) -> N
 def test_all_metrics_are_explained(paper: str) -> None:
     """All stored metrics, and no others."""
     parameters = Parameters.load(ROOT, paper)
-    reported = [pattern for pattern, _ in meanings(parameters.package)]
+    reported = [pattern for pattern, _ in glossary(parameters.package)]
     tree = parameters.tree
     parts = [part for part in part_names(tree) if part not in tree.get("tables", {})]
     metrics = {metric for part in parts for _, metric in golden_metrics(paper, part)}

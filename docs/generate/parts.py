@@ -13,7 +13,7 @@ from docs.generate.equations import equations
 from docs.generate.markdown import Page
 from docs.generate.navigation import FOLDERS, hand_written
 from reobserve.core.errors import InputError, nearest
-from reobserve_papers.steps.meanings import list_metrics
+from reobserve_papers.steps.glossary import list_metrics
 
 _TEACHING = ("tutorials", "how-to", "explanation")
 

@@ -25,7 +25,7 @@ from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.prepare import check_files
-from reobserve_papers.steps.meanings import meanings
+from reobserve_papers.steps.glossary import glossary
 
 
 def checked_papers(
@@ -89,7 +89,7 @@ def _check_papers(project: Path) -> None:
 
 def _check_figures(registry: Registry, parameters: Parameters) -> None:
     """Refuse rows of the paper's figures that name a figure or number that is not there."""
-    known, metrics = parameters.tree["figures"], meanings(parameters.package)
+    known, metrics = parameters.tree["figures"], glossary(parameters.package)
     for name, row in registry.figures.items():
         with located(f"claims.{parameters.paper}.figures.{name}"):
             for ours in row.ours:

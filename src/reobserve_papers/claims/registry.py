@@ -32,7 +32,7 @@ from reobserve_papers.claims.entries import (
 from reobserve_papers.parameters.names import claims_path
 from reobserve_papers.parameters.parameter_file import parse_file
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.meanings import Meanings, meanings
+from reobserve_papers.steps.glossary import Glossary, glossary
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
     paper = parameters.paper
     tree, conventions = read_yaml(claims_file(project, paper)), read_conventions(project)
     stated = _parsed(tree, conventions, paper)
-    known = meanings(parameters.package)
+    known = glossary(parameters.package)
     asked: dict[str, tuple[Choice, ...]] = {}
     claims = []
     for name, entry in stated.claims.items():
@@ -269,7 +269,7 @@ def _claim(
     name: str,
     entry: ClaimEntry,
     choices: tuple[Choice, ...],
-    known: Meanings,
+    known: Glossary,
 ) -> Claim:
     checks = []
     for index, one in enumerate(entry.checks or ()):
@@ -302,7 +302,7 @@ def _claim(
     )
 
 
-def check_names(parameters: Parameters, references: Iterable[Reference], known: Meanings) -> None:
+def check_names(parameters: Parameters, references: Iterable[Reference], known: Glossary) -> None:
     """Refuse a figure that is not there, and a metric that the paper's code does not know."""
     figures = [*parameters.tree["figures"], *([THEORY] if THEORY in parameters.tree else [])]
     for reference in references:

@@ -63,7 +63,7 @@ _COMMANDS = {
     "metrics": (
         "print what the metrics of papers are",
         "overview_commands:list_options",
-        "steps.meanings:print_metrics",
+        "steps.glossary:print_metrics",
     ),
     "schema": (
         "print the JSON schema of a configuration file",

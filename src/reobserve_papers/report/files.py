@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from reobserve.core.errors import InputError
 from reobserve.core.files import SCORE, read_bytes, read_rows
 from reobserve_papers.metrics.metrics import Metric, read_metrics
-from reobserve_papers.steps.meanings import Meanings
+from reobserve_papers.steps.glossary import Glossary
 
 # More observers, or fewer of the metrics of each, and a column for each makes no good table.
 _MAX_COLUMNS = 6
@@ -81,7 +81,7 @@ def csv_table(path: Path) -> dict[str, Any]:
     return _table(header, rows)
 
 
-def metrics_table(path: Path, known: Meanings, most: int | None) -> dict[str, Any]:
+def metrics_table(path: Path, known: Glossary, most: int | None) -> dict[str, Any]:
     """Return metrics: a row a metric, a column an observer where that makes a good table.
 
     Rows after the first ``most`` are counted and left out.
@@ -137,5 +137,5 @@ def _number(value: float) -> str:
     return "nan" if math.isnan(value) else f"{value:.4g}".replace("-", "−")
 
 
-def _meaning(metric: str, known: Meanings) -> str:
+def _meaning(metric: str, known: Glossary) -> str:
     return next((text for pattern, text in known if pattern.fullmatch(metric)), "")

@@ -36,7 +36,7 @@ from reobserve_papers.report.report_gaps import Gap, ReportGaps
 from reobserve_papers.report.reported_claims import ReportedClaim, claim_of_row
 from reobserve_papers.steps.chain import log
 from reobserve_papers.steps.freshness import FOR_INPUTS, can_tell, out_of_date
-from reobserve_papers.steps.meanings import meanings
+from reobserve_papers.steps.glossary import glossary
 
 CLAIMS_FILE = "results/claims.csv"
 
@@ -331,7 +331,7 @@ class _Paper:
     def numbers(self, path: str, *step: str) -> Data | Gap:
         """The metrics of a figure, or all of the theory, and a link to their file."""
         most = MAX_ROWS if step[1:] else None
-        known = meanings(self.parameters.package)
+        known = glossary(self.parameters.package)
         place, logged = self._place(step[-1]), self._log(*step)
         rows: Data | Gap = self.build.read(place, path, logged, metrics_table, known, most)
         return rows if isinstance(rows, Gap) else rows | {"link": self.build.link(path)}

@@ -40,8 +40,8 @@ def behind_figure(
     results: Mapping[Step, Any],
 ) -> tuple[Series, dict[str, Series], list[dict[str, Any]] | None]:
     """The plant, the estimates by observer and the rows of a study, of what a figure reads."""
-    by_kind = {step[0]: found for step, found in results.items()}
-    estimates = {step[2]: found for step, found in results.items() if step[0] == "observe"}
+    by_kind = {step[0]: result for step, result in results.items()}
+    estimates = {step[2]: result for step, result in results.items() if step[0] == "observe"}
     return by_kind["plant"], estimates, by_kind.get("study")
 
 

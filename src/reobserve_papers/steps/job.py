@@ -39,13 +39,13 @@ def run(step: str, parameter_file: Path, **named: str) -> None:
     inputs = stored(parameters, project, step, *names)
     if step == "metrics":
         from reobserve_papers.steps.figures import behind_figure, figure_data, measure, rows_from
-        from reobserve_papers.steps.meanings import check_meanings
+        from reobserve_papers.steps.glossary import check_explained
 
         plant, estimates, rows = behind_figure(inputs)
         data = figure_data(parameters, settings, plant, estimates, rows)
         with rows_from(study_file(parameters, project, inputs)):
             results: Any = measure(parameters, data)
-        check_meanings(parameters.package, results)
+        check_explained(parameters.package, results)
     else:
         results = run_step(parameters, step, name, [*inputs.values()], _say)
     match step:

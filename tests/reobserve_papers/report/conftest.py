@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from reobserve_papers.report import report_command
-from reobserve_papers.steps import meanings
+from reobserve_papers.steps import glossary
 from tests.browser import browser
 from tests.reobserve_papers.pipeline.conftest import Project, as_built
 
@@ -21,9 +21,9 @@ __all__ = ["as_built", "browser"]
 
 @pytest.fixture(autouse=True)
 def toy_says_what_its_metrics_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace the meanings of metrics, as the package of `toy` cannot be imported here."""
+    """Replace the glossary of metrics, as the package of `toy` cannot be imported here."""
     module = SimpleNamespace(MEANINGS=MEANINGS)
-    monkeypatch.setattr(meanings, "paper_module", lambda package, part: module)
+    monkeypatch.setattr(glossary, "paper_module", lambda package, part: module)
 
 
 @pytest.fixture

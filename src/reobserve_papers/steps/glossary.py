@@ -1,4 +1,4 @@
-"""Meanings of metrics, as papers state them beside the code, and lists of them.
+"""Glossaries of metrics, as papers state them beside the code, and lists of them.
 
 A paper's module ``metrics`` has ``MEANINGS``: what each metric is by its name, in which ``<word>``
 stands for what differs. What its docstring says after the first sentence introduces them.
@@ -18,11 +18,11 @@ from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.compute import paper_module
 
-Meanings = list[tuple[re.Pattern[str], str]]
+Glossary = list[tuple[re.Pattern[str], str]]
 
 
-def meanings(package: str) -> Meanings:
-    """Meanings of the metrics of a paper, by patterns of their names, empty if it states none."""
+def glossary(package: str) -> Glossary:
+    """Sentences on the metrics of a paper, by patterns of their names, empty if it states none."""
     try:
         stated: Mapping[str, str] = getattr(paper_module(package, "metrics"), "MEANINGS", {})
     except InputError:
@@ -38,9 +38,9 @@ def pattern(name: str) -> re.Pattern[str]:
     return re.compile("".join(".+" if part[:1] == "<" else re.escape(part) for part in parts))
 
 
-def check_meanings(package: str, metrics: Iterable[Metric]) -> None:
+def check_explained(package: str, metrics: Iterable[Metric]) -> None:
     """Refuse metrics of a paper that no entry of its ``MEANINGS`` explains."""
-    known = meanings(package)
+    known = glossary(package)
     for metric in metrics:
         if not any(fits.fullmatch(metric.metric) for fits, _ in known):
             problem = f"has no entry in MEANINGS of {paper_part(package, 'metrics')}"

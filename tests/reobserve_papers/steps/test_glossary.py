@@ -9,15 +9,15 @@ from reobserve_papers.cli.main import main
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.papers.ilo import metrics as ilo
 from reobserve_papers.parameters.config import known_papers
-from reobserve_papers.steps.meanings import check_meanings
+from reobserve_papers.steps.glossary import check_explained
 from tests import ROOT
 
 
 def test_metric_that_no_meaning_explains_is_refused() -> None:
     known = Metric("sampled", "rms_error", 0.1, "N m")
-    check_meanings("reobserve_papers.papers.ilo", [known])
+    check_explained("reobserve_papers.papers.ilo", [known])
     with pytest.raises(InputError) as caught:
-        check_meanings("reobserve_papers.papers.ilo", [known, Metric("sampled", "rmse", 0.1, "1")])
+        check_explained("reobserve_papers.papers.ilo", [known, Metric("sampled", "rmse", 0.1, "1")])
     said = "metric 'rmse': has no entry in MEANINGS of reobserve_papers.papers.ilo.metrics"
     assert str(caught.value) == said
 
