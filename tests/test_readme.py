@@ -18,8 +18,8 @@ from matplotlib import rc_context, rcdefaults
 
 from reobserve.core.documents import read_yaml
 from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.claims.verdict_rules import VERDICTS
 from reobserve_papers.claims.verdict_table import THRESHOLDS
-from reobserve_papers.claims.verdicts import VERDICTS
 from reobserve_papers.figure_diff.pixels import read_pixels
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters

@@ -15,13 +15,13 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
-from reobserve_papers.claims.alternatives import Changed, Decider, Title, decide
 from reobserve_papers.claims.checks import THEORY
+from reobserve_papers.claims.claims_table import HEADER, row
+from reobserve_papers.claims.decider import Changed, Decider, Title, decide
 from reobserve_papers.claims.errata import Erratum, read_errata
+from reobserve_papers.claims.inquiry import read_robustness
 from reobserve_papers.claims.registry import Claim as Registered
 from reobserve_papers.claims.registry import Registry, read_registry
-from reobserve_papers.claims.robustness import read_robustness
-from reobserve_papers.claims.table import HEADER, row
 from reobserve_papers.golden.number_files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.config import known_papers

@@ -10,8 +10,8 @@ from typing import Any
 from docs.generate.evidence import Paper
 from docs.generate.markdown import code, plain, table, ticks
 from reobserve.core.documents import read_yaml
+from reobserve_papers.claims.verdict_rules import VERDICTS
 from reobserve_papers.claims.verdict_table import table as verdict_table
-from reobserve_papers.claims.verdicts import VERDICTS
 from reobserve_papers.report.gather import cited
 from reobserve_papers.report.reported_claims import ReportedClaim
 

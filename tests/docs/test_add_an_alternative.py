@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from reobserve_papers.claims import outcomes
-from reobserve_papers.claims.alternatives import NOT_COMPUTED, read_alternatives
 from reobserve_papers.claims.checks import Reference
-from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.claims.configuration_checks import check_evidence
+from reobserve_papers.claims.decider import NOT_COMPUTED, read_alternatives
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.sample_command import sample_command
 from reobserve_papers.cli.stages import alternatives, robustness

@@ -9,7 +9,7 @@ from reobserve.core.command_line import collect_rarely
 from reobserve.core.documents import read_yaml
 from reobserve.core.import_closure import closure_digest
 from reobserve_papers.claims.claims_digest import claims_digest
-from reobserve_papers.claims.evidence import checked_papers
+from reobserve_papers.claims.configuration_checks import checked_papers
 from reobserve_papers.cli.job_lines import print_job_lines
 from reobserve_papers.cli.own_modules import refused_in_one_sentence
 from reobserve_papers.parameters.config import check_config_files, known_tasks

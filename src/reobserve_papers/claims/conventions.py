@@ -3,7 +3,7 @@
 Whatever a reader might see otherwise is data: what a bound counts as "less", which measure an error
 has, how "any" is read, which share of samples decides. Claims name a convention as ``$less``; an
 alternative gives one convention, or some keys of single claims, another value, or keeps only some
-of the samples. `reobserve_papers.claims.alternatives` says what each changes.
+of the samples. `reobserve_papers.claims.decider` says what each changes.
 """
 
 from __future__ import annotations

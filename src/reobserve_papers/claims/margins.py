@@ -10,7 +10,7 @@ from itertools import pairwise
 from reobserve_papers.claims.checks import Check
 from reobserve_papers.claims.outcomes import Sample, deciding, nested
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.verdicts import Counted, possible
+from reobserve_papers.claims.verdict_rules import Counted, possible
 
 _MOVABLE = ("below", "above")
 

@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve_papers.claims.alternatives import STATED, Title
+from reobserve_papers.claims.decider import STATED, Title
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.verdicts import (
+from reobserve_papers.claims.verdict_rules import (
     CALIBRATED,
     CONTRADICTED,
     DEPENDS,

@@ -7,9 +7,9 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError, nearest, shown
+from reobserve_papers.claims.inquiry import Inquiry
 from reobserve_papers.claims.registry import Claim, Registry, claims_file, read_registry
-from reobserve_papers.claims.robustness import Inquiry
-from reobserve_papers.claims.samples import alike, keep, read_cached
+from reobserve_papers.claims.sample_table import alike, keep, read_cached
 from reobserve_papers.parameters.config import known_papers, named_papers
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.evaluation import Evaluator

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
-from reobserve_papers.claims.alternatives import Title
-from reobserve_papers.claims.verdicts import VERDICTS, count
+from reobserve_papers.claims.decider import Title
+from reobserve_papers.claims.verdict_rules import VERDICTS, count
 
 # Who set the thresholds of a claim: the paper, or we, before or after their numbers were known.
 THRESHOLDS = ("stated", "before", "after")

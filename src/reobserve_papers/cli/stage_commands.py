@@ -135,7 +135,7 @@ STAGES = CommandTable(
         name: Command(
             text,
             partial(step_options, name) if name in KINDS else f"{__name__}:{name}_options",
-            "reobserve_papers.steps.job:run"
+            "reobserve_papers.steps.build_job:run"
             if name in KINDS and name != "plot"
             else _RUN.get(name, f"reobserve_papers.cli.stages.{name}:run"),
             "papers",

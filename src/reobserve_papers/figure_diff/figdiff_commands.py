@@ -12,7 +12,7 @@ from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import write_text
 from reobserve_papers.claims.registry import claims_file
 from reobserve_papers.claims.sample_command import sample_again
-from reobserve_papers.claims.samples import keep, read_samples
+from reobserve_papers.claims.sample_table import keep, read_samples
 from reobserve_papers.claims.verdict_table import put_into
 from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.build_comparison import Chosen, compare_all, figures

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from reobserve.core.files import Kind, read_table, write_table
-from reobserve_papers.claims.alternatives import read_alternatives
-from reobserve_papers.claims.table import HEADER, KINDS
+from reobserve_papers.claims.claims_table import HEADER, KINDS
+from reobserve_papers.claims.decider import read_alternatives
+from reobserve_papers.claims.verdict_rules import BROKEN, NOT_TESTABLE, UNDECIDED, VERDICTS
 from reobserve_papers.claims.verdict_table import table, title_in
-from reobserve_papers.claims.verdicts import BROKEN, NOT_TESTABLE, UNDECIDED, VERDICTS
 from reobserve_papers.golden.comparison import Moved
 
 _KEY = ("paper", "claim")

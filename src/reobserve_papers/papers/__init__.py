@@ -19,7 +19,7 @@ the others up to date:
     search.run(job, plant, progress) -> dict     (only papers that have searches)
     keys.Parameters                               (the keys of the parameter file, as dataclasses)
     checks.CHECKS: how what the parameter file states is built, once
-                                           (see `reobserve_papers.parameters.check`)
+                                           (see `reobserve_papers.parameters.parameter_checks`)
 
 A design is plain JSON data: gains and series that are computed once. Observers and studies that
 name one in the parameter file get it as a third argument.

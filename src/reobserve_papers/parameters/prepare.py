@@ -39,8 +39,8 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Paramete
     """The parameters of all papers with the overrides of ``config``, to which defaults are added.
 
     Their form is checked, the keys and values of each paper by
-    `reobserve_papers.claims.evidence.checked_papers`; `write_parameters` also constructs plants and
-    observers.
+    `reobserve_papers.claims.configuration_checks.checked_papers`; `write_parameters` also
+    constructs plants and observers.
     """
     if os.name != "posix":
         raise InputError("the workflow", PLATFORMS)

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from reobserve_papers.plotting.captions import parse
-from reobserve_papers.plotting.latex import latex
+from reobserve_papers.plotting.latex_text import latex
 
 # The command for each kind of inline markup; LaTeX has none for links in a caption.
 _INLINE = {

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.figure import Figure
 
 from reobserve.core.errors import InputError
-from reobserve_papers.plotting.latex import latex
+from reobserve_papers.plotting.latex_text import latex
 
 _HEAD = r"""% \usepackage{pgf} in the preamble, then \input{this file}.
 \begingroup%

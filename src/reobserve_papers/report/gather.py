@@ -15,21 +15,21 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table, read_text
 from reobserve.core.validation import parse
-from reobserve_papers.claims.alternatives import Title, read_alternatives
+from reobserve_papers.claims.claims_table import HEADER, KINDS
+from reobserve_papers.claims.decider import Title, read_alternatives
 from reobserve_papers.claims.entries import PaperFigure
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import read_claims
-from reobserve_papers.claims.samples import read_samples
-from reobserve_papers.claims.table import HEADER, KINDS
-from reobserve_papers.claims.verdicts import BROKEN, count
+from reobserve_papers.claims.sample_table import read_samples
+from reobserve_papers.claims.verdict_rules import BROKEN, count
 from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.parameters.config import known_papers, known_tasks
 from reobserve_papers.parameters.names import caption_template, stored_parameters
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.assumptions import AssumptionRow, entries
+from reobserve_papers.report.embedded_files import csv_table, image, metrics_table
 from reobserve_papers.report.environment import environment, package_versions
-from reobserve_papers.report.files import csv_table, image, metrics_table
 from reobserve_papers.report.markup import first_sentence, to_html, without_title
 from reobserve_papers.report.paper_figures import FigureRow, figure_rows
 from reobserve_papers.report.report_gaps import Gap, ReportGaps

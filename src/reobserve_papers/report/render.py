@@ -9,7 +9,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
-from reobserve_papers.claims.verdicts import BROKEN, VERDICTS
+from reobserve_papers.claims.verdict_rules import BROKEN, VERDICTS
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.report.content_security_policy import content_policy, inline
 from reobserve_papers.report.gather import gather

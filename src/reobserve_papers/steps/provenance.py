@@ -14,7 +14,7 @@ from reobserve_papers.parameters.step_kinds import KINDS
 _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
 
 
-JOB = "reobserve_papers.steps.job"
+JOB = "reobserve_papers.steps.build_job"
 
 # What a job runs that evaluates figures in its own process.
 _EVALUATED = ("plant", "design", "observe", "study", "study_rows", "theory", "metrics")

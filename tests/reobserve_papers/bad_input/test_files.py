@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.documents import read_yaml
-from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.claims.configuration_checks import check_evidence
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.prepare import load_parameters
 from reobserve_papers.signals.inputs import Signal

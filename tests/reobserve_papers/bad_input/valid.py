@@ -12,11 +12,11 @@ from typing import Any
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
-from reobserve_papers.claims.alternatives import Title, write_alternatives
 from reobserve_papers.claims.checks import Numbers
+from reobserve_papers.claims.decider import Title, write_alternatives
 from reobserve_papers.claims.outcomes import taken
 from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.claims.samples import Samples, as_text, write_samples
+from reobserve_papers.claims.sample_table import Samples, as_text, write_samples
 from reobserve_papers.golden.number_files import read_metrics
 from reobserve_papers.metrics.metrics import HEADER, lookup
 from reobserve_papers.parameters.parameters import Parameters

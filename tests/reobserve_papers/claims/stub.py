@@ -12,9 +12,9 @@ import yaml
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve_papers.claims.checks import Check
 from reobserve_papers.claims.choices import find_choice
+from reobserve_papers.claims.inquiry import Inquiry, Robustness
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
-from reobserve_papers.claims.robustness import Inquiry, Robustness
-from reobserve_papers.claims.samples import SampleTable
+from reobserve_papers.claims.sample_table import SampleTable
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator

@@ -10,9 +10,9 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.checks import Check
+from reobserve_papers.claims.inquiry import Inquiry, Robustness
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Inquiry, Robustness
-from reobserve_papers.claims.samples import Samples, SampleTable, read_samples, write_samples
+from reobserve_papers.claims.sample_table import Samples, SampleTable, read_samples, write_samples
 from reobserve_papers.cli.stages.robustness import numbers_of
 from reobserve_papers.steps.evaluation import Evaluator
 

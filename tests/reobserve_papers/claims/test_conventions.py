@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from reobserve.core.errors import InputError
+from reobserve_papers.claims.configuration_checks import check_evidence
 from reobserve_papers.claims.conventions import SPECIAL, names_in, read_conventions
-from reobserve_papers.claims.evidence import check_evidence
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT

@@ -6,7 +6,7 @@ import pytest
 
 from reobserve_papers.claims.outcomes import Sample, nested, outcome
 from reobserve_papers.claims.registry import Claim, read_registry
-from reobserve_papers.claims.samples import read_cached
+from reobserve_papers.claims.sample_table import read_cached
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
@@ -30,7 +30,7 @@ def test_null_fails_in_most_samples(claim: Claim) -> None:
     named = {ref for check in claim.with_null.checks for ref in check.references}
     samples = CACHED[claim.paper].get(claim.name)
     if samples is None or not named.issubset(samples.references):
-        pytest.skip("samples are not cached; test_samples fails then, too")
+        pytest.skip("samples are not cached; test_sample_table fails then, too")
     passed = [holds(claim.with_null, samples.at(k)) for k in samples.numbers]
     assert sum(passed) < len(passed) / 2
 

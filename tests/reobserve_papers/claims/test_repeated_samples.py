@@ -8,9 +8,9 @@ import pytest
 
 from reobserve_papers.claims.checks import THEORY
 from reobserve_papers.claims.choices import chosen, with_values
+from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.registry import Claim, read_registry
-from reobserve_papers.claims.robustness import Robustness
-from reobserve_papers.claims.samples import Samples, SampleTable, read_cached, to_repeat
+from reobserve_papers.claims.sample_table import Samples, SampleTable, read_cached, to_repeat
 from reobserve_papers.parameters.parameters import default_parameters
 from reobserve_papers.steps import evaluation
 from reobserve_papers.steps.chain import reads

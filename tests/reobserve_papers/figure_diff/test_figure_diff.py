@@ -13,8 +13,8 @@ import pytest
 
 from reobserve.core.errors import ReobserveError
 from reobserve.core.files import read_rows, write_table, write_text
-from reobserve_papers.claims.alternatives import Title, write_alternatives
-from reobserve_papers.claims.table import HEADER
+from reobserve_papers.claims.claims_table import HEADER
+from reobserve_papers.claims.decider import Title, write_alternatives
 from reobserve_papers.cli.main import main
 from reobserve_papers.figure_diff import build_comparison, figdiff_commands
 from reobserve_papers.figure_diff.build_comparison import Item

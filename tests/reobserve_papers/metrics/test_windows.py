@@ -10,7 +10,7 @@ import pytest
 from reobserve.core.errors import InputError
 from reobserve_papers import replicate
 from reobserve_papers.metrics.responses import check_windows, scored, window
-from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 

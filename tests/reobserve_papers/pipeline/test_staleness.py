@@ -62,7 +62,7 @@ MORE_EDITS = {
     "reobserve_papers/papers/ilo/plant.py": ALL,
     "reobserve/systems/rigid_body.py": ALL,  # imported indirectly by plant and observers
     "reobserve_papers/papers/ilo/observe.py": FROM_OBSERVE,
-    "reobserve_papers/steps/job.py": ALL,
+    "reobserve_papers/steps/build_job.py": ALL,
     "reobserve_papers/papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
     "reobserve_papers/papers/ilo/study_rows.py": {"study": 1, "metrics": 6, "plot": 6},
     "reobserve/synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
@@ -177,7 +177,7 @@ ALL_DECIDED = DECIDED | EACH
         ("config/errata/ilo.yaml", "    why: ", "    why: In short, ", REPORTED),
         ("src/reobserve_papers/report/render.py", "", "# edited\n", REPORTED),
         (
-            "src/reobserve_papers/claims/verdicts.py",
+            "src/reobserve_papers/claims/verdict_rules.py",
             "",
             "# edited\n",
             ALL_DECIDED,
@@ -341,7 +341,7 @@ LATE = {
     "reobserve.core.documents",  # imported for reading YAML, which few stages do
     "reobserve_papers.plotting.style_context",  # when a figure is plotted in another process
     "reobserve_papers.plotting.pgf",  # and where a picture for LaTeX is asked for
-    "reobserve_papers.plotting.latex",
+    "reobserve_papers.plotting.latex_text",
     "reobserve_papers.plants.first_order_lag",  # of the two the one that a scenario names
     "reobserve_papers.plants.pendulum",
     "reobserve.observers.step_size_check",  # and on divergence, which does not occur in the build

@@ -16,7 +16,7 @@ from rocrate.rocrate import ROCrate
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
-from reobserve_papers.claims.table import HEADER
+from reobserve_papers.claims.claims_table import HEADER
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.compute import read_design
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from reobserve.core.files import write_table
-from reobserve_papers.claims.alternatives import Title, write_alternatives
-from reobserve_papers.claims.samples import Samples, write_samples
-from reobserve_papers.claims.table import HEADER
+from reobserve_papers.claims.claims_table import HEADER
+from reobserve_papers.claims.decider import Title, write_alternatives
+from reobserve_papers.claims.sample_table import Samples, write_samples
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT

@@ -15,8 +15,8 @@ from reobserve.core.errors import InputError
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report import gather as gather_module
 from reobserve_papers.report.assumptions import range_lines, value_lines
+from reobserve_papers.report.embedded_files import metrics_table
 from reobserve_papers.report.environment import environment
-from reobserve_papers.report.files import metrics_table
 from reobserve_papers.report.gather import MAX_ROWS, gather
 from reobserve_papers.report.markup import first_sentence, without_title
 from reobserve_papers.report.render import render

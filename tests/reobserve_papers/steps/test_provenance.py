@@ -17,7 +17,7 @@ def test_digest_of_a_job_covers_the_library_and_the_paper() -> None:
     package = Parameters.load(ROOT, "ilo").package
     closure = import_closure(provenance.stage_modules("observe", package))
     assert {
-        "reobserve_papers.steps.job",
+        "reobserve_papers.steps.build_job",
         "reobserve_papers.papers.ilo.observe",
         "reobserve.observers.ilo",
         "reobserve.core.kernel",

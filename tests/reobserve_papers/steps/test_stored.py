@@ -28,9 +28,9 @@ from reobserve_papers.parameters.job import read_job
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.series import Channel, Series
 from reobserve_papers.steps import compute as common
+from reobserve_papers.steps.build_job import read_series
 from reobserve_papers.steps.compute import compute_design, read_design, signed
 from reobserve_papers.steps.figures import rows_from
-from reobserve_papers.steps.job import read_series
 from tests.reobserve_papers.papers import merged
 from tests.reobserve_papers.pipeline.conftest import ROOT
 

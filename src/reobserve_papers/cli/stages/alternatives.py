@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve_papers.claims.alternatives import Decider, decide, write_alternatives
+from reobserve_papers.claims.decider import Decider, decide, write_alternatives
+from reobserve_papers.claims.inquiry import read_robustness
 from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.claims.robustness import read_robustness
 from reobserve_papers.metrics.metrics import lookup, read_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import project_of, reads, result

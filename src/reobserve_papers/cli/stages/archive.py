@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reobserve_papers.report.archive import write_archive
+from reobserve_papers.report.research_object import write_archive
 
 
 def run(products: Sequence[str], output: Path, project: Path) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 
 from reobserve.core.documents import check_plain
 from reobserve_papers.bench.packaged_task import PackagedTask
-from reobserve_papers.claims.evidence import check_evidence
-from reobserve_papers.parameters.check import check_parameters, check_units
+from reobserve_papers.claims.configuration_checks import check_evidence
 from reobserve_papers.parameters.config import known_papers, known_styles
 from reobserve_papers.parameters.names import DEFAULT_STYLE, style_sheet
+from reobserve_papers.parameters.parameter_checks import check_parameters, check_units
 from reobserve_papers.parameters.parameters import Parameters
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from reobserve.core.errors import InputError
 from reobserve.core.files import SCORE, read_rows, read_text, write_text
 from reobserve_papers.metrics.metrics import HEADER, read_metrics
-from reobserve_papers.plotting.latex import booktabs, latex, latex_digits, latex_number
 from reobserve_papers.plotting.latex_captions import caption_in_latex
-from reobserve_papers.report.files import by_observer
+from reobserve_papers.plotting.latex_text import booktabs, latex, latex_digits, latex_number
+from reobserve_papers.report.embedded_files import by_observer
 
 _DIGITS = 3  # of a metric, which needs fewer digits
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.files import write_text
-from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters, default_seed
 
 

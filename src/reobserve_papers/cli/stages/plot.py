@@ -11,10 +11,10 @@ from reobserve_papers.plotting.captions import render, with_note
 from reobserve_papers.plotting.figures import note_of
 from reobserve_papers.plotting.formats import save
 from reobserve_papers.plotting.style_sheet import use_sheet
+from reobserve_papers.steps.build_job import stored, study_file
 from reobserve_papers.steps.chain import project_of, result
 from reobserve_papers.steps.evaluation import Replication, draw
 from reobserve_papers.steps.figures import behind_figure, rows_from
-from reobserve_papers.steps.job import stored, study_file
 
 
 def run(

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError, shown
+from reobserve_papers.claims.inquiry import Inquiry
 from reobserve_papers.claims.registry import read_registry
-from reobserve_papers.claims.robustness import Inquiry
-from reobserve_papers.claims.samples import read_cached, read_samples, write_samples
+from reobserve_papers.claims.sample_table import read_cached, read_samples, write_samples
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import project_of, reads, result
 from reobserve_papers.steps.evaluation import Evaluator

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reobserve_papers.claims.alternatives import read_alternatives
-from reobserve_papers.claims.plot import sensitivity_bars, specification_curves
+from reobserve_papers.claims.claim_plots import sensitivity_bars, specification_curves
+from reobserve_papers.claims.decider import read_alternatives
 from reobserve_papers.claims.plot_alternatives import alternatives_curve
 from reobserve_papers.cli.stages.alternatives import decider_of
 from reobserve_papers.parameters.parameters import Parameters

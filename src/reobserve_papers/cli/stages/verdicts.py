@@ -7,10 +7,10 @@ from pathlib import Path
 
 from reobserve.core.errors import ReobserveError
 from reobserve.core.files import read_table, write_text
-from reobserve_papers.claims.alternatives import read_alternatives
-from reobserve_papers.claims.table import HEADER, KINDS
+from reobserve_papers.claims.claims_table import HEADER, KINDS
+from reobserve_papers.claims.decider import read_alternatives
+from reobserve_papers.claims.verdict_rules import BROKEN
 from reobserve_papers.claims.verdict_table import table
-from reobserve_papers.claims.verdicts import BROKEN
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import project_of, result
 

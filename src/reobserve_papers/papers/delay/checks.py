@@ -9,8 +9,8 @@ from reobserve_papers.papers.delay import keys, observe, plant
 from reobserve_papers.papers.delay.scoring import check_rules
 from reobserve_papers.papers.delay.study import TUNED
 from reobserve_papers.papers.delay.theory_runs import NEEDED
-from reobserve_papers.parameters.check import Checks
 from reobserve_papers.parameters.job import named
+from reobserve_papers.parameters.parameter_checks import Checks
 from reobserve_papers.signals.grid import stride
 
 

@@ -7,7 +7,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve_papers.papers.eso import keys, plant
 from reobserve_papers.papers.eso.scoring import check_rules
 from reobserve_papers.papers.eso.setup import augmented
-from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.parameter_checks import Checks
 
 
 def _observer(job: keys.Job, _: AugmentedSystem) -> None:

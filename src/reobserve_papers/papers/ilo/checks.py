@@ -7,7 +7,7 @@ from reobserve_papers.papers.ilo import keys, plant
 from reobserve_papers.papers.ilo.scoring import check_rules
 from reobserve_papers.papers.ilo.setup import build_observer
 from reobserve_papers.papers.ilo.theory_runs import NEEDED
-from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.parameter_checks import Checks
 from reobserve_papers.signals.grid import noise_hold
 
 

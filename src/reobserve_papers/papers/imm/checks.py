@@ -6,7 +6,7 @@ from reobserve_papers.papers.imm import keys, observe, plant, search, theory
 from reobserve_papers.papers.imm.scoring import check_rules
 from reobserve_papers.papers.imm.setup import start
 from reobserve_papers.papers.imm.study import check_study
-from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.parameter_checks import Checks
 
 PERIOD = 1e-3  # [s]: any one shows whether a bank can be built
 

@@ -12,7 +12,7 @@ from reobserve_papers.metrics.responses import check_windows
 from reobserve_papers.papers.lie import keys, plant, theory
 from reobserve_papers.papers.lie.setup import build_observer, build_problem
 from reobserve_papers.papers.lie.study import check_study
-from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.parameter_checks import Checks
 from reobserve_papers.signals.grid import stride
 
 

@@ -29,8 +29,8 @@ from reobserve_papers.papers.eso.scoring import (
     scores,
     sizes,
 )
-from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.parameters.job import read_job
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series

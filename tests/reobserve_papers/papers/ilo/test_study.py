@@ -15,7 +15,7 @@ from reobserve_papers.papers.ilo import study, study_rows
 from reobserve_papers.papers.ilo.observe import estimate
 from reobserve_papers.papers.ilo.plant import simulate
 from reobserve_papers.papers.ilo.scoring import Errors
-from reobserve_papers.parameters.check import check_parameters
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.steps.evaluation import evaluate
 from tests.reobserve_papers.papers import fixed_parameters
 from tests.reobserve_papers.papers.ilo.conftest import typed

@@ -22,8 +22,8 @@ from reobserve_papers.metrics.responses import window
 from reobserve_papers.papers.imm import keys, observe, plant
 from reobserve_papers.papers.imm.keys import MODES
 from reobserve_papers.papers.imm.scoring import probabilities, quoted_distance
-from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.parameters.job import read_job
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve_papers.signals.series import Series

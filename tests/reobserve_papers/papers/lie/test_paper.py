@@ -21,8 +21,8 @@ from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie import study as study_stage
 from reobserve_papers.papers.lie import table as table_stage
 from reobserve_papers.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
-from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.parameters.job import read_job
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.signals.series import Series
 from reobserve_papers.steps.evaluation import Evaluator
 from tests.reobserve.observers.test_normal_form_observers import (

@@ -5,7 +5,7 @@ from math import isfinite
 from toy_paper import design
 
 from reobserve.core.errors import InputError
-from reobserve_papers.parameters.check import Checks
+from reobserve_papers.parameters.parameter_checks import Checks
 
 
 def gains(job):

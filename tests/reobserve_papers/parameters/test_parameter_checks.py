@@ -19,9 +19,9 @@ import yaml
 from reobserve.core.documents import check_plain, read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
-from reobserve_papers.parameters.check import check_parameters
 from reobserve_papers.parameters.config import check_config, known_papers, take_truths
 from reobserve_papers.parameters.job import declared_keys, named, read_job, signal
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 

@@ -6,12 +6,12 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import COUNT, GAP, NAME, Kind
-from reobserve_papers.claims.alternatives import Decider
 from reobserve_papers.claims.checks import Numbers
+from reobserve_papers.claims.decider import Decider
+from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.margins import format_margins, margins
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Robustness
-from reobserve_papers.claims.verdicts import BROKEN, CALIBRATED, CONTRADICTED, VERDICTS
+from reobserve_papers.claims.verdict_rules import BROKEN, CALIBRATED, CONTRADICTED, VERDICTS
 
 HEADER = (
     "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds",

@@ -16,11 +16,11 @@ from reobserve.core.errors import InputError, located
 from reobserve.core.files import NAME, Kind, read_table, write_table
 from reobserve_papers.claims.checks import Numbers
 from reobserve_papers.claims.conventions import Conventions, SingleAlternative
+from reobserve_papers.claims.inquiry import Robustness, counted
 from reobserve_papers.claims.outcomes import Outcome, Sample, outcome, taken
 from reobserve_papers.claims.registry import Claim, Registry
 from reobserve_papers.claims.restrictions import Keep, kept_by, narrower, spelt
-from reobserve_papers.claims.robustness import Robustness, counted
-from reobserve_papers.claims.verdicts import (
+from reobserve_papers.claims.verdict_rules import (
     BROKEN,
     CONTRADICTED,
     NOT_TESTABLE,

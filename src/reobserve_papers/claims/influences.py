@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.outcomes import deciding, nested
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Robustness
 
 FEWEST = 16  # samples; with less, chance makes half of the scale
 _RAREST = 5  # of either outcome; with less, its probability by chance is wrong

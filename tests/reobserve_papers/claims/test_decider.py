@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.alternatives import (
+from reobserve_papers.claims.conventions import SingleAlternative
+from reobserve_papers.claims.decider import (
     LACKS,
     NOT_COMPUTED,
     Changed,
@@ -21,12 +22,11 @@ from reobserve_papers.claims.alternatives import (
     read_alternatives,
     write_alternatives,
 )
-from reobserve_papers.claims.conventions import SingleAlternative
+from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.plot_alternatives import alternatives_curve
 from reobserve_papers.claims.registry import Registry
 from reobserve_papers.claims.restrictions import kept_by, narrower
-from reobserve_papers.claims.robustness import Robustness
-from reobserve_papers.claims.verdicts import (
+from reobserve_papers.claims.verdict_rules import (
     CONTRADICTED,
     DEPENDS,
     REPRODUCED,

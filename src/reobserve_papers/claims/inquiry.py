@@ -15,7 +15,7 @@ from reobserve.core.errors import InputError
 from reobserve_papers.claims.choices import chosen, with_values
 from reobserve_papers.claims.outcomes import Outcome, Outcomes, Sample, basis_of, nested, outcome
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.samples import (
+from reobserve_papers.claims.sample_table import (
     KnownSamples,
     Samples,
     SampleTable,
@@ -24,7 +24,7 @@ from reobserve_papers.claims.samples import (
     read_samples,
     to_repeat,
 )
-from reobserve_papers.claims.verdicts import Counted, possible
+from reobserve_papers.claims.verdict_rules import Counted, possible
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
 

@@ -20,7 +20,7 @@ from reobserve_papers.claims.registry import (
     read_registry,
 )
 from reobserve_papers.claims.restrictions import kept_by
-from reobserve_papers.claims.samples import read_cached
+from reobserve_papers.claims.sample_table import read_cached
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.parameters import Parameters

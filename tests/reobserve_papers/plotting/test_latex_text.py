@@ -13,7 +13,7 @@ from pylatexenc.latex2text import LatexNodes2Text
 
 from reobserve.core.errors import InputError
 from reobserve_papers.cli.stages import latex as stage
-from reobserve_papers.plotting.latex import booktabs, latex, latex_number
+from reobserve_papers.plotting.latex_text import booktabs, latex, latex_number
 
 WRITTEN = {
     "K₁ = Γτ/2": r"K\textsubscript{1} = \ensuremath{\Gamma}\ensuremath{\tau}/2",

@@ -11,9 +11,9 @@ from rocrate.rocrate import ROCrate
 
 from reobserve.core.errors import InputError
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.report.archive import write_archive
 from reobserve_papers.report.environment import package_versions
 from reobserve_papers.report.logs import read_log
+from reobserve_papers.report.research_object import write_archive
 from tests import ROOT
 
 CITATION = """title: A made-up build

@@ -12,12 +12,12 @@ import pytest
 from scipy.stats import chatterjeexi
 
 from reobserve_papers.claims.checks import Check, Reference
+from reobserve_papers.claims.claim_plots import sensitivity_bars, specification_curves
+from reobserve_papers.claims.influences import as_places, deciding_check, influences
+from reobserve_papers.claims.inquiry import Robustness, Trial
 from reobserve_papers.claims.margins import format_margins, margins
 from reobserve_papers.claims.outcomes import nested
-from reobserve_papers.claims.plot import sensitivity_bars, specification_curves
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Robustness, Trial
-from reobserve_papers.claims.sensitivity import as_places, deciding_check, influences
 
 BELOW = Check.parse({"value": "fig1 a error", "below": 0.5})
 ABOVE = Check.parse({"value": "fig1 a gain", "above": -1.0})

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from reobserve_papers.claims.checks import Check, Reference
+from reobserve_papers.claims.inquiry import Inquiry, Robustness, read_robustness
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Inquiry, Robustness, read_robustness
-from reobserve_papers.claims.samples import write_samples
-from reobserve_papers.claims.verdicts import Counted, possible
+from reobserve_papers.claims.sample_table import write_samples
+from reobserve_papers.claims.verdict_rules import Counted, possible
 from reobserve_papers.steps.evaluation import Evaluator
 
 from .stub import GAIN, ILO, PERIODS, SHARE, VARIANT, Code, assess, claim, with_checks

@@ -16,10 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve_papers.claims.checks import Check, Numbers
-from reobserve_papers.claims.outcomes import deciding as deciding_of
-from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.robustness import Robustness
-from reobserve_papers.claims.sensitivity import (
+from reobserve_papers.claims.influences import (
     FEWEST,
     as_places,
     deciding_check,
@@ -27,6 +24,9 @@ from reobserve_papers.claims.sensitivity import (
     influences,
     ranks,
 )
+from reobserve_papers.claims.inquiry import Robustness
+from reobserve_papers.claims.outcomes import deciding as deciding_of
+from reobserve_papers.claims.registry import Claim
 from reobserve_papers.plotting.style_sheet import WIDTH
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"

@@ -14,16 +14,15 @@ import pytest
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_table, write_table, write_text
-from reobserve_papers.claims.alternatives import Decider, Title, write_alternatives
 from reobserve_papers.claims.checks import Check, Numbers, Reference
+from reobserve_papers.claims.claims_table import HEADER, row
+from reobserve_papers.claims.decider import Decider, Title, write_alternatives
 from reobserve_papers.claims.entries import Quantifier
+from reobserve_papers.claims.inquiry import Robustness, Trial
 from reobserve_papers.claims.outcomes import outcome
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
-from reobserve_papers.claims.robustness import Robustness, Trial
 from reobserve_papers.claims.sequential import ERROR
-from reobserve_papers.claims.table import HEADER, row
-from reobserve_papers.claims.verdict_table import in_words, put_into, table
-from reobserve_papers.claims.verdicts import (
+from reobserve_papers.claims.verdict_rules import (
     CALIBRATED,
     CONTRADICTED,
     DEPENDS,
@@ -38,6 +37,7 @@ from reobserve_papers.claims.verdicts import (
     plain_title,
     possible,
 )
+from reobserve_papers.claims.verdict_table import in_words, put_into, table
 from reobserve_papers.cli.stages.verdicts import run as count_verdicts
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT

@@ -17,14 +17,14 @@ from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve_papers.claims import sample_command as commands
-from reobserve_papers.claims import samples as tables
+from reobserve_papers.claims import sample_table as tables
 from reobserve_papers.claims.checks import Check, Reference
 from reobserve_papers.claims.choices import Choice, Knob, find_choice
+from reobserve_papers.claims.inquiry import Robustness, read_robustness
 from reobserve_papers.claims.outcomes import Sample, basis_of
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
-from reobserve_papers.claims.robustness import Robustness, read_robustness
 from reobserve_papers.claims.sample_command import sample_command
-from reobserve_papers.claims.samples import (
+from reobserve_papers.claims.sample_table import (
     Samples,
     SampleTable,
     alike,
