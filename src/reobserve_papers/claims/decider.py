@@ -271,9 +271,8 @@ class Decider:
         }
         keep = kept_by(self.registry, single, self._seed)
         parts = [f"{claim}: {', '.join(map(str, keys))}" for claim, keys in single.claims.items()]
-        parts += [
-            f"{key} {spelt(item)}" for key, item in {**single.ranges, **single.weights}.items()
-        ]
+        selection = {**single.ranges, **single.weights}
+        parts += [f"{key} {spelt(value)}" for key, value in selection.items()]
         kind = "claim" if claims else "samples"
         return Alternative(name, kind, "; ".join(parts), self.conventions, claims, keep)
 

@@ -252,8 +252,7 @@ class Inquiry:
     def chunk(self, numbers: range) -> dict[str, Samples]:
         """The samples made between two numbers, beyond those that are cached, by claim."""
         return {
-            name: known.chunk(self.sampled[name].basis, numbers)
-            for name, known in self.known.items()
+            name: past.chunk(self.sampled[name].basis, numbers) for name, past in self.known.items()
         }
 
     def ask(self, number: int, claims: Iterable[Claim]) -> None:

@@ -12,11 +12,11 @@ import pytest
 from scipy.stats import chatterjeexi
 
 from reobserve_papers.claims.checks import Check, Reference
-from reobserve_papers.claims.claim_plots import sensitivity_bars, specification_curves
 from reobserve_papers.claims.influences import as_places, deciding_check, influences
 from reobserve_papers.claims.inquiry import Robustness, Trial
 from reobserve_papers.claims.margins import format_margins, margins
 from reobserve_papers.claims.outcomes import nested
+from reobserve_papers.claims.plot_claims import sensitivity_bars, specification_curves
 from reobserve_papers.claims.registry import Claim
 
 BELOW = Check.parse({"value": "fig1 a error", "below": 0.5})

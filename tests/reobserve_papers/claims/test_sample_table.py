@@ -23,7 +23,7 @@ from reobserve_papers.claims.choices import Choice, Knob, find_choice
 from reobserve_papers.claims.inquiry import Robustness, read_robustness
 from reobserve_papers.claims.outcomes import Sample, basis_of
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
-from reobserve_papers.claims.sample_command import sample_command
+from reobserve_papers.claims.sample_command import sample_again, sample_command
 from reobserve_papers.claims.sample_table import (
     Samples,
     SampleTable,
@@ -427,3 +427,29 @@ def test_samples_command_samples_named_claims_only(
     assert {name: len(one.samples) for name, one in kept(project).claims.items()} == {"cheap": 90}
     with pytest.raises(InputError, match=r"^--claim: there is no 'wrod'; did you mean 'word'\?$"):
         run(project, None, "wrod")
+
+
+SOON = claim("fig1 a gain", GAIN, above=5000)
+
+
+@pytest.mark.parametrize("seconds", [60.0, 1e-9])
+def test_claims_are_sampled_again_when_their_samples_do_not_apply(
+    code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], seconds: float,
+) -> None:  # fmt: skip
+    """The main ones to the end, others if a build left them undecided, and none beyond its time."""
+    claims = {"main": replace(SOON, promised=("abstract",)), "near": NEAR, "soon": SOON}
+    project = project_with(tmp_path, monkeypatch, claims)
+    run(project, 60)
+    before = {name: len(table.samples) for name, table in kept(project).claims.items()}
+    assert before == {"main": 36, "near": 60, "soon": 36}
+    assert not sample_again(project, default_parameters(project, "ilo"), (), seconds)
+    more = find_choice(ILO, SHARE)
+    changed = {name: replace(one, choices=(*one.choices, more)) for name, one in claims.items()}
+    project_with(tmp_path, monkeypatch, changed)
+    assert sample_again(project, default_parameters(project, "ilo"), {"near"}, seconds)
+    after = {name: len(table.samples) for name, table in kept(project).claims.items()}
+    assert after["soon"] == 36  # those of before, which a build replaces if it needs to
+    wanted = dict.fromkeys(("main", "near"), 400 if seconds > 1 else 1)
+    assert {name: after[name] for name in wanted} == wanted
+    assert "claims undecided" in capsys.readouterr().out
