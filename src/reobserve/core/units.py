@@ -203,6 +203,28 @@ def _numeric(text: str) -> bool:
     return text != "1" and text.replace(".", "", 1).isdigit()
 
 
+def same(one: str, other: str) -> bool:
+    """True if numbers are equal in both units: in N m s and kg m^2/s, but not in Hz and rad/s."""
+    return one == other or not _sizes(one).isdisjoint(_sizes(other))
+
+
+@cache
+def _sizes(text: str) -> set[tuple[Any, ...]]:
+    """Dimension and size of each reading of a unit, and the angles that a rate counts."""
+    found = set()
+    for unit in readings(text):
+        counted = angles(unit) if {*unit.dimensionality} == {"[time]"} else 0.0
+        base = registry().Quantity(1.0, unit).to_base_units()
+        found.add((unit.dimensionality, counted, f"{base.magnitude:.9g}"))
+    return found
+
+
+@cache
+def angles(unit: Any) -> float:
+    """The power of an angle in a unit."""
+    return float(dict(registry().get_root_units(unit)[1]._units).get("radian", 0))
+
+
 @cache
 def step(unit: Any) -> float | None:
     """The size in kelvin, say, of a degree on a scale with an offset, or None for a logarithm."""

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.units import check_unit, readings, registry, step
+from reobserve.core.units import angles, check_unit, readings, registry, step
 
 # In which rates are stated, of events as well as of turns and radians.
 _COUNTING = {"minute", "hour", "hertz", "count", "bit", "percent"}
@@ -56,7 +56,7 @@ def conversion(place: str, given: str, wanted: str) -> Conversion:
         raise InputError(place, f"{failed}: {why}")
     clear = [(unit, other) for unit, other in pairs if not _is_unclear(unit, other)]
     if not clear:
-        bare = given if _angles(pairs[0][1]) else wanted
+        bare = given if angles(pairs[0][1]) else wanted
         others = "rpm and rev/s (turns) and rad/s (radians) do"
         if not any("[time]" in unit.dimensionality for unit in readings(bare)):
             others = "turn, deg and rad do"
@@ -80,7 +80,7 @@ def agree(title: str, stated: str) -> bool:
     turn = registry().Unit("turn")
     pairs = _pairs(title, stated)
     if any(_is_unclear(unit, other) for unit, other in pairs):
-        pairs += [(unit * turn, other) for unit, other in pairs if not _angles(unit)]
+        pairs += [(unit * turn, other) for unit, other in pairs if not angles(unit)]
     return any(
         math.isclose(way.factor, 1.0, rel_tol=1e-12) and not way.offset
         for way in itertools.starmap(_way, pairs)
@@ -112,26 +112,20 @@ def _way(unit: Any, other: Any) -> Conversion | None:
 
 
 @cache
-def _angles(unit: Any) -> float:
-    """The power of an angle in a unit."""
-    return float(dict(registry().get_root_units(unit)[1]._units).get("radian", 0))
-
-
-@cache
 def _is_unclear(unit: Any, other: Any) -> bool:
     """True if one counts turns or radians, and the other does not say which.
 
     That radians are left out, as in N m s for N m s/rad, is clear.
     """
-    if _angles(unit) == _angles(other):
+    if angles(unit) == angles(other):
         return False
-    angular, bare = (unit, other) if _angles(unit) else (other, unit)
+    angular, bare = (unit, other) if angles(unit) else (other, unit)
     rate = set(bare.dimensionality) == {"[time]"}
-    return rate or bool(_names(bare) & _COUNTING) or _angles(bare) != 0 or not _in_radians(angular)
+    return rate or bool(_names(bare) & _COUNTING) or angles(bare) != 0 or not _in_radians(angular)
 
 
 def _in_radians(unit: Any) -> bool:
-    return all(name == "radian" or not _angles(registry().Unit(name)) for name in _names(unit))
+    return all(name == "radian" or not angles(registry().Unit(name)) for name in _names(unit))
 
 
 @cache

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.core.units import check_unit
+from reobserve.core.units import check_unit, same
 
 SIXTY = "*".join(["m"] * 29) + "*mm"
 
@@ -72,6 +72,25 @@ def test_unit_of_endless_powers_is_refused_at_once(text: str) -> None:
 )
 def test_unit_with_powers_is_known(text: str) -> None:
     check_unit("unit", text)
+
+
+@pytest.mark.parametrize(
+    ("one", "others", "unlike"),
+    [
+        ("N m s/rad", "N m s, kg m^2/s, Nms, rad^-1*s*m*N", "N m, mN m s, N mm s/deg, kg"),
+        ("rad/s", "s^-1 rad, radian per second, (rad/s)", "1/s, Hz, rpm, deg/s, rad, mrad/s"),
+        ("1/s", "Hz, s^-1, 1/sec", "rad/s, kHz, 1/min, s, rpm"),
+        ("1", "rad, dimensionless", "%, deg, turn, dB, s, furlongs per"),
+        ("°C", "degC, celsius", "K, °F, mK"),
+        ("Ω", "ohm, V/A", "kΩ, S"),
+        ("kg", "N s^2/m", "g, Mg"),
+    ],
+)
+def test_same_units_agree_in_dimension_size_and_zero(one: str, others: str, unlike: str) -> None:
+    found = {other: (same(one, other), same(other, one)) for other in others.split(", ")}
+    assert found == dict.fromkeys(found, (True, True))
+    found = {other: (same(one, other), same(other, one)) for other in unlike.split(", ")}
+    assert found == dict.fromkeys(found, (False, False))
 
 
 def test_common_units_are_known_without_pint() -> None:
