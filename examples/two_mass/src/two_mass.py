@@ -22,6 +22,7 @@ from reobserve_papers.metrics.responses import root_mean_square
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.parameters.job import AnyFigure
+from reobserve_papers.parameters.units import Duration, Unit
 from reobserve_papers.plotting.figures import STYLES, headroom, new_figure, time_axis
 from reobserve_papers.signals.random_streams import random_stream
 from reobserve_papers.signals.series import Channel, Series
@@ -33,21 +34,21 @@ from reobserve_papers.signals.series import Channel, Series
 class Plant:
     """Two masses, a spring and a damper, and what moves them."""
 
-    masses: Annotated[list[Positive], vector(2)]
-    stiffness: Positive
-    damping: NotNegative
-    force: Positive
-    force_period: Positive
-    gusts: Positive
-    horizon: Positive
-    step: Positive
+    masses: Annotated[list[Positive], vector(2), Unit("kg")]
+    stiffness: Annotated[Positive, Unit("N/m")]
+    damping: Annotated[NotNegative, Unit("N s/m")]
+    force: Annotated[Positive, Unit("N")]
+    force_period: Duration
+    gusts: Annotated[Positive, Unit("N")]
+    horizon: Duration
+    step: Duration
 
 
 @dataclass(frozen=True)
 class Scenario:
     """The standard deviation of the sensor's noise."""
 
-    noise: Positive
+    noise: Annotated[Positive, Unit("m")]
     title: str = ""
 
 
@@ -57,15 +58,15 @@ class Observer:
 
     algorithm: Literal["luenberger", "kalman"]
     label: str = ""
-    pole: Positive = 1.0
-    noise: Positive = 1.0
+    pole: Annotated[Positive, Unit("1/s")] = 1.0
+    noise: Annotated[Positive, Unit("m")] = 1.0
 
 
 @dataclass(frozen=True)
 class Metrics:
     """The time from which errors count."""
 
-    settled: Positive
+    settled: Duration
 
 
 @dataclass(frozen=True)

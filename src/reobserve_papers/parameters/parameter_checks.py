@@ -16,11 +16,11 @@ from typing import Any
 
 from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError, ReobserveError, located
-from reobserve.core.units import check_unit
 from reobserve_papers.parameters.job import AnyJob, StudyFigure, named, read_parameters
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import SECTIONS
+from reobserve_papers.parameters.units import check_units
 
 Observers = Mapping[str, Any]  # forms that observers must have, by name
 
@@ -49,31 +49,13 @@ class Checks:
 def check_parameters(parameters: Parameters) -> None:
     """Read the parameter file as what its paper declares, build what it states, and run nothing."""
     stated = read_parameters(parameters)
+    check_units(parameters, stated)
     module = importlib.import_module(paper_part(parameters.package, "checks"))
     with building(parameters.paper):
         check_stated(stated, getattr(module, "CHECKS", Checks()))
         if hasattr(module, "LAYOUTS"):  # a paper in one module has its drawings at hand
             for name, figure in stated.figures.items():
                 as_word(f"figures.{name}.layout", figure.layout, tuple(module.LAYOUTS))
-
-
-# In place of a unit: text, and powers of a second of several derivatives.
-_NO_UNITS = ("word", "file", "name")
-
-
-def check_units(parameters: Parameters) -> None:
-    """Check the units of all entries, several with commas or ``to`` between, as pint reads them.
-
-    The letters y and u stand for units of an output and an input that a paper does not state.
-    """
-    for key, entry in parameters.entries():
-        for unit in re.split(r", | to ", entry["unit"]):
-            if unit not in _NO_UNITS:
-                stated = re.sub(r"\b[yu]\b", "rad", unit)  # which has no dimension, either
-                try:
-                    check_unit("", stated)
-                except InputError:
-                    check_unit(f"{parameters.paper}.{key}.unit", unit)
 
 
 def check_stated(stated: Any, checks: Checks) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.seals import sealed
+from reobserve.core.units import same
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.config import known_papers
 from reobserve_papers.parameters.names import add_sources
@@ -126,7 +127,7 @@ class Parameters:
         """The same parameter file with every numerical step [s] halved."""
         tree = copy.deepcopy(self.tree)
         for _, entry in _entries(tree, ""):
-            if entry.get("numerical") and entry["unit"] == "s":
+            if entry.get("numerical") and entry["unit"] != "1" and same(entry["unit"], "s"):
                 entry["value"] /= 2
         return Parameters(self.paper, tree, self.seed)
 

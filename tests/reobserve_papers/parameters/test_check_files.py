@@ -85,14 +85,6 @@ def test_error_in_config_is_reported_before_the_first_job(project: Path, case: s
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("unit", ["m3/s!", "cumecs"])
-def test_invalid_unit_is_refused(project: Path, unit: str) -> None:
-    path = project / "config/papers/ilo.yaml"
-    path.write_text(path.read_text(encoding="utf-8").replace("kg m^2", unit, 1), encoding="utf-8")
-    with pytest.raises(InputError, match=rf"^ilo\.plant\.inertia\.unit: '{unit}' is no unit"):
-        run(project, ["ilo"], {})
-
-
 def test_damaged_style_sheet_is_named(project: Path) -> None:
     path = project / "config/styles/slides.mplstyle"
     path.write_text("font.siez: 3\n", encoding="utf-8")

@@ -12,7 +12,7 @@ from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.claims.configuration_checks import check_evidence
 from reobserve_papers.parameters.config import known_papers, known_styles
 from reobserve_papers.parameters.names import DEFAULT_STYLE, style_sheet
-from reobserve_papers.parameters.parameter_checks import check_parameters, check_units
+from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
 
 
@@ -31,7 +31,6 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
     check_plain(overrides, "config")
     for name in paper or known_papers(project):
         parameters = Parameters.load(project, name, overrides.get(name))
-        check_units(parameters)
         check_parameters(parameters)
         check_evidence(project, parameters)
         print(f"{name}: parameters, claims, conventions and errata are sound", file=sys.stderr)

@@ -17,20 +17,20 @@ from reobserve.core.validation import (
     NotNegative,
     Positive,
     Terms,
-    Window,
     as_stated,
     items,
-    rising,
     vector,
     within,
 )
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
+from reobserve_papers.parameters.units import PER_SECOND, PURE, TIMING, Duration, Span, Unit
 
 MAX_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
 
 Scalar = Annotated[Terms, signal(1)]
-State = Annotated[list[float], items(1, 2)]
+Torque = Annotated[Scalar, Unit("N m", beside=("N m/s", *TIMING))]
+State = Annotated[list[float], items(1, 2), Unit("rad, rad/s", "1")]  # of pendulum or lag
 Model = Literal["pendulum", "lag"]
 
 
@@ -51,19 +51,19 @@ def initial_matrix(place: str, value: Any) -> None:
 class Plant:
     """The pendulum, the delay of its input, and the record."""
 
-    gravity: Positive
-    length: Positive
-    mass: Positive
-    friction: NotNegative
-    delay: Scalar
-    delay_bounds: Annotated[list[float], rising]
-    horizon: Positive
-    step: Positive
-    noise_period: Positive
+    gravity: Annotated[Positive, Unit("m/s^2")]
+    length: Annotated[Positive, Unit("m")]
+    mass: Annotated[Positive, Unit("kg")]
+    friction: Annotated[NotNegative, Unit("kg/s")]
+    delay: Annotated[Scalar, Unit("s", beside=("1", *TIMING))]
+    delay_bounds: Span
+    horizon: Duration
+    step: Duration
+    noise_period: Duration
     noise_size: Literal["deviation", "peak"]
-    noise_peak: Positive
+    noise_peak: Annotated[Positive, PURE]
     noise_amplitude: Literal["swing", "wrapped", "turns"]
-    swing: Positive
+    swing: Annotated[Positive, Unit("rad")]
     noisy_input: Literal["measured", "applied"]
 
 
@@ -73,9 +73,9 @@ class Scenario:
 
     model: Model
     initial_state: State
-    input: Scalar
+    input: Annotated[Scalar, Unit("N m", "1", beside=("N m/s", "1/s", *TIMING))]
     past: Literal["continued", "zero"]
-    noise_share: NotNegative
+    noise_share: Annotated[NotNegative, PURE]
     title: str = ""
 
 
@@ -93,18 +93,18 @@ class Extended:
 
     algorithm: Literal["extended"]
     model: Model
-    order: Annotated[int, within(1, MAX_DERIVATIVES)]
-    rho: Positive
+    order: Annotated[int, within(1, MAX_DERIVATIVES), PURE]
+    rho: Annotated[Positive, PER_SECOND]
     initial_estimate: State
-    initial_delay: float
-    initial_matrix: Annotated[InitialMatrix, as_stated(initial_matrix)]
-    threshold: NotNegative
+    initial_delay: Annotated[float, Unit("s")]
+    initial_matrix: Annotated[InitialMatrix, as_stated(initial_matrix), Unit("1", "word")]
+    threshold: Annotated[NotNegative, Unit("N/(kg m s)", "1/s")]
     switched: Literal["delay", "all"]
     derivatives: Literal["exact", "levant"]
-    sampling_period: Positive
-    lambdas: Annotated[Levels, vector(3)] | None = None
-    L: Positive | None = None
-    sampling: Positive | None = None
+    sampling_period: Duration
+    lambdas: Annotated[Levels, vector(3), PURE] | None = None
+    L: Annotated[Positive, Unit("N m/s^3", "1/s^3")] | None = None
+    sampling: Duration | None = None
     initial_derivatives: Literal["zero", "exact"] = "zero"
     label: str = ""
 
@@ -122,10 +122,10 @@ class Standard:
 
     algorithm: Literal["standard"]
     model: Model
-    rho: Positive
-    mean_delay: Positive
+    rho: Annotated[Positive, PER_SECOND]
+    mean_delay: Duration
     initial_estimate: State
-    sampling_period: Positive
+    sampling_period: Duration
     label: str = ""
 
 
@@ -134,10 +134,10 @@ class LeastSquares:
     """Least squares, a reconstruction."""
 
     algorithm: Literal["least_squares"]
-    initial_covariance: Positive
-    forgetting: NotNegative
-    initial_delay: float
-    sampling_period: Positive
+    initial_covariance: Annotated[Positive, PURE]
+    forgetting: Annotated[NotNegative, PER_SECOND]
+    initial_delay: Annotated[float, Unit("s")]
+    sampling_period: Duration
     label: str = ""
 
 
@@ -146,11 +146,11 @@ class AdaptiveIdentification:
     """Adaptive identification, a reconstruction."""
 
     algorithm: Literal["adaptive"]
-    filter_time: Positive
-    forgetting: Positive
-    adaptation_gain: Positive
-    initial_delay: float
-    sampling_period: Positive
+    filter_time: Duration
+    forgetting: Annotated[Positive, PER_SECOND]
+    adaptation_gain: Annotated[Positive, PURE]
+    initial_delay: Annotated[float, Unit("s")]
+    sampling_period: Duration
     label: str = ""
 
 
@@ -159,10 +159,10 @@ class Relay:
     """A variable structure, a reconstruction."""
 
     algorithm: Literal["relay"]
-    relay_gain: Positive
+    relay_gain: Annotated[Positive, Unit("1/s^2")]
     relay_on: Literal["delay", "inverse"]
-    initial_delay: float
-    sampling_period: Positive
+    initial_delay: Annotated[float, Unit("s")]
+    sampling_period: Duration
     label: str = ""
 
 
@@ -176,9 +176,9 @@ class Tradeoff(job.Study):
     """The error of the delay against rho, without and with noise."""
 
     method: Literal["tradeoff"]
-    rhos: Levels
-    runs: Annotated[int, within(1, 100_000)]
-    sampling_period: Positive
+    rhos: Annotated[Levels, PER_SECOND]
+    runs: Annotated[int, within(1, 100_000), PURE]
+    sampling_period: Duration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,9 +186,9 @@ class Tuning(job.Study):
     """Errors of the four methods of Fig. 3 against the tuning of each."""
 
     method: Literal["tuning"]
-    rhos: Levels
-    forgetting: Levels
-    relay_gains: Levels
+    rhos: Annotated[Levels, PER_SECOND]
+    forgetting: Annotated[Levels, PER_SECOND]
+    relay_gains: Annotated[Levels, Unit("1/s^2")]
 
 
 Study = Tradeoff | Tuning
@@ -198,28 +198,28 @@ Study = Tradeoff | Tuning
 class Metrics:
     """The windows for errors."""
 
-    start: NotNegative
-    late: Positive
-    ripple: Positive
-    varying_from: NotNegative
-    varying_until: Positive
-    radius: Window
+    start: Annotated[NotNegative, Unit("s")]
+    late: Duration
+    ripple: Duration
+    varying_from: Annotated[NotNegative, Unit("s")]
+    varying_until: Duration
+    radius: Span
 
 
 @dataclass(frozen=True)
 class Theory:
     """Settings of the theory stage."""
 
-    ramp: Scalar
-    sine: Scalar
-    initial_state: State
-    noise_share: NotNegative
-    small_threshold: Positive
-    rhos: Levels
-    faster: Positive
-    gain_of_rate: NotNegative
-    sampling_period: Positive
-    cases: Count
+    ramp: Torque
+    sine: Torque
+    initial_state: Annotated[State, Unit("rad, rad/s")]
+    noise_share: Annotated[NotNegative, PURE]
+    small_threshold: Annotated[Positive, Unit("N/(kg m s)")]
+    rhos: Annotated[Levels, PER_SECOND]
+    faster: Annotated[Positive, PURE]
+    gain_of_rate: Annotated[NotNegative, PURE]
+    sampling_period: Duration
+    cases: Annotated[Count, PURE]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,6 @@ from reobserve.core.validation import (
     NotNegative,
     Positive,
     Terms,
-    Window,
     array,
     distinct,
     items,
@@ -21,13 +20,15 @@ from reobserve.core.validation import (
 )
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
+from reobserve_papers.parameters.units import PER_SECOND, PURE, TIMING, Duration, Span, Unit
 
-Fault = Annotated[Terms, signal(1)]
+Speed = Annotated[Terms, signal(1), Unit("rad/s", beside=("rad/s^2", *TIMING))]
 Pair = Annotated[list[float], vector(2)]
-Poles = Annotated[list[float], vector(3)]
-Column = Annotated[list[list[float]], array(2, 1)]
+Poles = Annotated[list[float], vector(3), PER_SECOND]
+Column = Annotated[list[list[float]], array(2, 1), PURE]
 Square = Annotated[list[list[float]], array(2, 2)]
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
+Disturbance = Annotated[Square, Unit("rad/s^2, A/s")]  # minimum and maximum of each
 Solver = Literal["CLARABEL", "SCS"]
 Criterion = Literal["minimum_norm", "minimum_gamma"]
 Solution = Literal["minimum_norm", "positive", "largest_margin"]
@@ -37,23 +38,23 @@ Solution = Literal["minimum_norm", "positive", "largest_margin"]
 class Plant:
     """The motor, its speed control, its disturbances, and the record."""
 
-    inertia: Positive
-    friction: Positive
-    torque_constant: Positive
-    emf_constant: Positive
-    resistance: Positive
-    inductance: Positive
+    inertia: Annotated[Positive, Unit("kg m^2")]
+    friction: Annotated[Positive, Unit("N m s")]
+    torque_constant: Annotated[Positive, Unit("N m/A")]
+    emf_constant: Annotated[Positive, Unit("V s/rad")]
+    resistance: Annotated[Positive, Unit("Ω")]
+    inductance: Annotated[Positive, Unit("H")]
     controller_poles: Poles
     feedback: Literal["state", "output"]
-    reference: Fault
-    pulse_width: Positive
-    initial_state: Pair
-    disturbance_matrix: Square
+    reference: Speed
+    pulse_width: Duration
+    initial_state: Annotated[Pair, Unit("rad/s, A")]
+    disturbance_matrix: Annotated[Square, PURE]
     noise_matrix: Column
     sensor_matrix: Column
-    horizon: Positive
-    step: Positive
-    hold_period: Positive
+    horizon: Duration
+    step: Duration
+    hold_period: Duration
 
     def noise_deviation(self, power: float) -> float:
         """Standard deviation of the held samples of white noise of this power."""
@@ -64,10 +65,10 @@ class Plant:
 class Scenario:
     """Faults, disturbances and noise."""
 
-    actuator_fault: Fault
-    sensor_fault: Fault
-    disturbance: Square  # minimum and maximum of each
-    noise_power: NotNegative
+    actuator_fault: Annotated[Terms, signal(1), Unit("V", beside=("V/s", *TIMING))]
+    sensor_fault: Speed
+    disturbance: Disturbance
+    noise_power: Annotated[NotNegative, Unit("(rad/s)^2 s")]
     title: str = ""
 
 
@@ -76,8 +77,8 @@ class Feasible:
     """Gains by feasibility with a decay rate."""
 
     kind: Literal["pi_feasible"]
-    filter_rate: Positive
-    decay: NotNegative
+    filter_rate: Annotated[Positive, PER_SECOND]
+    decay: Annotated[NotNegative, PER_SECOND]
     solution: Solution  # of the inequality, see `synthesis.extended_state.pi`
     solver: Solver
     title: str = ""
@@ -93,11 +94,11 @@ class Optimised:
     """Gains by optimisation, with one of two interpretations of "min gamma"."""
 
     kind: Literal["pi_optimised", "pd_pi_optimised"]
-    filter_rate: Positive
+    filter_rate: Annotated[Positive, PER_SECOND]
     criterion: Criterion
-    factor: Positive  # of gamma over its lower bound, for minimum_norm
-    pole_bound: Positive  # for minimum_gamma, as the radius
-    radius: Positive
+    factor: Annotated[Positive, PURE]  # of gamma over its lower bound, for minimum_norm
+    pole_bound: Annotated[Positive, PER_SECOND]  # for minimum_gamma, as the radius
+    radius: Annotated[Positive, PURE]
     solver: Solver
     title: str = ""
 
@@ -121,7 +122,8 @@ class Observer:
 
     algorithm: Literal["extended_state"]
     design: str
-    initial_estimate: Annotated[list[float], vector(6)]  # x, xz, fa, fs
+    # x, xz, fa, fs
+    initial_estimate: Annotated[list[float], vector(6), Unit("rad/s, A, rad/s, A, V, rad/s")]
     compared_with: str = ""  # the observer with which the estimates are compared
     label: str = ""
 
@@ -132,13 +134,13 @@ class Designs(job.Study):
 
     method: Literal["designs"]
     observers: list[str]  # none: the study has its own designs
-    filter_rates: Changed
-    decays: Annotated[list[NotNegative], items(0)]
+    filter_rates: Annotated[Changed, PER_SECOND]
+    decays: Annotated[list[NotNegative], items(0), PER_SECOND]
     solutions: Annotated[list[Solution], distinct]  # one PI observer for each
-    factors: Changed
-    pole_bounds: Changed
-    radius: Positive  # with these bounds
-    radii: Changed  # with the first of them
+    factors: Annotated[Changed, PURE]
+    pole_bounds: Annotated[Changed, PER_SECOND]
+    radius: Annotated[Positive, PURE]  # with these bounds
+    radii: Annotated[Changed, PURE]  # with the first of them
     solver: Solver
 
 
@@ -146,22 +148,22 @@ class Designs(job.Study):
 class Metrics:
     """Settings of the metrics."""
 
-    actuator_varying: Window
-    actuator_constant: Window
-    sensor_varying: Window
-    sensor_constant: Window
-    longest_lag: Positive
-    visible: Positive  # V and rad/s
+    actuator_varying: Span
+    actuator_constant: Span
+    sensor_varying: Span
+    sensor_constant: Span
+    longest_lag: Duration
+    visible: Annotated[Positive, Unit("V, rad/s")]
 
 
 @dataclass(frozen=True)
 class Theory:
     """Settings of the numbers of the theory."""
 
-    fast_frequency: Positive  # of a sinusoidal fault [rad/s]
-    settled_after: Positive  # a jump
-    disturbance: Square
-    noise_power: Positive
+    fast_frequency: Annotated[Positive, Unit("rad/s")]  # of a sinusoidal fault
+    settled_after: Duration  # a jump
+    disturbance: Disturbance
+    noise_power: Annotated[Positive, Unit("(rad/s)^2 s")]
 
 
 @dataclass(frozen=True, kw_only=True)

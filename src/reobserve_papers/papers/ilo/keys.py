@@ -25,25 +25,28 @@ from reobserve.core.validation import (
 )
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
+from reobserve_papers.parameters.units import PURE, SECONDS, TIMING, Duration, Unit
 
-Torque = Annotated[Terms, signal(3)]
+RATE = Unit("rad/s")
+Torque = Annotated[Terms, signal(3), Unit("N m", beside=("N m/s", *TIMING))]
 Vector = Annotated[list[float], vector(3)]
 Matrix = Annotated[MatrixValue, matrix(3)]
+Gain = Annotated[Matrix, Unit("N m s/rad")]
 
 
 @dataclass(frozen=True)
 class Plant:
     """The satellite, its control and its record."""
 
-    inertia: Annotated[MatrixValue, positive_definite(3)]
-    input_matrix: Matrix
-    fault_matrix: Matrix
-    initial_rate: Vector
+    inertia: Annotated[MatrixValue, positive_definite(3), Unit("kg m^2")]
+    input_matrix: Annotated[Matrix, PURE]
+    fault_matrix: Annotated[Matrix, PURE]
+    initial_rate: Annotated[Vector, RATE]
     control: Torque
-    horizon: Positive
-    step: Positive
-    noise: NotNegative
-    noise_period: Positive
+    horizon: Duration
+    step: Duration
+    noise: Annotated[NotNegative, RATE]
+    noise_period: Duration
 
 
 @dataclass(frozen=True)
@@ -58,18 +61,18 @@ class Scenario:
 class _Common:
     """Entries of all observers."""
 
-    observer_gain: Matrix
-    sampling_period: Positive
-    inertia_factor: Positive
-    initial_rate: Vector
-    initial_fault: Vector
+    observer_gain: Gain
+    sampling_period: Duration
+    inertia_factor: Annotated[Positive, PURE]
+    initial_rate: Annotated[Vector, RATE]
+    initial_fault: Annotated[Vector, Unit("N m")]
 
 
 @dataclass(frozen=True)
 class _Learning(_Common):
-    K1: Matrix
-    K2: Matrix
-    update_interval: Positive
+    K1: Annotated[Matrix, PURE]
+    K2: Gain
+    update_interval: Duration
 
 
 @dataclass(frozen=True)
@@ -93,8 +96,8 @@ class Adaptive(_Common):
     """The observer that the paper compares with."""
 
     algorithm: Literal["adaptive"]
-    integral_gain: Matrix
-    proportional_gain: Matrix
+    integral_gain: Annotated[Matrix, Unit("N m/rad")]
+    proportional_gain: Gain
     label: str = ""
 
 
@@ -111,22 +114,22 @@ Observer = Sampled | Continuous | Adaptive
 class Matching(job.Study):
     """The study of ILO and adaptive observers over gain and noise."""
 
-    integral_gains: Levels
-    damping_ratio: Positive
-    noise_levels: Annotated[list[NotNegative], items()]
-    shown_noise: NotNegative
-    noise_runs: Count
+    integral_gains: Annotated[Levels, Unit("N m/rad")]
+    damping_ratio: Annotated[Positive, PURE]
+    noise_levels: Annotated[list[NotNegative], items(), RATE]
+    shown_noise: Annotated[NotNegative, RATE]
+    noise_runs: Annotated[Count, PURE]
 
 
 @dataclass(frozen=True)
 class Metrics:
     """Windows and thresholds of the metrics."""
 
-    axis: Annotated[int, within(1, 3)]
+    axis: Annotated[int, within(1, 3), PURE]
     variant: Literal["sampled", "continuous", "forgetting"]
-    settling_skip: Positive
-    late_window: Positive
-    residual_threshold: Positive
+    settling_skip: Duration
+    late_window: Duration
+    residual_threshold: Annotated[Positive, Unit("N m")]
 
 
 @dataclass(frozen=True)
@@ -134,29 +137,29 @@ class Theory:
     """Settings of the theory stage."""
 
     stuck: Torque
-    random_seed: Seed
-    cases: Annotated[int, within(20, 1_000_000)]
-    learning_gains: Annotated[list[Share], items()]
-    certified_designs: Count
-    multiples: Annotated[list[Count], items()]
-    slowdowns: Annotated[list[Count], items()]
-    frequency: Positive
-    intervals: Annotated[Levels, items(2)]
-    frequencies: Levels
-    accuracy: Positive
-    start_rate: Vector
-    fault_spacing: Positive
-    fault_size: Positive
-    largest_gain: Positive
+    random_seed: Annotated[Seed, PURE]
+    cases: Annotated[int, within(20, 1_000_000), PURE]
+    learning_gains: Annotated[list[Share], items(), PURE]
+    certified_designs: Annotated[Count, PURE]
+    multiples: Annotated[list[Count], items(), PURE]
+    slowdowns: Annotated[list[Count], items(), PURE]
+    frequency: Annotated[Positive, RATE]
+    intervals: Annotated[Levels, items(2), SECONDS]
+    frequencies: Annotated[Levels, RATE]
+    accuracy: Annotated[Positive, PURE]
+    start_rate: Annotated[Vector, RATE]
+    fault_spacing: Duration
+    fault_size: Annotated[Positive, Unit("N m")]
+    largest_gain: Annotated[Positive, Unit("N m s/rad")]
     aperiodic: Torque
-    noise: Positive
-    inertia_error: Annotated[float, within(-0.9, 9.0)]
-    adaptive_gain: Positive
-    damping_ratio: Positive
-    disturbance_frequency: Positive
+    noise: Annotated[Positive, RATE]
+    inertia_error: Annotated[float, within(-0.9, 9.0), PURE]
+    adaptive_gain: Annotated[Positive, Unit("N m/rad")]
+    damping_ratio: Annotated[Positive, PURE]
+    disturbance_frequency: Annotated[Positive, RATE]
     identity_variant: Literal["sampled", "continuous"]
     integration: Literal["euler", "runge_kutta"]
-    periods_per_update: Count
+    periods_per_update: Annotated[Count, PURE]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,6 @@ from reobserve.core.validation import (
     Positive,
     Share,
     Terms,
-    Window,
     as_stated,
     checked,
     items,
@@ -26,12 +25,14 @@ from reobserve.core.validation import (
 )
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
+from reobserve_papers.parameters.units import PURE, SECONDS, TIMING, Duration, Span, Unit
 
-Coefficients = Annotated[list[float], vector(4)]
-TestInput = Annotated[Terms, signal(1)]
-Motion = Annotated[list[NotNegative], vector(4)]
+Numerator = Annotated[list[float], vector(4), Unit("y/u s^-1 to s^-4")]
+Denominator = Annotated[list[float], vector(4), Unit("s^-1 to s^-4")]
+TestInput = Annotated[Terms, signal(1), Unit("V", beside=("V/s", *TIMING))]
+Motion = Annotated[list[NotNegative], vector(4), Unit("y s, y, y/s, y/s^2")]
 SwitchingCondition = Literal["motion", "states", "outputs"]
-Probability = Annotated[float, within(0, 1)]
+Probability = Annotated[float, within(0, 1), PURE]
 
 
 def variances(place: str, value: Any) -> None:
@@ -50,6 +51,10 @@ def bounds(place: str, value: list[float]) -> None:
 
 Variances = Annotated[MatrixValue, as_stated(variances)]
 Bounds = Annotated[list[float], vector(2), checked(bounds)]
+# Of position, velocity, acceleration and jerk, or of those that a realisation measures.
+NOISE = Unit(
+    "(y s)^2, y^2, (y/s)^2, (y/s^2)^2", "(y s)^2, y^2, (y/s)^2", "y^2, (y/s)^2, (y/s^2)^2", "y^2"
+)
 
 
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
@@ -62,25 +67,25 @@ MODES = ("normal", "friction", "leakage")
 class Plant:
     """The identified models of the actuator, by their transfer functions."""
 
-    normal_numerator: Coefficients
-    normal_denominator: Coefficients
-    friction_numerator: Coefficients
-    friction_denominator: Coefficients
-    leakage_numerator: Coefficients
-    leakage_denominator: Coefficients
-    horizon: Positive
+    normal_numerator: Numerator
+    normal_denominator: Denominator
+    friction_numerator: Numerator
+    friction_denominator: Denominator
+    leakage_numerator: Numerator
+    leakage_denominator: Denominator
+    horizon: Duration
 
 
 @dataclass(frozen=True)
 class Scenario:
     """An input, a fault and the noise."""
 
-    period: Positive
-    input: TestInput
+    period: Duration
+    input: Annotated[Terms, signal(1), Unit("V", "rad/s", beside=("V/s", "rad/s^2", *TIMING))]
     input_unit: Literal["V", "rad/s"]
     fault: Literal["friction", "leakage"]
-    share: NotNegative
-    onset: Positive
+    share: Annotated[NotNegative, PURE]
+    onset: Duration
     switching_condition: SwitchingCondition
     noise: Motion
     title: str = ""
@@ -89,10 +94,10 @@ class Scenario:
 @dataclass(frozen=True)
 class _Bank:
     realisation: Literal["velocity", "derivatives", "motion", "observer_canonical"]
-    process_noise: Variances
-    measurement_noise: Variances
-    self_transition: Annotated[float, Field(gt=0, le=1)]
-    initial_covariance: Variances
+    process_noise: Annotated[Variances, Unit("y^2")]
+    measurement_noise: Annotated[Variances, NOISE]
+    self_transition: Annotated[float, Field(gt=0, le=1), PURE]
+    initial_covariance: Annotated[Variances, Unit("y^2")]
     initial_mode: Literal["unknown", "normal"]
     mixing: bool
     quoted: Annotated[list[Probability], vector(2)]
@@ -112,10 +117,12 @@ class SmoothVariableStructure(_Bank):
     """The SVSF-IMM."""
 
     algorithm: Literal["smooth_variable_structure"]
-    boundary_layer: Annotated[list[Positive], items(1, 4)]
-    layer_scale: Positive
-    layer_factor: Positive
-    convergence_rate: NotNegative
+    boundary_layer: Annotated[
+        list[Positive], items(1, 4), Unit("y s, y, y/s", "y, y/s, y/s^2", "y")
+    ]
+    layer_scale: Annotated[Positive, PURE]
+    layer_factor: Annotated[Positive, PURE]
+    convergence_rate: Annotated[NotNegative, PURE]
     inverse: Literal["pseudo", "weighted"]
     label: str = ""
 
@@ -129,16 +136,16 @@ class Search:
 
     scenario: str
     observers: Names
-    process_noise: Bounds
-    position_noise: Bounds
-    velocity_noise: Bounds
-    acceleration_noise: Bounds
-    leave: Bounds
-    population: Annotated[int, within(1, 1000)]
-    neighbour_pairs: Annotated[int, within(0, 1000)]
-    spread: Annotated[float, within(0, 0.99)]
-    generations: Annotated[int, within(1, 100_000)]
-    switching: Share | None = None  # no condition if missing
+    process_noise: Annotated[Bounds, Unit("y^2")]
+    position_noise: Annotated[Bounds, Unit("(y s)^2")]
+    velocity_noise: Annotated[Bounds, Unit("y^2")]
+    acceleration_noise: Annotated[Bounds, Unit("(y/s)^2")]
+    leave: Annotated[Bounds, PURE]
+    population: Annotated[int, within(1, 1000), PURE]
+    neighbour_pairs: Annotated[int, within(0, 1000), PURE]
+    spread: Annotated[float, within(0, 0.99), PURE]
+    generations: Annotated[int, within(1, 100_000), PURE]
+    switching: Annotated[Share, PURE] | None = None  # no condition if missing
     title: str = ""
 
 
@@ -147,10 +154,10 @@ class Neighbourhood(job.Study):
     """Distances by which each tuned number may move before a quoted value leaves its band."""
 
     method: Literal["neighbourhood"]
-    kept: str
-    band: Share
-    factors: Changed
-    earlier_trials: Annotated[list[int], items(0)] = field(default_factory=list)
+    kept: Annotated[str, Unit("file")]
+    band: Annotated[Share, PURE]
+    factors: Annotated[Changed, PURE]
+    earlier_trials: Annotated[list[int], items(0), PURE] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,10 +168,10 @@ class Changes(job.Study):
     prbs: TestInput
     square: TestInput
     sweep: TestInput
-    periods: Changed
-    shares: Changed
-    layer_factors: Changed
-    initial_covariances: Changed
+    periods: Annotated[Changed, SECONDS]
+    shares: Annotated[Changed, PURE]
+    layer_factors: Annotated[Changed, PURE]
+    initial_covariances: Annotated[Changed, Unit("y^2")]
     noise: Motion
 
 
@@ -173,7 +180,7 @@ class Causes(job.Study):
     """Banks of SVSFs with one possible cause of their probabilities changed."""
 
     method: Literal["causes"]
-    scales: Changed
+    scales: Annotated[Changed, PURE]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,11 +197,11 @@ Study = Neighbourhood | Changes | Causes | Frozen
 class Metrics:
     """Windows and levels of the metrics."""
 
-    before: Window
-    after: Window
-    overshoot: Window
-    alarm: Share
-    band: Share
+    before: Span
+    after: Span
+    overshoot: Span
+    alarm: Annotated[Share, PURE]
+    band: Annotated[Share, PURE]
 
 
 @dataclass(frozen=True)
@@ -202,12 +209,12 @@ class Theory:
     """The setting of the theory's numbers."""
 
     observers: Names
-    period: Positive
+    period: Duration
     input: TestInput
-    horizon: Positive
-    onset: Positive
+    horizon: Duration
+    onset: Duration
     switching_condition: SwitchingCondition
-    layer_share: Annotated[float, Field(gt=0, lt=1)]
+    layer_share: Annotated[Share, PURE]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,6 @@ from reobserve.core.validation import (
     Positive,
     Seed,
     Terms,
-    Window,
     checked,
     items,
     parse,
@@ -24,6 +23,7 @@ from reobserve.core.validation import (
     within,
 )
 from reobserve_papers.parameters import job
+from reobserve_papers.parameters.units import PER_SECOND, PURE, Duration, Span
 
 MOST_DEGREE = 61  # of a series: two thousand monomials in two variables
 LEAST_DEGREE = 13  # the degree from which on a radius of convergence is estimated
@@ -55,17 +55,19 @@ class PrintedCoefficient:
     text: Annotated[str, checked(decimal)]
 
 
-# Lists of terms, which remain lists of mappings.
+# Lists of terms, which remain lists of mappings. The states have no units.
 Polynomial = Annotated[
     Terms, items(), checked(lambda place, value: parse(list[Monomial], value, place))
 ]
 Printed = Annotated[
     Terms, items(), checked(lambda place, value: parse(list[PrintedCoefficient], value, place))
 ]
-Order = Annotated[int, within(0, MOST_DEGREE)]
+Order = Annotated[int, within(0, MOST_DEGREE), PURE]
 Orders = Annotated[list[Order], items()]
-Degree = Annotated[int, within(1, MOST_DEGREE)]
-State = Annotated[list[float], items()]
+Degree = Annotated[int, within(1, MOST_DEGREE), PURE]
+State = Annotated[list[float], items(), PURE]
+Poles = Annotated[list[float], vector(2), PER_SECOND]
+Factor = Annotated[Positive, PURE]
 Gain = Literal["series", "jacobian", "composed"]
 
 
@@ -73,10 +75,10 @@ Gain = Literal["series", "jacobian", "composed"]
 class Plant:
     """An autonomous polynomial system, and the record of it."""
 
-    dynamics: Polynomial
-    output: Polynomial
-    horizon: Positive
-    step: Positive
+    dynamics: Annotated[Polynomial, PURE]
+    output: Annotated[Polynomial, PURE]
+    horizon: Duration
+    step: Duration
 
     @property
     def states(self) -> int:
@@ -102,7 +104,7 @@ class Scenario:
 class InjectionDesign:
     """A normal form, by its output injection."""
 
-    injection: Polynomial
+    injection: Annotated[Polynomial, PER_SECOND]
     degree: Degree
     title: str = ""
 
@@ -116,7 +118,7 @@ class Identity:
     order: Order
     gain: Gain
     initial_estimate: State
-    sampling_period: Positive
+    sampling_period: Duration
     label: str = ""
 
 
@@ -128,7 +130,7 @@ class Transformed:
     design: str
     order: Order
     initial_estimate: State
-    sampling_period: Positive
+    sampling_period: Duration
     label: str = ""
 
 
@@ -144,8 +146,8 @@ class OrdersStudy:
     design: str
     observers: Names
     orders: Orders
-    settle: Positive
-    cycle_points: Annotated[int, within(100, 100_000)]
+    settle: Duration
+    cycle_points: Annotated[int, within(100, 100_000), PURE]
     title: str = ""
 
 
@@ -158,9 +160,9 @@ class EnsembleStudy:
     design: str
     observers: Names
     orders: Orders
-    half_width: Positive
-    points: Annotated[int, within(2, 1000)]
-    sampling_period: Positive
+    half_width: Factor
+    points: Annotated[int, within(2, 1000), PURE]
+    sampling_period: Duration
     title: str = ""
 
 
@@ -172,9 +174,9 @@ class DomainStudy:
     scenario: str
     design: str
     observers: Names
-    degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE)]
-    settle: Positive
-    cycle_points: Annotated[int, within(10, 100_000)]
+    degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE), PURE]
+    settle: Duration
+    cycle_points: Annotated[int, within(10, 100_000), PURE]
     title: str = ""
 
 
@@ -186,11 +188,11 @@ class InjectionsStudy:
     scenario: str
     design: str
     observers: Names
-    largest: Positive
-    coefficients: Annotated[int, within(2, 101)]
-    half_width: Positive
-    points: Annotated[int, within(2, 1000)]
-    sampling_period: Positive
+    largest: Annotated[Positive, PER_SECOND]
+    coefficients: Annotated[int, within(2, 101), PURE]
+    half_width: Factor
+    points: Annotated[int, within(2, 1000), PURE]
+    sampling_period: Duration
     title: str = ""
 
 
@@ -202,7 +204,7 @@ class Table:
     """Printed coefficients, for comparison with the exact ones."""
 
     design: str
-    printed: Printed
+    printed: Annotated[Printed, PURE]
     degree: Degree
     title: str = ""
     source: str = ""
@@ -212,45 +214,45 @@ class Table:
 class Metrics:
     """Parameters of the metrics."""
 
-    settling_band: Positive
-    decay_window: Window
+    settling_band: Factor
+    decay_window: Span
 
 
 @dataclass(frozen=True)
 class Theory:
     """Parameters of the theory."""
 
-    printed: Printed
-    printed_degree: Annotated[int, within(2, MOST_DEGREE)]
-    degree: Annotated[int, within(2, MOST_DEGREE)]
-    seed: Seed
-    cases: Annotated[int, within(1, 10_000)]
-    case_degree: Annotated[int, within(3, MOST_DEGREE)]
-    case_terms: Annotated[int, within(2, 10)]
+    printed: Annotated[Printed, PURE]
+    printed_degree: Annotated[int, within(2, MOST_DEGREE), PURE]
+    degree: Annotated[int, within(2, MOST_DEGREE), PURE]
+    seed: Annotated[Seed, PURE]
+    cases: Annotated[int, within(1, 10_000), PURE]
+    case_degree: Annotated[int, within(3, MOST_DEGREE), PURE]
+    case_terms: Annotated[int, within(2, 10), PURE]
     initial_state: State
-    printed_eigenvalue: Annotated[list[float], vector(2)]
-    near_share: Positive
-    near_duration: Positive
-    series_degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE)]
-    decay_start: Positive
-    decay_duration: Positive
-    spectrum_degree: Annotated[int, within(2, MOST_DEGREE)]
-    siegel_dynamics: Polynomial
-    siegel_injection: Polynomial
-    poles: Annotated[list[float], vector(2)]
-    choices: Count
-    tries: Annotated[int, within(1, 1000)]
-    margin: Positive
+    printed_eigenvalue: Poles
+    near_share: Factor
+    near_duration: Duration
+    series_degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE), PURE]
+    decay_start: Factor
+    decay_duration: Duration
+    spectrum_degree: Annotated[int, within(2, MOST_DEGREE), PURE]
+    siegel_dynamics: Annotated[Polynomial, PURE]
+    siegel_injection: Annotated[Polynomial, PER_SECOND]
+    poles: Poles
+    choices: Annotated[Count, PURE]
+    tries: Annotated[int, within(1, 1000), PURE]
+    margin: Factor
     lie_gain: Literal["eliminated", "open"]
     brute_force: Literal["by_degree", "all_at_once"]
     compared_order: Order
     compared_gain: Gain
     compared_error: Literal["x", "x1", "x2"]
-    compared_half_width: Positive
-    compared_points: Annotated[int, within(2, 1000)]
-    compared_duration: Positive
-    compared_band: Positive
-    compared_period: Positive
+    compared_half_width: Factor
+    compared_points: Annotated[int, within(2, 1000), PURE]
+    compared_duration: Duration
+    compared_band: Factor
+    compared_period: Duration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +261,7 @@ class Responses(job.Figure):
 
     layout: Literal["errors", "forms"]
     study: str
-    shown: Positive
+    shown: Duration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -274,7 +276,7 @@ class OfInjections(job.StudyFigure):
     """A study of injections, and errors over time."""
 
     layout: Literal["injections"]
-    shown: Positive
+    shown: Duration
 
 
 Figure = Responses | OfStudy | OfInjections

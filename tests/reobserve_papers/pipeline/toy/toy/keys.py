@@ -8,26 +8,27 @@ from typing import Annotated, Literal
 
 from reobserve.core.validation import Levels, Positive, vector
 from reobserve_papers.parameters import job
+from reobserve_papers.parameters.units import PER_SECOND, PURE, Duration, Unit
 
-Pair = Annotated[list[float], vector(2)]
+Pair = Annotated[list[float], vector(2), Unit("1/s, 1/s^2")]
 
 
 @dataclass(frozen=True)
 class Plant:
-    rate: Positive
-    horizon: Positive
-    step: Positive
+    rate: Annotated[Positive, PER_SECOND]
+    horizon: Duration
+    step: Duration
 
 
 @dataclass(frozen=True)
 class Scenario:
-    disturbance: float
+    disturbance: Annotated[float, PER_SECOND]
     title: str = ""
 
 
 @dataclass(frozen=True)
 class Design:
-    pole: Positive
+    pole: Annotated[Positive, PER_SECOND]
     title: str = ""
 
 
@@ -44,7 +45,7 @@ class Observer:
 @dataclass(frozen=True, kw_only=True)
 class Study(job.Study):
     design: str
-    factors: Levels
+    factors: Annotated[Levels, PURE]
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Theory:
 
 @dataclass(frozen=True)
 class Metrics:
-    late_window: Positive
+    late_window: Duration
 
 
 @dataclass(frozen=True)
