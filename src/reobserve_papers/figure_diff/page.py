@@ -100,7 +100,7 @@ def render(
         heading=heading(items),
         counts=counts(items),
         problems=problems,
-        beside=context,
+        context=context,
         failed=shown,
         agreeing=[item for item in items if item.verdict == "agrees"],
     )
