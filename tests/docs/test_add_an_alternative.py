@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from reobserve.core.files import write_table
 from reobserve_papers.claims import outcomes
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.claims.configuration_checks import check_evidence
@@ -19,6 +19,8 @@ from reobserve_papers.cli.stages import alternatives, robustness
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.names import samples_path
 from reobserve_papers.parameters.parameters import default_parameters
+from reobserve_papers.steps.chain import result
+from reobserve_papers.steps.compute import paper_module
 from reobserve_papers.steps.evaluation import Evaluator
 from tests.docs.hand_written import PAGES, ROOT, blocks
 
@@ -68,13 +70,11 @@ def built(project: Path) -> dict[str, dict[str, str]]:
     for figure in (*parameters.tree["figures"], "theory"):
         numbers = outcomes.metrics_of(Evaluator(parameters), figure)
         write_metrics(folder / f"{figure}.metrics.csv", numbers)
-    cached: Any = project / samples_path("ilo")
-    robustness.run(
-        folder / "parameters.json", 40, cached if cached.is_file() else None, [], [],
-        folder / "robustness.json", project,
-    )  # fmt: skip
-    path = folder / "alternatives.csv"
-    alternatives.run(folder / "parameters.json", folder / "robustness.json", path, project)
+    study = result("ilo", "study", "matching")
+    write_table(project / study, [], paper_module(parameters.package, "study_rows").HEADER)
+    robustness.run(folder / "parameters.json", [], 40, cached=True)
+    alternatives.run(folder / "parameters.json")
+    path = project / result("ilo", "alternatives")
     _, rows = read_alternatives(path)
     return {row["alternative"]: row for row in rows if row["claim"] == CLAIM}
 
