@@ -11,14 +11,16 @@ from reobserve.core.import_closure import closure_digest
 from reobserve_papers.claims.claims_digest import claims_digest
 from reobserve_papers.claims.configuration_checks import checked_papers
 from reobserve_papers.cli.job_lines import print_job_lines
+from reobserve_papers.cli.options import FORMATS as ALL_FORMATS
 from reobserve_papers.cli.own_modules import refused_in_one_sentence
+from reobserve_papers.cli.targets import check_targets
 from reobserve_papers.parameters.config import check_config_files, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path
 from reobserve_papers.parameters.names import style_sheet
 from reobserve_papers.parameters.prepare import check_folders, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
 from reobserve_papers.parameters.step_kinds import KINDS, SECTIONS
-from reobserve_papers.steps.chain import CLAIM_PLOTS, inputs
+from reobserve_papers.steps.chain import CLAIM_PLOTS, all_outputs, inputs
 from reobserve_papers.steps.freshness import check_code, mark_unrecorded
 from reobserve_papers.steps.provenance import code_digest, files_digest
 from reobserve_papers.steps.provenance import shared_digest, versions
@@ -105,10 +107,23 @@ def of_task(task):
     ]
 
 
-OF_BENCH = [f"{path}.{kind}" for task in BENCH for path in of_task(task) for kind in FORMATS]
-OF_BENCH += expand("results/bench/{task}/table.csv", task=BENCH)
+def of_bench(tasks, formats):
+    """The figures and tables of tasks."""
+    figures = [f"{path}.{kind}" for task in tasks for path in of_task(task) for kind in formats]
+    return figures + expand("results/bench/{task}/table.csv", task=tasks)
+
+
+OF_BENCH = of_bench(BENCH, FORMATS)
 # The report shows these, and builds none.
 BENCH_BUILT = [path for path in OF_BENCH if Path(path).is_file()]
+
+
+def all_results():
+    """The files of all papers and tasks, figures in all formats."""
+    files = [path for paper in PARAMETERS.values() for path in all_outputs(paper, ALL_FORMATS)]
+    tasks = known_tasks(Path())
+    files += expand("results/bench/{task}/{of}.csv", task=tasks, of=["scores", "moved"])
+    return files + of_bench(tasks, ALL_FORMATS)
 
 
 def one_of(section):

@@ -49,10 +49,10 @@ def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
     if step in EVIDENCE:
         return [need for kind in EVIDENCE[step] for need in _each(parameters, kind, names)]
     kind, tree = KINDS[step], parameters.tree
-    body = tree[kind.section][names[-1]] if kind.about else {}
+    body = parameters.section(kind.section, names[-1]) if kind.about else {}
     scenario: str = names[0] if step == "observe" else body.get("scenario", "")
-    if step == "observe" and scenario not in tree["scenarios"]:
-        parameters.section("scenarios", scenario)  # refuses it, by the names that there are
+    if step == "observe":
+        parameters.section("scenarios", scenario)  # refuses one that there is not
     needs: list[Step] = []
     for result in kind.results:
         if result == "plant" and scenario:
@@ -173,3 +173,16 @@ def outputs(paper: str, step: str, *names: str, formats: Iterable[str] = ()) -> 
     made = result(paper, step, *names)
     kinds = formats if step == "plot" else ()
     return (*(f"{made.removesuffix('caption.rst')}{kind}" for kind in kinds), made)
+
+
+def all_outputs(parameters: Parameters, formats: Iterable[str]) -> list[str]:
+    """The files that the jobs of a paper write, but for chunks of samples."""
+    return [
+        path
+        for step in (*KINDS, *EVIDENCE)
+        for kind, *names in _each(parameters, step, ())
+        for scenario in (parameters.tree["scenarios"] if kind == "observe" else [()])
+        for path in outputs(
+            parameters.paper, kind, *filter(None, [scenario]), *names, formats=formats
+        )
+    ]

@@ -347,3 +347,21 @@ def test_error_found_on_construction_stops_the_first_job(fresh: Project) -> None
         f"at {PARAMETER_FILES['ilo'].section('plant')['horizon']:g} s"
     )
     assert not (fresh.folder / "results/ilo").exists()
+
+
+def test_target_that_no_rule_makes_is_refused_with_the_near_one(fresh: Project) -> None:
+    """Files of a rule that follows ours are built as before."""
+    with (fresh.folder / "Snakefile").open("a", encoding="utf-8") as snakefile:
+        snakefile.write(
+            'rule mine:\n    output: "results/ilo/{mine}.txt"\n    shell: "touch {output}"'
+        )
+    fresh.snakemake("results/ilo/mine.txt", "results/ilo/fig1.metrics.tex", "--dry-run")
+    for wrong, said in {
+        "results/lie/fig1.pgf": "the format pgf is not built; ask for it by --config "
+        "'formats=[pgf]'",
+        "results/bench/torqe/levels.svg": "there is no 'torqe'; did you mean 'torque'?",
+    }.items():
+        done = fresh.snakemake(wrong, "--dry-run", check=False)
+        assert done.returncode == 1
+        assert done.stderr.rstrip().splitlines()[-1] == f"reobserve-papers: {wrong}: {said}"
+        assert "Traceback" not in done.stderr
