@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reobserve.core.errors import InputError, nearest
+from reobserve.core.errors import InputError
 from reobserve.core.files import check_replaceable, write_text
 from reobserve.tuning.tune_command import tell
 from reobserve_papers.bench.packaged_task import PackagedTask
+from reobserve_papers.parameters.config import refuse_unknown
 
 
 def tune_command(
@@ -19,9 +20,7 @@ def tune_command(
     from reobserve.tuning.tuned_file import TunedMethod
 
     task = PackagedTask.read(task_file)
-    for name in methods:
-        if name not in task.methods:
-            raise InputError("method", f"there is no {name!r}{nearest(name, task.methods)}")
+    refuse_unknown("method", methods, task.methods)
     for name in methods or task.methods:
         check_replaceable(output / f"{name}.json")
     for name in methods or task.methods:
@@ -76,9 +75,9 @@ def plot_command(
 
     use_sheet(style)
     results = Results.read(PackagedTask.read(task_file), table, tuned)
-    for name in dict.fromkeys(output.stem for output in outputs):
-        if name not in FIGURES:
-            raise InputError("--outputs", f"there is no figure {name!r}{nearest(name, FIGURES)}")
+    names = dict.fromkeys(output.stem for output in outputs)
+    refuse_unknown("--outputs", names, FIGURES)
+    for name in names:
         figure = FIGURES[name](results)
         fix_layout(figure)
         for output in outputs:
@@ -91,6 +90,8 @@ def table_command(folders: Sequence[Path], tasks: Path, tuned: Path, output: Pat
     from reobserve.tuning.results import Results, summary
 
     tables = []
+    known = [path.stem for path in tasks.glob("*.yaml")]
+    refuse_unknown("folders", [folder.name for folder in folders], known)
     for folder in folders:
         task = PackagedTask.read(tasks / f"{folder.name}.yaml")
         tables.append(summary(Results.read(task, folder / "table.csv", tuned / folder.name)))

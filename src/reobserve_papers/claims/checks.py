@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from reobserve.core.errors import InputError, nearest
 from reobserve_papers.metrics.metrics import name_at, parse_name
+from reobserve_papers.parameters.config import refuse_unknown
 
 THEORY = "theory"  # stands where a reference names a figure
 
@@ -43,10 +44,7 @@ class Reference(NamedTuple):
 
     def look_up(self, numbers: Numbers) -> float:
         """The value, or `InputError` if there is no such figure or number."""
-        if self.figure not in numbers:
-            raise InputError(
-                "figure", f"there is no {self.figure!r}{nearest(self.figure, numbers)}"
-            )
+        refuse_unknown("figure", [self.figure], numbers)
         rows = numbers[self.figure]
         if (self.observer, self.metric) in rows:
             return rows[self.observer, self.metric]

@@ -105,14 +105,18 @@ class Choice:
         return tuple(knob.name for knob in self.knobs) or self.keys
 
 
-def find_choice(parameters: Parameters, pattern: str) -> Choice:
-    """The choice of a parameter file key, or of a pattern of keys that move together."""
+def find_choice(parameters: Parameters, pattern: str, groups: Iterable[str] = ()) -> Choice:
+    """The choice of a parameter file key, or of a pattern of keys that move together.
+
+    ``groups`` are other names that it could have been.
+    """
     if pattern == SEED:
         return Choice((SEED,), ())
     entries = parameters.by_key
     keys = tuple(key for key in entries if fnmatchcase(key, pattern))
     if not keys:
-        raise InputError("depends_on", f"there is no {pattern!r}{nearest(pattern, entries)}")
+        near = nearest(pattern, [*groups, SEED, *entries])
+        raise InputError("depends_on", f"there is no {pattern!r}{near}")
     for key in keys:
         if "range" not in entries[key]:
             raise InputError("depends_on", f"{key} is stated ({entries[key]['source']}), no choice")

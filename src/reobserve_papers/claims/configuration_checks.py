@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from reobserve.core.documents import read_json
-from reobserve.core.errors import InputError, ReobserveError, located, nearest, shown
+from reobserve.core.errors import InputError, ReobserveError, located
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.claims.conventions import read_conventions
 from reobserve_papers.claims.errata import errata_file, read_errata
@@ -21,7 +21,7 @@ from reobserve_papers.claims.registry import (
 )
 from reobserve_papers.claims.restrictions import kept_by
 from reobserve_papers.claims.sample_table import read_cached
-from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.config import known_papers, refuse_unknown
 from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.prepare import check_files
@@ -82,9 +82,7 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
 def _check_papers(project: Path) -> None:
     known = known_papers(project)
     for name, one in read_conventions(project).single.items():
-        if one.paper not in known:
-            problem = f"there is no {shown(one.paper)}{nearest(one.paper, known)}"
-            raise InputError(f"alternatives.{name}.paper", problem)
+        refuse_unknown(f"alternatives.{name}.paper", [one.paper], known)
 
 
 def _check_figures(registry: Registry, parameters: Parameters) -> None:
@@ -92,9 +90,7 @@ def _check_figures(registry: Registry, parameters: Parameters) -> None:
     known, metrics = parameters.tree["figures"], glossary(parameters.package)
     for name, row in registry.figures.items():
         with located(f"claims.{parameters.paper}.figures.{name}"):
-            for ours in row.ours:
-                if ours not in known:
-                    raise InputError("ours", f"there is no {shown(ours)}{nearest(ours, known)}")
+            refuse_unknown("ours", row.ours, known)
             for number, one in enumerate(row.printed):
                 with located(f"printed.{number}.value"):
                     check_names(parameters, [Reference.parse(one.value)], metrics)
@@ -105,10 +101,7 @@ def _check_corrections(registry: Registry, project: Path, paper: str) -> None:
     has_some = errata_file(project, paper).exists()
     known = {one.name for one in read_errata(project, paper)} if has_some else set()
     for claim, names in registry.corrections.items():
-        for name in names:
-            if name not in known:
-                place = f"claims.{paper}.{claim}.errata"
-                raise InputError(place, f"there is no {shown(name)}{nearest(name, known)}")
+        refuse_unknown(f"claims.{paper}.{claim}.errata", names, known)
 
 
 def _check_alternatives(registry: Registry, paper: str) -> None:

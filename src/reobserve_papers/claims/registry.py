@@ -29,6 +29,7 @@ from reobserve_papers.claims.entries import (
     PaperFigure,
     Quantifier,
 )
+from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.parameters.names import claims_path
 from reobserve_papers.parameters.parameter_file import parse_file
 from reobserve_papers.parameters.parameters import Parameters
@@ -128,8 +129,7 @@ class Registry:
     ) -> Claim:
         """A claim by other conventions, or with other values of some of its keys."""
         assert self._read is not None
-        if name not in self.bodies:
-            raise InputError("claims", f"there is no {shown(name)}{nearest(name, self.bodies)}")
+        refuse_unknown("claims", [name], self.bodies)
         return self._read(name, changed(self.bodies[name], changes or {}), conventions)
 
     def naming(self, convention: str) -> list[str]:
@@ -278,10 +278,7 @@ def _claim(
             check_names(parameters, checks[-1].references, known)
     if entry.null:
         observers = {one.observer for check in checks for one in check.references}
-        for observer in entry.null:
-            if observer not in observers:
-                problem = f"there is no {shown(observer)}{nearest(observer, observers)}"
-                raise InputError("null", problem)
+        refuse_unknown("null", entry.null, observers)
     return Claim(
         parameters.paper,
         name,
@@ -306,9 +303,7 @@ def check_names(parameters: Parameters, references: Iterable[Reference], known: 
     """Refuse a figure that is not there, and a metric that the paper's code does not know."""
     figures = [*parameters.tree["figures"], *([THEORY] if THEORY in parameters.tree else [])]
     for reference in references:
-        if reference.figure not in figures:
-            problem = f"there is no {shown(reference.figure)}{nearest(reference.figure, figures)}"
-            raise InputError("figure", problem)
+        refuse_unknown("figure", [reference.figure], figures)
         if known and not any(pattern.fullmatch(reference.metric) for pattern, _ in known):
             names = [pattern.pattern.replace("\\", "") for pattern, _ in known]
             problem = f"there is no {shown(reference.metric)}{nearest(reference.metric, names)}"
@@ -319,4 +314,4 @@ def _choices(
     parameters: Parameters, named: Iterable[str], groups: Mapping[str, list[str]]
 ) -> tuple[Choice, ...]:
     patterns = [pattern for name in named for pattern in groups.get(name, [name])]
-    return tuple(find_choice(parameters, pattern) for pattern in dict.fromkeys(patterns))
+    return tuple(find_choice(parameters, pattern, groups) for pattern in dict.fromkeys(patterns))

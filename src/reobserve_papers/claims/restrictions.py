@@ -10,6 +10,7 @@ from reobserve.core.errors import InputError, nearest, shown
 from reobserve_papers.claims.choices import Knob
 from reobserve_papers.claims.conventions import SingleAlternative
 from reobserve_papers.claims.registry import Claim, Registry
+from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.signals.random_streams import random_stream
 
 # Which samples count: by the values that were chosen, and the number of the sample.
@@ -59,9 +60,7 @@ def spelt(value: Any) -> str:
 
 def _about(registry: Registry, single: SingleAlternative) -> list[Claim]:
     names = [claim.name for claim in registry.claims]
-    for name in single.only:
-        if name not in names:
-            raise InputError("only", f"there is no {shown(name)}{nearest(name, names)}")
+    refuse_unknown("only", single.only, names)
     return [claim for claim in registry.claims if not single.only or claim.name in single.only]
 
 
@@ -85,9 +84,7 @@ def _check_limit(place: str, knob: Knob, listed: Any) -> None:
     """Refuse a range or weights that a choice cannot have."""
     if knob.words:
         words = list(map(spelt, knob.words))
-        for word in map(spelt, listed):
-            if word not in words:
-                raise InputError(place, f"there is no {shown(word)}{nearest(word, words)}")
+        refuse_unknown(place, map(spelt, listed), words)
     elif isinstance(listed, Mapping):
         raise InputError(place, "is a choice of numbers, which have ranges and no weights")
     elif not (

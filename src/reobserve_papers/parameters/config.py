@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from reobserve.core.documents import Tree, check_plain, read_json, read_yaml
@@ -33,10 +33,15 @@ def known_tasks(project: Path) -> list[str]:
 
 def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
     """The papers that are named, or all that are known, or `InputError` if one is not."""
-    for paper in papers:
-        if paper not in known:
-            raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")
+    refuse_unknown("paper", papers, known)
     return list(dict.fromkeys(papers or known))
+
+
+def refuse_unknown(place: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Raise `InputError` if one of the names is not known."""
+    for name in names:
+        if name not in known:
+            raise InputError(place, f"there is no {shown(name)}{nearest(name, known)}")
 
 
 def known_styles(project: Path) -> list[str]:
@@ -76,11 +81,7 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
             raise InputError(f"config.{key}", "is left empty; give it a value, or leave it out")
     parse(Configuration, config, "config")
     for key, there in (("papers", papers), ("bench", known_tasks(project))):
-        for name in config.get(key, ()):
-            if name not in there:
-                raise InputError(
-                    f"config.{key}", f"there is no {shown(name)}{nearest(name, there)}"
-                )
+        refuse_unknown(f"config.{key}", config.get(key, ()), there)
     styles = known_styles(project)
     if (style := config.get("style", DEFAULT_STYLE)) not in styles:
         raise InputError("config.style", f"there is no {shown(style)}, only {', '.join(styles)}")

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import Tree, read_yaml
-from reobserve_papers.parameters.config import known_papers
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve_papers.parameters.config import known_papers, named_papers
 from reobserve_papers.parameters.names import stored_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import KINDS
@@ -18,7 +19,7 @@ from reobserve_papers.parameters.step_kinds import KINDS
 def show_list(project: Path, paper: Sequence[str]) -> None:
     """Print papers with their figures, tables, scenarios, observers and what is built."""
     formats = read_yaml(project / "config" / "config.yaml")["formats"]
-    for name in paper or known_papers(project):
+    for name in named_papers(known_papers(project), paper):
         tree = Parameters.load(project, name).tree
         about = tree["about"]
         names = [author.split()[-1] for author in about["authors"]]
@@ -65,6 +66,10 @@ def show_params(project: Path, paper: str, match: str, why: bool, built: bool) -
         for path, entry in parameters.entries()
         if match in path
     ]
+    if not rows:
+        parts = [path.split(".") for path, _ in parameters.entries()]
+        known = {".".join(one[i:k]) for one in parts for k in range(len(one) + 1) for i in range(k)}
+        raise InputError("match", f"no key contains {shown(match)}{nearest(match, sorted(known))}")
     header = ("key", "value", "unit", "source", "range")
     limits = [44, 26, 12, 40, 24]
     if width < sum(limits) + 8:

@@ -20,7 +20,7 @@ from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.seals import sealed
 from reobserve.core.units import same
 from reobserve.core.validation import parse
-from reobserve_papers.parameters.config import known_papers
+from reobserve_papers.parameters.config import known_papers, named_papers, refuse_unknown
 from reobserve_papers.parameters.names import add_sources
 from reobserve_papers.parameters.settings import settings
 from reobserve_papers.parameters.step_kinds import SECTIONS
@@ -52,9 +52,7 @@ class Parameters:
         cls, project: Path, paper: str, overrides: Tree | None = None, seed: int = 0
     ) -> Parameters:
         """The checked parameters of ``config/papers/<paper>.yaml`` with ``overrides``."""
-        papers = known_papers(project)
-        if paper not in papers:
-            raise InputError("paper", f"there is no {paper!r}{nearest(paper, papers)}")
+        named_papers(known_papers(project), [paper])
         tree = read_yaml(project / "config" / "papers" / f"{paper}.yaml")
         check_plain(overrides or {}, paper)
         from reobserve_papers.parameters.overrides import resolve  # which jobs do without
@@ -91,9 +89,7 @@ class Parameters:
         """The plain values below ``path``, entries replaced by their values."""
         branch: Any = self.tree
         for depth, key in enumerate(path):
-            if key not in branch:
-                place = ".".join((self.paper, *path[:depth]))
-                raise InputError(place, f"there is no {key!r}{nearest(key, branch)}")
+            refuse_unknown(".".join((self.paper, *path[:depth])), [key], branch)
             branch = branch[key]
         values: Tree = _values(branch)
         return values

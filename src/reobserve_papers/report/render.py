@@ -10,6 +10,7 @@ from typing import Any
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
 from reobserve_papers.claims.verdict_rules import BROKEN, VERDICTS
+from reobserve_papers.parameters.config import known_tasks, refuse_unknown
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.report.content_security_policy import content_policy, inline
 from reobserve_papers.report.gather import gather
@@ -32,6 +33,7 @@ def report_command(
     says. What a build would make again is marked, unless all is known to be ``fresh``.
     """
     check_code(project)
+    refuse_unknown("--bench", bench or (), known_tasks(project))
     report = gather(project, output, papers, formats, bench, fresh=fresh)
     write_text(output, render(report, shared_texts(project) / "replication"))
     count = len(report["gaps"])
