@@ -70,8 +70,9 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
         _check_alternatives(registry, paper)
         _check_figures(registry, parameters)
         _check_corrections(registry, project, paper)
-    elif errata_file(project, paper).exists():
-        read_errata(project, paper)
+    for erratum in read_errata(project, paper) if errata_file(project, paper).exists() else ():
+        place = f"errata.{paper}.{erratum.name}.settles"
+        refuse_unknown(place, filter(None, [erratum.settles]), parameters.by_key)
     for key, entry in parameters.entries():
         if entry["unit"] == "file" and str(entry["value"]).endswith(".json"):
             with located(f"{paper}.{key}"):

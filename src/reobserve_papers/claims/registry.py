@@ -168,6 +168,7 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
     claims = []
     for name, entry in stated.claims.items():
         with located(f"claims.{paper}.{name}"):
+            refuse_unknown("departs", entry.departs, conventions.values)
             asked[name] = _choices(parameters, entry.depends_on, stated.choices)
             claims.append(_claim(parameters, name, entry, asked[name], known))
 

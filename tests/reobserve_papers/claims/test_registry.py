@@ -102,6 +102,18 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
             {"null": {"smapled": "idle"}},
             "claims.ilo.one.null: there is no 'smapled'; did you mean 'sampled'?",
         ),
+        (
+            {"depends_on": ["gainns"]},
+            "claims.ilo.one.depends_on: there is no 'gainns'; did you mean 'gains'?",
+        ),
+        (
+            {"depends_on": ["sede"]},
+            "claims.ilo.one.depends_on: there is no 'sede'; did you mean 'seed'?",
+        ),
+        (
+            {"departs": {"shrae": "A reason."}},
+            "claims.ilo.one.departs: there is no 'shrae'; did you mean 'share'?",
+        ),
         ({"samples": 35}, "claims.ilo.one.samples: 35 must be 36 or more"),
         (
             {"quantifier": "sometimes"},
