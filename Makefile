@@ -99,12 +99,8 @@ mixed: $(STAMP)  ## the same, and the bench, with compiled loops of the older pr
 benchmarks: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks
 
-figdiff: $(STAMP)  ## build papers and bench, compare with the accepted figures and numbers, write figdiff/; PAPER=ilo for one
-ifdef PAPER
-	snakemake --cores $(CORES) --keep-going --config 'papers=[$(PAPER)]'; reobserve-papers figdiff $(PAPER)
-else
-	snakemake --cores $(CORES) --keep-going bench; snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
-endif
+figdiff: $(STAMP)  ## build papers and bench, compare with the accepted figures and numbers, write figdiff/; PAPER=ilo or ilo/fig2 for one
+	reobserve-papers figdiff $(PAPER) --cores $(CORES)
 
 # In an environment of its own, without the lock.
 RESOLUTION := highest
@@ -115,7 +111,7 @@ unlocked:  ## build with the newest packages, compare as figdiff; RESOLUTION=low
 	$(UNLOCKED)/bin/uv pip install --quiet --python $(UNLOCKED)/bin/python --resolution $(RESOLUTION) --editable '.[papers]'
 	PATH="$(CURDIR)/$(UNLOCKED)/bin:$$PATH"; snakemake --cores $(CORES) --keep-going; reobserve-papers figdiff
 
-accept: $(STAMP)  ## build papers and bench, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
+accept: $(STAMP)  ## build papers and bench, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo/fig2]
 	reobserve-papers accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
 samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MAX=400] [PAPER=ilo] [CLAIM=any_fault]

@@ -61,6 +61,9 @@ def figdiff_options(command: argparse.ArgumentParser) -> None:
         "--tolerances", type=Path, metavar="FILE",
         help="for folders of other files: relative, absolute, picture, and files with their own",
     )  # fmt: skip
+    command.add_argument(
+        "--cores", type=whole(1), default=0, help="build first, with so many processor cores"
+    )
     add_project(command)
 
 

@@ -37,19 +37,25 @@ _SECONDS = 60.0  # CPU s of samples for each claim, when a change is accepted
 
 
 def figdiff_command(
-    project: Path, part: Sequence[str], reference: Path, results: Path, output: Path,
+    project: Path, part: Sequence[str], cores: int, reference: Path, results: Path, output: Path,
     tolerances: Path | None,
 ) -> None:  # fmt: skip
     """Compare, write page and summary to ``output``, and fail if anything does not agree.
 
     Of some papers, or figures of papers, if ``part`` names them. What a build would make again is
-    not up to date, and agrees with nothing. Folders without a paper are compared file by file.
+    not up to date, and agrees with nothing. With ``cores`` they are built first. Folders without a
+    paper are compared file by file.
     """
-    folders = (("--reference", reference), ("--results", results))
-    problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
     of_papers = _of_papers(project, reference, results)
     if of_papers:
         check_code(project)
+        if cores:
+            parts = Chosen.read(project, part).parts if part else ()
+            papers = [name for name in part if "/" not in name]
+            _build(project, papers, cores, parts, keep_going=True)
+    folders = (("--reference", reference), ("--results", results))
+    problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
+    if of_papers:
         items = compare_all(project, reference, results, part)
     else:
         items = compare_folders(reference, results, Tolerances.read(tolerances))
@@ -148,15 +154,17 @@ def _sample_again(project: Path, results: Path, papers: Sequence[str]) -> bool:
 
 
 def _build(
-    project: Path, papers: Sequence[str], cores: int, parts: Sequence[tuple[str, str]] = ()
-) -> None:
+    project: Path, papers: Sequence[str], cores: int, parts: Sequence[tuple[str, str]] = (),
+    *, keep_going: bool = False,
+) -> None:  # fmt: skip
     """Bring results up to date: of these papers and parts, or of the bench and all papers."""
+    options = ["--cores", str(cores), *["--keep-going"] * keep_going]
     asked_for = [["--config", f"papers=[{','.join(papers)}]"]] if papers else []
     if parts:
         asked_for.append([path for pair in parts for path in _files(project, *pair)])
     for asked in asked_for or [["bench"], []]:
-        command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *asked]
-        if subprocess.run(command, cwd=project, check=False).returncode:
+        command = [sys.executable, "-m", "snakemake", *options, *asked]
+        if subprocess.run(command, cwd=project, check=False).returncode and not keep_going:
             raise ReobserveError("nothing is accepted: the build failed")
 
 

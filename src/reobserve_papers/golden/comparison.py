@@ -48,12 +48,17 @@ class Moved:
 
     @property
     def relative(self) -> str:
-        """The change in per cent of the golden number, empty where that says nothing."""
-        if not self.tolerance:
+        """The change in per cent, or the factor if it is 2 or more or below a hundredth.
+
+        It is empty where that says nothing: after a change of sign, from zero, and of words.
+        """
+        old, new = (float(self.golden), float(self.value)) if self.tolerance else (0.0, 0.0)
+        factor = new / old if old else math.nan
+        if not 0 <= factor < math.inf:
             return ""
-        old, new = float(self.golden), float(self.value)
-        change = 100 * (new - old) / abs(old) if old else math.nan
-        return f"{change:+.2g} %" if math.isfinite(change) else ""
+        if not 0.01 <= factor < 1.99:
+            return f"x {factor:.3g}"
+        return f"{100 * (new - old) / abs(old):+.2g} %"
 
     @property
     def _by(self) -> str:

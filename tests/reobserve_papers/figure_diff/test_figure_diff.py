@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from reobserve_papers.claims.decider import Title, write_alternatives
 from reobserve_papers.cli.main import main
 from reobserve_papers.figure_diff import build_comparison, figdiff_commands
 from reobserve_papers.figure_diff.build_comparison import Item
-from reobserve_papers.figure_diff.page import summary
+from reobserve_papers.figure_diff.page import render, summary
 from reobserve_papers.golden import acceptance, golden_bench
 from reobserve_papers.golden.comparison import Moved
 from reobserve_papers.golden.values import built_numbers, part_names
@@ -234,6 +235,43 @@ def test_accept_builds_the_bench_unless_papers_are_named(monkeypatch: pytest.Mon
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("failed", [0, 1])
+@pytest.mark.parametrize(
+    ("named", "built"),
+    [
+        ([], [["bench"], []]),
+        (["made"], [["--config", "papers=[made]"]]),
+        (["made/fig1"], [[f"{BUILT}/fig1.metrics.csv", f"{BUILT}/fig1.png"]]),
+        (["made/table1"], [[f"{BUILT}/table1.csv"]]),
+        (["made/theory"], [[f"{BUILT}/theory.metrics.csv"]]),
+        (["made/tabel1"], []),
+    ],
+)
+def test_comparison_builds_what_it_compares(
+    named: list[str], built: list[list[str]], failed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if a job fails: the rest is compared."""
+    asked = []
+
+    def run(command: list[str], **options: object) -> object:
+        asked.append(command)
+        return subprocess.CompletedProcess(command, failed)
+
+    monkeypatch.setattr(figdiff_commands, "_build", BUILD)
+    monkeypatch.setattr(subprocess, "run", run)
+    assert main(["figdiff", *named, "--cores", "3"]) == (not built)
+    start = [sys.executable, "-m", "snakemake", "--cores", "3", "--keep-going"]
+    assert asked == [[*start, *one] for one in built]
+
+
+def test_make_compares_what_is_named() -> None:
+    for paper, words in {"": "", "PAPER=ilo": " ilo", "PAPER=ilo/fig2": " ilo/fig2"}.items():
+        command = ["make", "--dry-run", "figdiff", "CORES=3", *filter(None, [paper])]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+        last = done.stdout.rstrip().splitlines()[-1]
+        assert " ".join(last.split()) == f"reobserve-papers figdiff{words} --cores 3"
+
+
 def test_one_figure_is_compared_and_accepted_alone(capsys: pytest.CaptureFixture[str]) -> None:
     rewrite(f"{BUILT}/fig1.metrics.csv", "0.5", "0.6")()
     rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
@@ -294,12 +332,23 @@ def test_summary_is_short_and_has_the_largest_change_first(
     assert main(["figdiff"]) == 1
     lines = capsys.readouterr().out.splitlines()
     first = next(k for k, line in enumerate(lines) if line == "- made fig1: moved")
-    assert "score7: golden 1, found 4.3 m/s (+3.3e+02 %, " in lines[first + 1]
+    assert "score7: golden 1, found 4.3 m/s (x 4.3, " in lines[first + 1]
     assert lines[first + 4] == "    - and 1 more numbers"
     assert lines[first + 5] == "- made theory: moved"
     many = [Item("made", f"fig{k}", moved=[Moved("a", "1", "2")]) for k in range(40)]
     assert len(summary(many, []).splitlines()) == 30
     assert summary(many, []).splitlines()[-1] == "- and 26 more, on the page"
+
+
+def test_every_number_that_moved_is_on_the_page_by_its_name() -> None:
+    """All items have their rows, also those that the summary leaves out."""
+    moved = [Moved(f"made fig{k}, watch score{k}", "1", "2", "0.1", "m", k) for k in range(40)]
+    parts = [Item("made", "fig0", moved=moved)]
+    parts += [Item("made", f"fig{k}", moved=[moved[k]]) for k in range(1, 40)]
+    page = render(parts, [], ROOT / "workflow/report")
+    for k, one in enumerate(moved):
+        assert page.count(f"<td>{one.place}</td>") == (2 if k else 1)
+    assert page.count("<td>x 2</td>") == 79
 
 
 def test_parameters_that_changed_since_the_acceptance_are_named(

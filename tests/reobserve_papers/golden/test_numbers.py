@@ -12,7 +12,7 @@ import pytest
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_rows, write_table
 from reobserve_papers.golden import acceptance, conditions, golden_bench, golden_claims
-from reobserve_papers.golden.comparison import compare
+from reobserve_papers.golden.comparison import Moved, compare
 from reobserve_papers.golden.number_files import (
     GoldenNumber,
     Key,
@@ -271,3 +271,18 @@ def test_damaged_golden_file_is_named(tmp_path: Path, old: str, new: str, said: 
     with pytest.raises(InputError, match=said) as caught:
         read_numbers(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("1", "1.02", "+2 %"), ("1", "0.5", "-50 %"), ("-2", "-3", "-50 %"), ("-2", "-1", "+50 %"),
+        ("1", "1.98", "+98 %"), ("1", "2", "x 2"), ("1", "4.3", "x 4.3"), ("-1", "-4.3", "x 4.3"),
+        ("1", "330", "x 330"), ("1", "1e-6", "x 1e-06"), ("1", "0", "x 0"), ("1", "-1", ""),
+        ("-1", "4.3", ""), ("0", "1", ""), ("1", "nan", ""), ("nan", "1", ""), ("1", "inf", ""),
+    ],
+)  # fmt: skip
+def test_change_is_in_per_cent_or_a_factor(old: str, new: str, said: str) -> None:
+    assert Moved("a", old, new, "0.1").relative == said
+    assert Moved("a", old, new).relative == ""
+    assert "e+" not in str(Moved("a", old, new, "0.1", "m", 3.0))
