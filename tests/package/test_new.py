@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -38,9 +41,43 @@ def test_new_repository_is_small_sound_and_renamed(mine: Path) -> None:
     files = [path for path in mine.rglob("*") if path.is_file()]
     assert len((mine / "src/mine.py").read_text(encoding="utf-8").splitlines()) <= LINES
     assert not any("two_mass" in str(path.relative_to(mine)) for path in files)
-    texts = (path.read_text(encoding="utf-8") for path in files if path.suffix != ".png")
+    texts = (path.read_text("utf-8") for path in files if path.suffix not in (".png", ".txt"))
     assert not any("two_mass" in text or str(ROOT) in text for text in texts)
     assert "mine: parameters, claims, conventions and errata are sound" in checked(mine).stderr
+
+
+@pytest.mark.parametrize(
+    ("origin", "requirement"),
+    [
+        (
+            {"url": "https://example.org/r.git", "vcs_info": {"vcs": "git", "commit_id": "abc"}},
+            " @ git+https://example.org/r.git@abc",
+        ),
+        (
+            {"url": "file:///home/checkout", "dir_info": {"editable": True}},
+            " @ file:///home/checkout",
+        ),
+        ({"url": "file:///home/r.whl", "archive_info": {}}, " @ file:///home/r.whl"),
+        (None, "==9.9"),
+    ],
+)
+def test_requirements_name_what_is_installed(
+    origin: object, requirement: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """The steps that are printed install them before `make test` needs them."""
+    found = SimpleNamespace(
+        version="9.9", read_text=lambda name: json.dumps(origin) if origin else None
+    )
+    monkeypatch.setattr(metadata, "distribution", lambda name: found)
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "mine"]) == 0
+    lines = (tmp_path / "mine/requirements.txt").read_text().splitlines()
+    assert [line for line in lines if not line.startswith("#")] == [
+        f"reobserve[papers]{requirement}", "pytest",
+    ]  # fmt: skip
+    said = capsys.readouterr().out
+    assert said.index("pip install -r requirements.txt") < said.index("make test")
 
 
 def test_name_may_have_digits_and_capitals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,8 +140,7 @@ MODULE, PARAMETERS = Path("src/mine.py"), Path("config/papers/mine.yaml")
 def test_error_in_a_module_names_file_and_line(mine: Path, old: str, new: str, said: str) -> None:
     edit(mine / MODULE, old, new)
     built = run(mine, "snakemake", "--cores", "1", "results/mine/fig1.png")
-    logs = [path.read_text(encoding="utf-8") for path in mine.glob("logs/**/*.log")]
-    found = "\n".join([built.stdout, built.stderr, *logs])
+    found = f"{built.stdout}\n{built.stderr}"
     assert built.returncode == 1
     assert said in found
     assert "src/mine.py, line " in found

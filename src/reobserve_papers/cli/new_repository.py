@@ -42,6 +42,7 @@ def new_command(name: str) -> None:
     print(
         f"{name}: a paper to begin with, with one figure and one claim\n"
         f"  cd {name}\n"
+        "  pip install -r requirements.txt  # reobserve and pytest\n"
         "  make              # every figure and claim, results/report.html\n"
         "  make test         # the parameter files, the tests, and the accepted numbers\n"
         "  git init          # before `make accept`, which takes a commit\n"
@@ -60,11 +61,13 @@ def _write(folder: Path, name: str) -> None:
 
 
 def _requirement() -> str:
-    """The installed version of reobserve for pip: by its commit if it was installed by one."""
+    """The installed version of reobserve for pip: from where it was installed, if that is known."""
     source = metadata.distribution("reobserve").read_text("direct_url.json")
     origin = json.loads(source) if source else {}
     if "vcs_info" in origin:
         version = origin["vcs_info"]
         return f"reobserve[papers] @ {version['vcs']}+{origin['url']}@{version['commit_id']}"
-    hint = "# Where no index has it: reobserve[papers] @ git+ADDRESS, that of its repository."
-    return f"{hint}\nreobserve[papers]=={metadata.version('reobserve')}"
+    hint = "# On other machines: reobserve[papers] @ git+ADDRESS, that of its repository.\n"
+    if "url" in origin:
+        return f"{hint}reobserve[papers] @ {origin['url']}"
+    return f"{hint}reobserve[papers]=={metadata.version('reobserve')}"
