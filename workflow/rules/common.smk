@@ -10,12 +10,13 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.import_closure import closure_digest
 from reobserve_papers.claims.claims_digest import claims_digest
 from reobserve_papers.claims.configuration_checks import checked_papers
+from reobserve_papers.claims.registry import has_claims
 from reobserve_papers.cli.job_lines import print_job_lines
 from reobserve_papers.cli.options import FORMATS as ALL_FORMATS
 from reobserve_papers.cli.own_modules import refused_in_one_sentence
 from reobserve_papers.cli.targets import check_targets
 from reobserve_papers.parameters.config import check_config_files, known_tasks
-from reobserve_papers.parameters.names import caption_template, claims_path
+from reobserve_papers.parameters.names import caption_template
 from reobserve_papers.parameters.names import style_sheet
 from reobserve_papers.parameters.prepare import check_folders, load_parameters
 from reobserve_papers.parameters.prepare import refuse_beside_another_build, write_parameters
@@ -54,7 +55,7 @@ if workflow.is_main_process:
     mark_unrecorded(Path())
 
 PAPERS = config["papers"]
-CLAIMED = [paper for paper in PAPERS if Path(claims_path(paper)).is_file()]
+CLAIMED = [paper for paper in PAPERS if has_claims(Path(), paper)]
 FORMATS = sorted(config["formats"], key=["svg", "png", "pdf", "eps", "pgf"].index)
 BENCH = config["bench"]
 BUILT = f"--papers {' '.join(PAPERS)} --formats {' '.join(FORMATS)} --bench {' '.join(BENCH)}"
@@ -173,6 +174,8 @@ def inputs_of(step, *chunks):
                 for paper in papers
                 for path in inputs(checked(paper), Path(), step, *names, cached=config["cached"])
             ]
+        if step == "verdicts":  # whose table may have no rows
+            paths = ["results/claims.csv", *paths]
         return [ancient(path) if path.endswith(".yaml") else path for path in dict.fromkeys(paths)]
 
     return files

@@ -11,12 +11,11 @@ from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, ReobserveError, located
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.claims.conventions import read_conventions
-from reobserve_papers.claims.errata import errata_file, read_errata
+from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import (
     Registry,
     amiss,
     check_names,
-    claims_file,
     read_registry,
 )
 from reobserve_papers.claims.restrictions import kept_by
@@ -62,15 +61,16 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
     """Check the files of a paper, those that there are, and the conventions."""
     paper = parameters.paper
     _check_papers(project)
-    if claims_file(project, paper).exists():
-        registry = read_registry(project, parameters)
-        for problem in amiss(registry.claims):
-            place, _, rest = problem.partition(": ")
-            raise InputError(place, rest)
-        _check_alternatives(registry, paper)
-        _check_figures(registry, parameters)
-        _check_corrections(registry, project, paper)
-    for erratum in read_errata(project, paper) if errata_file(project, paper).exists() else ():
+    registry, errata = read_registry(project, parameters), read_errata(project, paper)
+    for problem in amiss(registry.claims):
+        place, _, rest = problem.partition(": ")
+        raise InputError(place, rest)
+    _check_alternatives(registry, paper)
+    _check_figures(registry, parameters)
+    for claim, names in registry.corrections.items():
+        known = [one.name for one in errata]
+        refuse_unknown(f"claims.{paper}.{claim}.errata", names, known)
+    for erratum in errata:
         place = f"errata.{paper}.{erratum.name}.settles"
         refuse_unknown(place, filter(None, [erratum.settles]), parameters.by_key)
     for key, entry in parameters.entries():
@@ -95,14 +95,6 @@ def _check_figures(registry: Registry, parameters: Parameters) -> None:
             for number, one in enumerate(row.printed):
                 with located(f"printed.{number}.value"):
                     check_names(parameters, [Reference.parse(one.value)], metrics)
-
-
-def _check_corrections(registry: Registry, project: Path, paper: str) -> None:
-    """Refuse claims that link an erratum that is not there."""
-    has_some = errata_file(project, paper).exists()
-    known = {one.name for one in read_errata(project, paper)} if has_some else set()
-    for claim, names in registry.corrections.items():
-        refuse_unknown(f"claims.{paper}.{claim}.errata", names, known)
 
 
 def _check_alternatives(registry: Registry, paper: str) -> None:

@@ -171,10 +171,7 @@ class ClaimsFile(Model):
     choices: dict[str, Annotated[list[str], items()]] = Field(
         {}, description="Groups of parameters that `depends_on` can name."
     )
-    claims: Annotated[
-        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry],
-        Field(min_length=1),
-    ]
+    claims: dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry]
     figures: dict[str, PaperFigure] = Field(
         {}, description="All figures of the paper, in its order, by what it calls them."
     )

@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.validation import Text
-from reobserve_papers.parameters.parameter_file import Model, parse_file
+from reobserve_papers.parameters.parameter_file import Model, parse_file, read_part
 
 
 class ErratumEntry(Model):
@@ -42,10 +41,7 @@ class Erratum(ErratumEntry):
 class ErrataFile(Model):
     """The errata of a paper, ``config/errata/<paper>.yaml``."""
 
-    errata: Annotated[
-        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ErratumEntry],
-        Field(min_length=1),
-    ]
+    errata: dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ErratumEntry]
 
 
 def errata_file(project: Path, paper: str) -> Path:
@@ -54,8 +50,8 @@ def errata_file(project: Path, paper: str) -> Path:
 
 
 def read_errata(project: Path, paper: str) -> tuple[Erratum, ...]:
-    """Read the errata of a paper, in file order."""
-    tree = read_yaml(errata_file(project, paper))
+    """Read the errata of a paper, in file order; none if it has no file."""
+    tree = read_part(errata_file(project, paper), "errata")
     found = parse_file(ErrataFile, tree, "errata", paper).errata
     for name, erratum in found.items():
         if erratum.printed == erratum.corrected:

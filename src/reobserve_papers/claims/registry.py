@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from reobserve.core.documents import Tree, read_yaml
+from reobserve.core.documents import Tree
 from reobserve.core.errors import InputError, located, nearest, shown
 from reobserve.core.validation import parse
 from reobserve_papers.claims.checks import THEORY, Check, Reference
@@ -31,7 +31,7 @@ from reobserve_papers.claims.entries import (
 )
 from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.parameters.names import claims_path
-from reobserve_papers.parameters.parameter_file import parse_file
+from reobserve_papers.parameters.parameter_file import parse_file, read_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.glossary import Glossary, glossary
 
@@ -144,7 +144,17 @@ def claims_file(project: Path, paper: str) -> Path:
 
 def read_claims(project: Path, paper: str) -> ClaimsFile:
     """Read the claims of a paper as its file has them, or raise `InputError` for what is wrong."""
-    return _parsed(read_yaml(claims_file(project, paper)), read_conventions(project), paper)
+    return _parsed(_read_file(project, paper), read_conventions(project), paper)
+
+
+def has_claims(project: Path, paper: str) -> bool:
+    """True if a paper has a file of claims that states any, or that cannot be read."""
+    return bool(claims_text(project, paper).get("claims", "a problem"))
+
+
+def _read_file(project: Path, paper: str) -> Tree:
+    tree = read_part(claims_file(project, paper), "claims")
+    return tree if tree["claims"] else {"limitations": "No claims are stated.", **tree}
 
 
 def _parsed(tree: Any, conventions: Conventions, paper: str) -> ClaimsFile:
@@ -161,7 +171,7 @@ def _parsed(tree: Any, conventions: Conventions, paper: str) -> ClaimsFile:
 def read_registry(project: Path, parameters: Parameters) -> Registry:
     """The claims of a paper."""
     paper = parameters.paper
-    tree, conventions = read_yaml(claims_file(project, paper)), read_conventions(project)
+    tree, conventions = _read_file(project, paper), read_conventions(project)
     stated = _parsed(tree, conventions, paper)
     known = glossary(parameters.package)
     asked: dict[str, tuple[Choice, ...]] = {}
@@ -233,10 +243,10 @@ def claims_text(project: Path, paper: str) -> Tree:
     Where it is not what it must be there is its problem instead; those who decide claims report it.
     """
     try:
-        tree = read_yaml(claims_file(project, paper))
+        tree = _read_file(project, paper)
     except InputError as error:
         return {"problem": str(error)}
-    return tree if isinstance(tree.get("claims"), dict) else {"problem": tree}
+    return tree if isinstance(tree["claims"], dict) else {"problem": tree}
 
 
 def decisive(tree: Tree, conventions: Tree) -> Tree:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError, nearest, shown
 from reobserve_papers.claims.inquiry import Inquiry
-from reobserve_papers.claims.registry import Claim, Registry, claims_file, read_registry
+from reobserve_papers.claims.registry import Claim, Registry, has_claims, read_registry
 from reobserve_papers.claims.sample_table import alike, keep, read_cached
 from reobserve_papers.parameters.config import known_papers, named_papers
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
@@ -26,7 +26,7 @@ def sample_command(
     ``max_samples`` limits the samples of each claim (None: the convention `samples`, or what the
     claim says itself), ``claim`` says which claims are sampled (none: all).
     """
-    known = [name for name in known_papers(project) if claims_file(project, name).is_file()]
+    known = [name for name in known_papers(project) if has_claims(project, name)]
     differing = []
     for name in named_papers(known, paper):
         parameters = default_parameters(project, name)

@@ -8,11 +8,14 @@ in its module ``keys``.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
+from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError, shown
+from reobserve.core.files import read_text
 from reobserve.core.validation import STRICT, Names, Positive, Text, checked, distinct, parse
 
 _WORDING = ("label", "source", "title")  # keys that decide no number, wherever they stand
@@ -35,6 +38,16 @@ def parse_file(kind: type[FileKind], tree: object, folder: str, paper: str) -> F
     except InputError as error:
         key = error.parameter.replace(f"{folder}.{paper}.{folder}.", f"{folder}.{paper}.", 1)
         raise InputError(key, error.problem) from None
+
+
+def read_part(path: Path, part: str) -> dict[str, Any]:
+    """The file of a paper, whose main part is empty if there is no file, no text or no entry."""
+    text = read_text(path) if path.is_file() else ""
+    if not (tree := parse_yaml(text, str(path))):
+        return {part: {}}
+    if not isinstance(tree, dict):
+        raise InputError(str(path), "must be a mapping of keys to values")
+    return {**tree, part: tree.get(part) or {}}
 
 
 def name(pattern: str, allowed: str, *reserved: str) -> Any:

@@ -19,12 +19,12 @@ from reobserve_papers.claims.claims_table import HEADER, KINDS
 from reobserve_papers.claims.decider import Title, read_alternatives
 from reobserve_papers.claims.entries import PaperFigure
 from reobserve_papers.claims.errata import read_errata
-from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.claims.registry import has_claims, read_claims
 from reobserve_papers.claims.sample_table import read_samples
 from reobserve_papers.claims.verdict_rules import BROKEN, count
 from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.parameters.config import known_papers, known_tasks
-from reobserve_papers.parameters.names import caption_template, stored_parameters
+from reobserve_papers.parameters.names import caption_template, claims_path, stored_parameters
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.assumptions import AssumptionRow, entries
@@ -136,7 +136,7 @@ class _Build:
             parameters = Parameters.load(self.folder, name, seed=self.seed)
         tree = parameters.tree
         own = rows if isinstance(rows, Gap) else [row for row in rows if row["paper"] == name]
-        if not own:
+        if not own and has_claims(self.folder, name):
             own = self.gaps.add(f"{name}-claims", f"{CLAIMS_FILE}: has no claim of {name}")
         scored = self._scored(name, own)
         claims = [] if isinstance(own, Gap) else scored["claims"]
@@ -144,6 +144,8 @@ class _Build:
         theory = f"results/{name}/theory.metrics.csv"
         assumed = entries(parameters, claims)
         registry = self.gaps.attempt(name, read_claims, self.folder, name)
+        if claims and not has_claims(self.folder, name):
+            registry = self.gaps.add(name, f"{claims_path(name)}: has no claims, {CLAIMS_FILE} has")
         statuses = [entry.status for entry in assumed for _ in entry.keys]
         return {
             "name": name,
@@ -170,7 +172,7 @@ class _Build:
 
     def _scored(self, paper: str, rows: list[dict[str, str]] | Gap) -> Data:
         """The claims of a paper, what they add up to, and the gap where robustness is missing."""
-        if isinstance(rows, Gap):
+        if isinstance(rows, Gap) or not rows:
             return {"claims": rows, "undrawn": None, "counts": {}, "replication": None}
         path = self.folder / f"results/{paper}/robustness.json"
         drawn = self.gaps.attempt(f"{paper}-claims", read_samples, path, paper)

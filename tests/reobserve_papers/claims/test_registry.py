@@ -142,7 +142,6 @@ def test_threshold_without_a_source_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (None, "cannot be read (No such file or directory)"),
         ("- a list\n", "must be a mapping of keys to values"),
         ("claims: {a: {}}\n", "claims.ilo.limitations: is missing; the claims file needs it"),
         (

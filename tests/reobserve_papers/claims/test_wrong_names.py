@@ -10,7 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
+from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.evidence import check_evidence
+from reobserve_papers.claims.registry import claims_text, has_claims, read_claims
 from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
@@ -84,3 +86,24 @@ def test_name_with_a_letter_changed_is_refused_with_the_near_one(
     path.write_text(right)
     assert f"did you mean '{name}'?" in str(caught.value)
     assert wrong in str(caught.value)
+
+
+NONE = [None, "", "# none\n", "{}", "[]", "KIND: {}", "KIND: []", "KIND:"]
+
+
+@pytest.mark.parametrize("claims", NONE)
+def test_no_claims_and_no_errata_are_no_error(project: Path, claims: str | None) -> None:
+    """All combinations; with claims, one that links no erratum."""
+    stated = (ROOT / f"examples/two_mass/config/claims/{PAPER}.yaml").read_text()
+    for text in (claims, stated):
+        for errata in NONE:
+            for kind, one in (("claims", text), ("errata", errata)):
+                path = project / f"config/{kind}/{PAPER}.yaml"
+                path.unlink(missing_ok=True)
+                if one is not None:
+                    path.write_text(one.replace("KIND", kind))
+            check(project)
+            claims_text.cache_clear()
+            assert has_claims(project, PAPER) == (text == stated)
+            assert read_errata(project, PAPER) == ()
+            assert len(read_claims(project, PAPER).claims) == (text == stated)

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from reobserve.core.errors import InputError
+from reobserve_papers.claims.registry import claims_text
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report import gather as gather_module
 from reobserve_papers.report.assumptions import range_lines, value_lines
@@ -22,6 +23,7 @@ from reobserve_papers.report.markup import first_sentence, without_title
 from reobserve_papers.report.render import render
 from reobserve_papers.report.report_gaps import Gap
 from reobserve_papers.report.reported_claims import ReportedClaim
+from tests import ROOT
 
 from .project import BROKEN, CLAIMS, SVG, TITLE, configure, write_claims
 
@@ -191,7 +193,6 @@ TAKEN = {
     "results/toy/sensitivity.svg": "toy-claims", "results/toy/parameters.json": "toy",
     "results/toy/alternatives.svg": "toy-claims", "results/toy/alternatives.csv": "toy-title",
     "results/claims.csv": "summary", "config/claims/toy.yaml": "toy",
-    "config/errata/toy.yaml": "toy-errata",
 }  # fmt: skip
 
 
@@ -201,7 +202,7 @@ def test_missing_file_is_one_gap_in_its_place(project: Path, path: str) -> None:
     report, paper = gathered(project)
     (gap,) = report["gaps"]
     assert (gap.number, gap.place) == (1, TAKEN[path])
-    assert gap.sentence.startswith((f"{path}: not built", f"{path}: cannot be read"))
+    assert gap.sentence.startswith((f"{path}: not built", f"{path}: cannot", f"{path}: has no"))
     kept = [paper["figures"][0]["image"], not isinstance(paper["figures"][0]["numbers"], Gap)]
     kept += [paper["verdicts"], not isinstance(paper["errata"], Gap)]
     assert sum(map(bool, kept)) >= 3, "the rest is there"
@@ -222,7 +223,8 @@ DAMAGED = [
     ("results/toy/robustness.json", "[]", "must be a mapping"),
     ("results/toy/parameters.json", "{}", "is not what was written"),
     ("results/claims.csv", "a,b\n", "has the columns"),
-    ("config/claims/toy.yaml", "claims: {}", "claims.toy.limitations: is missing"),
+    ("config/claims/toy.yaml", "claims: {}", "has no claims, results/claims.csv has"),
+    ("config/claims/toy.yaml", "claims: {a: {}}", "claims.toy.limitations: is missing"),
     ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "errata.toy.sign.printed: is missing"),
     ("config/errata/toy.yaml", "errata: [", "is not YAML"),
     ("config/errata/toy.yaml", "errata: {sign: here}", "errata.toy.sign: 'here' must be a"),
@@ -253,6 +255,25 @@ def test_damaged_table_of_claims_is_one_gap(
 def test_paper_without_claims_in_the_table_is_a_gap(project: Path) -> None:
     write_claims(project, [])
     assert sentences(project) == ["results/claims.csv: has no claim of toy"]
+
+
+@pytest.mark.parametrize("kind", ["claims", "errata"])
+@pytest.mark.parametrize("text", [None, "", "{kind}: {{}}", "{kind}: []"])
+def test_no_claims_and_no_errata_are_no_gaps(project: Path, kind: str, text: str | None) -> None:
+    path = project / f"config/{kind}/toy.yaml"
+    path.unlink()
+    if text is not None:
+        path.write_text(text.format(kind=kind))
+    if kind == "claims":
+        write_claims(project, [])
+        for name in ("robustness.json", "alternatives.csv"):
+            (project / "results/toy" / name).unlink()
+    claims_text.cache_clear()
+    report, paper = gathered(project)
+    assert report["gaps"] == []
+    assert not paper[kind]
+    page = render(report, ROOT / "workflow/report/replication")
+    assert ("None stated." if kind == "claims" else "None found.") in page
 
 
 def test_broken_claims_are_gaps_with_their_message(project: Path) -> None:
