@@ -37,8 +37,9 @@ def sample_command(
         else:
             _sample_on(project, parameters, registry, claims, max_samples)
     if differing:
-        print("\n".join(differing))
-        raise ReobserveError(f"{len(differing)} claims have samples that differ")
+        problem = f"{len(differing)} claims have samples that differ"
+        print(f"{problem}:", *differing, sep="\n")
+        raise ReobserveError(problem)
 
 
 def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:

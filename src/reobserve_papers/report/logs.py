@@ -71,7 +71,7 @@ def _of_step(project: Path, step: str, *words: str) -> tuple[tuple[str, ...], tu
     papers = [Parameters.read(project / path) for path in files]
     cached = "--no-cached" not in options
     read = [path for one in papers for path in inputs(one, project, step, *names, cached=cached)]
-    made = outputs(papers[0].paper, step, *names, formats=formats)
+    made = outputs(papers[0].paper if papers else "", step, *names, formats=formats)
     return (*files, *dict.fromkeys(read)), made
 
 

@@ -390,7 +390,8 @@ def test_samples_command_resumes_and_checks(
     with pytest.raises(ReobserveError, match="1 claims have samples that differ"):
         run(project, 30, check=True)
     said = "claims.ilo.new: there are no cached samples of the claim as it is"
-    assert capsys.readouterr().out.splitlines() == [said]
+    head = "1 claims have samples that differ:"
+    assert capsys.readouterr().out.splitlines() == [head, said]
     project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never})
     code.factor = 1.01
     with pytest.raises(ReobserveError, match="2 claims have samples that differ"):
