@@ -106,10 +106,7 @@ class Choice:
 
 
 def find_choice(parameters: Parameters, pattern: str, groups: Iterable[str] = ()) -> Choice:
-    """The choice of a parameter file key, or of a pattern of keys that move together.
-
-    ``groups`` are other names that it could have been.
-    """
+    """The choice of a key or a pattern of keys, with ``groups`` that an error may suggest."""
     if pattern == SEED:
         return Choice((SEED,), ())
     entries = parameters.by_key

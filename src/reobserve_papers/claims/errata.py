@@ -50,7 +50,7 @@ def errata_file(project: Path, paper: str) -> Path:
 
 
 def read_errata(project: Path, paper: str) -> tuple[Erratum, ...]:
-    """Read the errata of a paper, in file order; none if it has no file."""
+    """Read the errata of a paper, in file order, none without a file."""
     tree = read_part(errata_file(project, paper), "errata")
     found = parse_file(ErrataFile, tree, "errata", paper).errata
     for name, erratum in found.items():

@@ -6,11 +6,11 @@ import math
 from collections.abc import Container, Sequence
 from pathlib import Path
 
-from reobserve.core.errors import InputError, ReobserveError, nearest, shown
+from reobserve.core.errors import ReobserveError
 from reobserve_papers.claims.inquiry import Inquiry
 from reobserve_papers.claims.registry import Claim, Registry, has_claims, read_registry
 from reobserve_papers.claims.sample_table import alike, keep, read_cached
-from reobserve_papers.parameters.config import known_papers, named_papers
+from reobserve_papers.parameters.config import known_papers, named_papers, refuse_unknown
 from reobserve_papers.parameters.parameters import Parameters, default_parameters
 from reobserve_papers.steps.evaluation import Evaluator
 
@@ -43,10 +43,7 @@ def sample_command(
 
 
 def _named(claims: list[Claim], named: Sequence[str]) -> list[Claim]:
-    known = [claim.name for claim in claims]
-    for name in named:
-        if name not in known:
-            raise InputError("--claim", f"there is no {shown(name)}{nearest(name, known)}")
+    refuse_unknown("--claim", named, [claim.name for claim in claims])
     return [claim for claim in claims if not named or claim.name in named]
 
 

@@ -12,10 +12,7 @@ from reobserve_papers.cli.own_modules import refused_in_one_sentence
 
 
 def check_targets(workflow: Any, results: Callable[[], list[str]]) -> None:
-    """Check targets once all rules are read, a user's own too.
-
-    ``results`` are the files of papers and tasks, figures in all formats.
-    """
+    """Check targets once all rules are read, by all ``results``, figures in all formats."""
     prepare = workflow._prepare_dag  # no public function runs between the last rule and the graph
 
     def checked(*arguments: Any, **options: Any) -> None:

@@ -48,10 +48,7 @@ class Moved:
 
     @property
     def relative(self) -> str:
-        """The change in per cent, or the factor if it is 2 or more or below a hundredth.
-
-        It is empty where that says nothing: after a change of sign, from zero, and of words.
-        """
+        """The change in per cent or as a factor, empty if it has none: from zero, of words."""
         old, new = (float(self.golden), float(self.value)) if self.tolerance else (0.0, 0.0)
         factor = new / old if old else math.nan
         if not 0 <= factor < math.inf:

@@ -10,12 +10,7 @@ from typing import Any
 from reobserve.core.documents import check_plain
 from reobserve_papers.bench.packaged_task import PackagedTask
 from reobserve_papers.claims.configuration_checks import check_evidence
-from reobserve_papers.parameters.config import (
-    known_papers,
-    known_styles,
-    named_papers,
-    refuse_unknown,
-)
+from reobserve_papers.parameters.config import known_papers, known_styles, named_papers
 from reobserve_papers.parameters.names import DEFAULT_STYLE, style_sheet
 from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
@@ -35,7 +30,7 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
     """
     check_plain(overrides, "config")
     known = known_papers(project)
-    refuse_unknown("--overrides", overrides, known)
+    named_papers(known, [*overrides])
     for name in named_papers(known, paper):
         parameters = Parameters.load(project, name, overrides.get(name))
         check_parameters(parameters)
