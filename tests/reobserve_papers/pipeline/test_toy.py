@@ -232,6 +232,19 @@ def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> 
 
 
 @pytest.mark.nightly
+def test_paper_without_claims_and_errata_is_archived(tmp_path: Path) -> None:
+    project = copy_toy(tmp_path)
+    (project.folder / "config/claims/toy.yaml").write_text("claims: []\n")
+    (project.folder / "config/errata/toy.yaml").unlink()
+    project.snakemake()
+    page = (project.folder / "results/report.html").read_text()
+    assert "No gaps: " in page
+    project.snakemake(ARCHIVE)
+    assert (project.folder / ARCHIVE).is_file()
+    assert project.stale() == {}
+
+
+@pytest.mark.nightly
 def test_failing_figure_is_a_gap_in_the_report(toy: Project) -> None:
     """The build stops with the message of its stage, and the page shows the rest."""
     refusing = """from reobserve.core.errors import InputError
