@@ -112,11 +112,6 @@ def _papers() -> Iterator[Call]:
     forward = van_der_pol(["w", "-a + (1 - a**2)*w"])
     cycle = limit_cycle(forward, [2.0, 0.5], 20.0)
     yield from called({
-        "papers.ilo.lyapunov.gyroscopic_eta": (INERTIA, 0.1),
-        "papers.ilo.lyapunov.repaired_weights": (np.eye(3), 0.9, 50.0),
-        "papers.ilo.lyapunov.lyapunov_values": (
-            INERTIA, np.eye(3), np.ones((5, 3)), np.ones((5, 3)), 0.1, 2,
-        ),
         "papers.lie.floquet.limit_cycle": (forward, [2.0, 0.5], 20.0),
         "papers.lie.floquet.floquet_exponents": (cycle, np.tile(-np.eye(2), (400, 1, 1))),
         "papers.eso.deviation.held_deviation": (augmented(), gains(), np.ones(3), 0.1),

@@ -22,7 +22,6 @@ from reobserve_papers.metrics.responses import peak, root_mean_square_of_steps
 from reobserve_papers.metrics.theory_parts import part
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body
-from reobserve_papers.papers.ilo.lyapunov import gyroscopic_eta
 from reobserve_papers.papers.ilo.metrics import LEARNING
 from reobserve_papers.papers.ilo.observe import observe
 from reobserve_papers.papers.ilo.plant import simulate
@@ -94,6 +93,21 @@ class Runs:
         """The constant [N m s] of Assumption 2 for the record."""
         inertia = known_body(self.job.plant).inertia
         return gyroscopic_eta(inertia, float(np.max(np.linalg.norm(self.stuck["rate"], axis=1))))
+
+
+def gyroscopic_eta(inertia: Array, rate_bound: float) -> float:
+    """The one-sided constant (J_max - J_min) / 2 * max |w| [N m s].
+
+    Chen & Saif 2007, Assumption 2.
+
+    The torque difference of Assumption 2 is quadratic in w~, so it has no global eta. The proof
+    needs only its component along w~. With w^ = w - w~, the error equation contains
+    g = -w x J w + w^ x J w^ = -w x J w~ - w~ x J w + w~ x J w~, so w~.g = -w~.(w x J w~). A
+    multiple c I of the identity adds nothing to J there, and c = (J_max + J_min) / 2 gives
+    |w~.g| <= |w| ||J - c I|| |w~|^2, with equality between the extreme principal axes.
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    return float((moments[-1] - moments[0]) / 2 * rate_bound)
 
 
 def _record(plant: keys.Plant, fault: Terms, seed: int) -> Series:
