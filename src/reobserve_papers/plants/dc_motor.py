@@ -111,25 +111,6 @@ class SpeedControl:
         return cls(gains[:2], -gains[2])
 
 
-def poles_for(settling_time: float, overshoot: float) -> NDArray[np.complex128]:
-    """Three poles [1/s] for a step response: a dominant pair, and a real pole four times as fast.
-
-    Parameters
-    ----------
-    settling_time
-        After which the response is within 2 % [s]: by the envelope of the pair, an upper bound.
-    overshoot
-        Of the pair alone, as a fraction of the step: an upper bound, too.
-    """
-    as_positive("settling_time", settling_time)
-    if not 0 < as_scalar("overshoot", overshoot) < 1:
-        raise InputError("overshoot", f"{overshoot:g} must be between 0 and 1")
-    pole = -1.0 - 1j * np.pi / np.log(overshoot)
-    poles = np.array([pole, pole.conjugate(), -4.0])
-    envelope = 2.0 * abs(poles[1] * poles[2] / ((pole - poles[1]) * (pole - poles[2])))
-    return np.asarray(poles * np.log(envelope / 0.02) / settling_time)
-
-
 class Limits(NamedTuple):
     """y (k, 2), u (k, 1), fa (k, 1) and fs (k, q), from one side."""
 

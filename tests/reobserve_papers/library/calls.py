@@ -83,7 +83,6 @@ def _plants() -> Iterator[Call]:
     yield from called({
         "plants.dc_motor.DCMotor": (0.01, 0.1, 0.01, 0.01, 1.0, 0.5, False),
         "plants.dc_motor.SpeedControl": ([1.0, 0.1], 2.0),
-        "plants.dc_motor.poles_for": (1.0, 0.1),
         "plants.dc_motor.ControlledMotor": controlled,
         "plants.delayed_input.DelayedInputPlant": (late.model,),
         "plants.delayed_input.delayed": (one, one, HALF),

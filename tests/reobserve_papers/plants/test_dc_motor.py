@@ -17,7 +17,6 @@ from reobserve_papers.plants.dc_motor import (
     DCMotor,
     MotorRun,
     SpeedControl,
-    poles_for,
 )
 from reobserve_papers.signals.inputs import Signal, Term
 from reobserve_papers.signals.signal_shapes import Constant
@@ -188,16 +187,6 @@ def test_step_response_of_the_chosen_poles_meets_the_specification() -> None:
     overshoot, settling_time = step_response(POLES)
     assert overshoot == pytest.approx(0.0141, abs=5e-5)
     assert settling_time == pytest.approx(1.10, abs=5e-3)
-    # The envelope of the pair is 2.156 e^(-3 t).
-    bounds = np.log(2.156 / 0.02) / 3, np.exp(-4 * np.pi / 3)
-    assert poles_for(*bounds) == pytest.approx(POLES, rel=1e-4)
-
-
-@pytest.mark.parametrize(("most_time", "most_overshoot"), [(2.0, 0.05), (1.0, 0.01), (3.0, 0.2)])
-def test_poles_for_a_specified_response_meet_it(most_time: float, most_overshoot: float) -> None:
-    overshoot, settling_time = step_response(poles_for(most_time, most_overshoot))
-    assert 0.8 * most_overshoot < overshoot < most_overshoot
-    assert 0.6 * most_time < settling_time < most_time
 
 
 # --- Simulation ---------------------------------------------------------------------------------
@@ -305,19 +294,6 @@ def test_constants_must_be_positive(name: str) -> None:
 def test_invalid_poles_are_refused(poles: Any) -> None:
     with pytest.raises(InputError, match=r"^poles: .* must be 3, stable, complex ones in pairs"):
         SpeedControl.placed(MOTOR, poles)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "problem"),
-    [
-        ((0.0, 0.05), "settling_time: 0 must be greater than zero"),
-        ((2.0, 0.0), "overshoot: 0 must be between 0 and 1"),
-        ((2.0, 1.0), "overshoot: 1 must be between 0 and 1"),
-    ],
-)
-def test_invalid_step_response_is_refused(arguments: Any, problem: str) -> None:
-    with pytest.raises(InputError, match=f"^{problem}"):
-        poles_for(*arguments)
 
 
 @pytest.mark.parametrize(
