@@ -6,6 +6,7 @@ The ILO input v is updated at every instant from its value one interval earlier;
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -40,9 +41,6 @@ from reobserve.systems.rigid_body_arithmetic import (
     row,
 )
 
-if TYPE_CHECKING:
-    from reobserve.observers.ilo_sampled import SampledILO
-
 
 class IloConstants(NamedTuple):
     """Constants of the loop, where ``injection`` multiplies w - w^: Lambda and part of B_f v."""
@@ -58,7 +56,71 @@ class IloConstants(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ILO(RigidBodyObserver):
+class LearningObserver(RigidBodyObserver):
+    """An observer whose estimate of the fault torque learns from its value one interval earlier.
+
+    Its parameters are those of `ILO`.
+    """
+
+    K1: Matrix = field(metadata=converter(as_matrix, 3))
+    K2: Matrix = field(metadata=converter(as_matrix, 3))
+    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
+    update_interval: float = field(metadata=converter(as_positive))
+    allow_unstable: bool = field(default=False, metadata=converter(as_flag))
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            model: RigidBody,
+            K1: ArrayLike,
+            K2: ArrayLike,
+            observer_gain: ArrayLike,
+            update_interval: float,
+            allow_unstable: bool = ...,
+            *,
+            sampling_period: float,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.delay  # refuses an interval that is no multiple of the step
+        if not self.allow_unstable:
+            self._check_stability()
+
+    @abstractmethod
+    def _check_stability(self) -> None:
+        """Refuse gains whose linearised error dynamics grow."""
+
+    @cached_property
+    def delay(self) -> int:
+        """The updating interval in steps."""
+        return whole_steps(self.update_interval, self.sampling_period)
+
+    @property
+    def law(self) -> LearningLaw:
+        """The learning law as the synthesis takes it, for its stability and its accuracy."""
+        body, gains = self.model, (self.K1, self.K2)
+        return LearningLaw(
+            body.inertia, self.observer_gain, body.fault_matrix, *gains, self.update_interval
+        )
+
+    def _constants_with(self, injection: Matrix) -> IloConstants:
+        model = self.model
+        return IloConstants(
+            for_loop(model.inertia),
+            model.inverse,
+            for_loop(injection),
+            for_loop(model.input_matrix),
+            for_loop(model.fault_matrix),
+            for_loop(self.K1),
+            for_loop(self.K2),
+            self.sampling_period,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class ILO(LearningObserver):
     """Iterative learning observer with v learning at every instant: a delay system.
 
         J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v(t)
@@ -107,48 +169,14 @@ class ILO(RigidBodyObserver):
     0.5
     """
 
-    K1: Matrix = field(metadata=converter(as_matrix, 3))
-    K2: Matrix = field(metadata=converter(as_matrix, 3))
-    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
-    update_interval: float = field(metadata=converter(as_positive))
-    allow_unstable: bool = field(default=False, metadata=converter(as_flag))
-
-    if TYPE_CHECKING:  # what it takes is wider than what it then holds
-
-        def __init__(
-            self,
-            model: RigidBody,
-            K1: ArrayLike,
-            K2: ArrayLike,
-            observer_gain: ArrayLike,
-            update_interval: float,
-            allow_unstable: bool = ...,
-            *,
-            sampling_period: float,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ = self.delay  # refuses an interval that is no multiple of the step
-        if self.allow_unstable:
-            return
+    def _check_stability(self) -> None:
         verdict = continuous_stability(self.law)
         if verdict.verdict == "unstable":
             raise InputError("K1, K2", f"must give stable error dynamics, but {verdict.reason}")
 
     @cached_property
-    def delay(self) -> int:
-        """The updating interval in steps."""
-        return whole_steps(self.update_interval, self.sampling_period)
-
-    @property
-    def law(self) -> LearningLaw:
-        """The learning law as the synthesis takes it, for its stability and its accuracy."""
-        return learning_law(self)
-
-    @cached_property
     def _constants(self) -> IloConstants:
-        return constants(self, self.observer_gain + self.model.fault_matrix @ self.K2)
+        return self._constants_with(self.observer_gain + self.model.fault_matrix @ self.K2)
 
     @property
     def _memory_shape(self) -> tuple[int, ...]:
@@ -171,29 +199,6 @@ class ILO(RigidBodyObserver):
         self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
     ) -> int:
         return _run(self._constants, rate, memory, count, record, rows)
-
-
-def learning_law(observer: ILO | SampledILO) -> LearningLaw:
-    """The body and the law of an observer, all that its error equation has."""
-    body, gains = observer.model, (observer.K1, observer.K2)
-    return LearningLaw(
-        body.inertia, observer.observer_gain, body.fault_matrix, *gains, observer.update_interval
-    )
-
-
-def constants(observer: ILO | SampledILO, injection: Matrix) -> IloConstants:
-    """Constants of the loop of either observer."""
-    model = observer.model
-    return IloConstants(
-        for_loop(model.inertia),
-        model.inverse,
-        for_loop(injection),
-        for_loop(model.input_matrix),
-        for_loop(model.fault_matrix),
-        for_loop(observer.K1),
-        for_loop(observer.K2),
-        observer.sampling_period,
-    )
 
 
 @kernel

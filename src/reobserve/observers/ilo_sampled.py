@@ -10,43 +10,22 @@ and held in between, while w^ follows the first line of (3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from reobserve.core.arguments import as_flag
-from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
 from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import kernel
-from reobserve.core.matrices import Matrix, as_matrix, as_positive
-from reobserve.core.value import converter
-from reobserve.observers.ilo import (
-    IloConstants,
-    constants,
-    known_torque,
-    learn,
-    learning_law,
-    slope,
-)
-from reobserve.observers.rigid_body_observer import (
-    Array,
-    RigidBodyObserver,
-    RigidBodyRecord,
-    RigidBodyRows,
-    whole_steps,
-)
-from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.observers.ilo import IloConstants, LearningObserver, known_torque, learn, slope
+from reobserve.observers.rigid_body_observer import Array, RigidBodyRecord, RigidBodyRows
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
-from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import ahead, product, rk4_sum, row
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SampledILO(RigidBodyObserver):
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class SampledILO(LearningObserver):
     """Iterative learning observer with v updated at multiples of tau and held in between.
 
         J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v_k,    k tau <= t < (k + 1) tau
@@ -91,31 +70,7 @@ class SampledILO(RigidBodyObserver):
     0.5
     """
 
-    K1: Matrix = field(metadata=converter(as_matrix, 3))
-    K2: Matrix = field(metadata=converter(as_matrix, 3))
-    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
-    update_interval: float = field(metadata=converter(as_positive))
-    allow_unstable: bool = field(default=False, metadata=converter(as_flag))
-
-    if TYPE_CHECKING:  # what it takes is wider than what it then holds
-
-        def __init__(
-            self,
-            model: RigidBody,
-            K1: ArrayLike,
-            K2: ArrayLike,
-            observer_gain: ArrayLike,
-            update_interval: float,
-            allow_unstable: bool = ...,
-            *,
-            sampling_period: float,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ = self.delay  # refuses an interval that is no multiple of the step
-        if self.allow_unstable:
-            return
+    def _check_stability(self) -> None:
         verdict = sampled_stability(self.law)
         if verdict.verdict == "unstable":
             raise InputError(
@@ -125,18 +80,8 @@ class SampledILO(RigidBodyObserver):
             )
 
     @cached_property
-    def delay(self) -> int:
-        """The updating interval in steps."""
-        return whole_steps(self.update_interval, self.sampling_period)
-
-    @property
-    def law(self) -> LearningLaw:
-        """The learning law as the synthesis takes it, for its stability and its accuracy."""
-        return learning_law(self)
-
-    @cached_property
     def _constants(self) -> IloConstants:
-        return constants(self, self.observer_gain)
+        return self._constants_with(self.observer_gain)
 
     def _run(
         self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
