@@ -327,16 +327,13 @@ def bound18(
     rate_error: ArrayLike,
     error: ArrayLike,
     k_d: float,
-    *,
-    duration: float = float("inf"),
-    initial_value: float = 0.0,
 ) -> tuple[float, float]:
     """Both sides of the bound: the mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
 
     Chen & Saif 2007, (18).
 
     The mean is computed by the trapezoidal rule over uniform samples. For a record of finite
-    ``duration`` [s], the right side includes V(0) / duration, with ``initial_value`` V(0) of (13).
+    duration [s], V(0) / duration adds to the right side, with V(0) of (13).
 
     Parameters
     ----------
@@ -359,7 +356,7 @@ def bound18(
     errors = as_rows("error", error, rates)
     density = theorem.epsilon1 * np.sum(rates**2, axis=1) + theorem.rho1 * np.sum(errors**2, axis=1)
     left = float(np.trapezoid(density)) / (len(density) - 1)
-    right = theorem.epsilon3 * k_d * k_d + initial_value / duration
+    right = theorem.epsilon3 * k_d * k_d
     if not np.isfinite([left, right]).all():
         raise InputError("rate_error, error, k_d", "have squares beyond floating-point numbers")
     return left, right
