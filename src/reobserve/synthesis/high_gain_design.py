@@ -49,10 +49,8 @@ def lyapunov_matrix(size: int, rho: float) -> Array:
 
     Parameters
     ----------
-    size
-        N, the number of states: n of the standard observer (36), n + 1 of the extended one (9).
-    rho
-        [1/s].
+    size, rho
+        As in `high_gain`.
 
     Returns
     -------
@@ -103,10 +101,8 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
 
     Parameters
     ----------
-    size
-        N, the number of states: n of the standard observer (36), n + 1 of the extended one (9).
-    rho
-        [1/s].
+    size, rho
+        As in `high_gain`.
     initial
         S(0), symmetric and positive definite: a number (times the identity), a diagonal or N x N.
         The paper uses the identity.
