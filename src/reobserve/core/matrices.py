@@ -241,7 +241,6 @@ def as_samples(
     *,
     rows: int | None = None,
     like: str = "",
-    halves: bool = False,
     missing: bool = False,
 ) -> Matrix:
     """The rows of a record that an observer reads, as `as_numbers` makes them.
@@ -252,8 +251,6 @@ def as_samples(
         How many numbers a row has; None for a plain list of numbers.
     rows
         How many there must be, if that is known, because ``like`` has so many.
-    halves
-        There are two a step and one at the end: an odd number, 3 or more.
     missing
         A nan stands for a number that was not measured.
 
@@ -271,14 +268,11 @@ def as_samples(
     wrong = len(shape) != (1 if columns is None else 2) or shape[1:] != (
         () if columns is None else (columns,)
     )
-    few = wrong or not len(array) or (halves and (len(array) % 2 == 0 or len(array) < 3))
-    if few:
-        number = "an odd number of rows, 3 or more," if halves else "one row or more"
+    if wrong or not len(array):
         if columns is None:
-            number = "an odd number of samples, 3 or more" if halves else "1 sample or more"
-            raise InputError(name, f"has shape {shape}, must be a list of {number}")
-        ending = "s" if columns != 1 else ""
-        raise InputError(name, f"has shape {shape}, must have {number} of {columns} number{ending}")
+            raise InputError(name, f"has shape {shape}, must be a list of 1 sample or more")
+        numbers = f"{columns} number{'s' if columns != 1 else ''}"
+        raise InputError(name, f"has shape {shape}, must have one row or more of {numbers}")
     if rows is not None and len(array) != rows:
         raise InputError(name, f"has {len(array)} rows, must have {rows} like {like}")
     # Rows are looked at one by one only if something is wrong: that costs as much as observing.

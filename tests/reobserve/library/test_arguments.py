@@ -100,7 +100,6 @@ REFUSED: list[tuple[Any, str]] = [
     (lambda: as_samples("x", [1.0, 2.0], 1), "has shape (2,), must have one row or more of 1 numb"),
     (lambda: as_samples("x", np.empty((0, 2)), 2), "has shape (0, 2), must have one row or more"),
     (lambda: as_samples("x", ROWS, 2, rows=4, like="y"), "has 3 rows, must have 4 like y"),
-    (lambda: as_samples("x", ROWS[:2], 2, halves=True), "has shape (2, 2), must have an odd numb"),
     (lambda: as_samples("x", [[1.0, np.nan]], 2), "sample 0 is [1.0, nan], must be finite"),
     (lambda: as_samples("x", [[np.inf, np.nan]], 2, missing=True), "sample 0 is [inf, nan], must"),
     (lambda: as_rows("x", [1.0, 2.0]), "has shape (2,), must be (samples, n)"),
