@@ -75,7 +75,7 @@ def run_batch(
             if loud:
                 with located(f"record {r}"):
                     rows = Rows({}, good, None, finding=result.findings[r])
-                    raise observer._divergence(states[r], records[r], rows, times, good)
+                    raise observer._divergence(states[r], rows, times, good)
             diverged_at[r] = observer._last_finite(states[r], times, good)
             result.states[r] = states[r]
             for values in (*result.estimates.values(), *result.before.values()):

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
@@ -69,6 +69,7 @@ class Observer(Value, ABC, Generic[StateKind]):
     sampling_period: float = field(kw_only=True, metadata=converter(as_positive))
 
     reads_between: ClassVar[bool] = True  # whether there is a use for ``before`` and ``middle``
+    exact: ClassVar[bool] = False  # whether its steps are, so that shorter ones change nothing
     reads_missing: ClassVar[bool] = False  # whether a nan may stand for what was not measured
     takes: ClassVar[tuple[str, ...]] = ()  # what `run` and `step` take beside y and u, by name
 
@@ -108,11 +109,6 @@ class Observer(Value, ABC, Generic[StateKind]):
         """
         raise NotImplementedError
 
-    def _halved(self, state: StateKind) -> tuple[Observer[StateKind], StateKind] | None:
-        """The same observer and state with half the step, or None if there is no such thing."""
-        finer: Any = replace(self, sampling_period=0.5 * self.sampling_period)
-        return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
-
     def _completed(self, state: StateKind, record: Record) -> tuple[StateKind, Record]:
         """State and record with what the observer finds by itself, such as derivatives."""
         return state, record
@@ -138,21 +134,6 @@ class Observer(Value, ABC, Generic[StateKind]):
         raise InputError(
             "state", f"must be given: {type(self).__name__}.init says what it starts from"
         )
-
-    def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
-        """The known reason why rows beyond ``good`` diverged, as the rest of a sentence.
-
-        ``first`` is the time [s] of the record's first row.
-        """
-        if not self.reads_between:
-            return ""
-        from reobserve.observers.step_size_check import finding
-
-        state, record = self._completed(state, record)
-        steps, before = steps_between(state.sample, record), state.sample is not None
-        if not steps.y.steps:
-            return ""  # what cannot be read from the start, no step can help
-        return finding(self, state, steps, good + before, first - before * self.sampling_period)
 
     def step(
         self,
@@ -187,7 +168,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         times, record = self._timed(None if time is None else [time], start, record)
         rows = self._fill(start, record)
         if not self._good(rows):
-            raise self._divergence(start, record, rows, times, 0)
+            raise self._divergence(start, rows, times, 0)
         values = {name: array[0] for name, array in rows.estimates.items()}
         return rows.state, Estimate(float(times[0]), values, self._units_of(values))
 
@@ -259,7 +240,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         after, diverged_at = dataframes.stamped(rows.state, index, time), None
         if good < len(times):
             if loud:
-                raise self._divergence(start, record, rows, times, good)
+                raise self._divergence(start, rows, times, good)
             estimates = {name: array[:good] for name, array in estimates.items()}
             left = {name: array[:good] for name, array in left.items()}
             after, diverged_at = start, self._last_finite(start, times, good)
@@ -287,11 +268,12 @@ class Observer(Value, ABC, Generic[StateKind]):
         """The number of good rows, which with missing measurements the loop alone can tell."""
         return rows.finite if self.reads_missing else rows.good
 
-    def _divergence(
-        self, state: StateKind, record: Record, rows: Rows, times: Array, good: int
-    ) -> DivergenceError:
+    def _divergence(self, state: StateKind, rows: Rows, times: Array, good: int) -> DivergenceError:
         """The error to raise where the rows of a record beyond the first ``good`` ones diverged."""
-        finding = rows.finding or self._finding(state, record, good, float(times[0]))
+        finding = rows.finding
+        stepped = good > 0 or state.sample is not None
+        if stepped and self.reads_between and not self.exact:
+            finding = f"a step of {self.sampling_period:g} s may be too long for it"
         return DivergenceError(type(self).__name__, self._last_finite(state, times, good), finding)
 
     def _last_finite(self, state: StateKind, times: Array, good: int) -> float:

@@ -100,6 +100,7 @@ class ExtendedStateObserver(Observer[EsoState]):
     system: AugmentedSystem = field(metadata=converter(as_kind, AugmentedSystem))
     gains: Gains = field(metadata=converter(as_kind, Gains))
 
+    exact: ClassVar[bool] = True
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("state", "actuator_fault", "sensor_fault"), ""
     )
@@ -201,9 +202,6 @@ class ExtendedStateObserver(Observer[EsoState]):
             state, EsoState, f"must be of an observer of size {size} with {p} outputs",
             filtered=(p,), estimate=(size,), sample=(p + m,),
         )  # fmt: skip
-
-    def _halved(self, state: EsoState) -> None:
-        """None: a shorter step would tell nothing that the exact sampling does not."""
 
     def _integrate(self, state: EsoState, steps: Steps) -> Rows:
         p, m = self.measurements, steps.y.steps

@@ -42,38 +42,12 @@ class Samples(NamedTuple):
         """m."""
         return len(self.right) // 2
 
-    def part(self, first: int, last: int) -> Samples:
-        """The steps from ``first`` up to ``last``, which is not among them."""
-        rows = slice(2 * first, 2 * last + 1)
-        return Samples(self.right[rows], self.left[rows])
-
-    @np.errstate(over="ignore", invalid="ignore")  # whose sums are not finite diverges, and says so
-    def halved(self) -> Samples:
-        """Twice as many steps, with parabolas through the three samples of each one."""
-        right, left = self.right, self.left
-        start, middle, end = right[:-1:2], right[1::2], left[2::2]
-        finer = np.empty((2 * len(right) - 1, *right.shape[1:]))
-        finer[::2] = right
-        finer[1::4] = 0.375 * start + 0.75 * middle - 0.125 * end
-        finer[3::4] = 0.375 * end + 0.75 * middle - 0.125 * start
-        before = finer.copy()
-        before[::4] = left[::2]
-        return Samples(finer, before)
-
 
 class Steps(NamedTuple):
     """Signals that an observer integrates over, y and u at the ends and the middle of steps."""
 
     y: Samples
     u: Samples
-
-    def part(self, first: int, last: int) -> Steps:
-        """The steps from ``first`` up to ``last``, which is not among them."""
-        return Steps(self.y.part(first, last), self.u.part(first, last))
-
-    def halved(self) -> Steps:
-        """Twice as many steps (see `Samples.halved`)."""
-        return Steps(self.y.halved(), self.u.halved())
 
 
 def steps_between(last: Array | None, record: Record) -> Steps:

@@ -7,7 +7,7 @@ The ILO input v is updated at every instant from its value one interval earlier;
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,7 +26,6 @@ from reobserve.observers.rigid_body_observer import (
     RigidBodyObserver,
     RigidBodyRecord,
     RigidBodyRows,
-    RigidBodyState,
     whole_steps,
 )
 from reobserve.synthesis.ilo_error_system import LearningLaw
@@ -182,18 +181,6 @@ class ILO(LearningObserver):
     def _memory_shape(self) -> tuple[int, ...]:
         # v at the start, the middle and the end of each step of the last interval.
         return (self.delay, 3, 3)
-
-    def _halved(self, state: RigidBodyState) -> tuple[ILO, RigidBodyState]:
-        finer = replace(self, sampling_period=0.5 * self.sampling_period)
-        # v of each step, at its start, middle and end, on the parabola through the three.
-        first, middle, last = state.memory[:, 0], state.memory[:, 1], state.memory[:, 2]
-        memory = np.empty((2 * len(first), 3, 3))
-        memory[::2, 0], memory[::2, 2], memory[1::2, 0], memory[1::2, 2] = (
-            first, middle, middle, last
-        )  # fmt: skip
-        memory[::2, 1] = 0.375 * first + 0.75 * middle - 0.125 * last
-        memory[1::2, 1] = 0.375 * last + 0.75 * middle - 0.125 * first
-        return finer, RigidBodyState(state.rate, memory, state.sample, 2 * state.count)
 
     def _run(
         self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows

@@ -30,5 +30,5 @@ def unchecked_step(
     rows = observer._fill(state, record)
     if not observer._good(rows):
         time = np.array([observer._next_row(state) * observer.sampling_period])
-        raise observer._divergence(state, record, rows, time, 0)
+        raise observer._divergence(state, rows, time, 0)
     return rows.state, rows.estimates

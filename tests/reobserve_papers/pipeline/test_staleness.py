@@ -344,7 +344,6 @@ LATE = {
     "reobserve_papers.plotting.latex_text",
     "reobserve_papers.plants.first_order_lag",  # of the two the one that a scenario names
     "reobserve_papers.plants.pendulum",
-    "reobserve.observers.step_size_check",  # and on divergence, which does not occur in the build
     "reobserve.observers.batch_run",  # and for many records at once
     "reobserve.observers.run_plot",  # and when a run is plotted
     "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
