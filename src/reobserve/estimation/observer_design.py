@@ -137,14 +137,15 @@ class Design(ABC):
 
     @classmethod
     def find_gains(cls, system: Any) -> Any:
-        """Gains for a system.
+        """Gains for a system, None in a family without gains.
 
         Raises
         ------
         InputError
             If there are none, or the family chooses none by itself.
         """
-        raise InputError("gains", "are missing; a design of this kind chooses none by itself")
+        if cls.needs_gains():
+            raise InputError("gains", "are missing; a design of this kind chooses none by itself")
 
     @property
     def states(self) -> tuple[NamedSignal, ...]:

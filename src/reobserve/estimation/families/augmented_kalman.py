@@ -105,10 +105,6 @@ class AugmentedKalmanDesign(FilterDesign):
         ),
     }  # fmt: skip
 
-    @classmethod
-    def find_gains(cls, system: UnknownInputSystem) -> None:
-        """None: the gain follows the covariance."""
-
     @cached_property
     def observer(self) -> AugmentedKalmanFilter:
         """The filter."""

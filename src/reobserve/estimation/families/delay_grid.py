@@ -89,10 +89,6 @@ class DelayGridDesign(FilterDesign):
         ),
     }  # fmt: skip
 
-    @classmethod
-    def find_gains(cls, system: DelayGridSystem) -> None:
-        """None: the gains follow the covariances."""
-
     @cached_property
     def observer(self) -> GridFilter:
         """The filter."""

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from reobserve.estimation.families.rules import rules
-from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign, TextSystem
+from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign
 from reobserve.estimation.observer_design import Example
 from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 
@@ -28,10 +28,6 @@ class ExtendedKalmanDesign(TextFilterDesign):
             "text.\nobserver:\n  kind: extended-kalman\n" + RECORD,
         ),
     }  # fmt: skip
-
-    @classmethod
-    def find_gains(cls, system: TextSystem) -> None:
-        """None: the gain follows the covariance."""
 
     @cached_property
     def observer(self) -> ExtendedKalmanFilter:

@@ -112,10 +112,6 @@ class FaultBankDesign(FilterDesign):
         ),
     }  # fmt: skip
 
-    @classmethod
-    def find_gains(cls, system: FaultBankSystem) -> None:
-        """None: the gains follow the covariances."""
-
     @cached_property
     def observer(self) -> FaultBank:
         """The bank."""
