@@ -91,7 +91,7 @@ def test_minimum_gamma_within_a_radius_agrees_with_closed_form() -> None:
     column, row = np.array([[0.0], [0.5]]), np.array([[0.0, 1.0]])
     constraints = (Constraint(corner, (MatrixTerm("X", column, row),), np.diag([1.0, 0.0])),)
     problem = Problem({"X": (1, 1)}, frozenset(), constraints, gap=1e-7, radius=4.0)
-    found = polished(problem, minimiser(problem, problem.vector({"X": ONE}, 3.0)))
+    found = polished(problem, minimiser(problem, np.array([1.0, 3.0])))
     gamma = float(found.x[-1])
     assert gamma - 1.1e-7 < found.lower <= 0.25 < gamma
     assert float(found.x[0]) == pytest.approx(4.0, abs=1e-5)

@@ -145,14 +145,6 @@ class Problem:
             stacks.append(Stack(left, right, i, j, layers))
         return stacks
 
-    def vector(self, matrices: dict[str, Matrix], gamma: float | None = None) -> Vector:
-        """The matrices as one vector, with gamma if it is unknown."""
-        parts = [
-            matrices[name][_lower(shape[0])] if name in self.symmetric else matrices[name].ravel()
-            for name, shape in self.shapes.items()
-        ]
-        return np.concatenate([*parts, [] if self.radius is None else [gamma]])
-
     def matrices(self, x: Any) -> dict[str, Any]:
         """The vector, of floats or balls, as matrices."""
         matrices = {}

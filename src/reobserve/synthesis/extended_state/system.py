@@ -148,11 +148,6 @@ class AugmentedSystem(Value):
         return _diagonal(self.Dd, self.Az @ self.Dw)
 
     @cached_property
-    def Ca(self) -> Matrix:
-        """[0 I], shape (p, n + p)."""
-        return np.eye(self.outputs, self.states + self.outputs, self.states)
-
-    @cached_property
     def A_tilde(self) -> Matrix:
         """[Aa F; 0 0], shape (N, N) (Indriawati, Agustinah & Jazidie, (12))."""
         faults = self.faults
@@ -161,7 +156,7 @@ class AugmentedSystem(Value):
 
     @cached_property
     def C_tilde(self) -> Matrix:
-        """[Ca 0], shape (p, N) (Indriawati, Agustinah & Jazidie, (13))."""
+        """[Ca 0] = [0 I 0], shape (p, N) (Indriawati, Agustinah & Jazidie, (13))."""
         return np.eye(self.outputs, self.size, self.states)
 
     @cached_property

@@ -251,7 +251,7 @@ def test_faster_state_alone_delays_the_fault_estimates() -> None:
     for L in (slow.L, fast):
         Ao, _ = error_system(system, Gains(L, np.zeros((6, 2))))
         assert np.linalg.eigvals(Ao).real.max() < 0
-        poles.append(-np.linalg.eigvals(system.Aa - L[:4] @ system.Ca).real.max())
+        poles.append(-np.linalg.eigvals(system.Aa - L[:4] @ system.C_tilde[:, :4]).real.max())
         for row, w in ((-2, np.pi / 4), (-1, np.pi / 2)):
             error = 1j * w * np.linalg.solve(1j * w * np.eye(6) - Ao, system.Bo)[row, row]
             lags.append(-np.angle(1 - error) / w)
