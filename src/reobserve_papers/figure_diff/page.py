@@ -56,14 +56,15 @@ def summary(items: Sequence[Item], problems: Sequence[str], context: Sequence[st
     """
     lines = [f"{heading(items)}: {counts(items)}"]
     lines += [f"- {sentence}" for sentence in (*problems, *context)]
-    failed = [item for item in items if item.verdict != "agrees"]
+    lacking = [f"- {item.title}: {item.lack}" for item in items if item.lack]
+    failed = [item for item in items if item.verdict not in ("agrees", "lacks samples")]
     for number, item in enumerate(failed):
         said = _said(item)
-        if len(lines) + 1 + len(said) > MOST_LINES - 1:
+        if len(lines) + 1 + len(said) > MOST_LINES - 1 - len(lacking):
             lines.append(f"- and {len(failed) - number} more, on the page")
             break
         lines += [f"- {item.title}: {item.verdict}", *said]
-    return "\n".join(lines)
+    return "\n".join([*lines, *lacking])
 
 
 def _said(item: Item) -> list[str]:
@@ -71,7 +72,7 @@ def _said(item: Item) -> list[str]:
     stale = [f"a build would make it again: {item.stale}"] if item.stale else []
     said = [*item.problems, *stale, *map(str, item.moved[:_MOST_MOVED]), *drawn]
     more = len(item.moved) - _MOST_MOVED
-    said += [f"and {more} more numbers"] * (more > 0) + [item.lack] * bool(item.lack)
+    said += [f"and {more} more numbers"] * (more > 0)
     return [f"    - {row}" for row in said]
 
 

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
+from reobserve_papers.claims.configuration_checks import check_evidence
 from reobserve_papers.claims.errata import read_errata
-from reobserve_papers.claims.evidence import check_evidence
 from reobserve_papers.claims.registry import claims_text, has_claims, read_claims
 from reobserve_papers.parameters.job import read_parameters
 from reobserve_papers.parameters.parameters import Parameters

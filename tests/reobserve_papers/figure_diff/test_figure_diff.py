@@ -416,12 +416,11 @@ def test_claims_that_lack_samples_come_last_and_keep_their_verdicts(
     for _ in range(2):
         assert main(["figdiff"]) == 1
         said = capsys.readouterr().out
-        assert "made claims: lacks samples\n    - " + lack in said
+        assert said.endswith(f"\n- made claims: {lack}\n")
         assert lack in text("figdiff/index.html")
         assert "undecided" not in said
         assert said.count("moved") == (2 if not asked else 0)
         if not asked:
-            assert said.index("theory") < said.index("claims: lacks")
             assert main(["accept", "--reason", "the gain is smaller"]) == 0
             assert "made is_stable: reproduced, not sampled since" in capsys.readouterr().out
             commit()
