@@ -189,7 +189,10 @@ def test_step_and_run_report_the_same_divergence() -> None:
     quiet = observer.run(rest, rest, state=start, on_divergence="return")
     rows = len(quiet)
     state = observer.run(rest[:rows], rest[:rows], state=start).state
-    said = rf"^AdaptiveObserver diverged: its state is finite up to t = {quiet.diverged_at:g} s"
+    said = (
+        rf"^AdaptiveObserver diverged: its state is finite up to t = {quiet.diverged_at:g} s "
+        r"and not after; a step of 0\.01 s may be too long for it$"
+    )
     for call in (
         lambda: observer.run(rest, rest, state=start),
         lambda: observer.step(state, rest[0], rest[0]),
@@ -216,9 +219,9 @@ def test_step_is_not_blamed_where_no_step_is_integrated(name: str) -> None:
 def test_step_is_not_blamed_for_the_first_row() -> None:
     observer = SampledILO(BODY, 0.9, 1e10, 10.0, 0.1, allow_unstable=True, sampling_period=0.01)
     start, rate = observer.init(np.zeros(3)), np.full((1, 3), 1e308)
-    for rows, ending in ((1, "not after"), (2, "not after")):
+    for rows in (1, 2):
         y = np.repeat(rate, rows, axis=0)
-        with pytest.raises(DivergenceError, match=f"{ending}$"):
+        with pytest.raises(DivergenceError, match=r"not after$"):
             observer.run(y, np.zeros((rows, 3)), state=start)
 
 
