@@ -9,6 +9,7 @@ What no code computes, and why:
 - (8) to (10): Young's inequalities in that proof; their weights enter the constants of (11)
 - Remark 3: a special case of (11), `reobserve.synthesis.ilo_certificate.lemma1_sides` without a
   mismatch
+- (13): the Lyapunov function of the proof, which `reobserve.synthesis.ilo_certificate` bounds
 - (14): a step of the proof of Theorem 1
 - (15): Young's inequality in that proof; its weight enters the constants after (16)
 - Remark 4: the claims `remark_4_statement` and `remark_4_proof` test it
