@@ -13,7 +13,8 @@ from reobserve_papers.cli.own_modules import refused_in_one_sentence
 
 def check_targets(workflow: Any, results: Callable[[], list[str]]) -> None:
     """Check targets once all rules are read, by all ``results``, figures in all formats."""
-    prepare = workflow._prepare_dag  # no public function runs between the last rule and the graph
+    # No public function runs between the last rule and the graph.
+    prepare: Any = getattr(workflow, "_prepare_dag", None)
 
     def checked(*arguments: Any, **options: Any) -> None:
         asked = workflow.dag_settings
@@ -33,7 +34,7 @@ def check_targets(workflow: Any, results: Callable[[], list[str]]) -> None:
                     _refuse(target, [*results(), *known, *(one.name for one in workflow.rules)])
         prepare(*arguments, **options)
 
-    if workflow.is_main_process:
+    if workflow.is_main_process and prepare is not None:
         workflow._prepare_dag = checked
 
 

@@ -444,7 +444,9 @@ def test_broken_claims_are_counted() -> None:
     assert count(made("reproduced", "broken", "broken"))["a"]["broken"] == 2
 
 
-def test_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
+def test_counts_are_written_and_broken_claims_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rows = [dict.fromkeys(HEADER, "") | one for one in made("reproduced", "not testable")]
     rows[0] |= {"promised": "abstract", "threshold": "stated", "figures": "fig1 theory"}
     rows = [row | {"paper": "ilo"} for row in rows]
@@ -459,6 +461,10 @@ def test_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
         written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 | 1 stated, 0 before, 1 after |"
     )
     assert written[3:] == ["", "- `ilo` [Re]: nothing tried changes it."]
+    verdicts.unlink()
+    monkeypatch.chdir(tmp_path)
+    count_verdicts([])  # of the folder where it is typed
+    assert verdicts.read_text().splitlines() == written
     verdicts.unlink()
     wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
     rows.append(dict.fromkeys(HEADER, "") | wrong)

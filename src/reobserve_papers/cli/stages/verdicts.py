@@ -17,12 +17,13 @@ from reobserve_papers.steps.chain import project_of, result
 
 def run(parameter_file: Sequence[Path]) -> None:
     """Count and write a table with titles and their reasons, in Markdown."""
-    papers = {path: Parameters.read(path) for path in parameter_file}
-    project = next((project_of(*item) for item in papers.items()), Path())
+    project = Path()
+    for path in parameter_file[:1]:
+        project = project_of(path, Parameters.read(path))
     rows = read_table(project / result("", "claims"), HEADER, KINDS, ("paper", "claim"))
     broken = [row["problem"] for row in rows if row["verdict"] == BROKEN]
     if broken:
         raise ReobserveError("; ".join(broken))
-    names = [parameters.paper for parameters in papers.values()]
-    titles = {name: read_alternatives(project / result(name, "alternatives"))[0] for name in names}
+    papers = dict.fromkeys(row["paper"] for row in rows)
+    titles = {name: read_alternatives(project / result(name, "alternatives"))[0] for name in papers}
     write_text(project / result("", "verdicts"), table(rows, titles))
