@@ -234,7 +234,7 @@ rule archive:
     params:
         bench=BENCH_BUILT,
         texts=files_digest("config", "workflow", "CITATION.cff", "README.md", "CHANGELOG.md"),
-        code=code_of("reobserve_papers.cli.stages.archive"),
+        code=code_of("reobserve_papers.report.research_object"),
         packages=PACKAGES,
     message:
         "pack the build"

@@ -1,1 +1,1 @@
-"""Numerical basics: compiled loops, matrices, sampling, random streams, files, errors."""
+"""Numerical basics: compiled loops, matrices, sampling, files, errors."""

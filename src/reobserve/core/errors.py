@@ -58,7 +58,7 @@ class DivergenceError(ReobserveError, ArithmeticError):
     time
         The last time [s] at which its state was finite.
     finding
-        What else is known: whether a shorter step would have done.
+        What else is known, such as a step that may be too long.
 
     Examples
     --------

@@ -127,7 +127,10 @@ def _cached(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-_RUN = {"sample": "reobserve_papers.cli.stages.robustness:run_chunk"}
+_RUN = {
+    "sample": "reobserve_papers.cli.stages.robustness:run_chunk",
+    "archive": "reobserve_papers.report.research_object:write_archive",
+}
 
 STAGES = CommandTable(
     "Run one stage of the pipeline, as its jobs do.",

@@ -19,8 +19,6 @@ class StepKind:
     ----------
     text
         What it does, for the help of the command line.
-    output
-        What it writes.
     about
         What a job calls the branch of the parameter file that the step is about, and the section
         of such branches. The theory is about whole sections.
@@ -38,7 +36,6 @@ class StepKind:
     """
 
     text: str
-    output: str
     about: str
     section: str
     function: str
@@ -59,39 +56,39 @@ _RECORDS = ("scenario", "observers", "metrics", "study", "designs")
 # Designs before what is built with them.
 KINDS = {
     "plant": StepKind(
-        "simulate the plant of a scenario", "the record, Parquet",
+        "simulate the plant of a scenario",
         "scenario", "scenarios", "simulate", values=(SEED,),
     ),
     "design": StepKind(
-        "compute a design: gains that observers share", "the design, JSON",
+        "compute a design: gains that observers share",
         "design", "designs", "compute",
     ),
     "observe": StepKind(
-        "run an observer on a plant's record", "the estimates, Parquet",
+        "run an observer on a plant's record",
         "observer", "observers", "estimate", ("plant", "design"), ("design",),
     ),
     "study": StepKind(
-        "run a study: many runs, one table", "the table, CSV",
+        "run a study: many runs, one table",
         "study", "studies", "run", ("plant", "design"), (SEED, *_RECORDS),
     ),
     "search": StepKind(
-        "search for values that the paper does not state", "the result, JSON",
+        "search for values that the paper does not state",
         "search", "searches", "run", ("plant",), (SEED, *_RECORDS), progress=True,
     ),
     "table": StepKind(
-        "compute a table of the paper from a design", "the table, CSV",
+        "compute a table of the paper from a design",
         "table", "tables", "rows", ("design",), ("design",),
     ),
     "metrics": StepKind(
-        "compute the metrics of a figure", "the table, CSV",
+        "compute the metrics of a figure",
         "figure", "figures", "measure", ("plant", "estimates", "study"), _RECORDS,
     ),
     "plot": StepKind(
-        "plot a figure and write its caption", "",
+        "plot a figure and write its caption",
         "figure", "figures", "", ("plant", "estimates", "study", "metrics"), _RECORDS,
     ),
     "theory": StepKind(
-        "compute the metrics of a paper's theory", "the table, CSV",
+        "compute the metrics of a paper's theory",
         "", "", "measure", ("designs",), ("observers", "designs", "metrics", "theory"),
     ),
 }  # fmt: skip

@@ -39,7 +39,7 @@ _BESIDE = (
 
 
 def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
-    """Write a build to a zip file, the same bytes for the same build, and return its file count.
+    """Write a build to a zip file, the same bytes for the same build, and count its files.
 
     ``products`` are the files below ``results`` that somebody looks at; the logs say what they
     were made from. `manifest-sha256.txt` in the file is what `sha256sum --check` takes.
@@ -87,6 +87,7 @@ def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
         },
     )
     write_whole(output, crate.write_zip)
+    print(f"{output}: {len(paths)} files, described in its ro-crate-metadata.json")
     return len(paths)
 
 
