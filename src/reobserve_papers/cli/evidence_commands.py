@@ -58,10 +58,6 @@ def figdiff_options(command: argparse.ArgumentParser) -> None:
     )
     _folders(command, ("output", "figdiff", "the folder for the page and its summary"))
     command.add_argument(
-        "--tolerances", type=Path, metavar="FILE",
-        help="for folders of other files: relative, absolute, picture, and files with their own",
-    )  # fmt: skip
-    command.add_argument(
         "--cores", type=whole(1), default=0, help="build first, with so many processor cores"
     )
     add_project(command)
@@ -93,3 +89,7 @@ def _folders(command: argparse.ArgumentParser, *others: tuple[str, str, str]) ->
             f"--{name}", type=Path, default=Path(default), metavar="DIR",
             help=f"{text} (default: {default})",
         )  # fmt: skip
+    command.add_argument(
+        "--tolerances", type=Path, metavar="FILE",
+        help="for folders of other files: relative, absolute, picture, and files with their own",
+    )  # fmt: skip

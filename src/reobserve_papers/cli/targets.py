@@ -25,7 +25,8 @@ def check_targets(workflow: Any, results: Callable[[], list[str]]) -> None:
             makes = any(one.is_producer(target) for one in workflow.rules) and not os.path.isabs(
                 word
             )
-            if not makes and not workflow.is_rule(word) and not os.path.isfile(target):
+            is_file = os.path.isfile(target) and word not in asked.targets
+            if not makes and not workflow.is_rule(word) and not is_file:
                 single = [one for one in workflow.rules if not one.has_wildcards()]
                 known = [str(output) for one in single for output in one.output]
                 with refused_in_one_sentence():

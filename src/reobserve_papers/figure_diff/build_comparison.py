@@ -37,7 +37,7 @@ class Item:
     difference of their panels in grey levels, and ``note_rms`` that of what is printed below.
     ``problems`` are sentences on what is missing or cannot be compared. ``stale`` says why a build
     would make it again, if it would. ``lacking`` are claims that samples do not decide any more.
-    ``allowed`` is the tolerance of the images.
+    ``allowed`` is the tolerance of the images. ``missing`` says that one of two files is.
     """
 
     paper: str
@@ -51,6 +51,7 @@ class Item:
     stale: str = ""
     lacking: Sequence[str] = ()
     allowed: float = pixels.TOLERANCE
+    missing: bool = False
 
     @property
     def title(self) -> str:
@@ -81,7 +82,7 @@ class Item:
     @property
     def redrawn(self) -> bool:
         """True if the images differ by more than the tolerance."""
-        return max(self.rms or 0.0, self.note_rms) > self.allowed
+        return not max(self.rms or 0.0, self.note_rms) <= self.allowed
 
     @property
     def lack(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -46,7 +47,7 @@ def figdiff_command(
     not up to date, and agrees with nothing. With ``cores`` they are built first. Folders without a
     paper are compared file by file.
     """
-    of_papers = _of_papers(project, reference, results)
+    of_papers = _of_papers(project, part, reference, results, tolerances)
     if of_papers:
         check_code(project)
         if cores:
@@ -74,22 +75,33 @@ def figdiff_command(
         raise ReobserveError(f"{len(failed)} do not agree with what was accepted; see {page}")
 
 
-def _of_papers(project: Path, reference: Path, results: Path) -> bool:
+def _of_papers(
+    project: Path, named: Sequence[str], reference: Path, results: Path, tolerances: Path | None
+) -> bool:
     """True unless there are two folders without any paper of a project."""
     if not (project / "config" / "papers").is_dir():
         for name, path in (("--reference", reference), ("--results", results)):
             if not path.is_dir():
                 problem = f"there is no folder {path}, nor config/papers, the papers of a project"
                 raise InputError(name, problem)
-        return False
-    known = [*known_papers(project), "bench"]
-    sides = [side for side in (reference, results) if side.is_dir()]
-    return len(sides) < 2 or any((side / name).is_dir() for side in sides for name in known)
+        papers = False
+    else:
+        known = {*known_papers(project), "bench"}
+        sides = [side for side in (reference, results) if side.is_dir()]
+        papers = len(sides) < 2 or any(
+            known & {side.resolve().name, *os.listdir(side)} for side in sides
+        )
+    if papers and tolerances is not None:
+        raise InputError("--tolerances", "is for folders of other files; papers have their own")
+    if named and not papers:
+        raise InputError(named[0], "is for papers of a project, not for two folders")
+    return papers
 
 
 def accept_command(
-    project: Path, paper: Sequence[str], reason: str, cores: int, reference: Path, results: Path
-) -> None:
+    project: Path, paper: Sequence[str], reason: str, cores: int, reference: Path, results: Path,
+    tolerances: Path | None,
+) -> None:  # fmt: skip
     """Accept figures, golden numbers, verdicts, and the table of the README, of some or all papers.
 
     If no paper is named, results of the bench are accepted, too; of PAPER/FIGURE only its numbers
@@ -97,13 +109,17 @@ def accept_command(
     is not up to date is built first; if that fails, what was accepted stays. Claims whose cached
     samples do not apply any more are sampled again, and keep their verdict if that decides nothing.
     """
-    if not _of_papers(project, reference, results):
+    if not _of_papers(project, paper, reference, results, tolerances):
         check_reason(reason)
-        items = compare_folders(reference, results, Tolerances())
+        items = compare_folders(reference, results, Tolerances.read(tolerances))
+        for item in items:
+            if item.problems and not item.missing:
+                raise InputError("--results", f"nothing is accepted: {item.problems[0]}")
         moved = [f"{item.title}: {item.verdict}" for item in items if item.verdict != "agrees"]
         copy_results(reference, results)
         print("\n".join(moved) or "nothing moved")
-        add_reason(reference / "REASONS.md", reason, f"{len(moved)} files moved")
+        if moved:
+            add_reason(reference / "REASONS.md", reason, f"{len(moved)} files moved")
         return
     check_code(project)
     check_may_accept(project, reason)

@@ -7,15 +7,17 @@ share of the accepted one, a picture by its root mean square (see `pixels`), wor
 from __future__ import annotations
 
 import fnmatch
-import shutil
+import json
+import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import parse_json, read_yaml
 from reobserve.core.errors import InputError
-from reobserve.core.files import read_rows, read_text
+from reobserve.core.files import read_bytes, read_rows, read_text, write_whole
 from reobserve.core.validation import NotNegative, parse
 from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.build_comparison import Item
@@ -23,6 +25,7 @@ from reobserve_papers.golden.comparison import compare
 from reobserve_papers.golden.number_files import GoldenNumber, Key, Numbers
 
 COMPARED = (".csv", ".json", ".png")
+_MOST_VALUES = 5_000_000  # of a JSON file
 
 
 @dataclass(frozen=True)
@@ -35,10 +38,19 @@ class Tolerance:
 
 
 @dataclass(frozen=True)
+class _Own:
+    """What a file has of its own; for the rest what holds for all files."""
+
+    relative: NotNegative | None = None
+    absolute: NotNegative | None = None
+    picture: NotNegative | None = None
+
+
+@dataclass(frozen=True)
 class Tolerances(Tolerance):
     """The same for all files, and others for ``files`` by name or pattern, such as ``fig*.png``."""
 
-    files: dict[str, Tolerance] = field(default_factory=dict)
+    files: dict[str, _Own] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path | None) -> Tolerances:
@@ -46,28 +58,39 @@ class Tolerances(Tolerance):
         return cls() if path is None else parse(cls, read_yaml(path), str(path))
 
     def of(self, name: str) -> Tolerance:
-        """The tolerance of a file: that of the first pattern which it matches."""
+        """The tolerance of a file, from the first pattern that it matches."""
         matching = (self.files[pattern] for pattern in self.files if fnmatch.fnmatch(name, pattern))
-        return next(matching, self)
+        own = vars(next(matching, _Own()))
+        return replace(self, **{key: value for key, value in own.items() if value is not None})
 
 
 def compare_folders(reference: Path, results: Path, tolerances: Tolerances) -> list[Item]:
     """An item for each file of either folder and of folders in it, the largest change first."""
-    names = sorted({*_names(reference), *_names(results)})
-    if not names:
+    sides = [Path(os.path.realpath(side)) for side in (reference, results)]
+    if sides[0].is_relative_to(sides[1]) or sides[1].is_relative_to(sides[0]):
+        raise InputError(
+            "--results", f"{results} must be beside {reference}, not in it or around it"
+        )
+    if not _names(results):
         kinds = ", ".join(f"*{kind}" for kind in COMPARED)
-        raise InputError(str(reference), f"has no files to compare: {kinds}")
+        raise InputError(str(results), f"has no files to compare: {kinds}")
+    names = sorted({*_names(reference), *_names(results)})
     items = [_compare(reference / name, results / name, name, tolerances) for name in names]
     return sorted(items, key=lambda item: -item.gravity)
 
 
 def copy_results(reference: Path, results: Path) -> None:
-    """Put the files of results in place of the accepted ones, and remove those that are gone."""
-    for name in _names(reference):
+    """Put the files of results in place of the accepted ones, then remove those that are gone."""
+    contents = {name: read_bytes(results / name) for name in _names(results)}
+    gone = {*_names(reference)} - contents.keys()
+    for name, content in contents.items():
+        write_whole(reference / name, partial(_write, content))
+    for name in gone:
         (reference / name).unlink()
-    for name in _names(results):
-        (reference / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(results / name, reference / name)
+
+
+def _write(content: bytes, path: Path) -> None:
+    path.write_bytes(content)
 
 
 def _names(folder: Path) -> list[str]:
@@ -81,6 +104,7 @@ def _compare(accepted: Path, new: Path, name: str, tolerances: Tolerances) -> It
     with item.problem_noted():
         for path, problem in ((accepted, "there is no accepted file"), (new, "it is missing")):
             if not path.is_file():
+                item.missing = True
                 raise InputError(str(path), problem)
         if new.suffix.lower() == ".png":
             item.reference, item.new = accepted, new
@@ -95,7 +119,7 @@ def _numbers(path: Path, allowed: Tolerance) -> Numbers:
     """The numbers and words of a table or of a JSON file, with what is allowed of each."""
     table = path.suffix.lower() == ".csv"
     numbers: dict[Key, GoldenNumber] = {}
-    for key, text in _cells(path) if table else _leaves(parse_json(read_text(path), str(path))):
+    for key, text in _cells(path) if table else _leaves(_tree(path)):
         number = GoldenNumber(text)
         if not number.is_word:
             size = abs(float(text))
@@ -104,22 +128,30 @@ def _numbers(path: Path, allowed: Tolerance) -> Numbers:
     return numbers
 
 
+def _tree(path: Path) -> Any:
+    return parse_json(read_text(path), str(path), _MOST_VALUES)
+
+
 def _cells(path: Path) -> Iterator[tuple[Key, str]]:
     header, rows = read_rows(path)
     for column, title in enumerate(header):
-        name = title if header.count(title) == 1 else f"{title} ({column + 1})"
+        name = title if header.count(title) == 1 else f"{title} (number {column + 1})"
         yield ("column", name, "the header"), title
         for line, row in enumerate(rows, start=2):
             yield ("column", name, f"line {line}"), row[column]
 
 
 def _leaves(tree: Any, name: str = "", item: str = "") -> Iterator[tuple[Key, str]]:
-    """The values of a tree by their keys with dots between, those of lists by their places."""
+    """The values of a tree by their keys with dots between, those of lists by their places.
+
+    Words are in quotes, as are keys in which a dot or nothing is.
+    """
     if isinstance(tree, dict):
         for key, branch in tree.items():
-            yield from _leaves(branch, f"{name}.{key}" if name else key, item)
+            part = key if key.isidentifier() else json.dumps(key)
+            yield from _leaves(branch, f"{name}.{part}" if name else part, item)
     elif isinstance(tree, list):
         for place, branch in enumerate(tree):
             yield from _leaves(branch, name, f"{item}{place}.")
     if not isinstance(tree, dict | list) or not tree:
-        yield ("", name, f"item {item[:-1]}" if item else ""), str(tree)
+        yield ("", name or "value", f"item {item[:-1]}" if item else ""), json.dumps(tree)

@@ -12,6 +12,7 @@ from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.build_comparison import Item
 from reobserve_papers.report.content_security_policy import content_policy, inline
 
+_OF_PAPERS = "figures, tables, theories and papers' claims"
 MOST_LINES = 30  # of the summary
 _MOST_MOVED = 3  # numbers of an item there
 _MOST_IMAGES = 12  # figures on the page, three images each
@@ -44,8 +45,8 @@ def counts(items: Sequence[Item]) -> str:
 
 def heading(items: Sequence[Item]) -> str:
     """The number of items, and what they are."""
-    kinds = "figures, tables, theories and papers' claims" if items[0].paper else "files"
-    return f"{len(items)} {kinds}"
+    papers = any(item.paper for item in items)
+    return f"{len(items)} {_OF_PAPERS if papers else 'files'}"
 
 
 def summary(items: Sequence[Item], problems: Sequence[str], context: Sequence[str] = ()) -> str:

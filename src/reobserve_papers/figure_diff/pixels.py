@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.files import read_bytes
+from reobserve.core.files import SCORE, read_bytes
 from reobserve_papers.plotting.formats import PANELS
 
 Pixels = NDArray[np.uint8]
@@ -49,6 +49,8 @@ def read_pixels(path: Path) -> Pixels:
         ):
             if image.width * image.height > _MAX_PIXELS:
                 raise ValueError(f"{image.width} x {image.height} pixels are too many")
+            if image.mode.startswith(("I", "F")):
+                raise ValueError("more than 8 bits a channel")
             decoded = image.convert("RGBA")
     except Exception as error:  # what decoders raise has no common type
         raise InputError(str(path), f"is damaged or is no image ({error})") from None
@@ -61,7 +63,8 @@ def panel_share(path: Path) -> float:
     from PIL import Image
 
     with Image.open(io.BytesIO(read_bytes(path)), formats=["PNG"]) as image:
-        share = float(image.info.get(PANELS, 1.0))
+        stated = str(image.info.get(PANELS, 1.0))
+    share = float(stated) if SCORE.allows(stated) else 1.0
     return share if 0 < share < 1 else 1.0
 
 
@@ -70,7 +73,7 @@ def compare_images(reference: Path, new: Path, name: str) -> tuple[float, float]
     old, built = map(read_pixels, (reference, new))
     if old.shape != built.shape:
         return rms_difference(old, built, name), 0.0
-    rows = round(panel_share(new) * len(built))
+    rows = max(round(panel_share(new) * len(built)), 1)
     note = rms_difference(old[rows:], built[rows:], name) if rows < len(built) else 0.0
     return rms_difference(old[:rows], built[:rows], name), note
 

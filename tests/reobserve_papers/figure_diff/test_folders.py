@@ -142,5 +142,78 @@ def test_folders_that_are_not_there_and_empty_ones_are_refused(capsys: Capture) 
     said = "--reference: there is no folder tests/reference, nor config/papers, the papers of a"
     assert said in capsys.readouterr().err
     Path("empty").mkdir()
-    assert main(["figdiff", "--reference", "empty", "--results", "empty"]) == 1
+    assert main(["figdiff", "--reference", "ref", "--results", "empty"]) == 1
     assert "empty: has no files to compare: *.csv, *.json, *.png" in capsys.readouterr().err
+
+
+ACCEPT = ["accept", *COMPARE[1:], "--reason", "a new gain is in"]
+
+
+def content() -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda: Path("out").rename("old") and Path("out").symlink_to("ref"), "beside ref"),
+        (lambda: Path("out").rename("ref/out") and Path("out").symlink_to("ref/out"), "beside ref"),
+        (lambda: Path("out").rename("old") and Path("out").mkdir(), "out: has no files to compare"),
+        (write("out/summary.json", b'{"gain": NaN}'), "nothing is accepted: out/summary.json"),
+        (write("out/runs/scores.csv", b"a,b\n1\n"), "nothing is accepted: out/runs/scores.csv"),
+        (write("out/fig1.png", b"PNG"), "nothing is accepted: out/fig1.png"),
+    ],
+)
+def test_nothing_is_accepted_that_would_lose_files(
+    spoil: Callable[[], object], said: str, capsys: Capture
+) -> None:
+    spoil()
+    before = content()
+    assert main(ACCEPT) == 1
+    assert said in capsys.readouterr().err
+    assert content() == before
+
+
+def test_accepted_files_that_are_gone_are_removed_last(capsys: Capture) -> None:
+    Path("out/summary.json").unlink()
+    write_text("out/new.csv", "a\n1\n")
+    Path("out/fig1.png").unlink()
+    Path("out/fig1.png").symlink_to("../ref/fig1.png")
+    assert main(ACCEPT) == 0
+    assert main(COMPARE) == 0
+    assert sorted(path.name for path in Path("ref").glob("*.*")) == [
+        "REASONS.md", "fig1.png", "new.csv", "notes.txt",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("accepted", "new"),
+    [
+        ({"a.b": 1, "a": {"b": 2}}, {"a.b": 7, "a": {"b": 2}}),
+        ({"a": [{"b": 1}], "a.b": [5]}, {"a": [{"b": 9}], "a.b": [5]}),
+        ({"": {"b": 1}, "b": 3}, {"": {"b": 2}, "b": 3}),
+        (None, "None"), (True, "True"), (True, 1), (1, "1"), ([], "[]"), ({}, []), ([[1]], [1]),
+        ([1, 2], [1, 3]), (1, 2), ([None], [0]), ({"a": []}, {}),
+    ],
+)  # fmt: skip
+def test_different_trees_do_not_agree(accepted: object, new: object) -> None:
+    for folder, tree in (("ref", accepted), ("out", new)):
+        write_text(f"{folder}/runs/tree.json", json.dumps(tree))
+    items = compare_folders(Path("ref/runs"), Path("out/runs"), Tolerances())
+    assert {item.name: item.verdict for item in items}["tree.json"] == "moved"
+
+
+def test_picture_of_more_bits_is_no_picture_that_agrees(capsys: Capture) -> None:
+    for folder, grey in (("ref", 30000), ("out", 60000)):
+        Image.fromarray(np.full((9, 9), grey, dtype=np.uint16)).save(f"{folder}/fig1.png")
+    assert main(COMPARE) == 1
+    assert "more than 8 bits a channel" in capsys.readouterr().out
+
+
+def test_parts_and_tolerances_are_refused_where_they_mean_nothing(capsys: Capture) -> None:
+    assert main([*COMPARE, "ilo/fig1"]) == 1
+    assert "ilo/fig1: is for papers of a project" in capsys.readouterr().err
+    write_text("config/papers/ilo.yaml", "")
+    Path("ref/ilo").mkdir()
+    assert main([*COMPARE, "--tolerances", "nowhere.yaml"]) == 1
+    assert "--tolerances: is for folders of other files" in capsys.readouterr().err

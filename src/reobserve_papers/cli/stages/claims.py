@@ -22,10 +22,14 @@ def run(parameter_file: Sequence[Path]) -> None:
     A claim or a registry that is wrong gets a row that says what is wrong with it.
     """
     rows: list[dict[str, Any]] = []
-    project = Path()
-    for path in parameter_file:
-        parameters = Parameters.read(path)
-        project = project_of(path, parameters)
+    papers = {path.resolve(): (path, Parameters.read(path)) for path in parameter_file}
+    projects = {project_of(*pair) for pair in papers.values()} or {Path()}
+    project = projects.pop()
+    if projects:
+        raise InputError(str(parameter_file[-1]), f"must be of the project {project}, too")
+    if not papers and [*project.glob("results/*/robustness.json")]:
+        raise InputError("parameter_file", "must be one or more of results/*/parameters.json")
+    for _, parameters in papers.values():
         try:
             rows += _rows(project, parameters)
         except InputError as error:

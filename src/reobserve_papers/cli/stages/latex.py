@@ -1,4 +1,4 @@
-"""Stage latex: a caption or a table of the results as LaTeX."""
+"""Command latex: a caption or a table of the results as LaTeX."""
 
 from __future__ import annotations
 
