@@ -64,8 +64,9 @@ def read_log(project: Path, log: str) -> LoggedJob:
 def _of_step(project: Path, step: str, *words: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The files that the job of a step read, and those that it wrote."""
     arguments = [*itertools.takewhile(lambda word: word[:2] != "--", words)]
-    options = words[len(arguments) :]
-    formats = [*itertools.takewhile(lambda word: word[:2] != "--", options[1:])]
+    options = (*words[len(arguments) :], "--formats")
+    stated = options[options.index("--formats") + 1 :]
+    formats = [*itertools.takewhile(lambda word: word[:2] != "--", stated)]
     files = arguments if step in ("claims", "verdicts") else arguments[:1]
     names = arguments[len(files) :]
     papers = [Parameters.read(project / path) for path in files]
