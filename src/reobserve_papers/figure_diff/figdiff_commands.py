@@ -47,13 +47,12 @@ def figdiff_command(
     not up to date, and agrees with nothing. With ``cores`` they are built first. Folders without a
     paper are compared file by file.
     """
+    check_code(project)
     of_papers = _of_papers(project, part, reference, results, tolerances)
-    if of_papers:
-        check_code(project)
-        if cores:
-            parts = Chosen.read(project, part).parts if part else ()
-            papers = [name for name in part if "/" not in name]
-            _build(project, papers, cores, parts, keep_going=True)
+    if of_papers and cores:
+        parts = Chosen.read(project, part).parts if part else ()
+        papers = [name for name in part if "/" not in name]
+        _build(project, papers, cores, parts, keep_going=True)
     folders = (("--reference", reference), ("--results", results))
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
     if of_papers:
@@ -109,6 +108,7 @@ def accept_command(
     is not up to date is built first; if that fails, what was accepted stays. Claims whose cached
     samples do not apply any more are sampled again, and keep their verdict if that decides nothing.
     """
+    check_code(project)
     if not _of_papers(project, paper, reference, results, tolerances):
         check_reason(reason)
         items = compare_folders(reference, results, Tolerances.read(tolerances))
@@ -121,7 +121,6 @@ def accept_command(
         if moved:
             add_reason(reference / "REASONS.md", reason, f"{len(moved)} files moved")
         return
-    check_code(project)
     check_may_accept(project, reason)
     known, results, moved = known_papers(project), project / results, []
     references = project / reference

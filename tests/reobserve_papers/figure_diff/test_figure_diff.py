@@ -266,7 +266,8 @@ def test_comparison_builds_what_it_compares(
 
 def test_make_compares_what_is_named() -> None:
     for paper, words in {"": "", "PAPER=ilo": " ilo", "PAPER=ilo/fig2": " ilo/fig2"}.items():
-        command = ["make", "--dry-run", "figdiff", "CORES=3", *filter(None, [paper])]
+        quiet = ("--dry-run", "--no-print-directory")
+        command = ["make", *quiet, "figdiff", "CORES=3", *filter(None, [paper])]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
         last = done.stdout.rstrip().splitlines()[-1]
         assert " ".join(last.split()) == f"reobserve-papers figdiff{words} --cores 3"

@@ -99,7 +99,9 @@ def as_run(command: Command, built: str = "") -> str:
         return shlex.join(words if earnest else [*words, "--dry-run"])
     if first in PROGRAMS:
         # What `figdiff` compares is built by a line before, which is a dry run here.
-        whole = rest[:1] != ["figdiff"] and (command.alone or len(rest) > 1 + rest.count("stage"))
+        # Nothing is accepted in CI.
+        compared = rest[:1] in (["figdiff"], ["accept"])
+        whole = not compared and (command.alone or len(rest) > 1 + rest.count("stage"))
         return command.text if whole else shlex.join([*words, "--help"])
     elsewhere = (
         words[:2] in (["source", ".venv/bin/activate"], ["pip", "install"])

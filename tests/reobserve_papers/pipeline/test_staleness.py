@@ -349,6 +349,15 @@ LATE = {
     "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
     "reobserve.core.chi_squared",
     "reobserve_papers.parameters.parameter_file",  # where parameters are checked, once a build
+    "reobserve_papers.parameters.overrides",  # and where a user overrides some
+    "reobserve_papers.steps.figures",  # for the metrics of a figure, as what follows
+    "reobserve_papers.steps.glossary",
+    "reobserve_papers.metrics",
+    "reobserve_papers.metrics.metrics",
+    "reobserve_papers.metrics.study_table",
+    "reobserve_papers.parameters.figure_data",
+    "reobserve_papers.signals.piecewise_constant",  # of a signal that has such terms
+    "reobserve_papers.signals.samples",
     "reobserve.synthesis",  # where a filter is to estimate R, and must be able to see it
     "reobserve.synthesis.linear_gain",
     "reobserve.synthesis.placed_gains",

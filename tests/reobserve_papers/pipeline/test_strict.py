@@ -231,7 +231,7 @@ def test_target_of_another_paper_is_reported_in_one_sentence(
             "claims.ilo.claims: ['a', 'b'] must be a mapping of keys to values",
         ),
         ("claims: {a: words}", "claims.ilo.limitations: is missing; the claims file needs it"),
-        ("[]", "must be a mapping of keys to values"),
+        ("words", "must be a mapping of keys to values"),
         (
             "a: b",
             "claims.ilo.a: unknown key; there are: limitations, choices, claims, figures, history",
