@@ -51,7 +51,8 @@ def project(tmp_path: Path) -> Path:
     claims = tmp_path / f"config/claims/{PAPER}.yaml"
     text = claims.read_text().replace("below: 1", "below: $majority")
     text = text.replace("depends_on: [tuning]", "depends_on: [tuning, observers.placed.pole]")
-    text += '    errata: [sign_of_damping]\n    departs: {samples: Few.}\n    "null": {kalman: placed}\n'
+    text += "    errata: [sign_of_damping]\n    departs: {samples: Few.}\n"
+    text += '    "null": {kalman: placed}\n'
     text += "figures:\n  Fig. 1: {shows: Errors., ours: [fig1], differs: Nothing.}\n"
     claims.write_text(text)
     with (tmp_path / f"config/errata/{PAPER}.yaml").open("a") as errata:
