@@ -39,7 +39,7 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class _Own:
-    """What a file has of its own; for the rest what holds for all files."""
+    """The tolerance of some files, as far as it is not that of all."""
 
     relative: NotNegative | None = None
     absolute: NotNegative | None = None
