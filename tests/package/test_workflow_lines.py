@@ -32,7 +32,7 @@ DRY = {
     r"\.venv/bin/python -m benchmarks .*": ".venv/bin/python -m benchmarks --help",
     r"\.venv/bin/python -m tests\.budget .*": ".venv/bin/python -m tests.budget",
     r"find src (.*) -exec rm -r \{\} \+": "find src {1} -print",
-    r"(?:cat|tail -n 40) \S+ >> \"\$GITHUB_STEP_SUMMARY\"": "{}",
+    r"(?:test ! -f \S+ \|\| )?(?:cat|tail -n 40) \S+ >> \"\$GITHUB_STEP_SUMMARY\"": "{}",
     r"if \[ -f figdiff/summary.md \]; then\n.*\nfi": "{}",
 }
 
