@@ -296,11 +296,10 @@ def _of_samples() -> Iterator[str]:
             yield f"the opposite in {found.opposed}, the others are ties"
         if found.null:
             yield f"with random gains in {100 * found.null:.0f} %"
-    for reason in paper.decided[1].reasons:
-        word, _, names = reason.partition(" with ")
-        if names:
-            assert word == "[¬Re]"
-            yield from (f"`{name}`" for name in names.split("; "))
+    for row in paper.alternatives:
+        if row["kind"] == "claim" and row["other_title"] != row["title"]:
+            assert row["other_title"] == "[¬Re]"
+            yield f"`{row['alternative']}`"
 
 
 def _parameters(section: str, name: str) -> dict[str, Any]:

@@ -17,11 +17,13 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
 from reobserve_papers.claims.checks import THEORY
 from reobserve_papers.claims.claims_table import HEADER, row
-from reobserve_papers.claims.decider import Changed, Decider, Title, decide
+from reobserve_papers.claims.decider import Decider
+from reobserve_papers.claims.entries import Result
 from reobserve_papers.claims.errata import Erratum, read_errata
 from reobserve_papers.claims.inquiry import read_robustness
 from reobserve_papers.claims.registry import Claim as Registered
-from reobserve_papers.claims.registry import Registry, read_registry
+from reobserve_papers.claims.registry import Registry, read_claims, read_registry
+from reobserve_papers.claims.title import Row, Title, title_from
 from reobserve_papers.golden.number_files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.config import known_papers
@@ -45,6 +47,11 @@ class Paper:
     def parameters(self) -> Parameters:
         """Its parameters."""
         return Parameters.load(self.root, self.name, seed=self.seed)
+
+    @cached_property
+    def result(self) -> Result | None:
+        """The result in one sentence."""
+        return read_claims(self.root, self.name).result
 
     @property
     def about(self) -> Mapping[str, Any]:
@@ -86,9 +93,14 @@ class Paper:
         return Decider(self.registry, numbers, samples, self.seed)
 
     @cached_property
-    def decided(self) -> tuple[list[Changed], Title]:
-        """What each alternative changes, and the title."""
-        return decide(self.decider)
+    def alternatives(self) -> list[Row]:
+        """What each alternative changes."""
+        return list(self.decider.rows())
+
+    @cached_property
+    def title(self) -> Title:
+        """The title of the replication."""
+        return title_from(self.alternatives)
 
     def _claim(self, claim: Registered) -> ReportedClaim:
         place = f"claims.{self.name}.{claim.name}"
@@ -98,9 +110,9 @@ class Paper:
         decider = self.decider
         drawn = decider.samples.get(claim.name)
         changes = "; ".join(
-            one.alternative.name
-            for one in self.decided[0]
-            if one.claim == claim.name and one.other != one.verdict
+            row["alternative"]
+            for row in self.alternatives
+            if row["claim"] == claim.name and row["other"] not in ("", row["verdict"])
         )
         found = row(claim, decider, decider.numbers, drawn, changes)
         cells = {key: str(value) for key, value in found.items()}

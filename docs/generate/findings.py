@@ -10,8 +10,8 @@ from typing import Any
 from docs.generate.evidence import Paper
 from docs.generate.markdown import code, plain, table, ticks
 from reobserve.core.documents import read_yaml
-from reobserve_papers.claims.verdict_rules import VERDICTS
-from reobserve_papers.claims.verdict_table import table as verdict_table
+from reobserve_papers.claims.verdict_rules import CONTRADICTED, REPRODUCED, VERDICTS
+from reobserve_papers.claims.verdict_table import counts_table, dissent, sentence, titles_table
 from reobserve_papers.report.gather import cited
 from reobserve_papers.report.reported_claims import ReportedClaim
 
@@ -19,10 +19,11 @@ _ROOT = "../../.."  # from a page of findings
 
 
 def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
-    """How many claims of each paper got which verdict, with links into the ``folder``."""
-    titles = {paper.name: paper.decided[1] for paper in papers}
-    counted = verdict_table(_rows(papers), titles)
-    return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`]({folder}\1.md) |", counted, flags=re.MULTILINE)
+    """Titles, and counts of the verdicts on claims, with links into the ``folder``."""
+    titles = {paper.name: paper.title for paper in papers}
+    results = {paper.name: paper.result for paper in papers}
+    text = f"{titles_table(titles, results)}\n{counts_table(_rows(papers))}"
+    return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`]({folder}\1.md) |", text, flags=re.MULTILINE)
 
 
 def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
@@ -68,16 +69,37 @@ def summary(paper: Paper) -> str:
     rows = _rows([paper])
     counts = [(word, sum(row["verdict"] == word for row in rows)) for word in VERDICTS]
     chips = ", ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
-    title = paper.decided[1]
-    reasons = "\n".join(f"- {plain(reason)}" for reason in title.reasons)
-    why = f", since\n\n{reasons}\n\n" if reasons else ": nothing that was tried changes it. "
+    title = paper.title
     return (
         f"{', '.join(lines)}.\n\n"
-        f"**{plain(title.word)}**{why}"
+        f"**{plain(title.in_words)}.** {ticks(sentence(title, paper.result))}\n\n"
+        f"{_three_lines(paper)}\n\n"
+        f"**Dissent.** {_linked(dissent(title))}\n\n"
         f"Of its {len(rows)} claims:\n\n"
         f"{chips}\n\n"
         f"**Limitations.** {ticks(paper.registry.limitations)}"
     )
+
+
+def _three_lines(paper: Paper) -> str:
+    """The main claims that hold, that fail, and that depend, and on what."""
+    sorted_by: dict[str, list[str]] = {"Holds": [], "Fails": [], "Depends": []}
+    for claim in filter(_decides, paper.claims):
+        kind = {REPRODUCED: "Holds", CONTRADICTED: "Fails"}.get(claim.verdict, "Depends")
+        said = f"[{ticks(claim.statement.rstrip('.'))}](#claim-{claim.name})"
+        if kind == "Depends":
+            said += f" ({claim.verdict}{f', {_share(claim)}' if claim.robustness else ''})"
+        sorted_by[kind].append(said)
+    return "\n".join(
+        f"- **{kind}**: {'; '.join(listed) if listed else 'no main claim'}."
+        for kind, listed in sorted_by.items()
+    )
+
+
+def _linked(text: str) -> str:
+    """A text of several lines in which names of claims are links to them."""
+    lines = (re.sub(r"^&#45; ", "- ", ticks(line)) for line in text.strip().split("\n"))
+    return re.sub(r"`(\w+)` is", r"[`\1`](#claim-\1) is", "\n".join(lines))
 
 
 def _claims(paper: Paper) -> str:

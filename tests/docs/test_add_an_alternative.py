@@ -12,9 +12,9 @@ from reobserve.core.files import write_table
 from reobserve_papers.claims import outcomes
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.claims.configuration_checks import check_evidence
-from reobserve_papers.claims.decider import NOT_COMPUTED, read_alternatives
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.sample_command import sample_command
+from reobserve_papers.claims.title import NOT_COMPUTED, read_alternatives
 from reobserve_papers.cli.stages import alternatives, robustness
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.names import samples_path

@@ -213,6 +213,9 @@ rule verdicts:
     params:
         parameters=expand("results/{paper}/parameters.json", paper=CLAIMED),
         code=code_of("reobserve_papers.cli.stages.verdicts"),
+        claims=lambda wildcards: [
+            claims_digest("table", Path(), checked(paper)) for paper in CLAIMED
+        ],
     message:
         "count the verdicts"
     shell:

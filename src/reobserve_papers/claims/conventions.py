@@ -20,6 +20,7 @@ from pydantic import Field
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, nearest, shown
 from reobserve.core.validation import Text, distinct, items, parse
+from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.parameters.names import CONVENTIONS
 from reobserve_papers.parameters.parameter_file import Model
 
@@ -36,7 +37,17 @@ _ALLOWED = {
     "main": ("abstract and conclusions", "abstract", "conclusions", "figures", "all claims"),
 }
 # Keys of claims and conventions that hold reasons.
-_WORDING = ("why", "note", "statement", "place", "history", "departs", "setting", "errata")
+_WORDING = (
+    "why",
+    "note",
+    "reasons",
+    "statement",
+    "place",
+    "history",
+    "departs",
+    "setting",
+    "errata",
+)
 _NAMED = re.compile(r"\$([a-z][a-z0-9_]*)")
 
 
@@ -46,6 +57,7 @@ class Convention(Model):
     value: Any = Field(description="What holds.")
     why: Text = Field(description="The reason for it.")
     alternatives: dict[str, Any] = Field({}, description="Other defensible values, by name.")
+    reasons: dict[str, Text] = Field({}, description="By alternative: why one could take it.")
 
 
 class SingleAlternative(Model):
@@ -102,6 +114,7 @@ def read_conventions(project: Path) -> Conventions:
         for value in (entry.value, *entry.alternatives.values()):
             with located(f"conventions.{name}"):
                 _check(name, value)
+        refuse_unknown(f"conventions.{name}.reasons", entry.reasons, entry.alternatives)
         if entry.value in entry.alternatives.values():
             problem = f"{shown(entry.value)} must be another than the value"
             raise InputError(f"conventions.{name}.alternatives", problem)

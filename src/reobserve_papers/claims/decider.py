@@ -8,24 +8,31 @@ share does not hold for weighted ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from reobserve.core.errors import InputError, located
-from reobserve.core.files import NAME, Kind, read_table, write_table
 from reobserve_papers.claims.checks import Numbers
 from reobserve_papers.claims.conventions import Conventions, SingleAlternative
 from reobserve_papers.claims.inquiry import Robustness, counted
 from reobserve_papers.claims.outcomes import Outcome, Sample, outcome, taken
 from reobserve_papers.claims.registry import Claim, Registry
 from reobserve_papers.claims.restrictions import Keep, kept_by, narrower, spelt
+from reobserve_papers.claims.title import (
+    CLAIMS,
+    INTERVAL,
+    LACKS,
+    MAIN,
+    NOT_COMPUTED,
+    TITLE,
+    row_as_stated,
+)
 from reobserve_papers.claims.verdict_rules import (
     BROKEN,
     CONTRADICTED,
     NOT_TESTABLE,
-    OPEN,
     REPRODUCED,
+    UNDECIDED,
     Counted,
     Judged,
     main_claims,
@@ -34,49 +41,25 @@ from reobserve_papers.claims.verdict_rules import (
     title_of,
 )
 
-HEADER = (
-    "alternative", "kind", "change", "claim", "verdict", "other", "title", "other_title", "note",
-)  # fmt: skip
-KINDS = {"alternative": Kind(bool, "a name"), "kind": NAME}
-STATED = "as stated"
-_BETWEEN = " | "  # reasons in one cell
-
-LACKS = "lacks samples"  # of a verdict that no more than a lack of samples leaves open
-NOT_COMPUTED = "not computed"  # of one whose numbers the samples do not have
+_RULES = ("share", "majority", "main", "purpose")  # conventions that change titles themselves
 NO_MAIN, NEW_MAIN = "no main claim", "a main claim"  # of a claim that no longer is, or becomes one
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """One change, alone: of conventions, of claims, or of which samples of which claims count."""
+    """One change, alone: of conventions, of claims, or of which samples of which claims count.
+
+    ``chosen`` says of claims who set the reading as stated, and when, as `Claim.threshold`.
+    """
 
     name: str
     kind: str
     change: str
+    why: str
     conventions: Conventions
     claims: Mapping[str, Claim] = field(default_factory=dict)
     keep: Mapping[str, Keep] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Changed:
-    """Effect of an alternative on a claim (none: on no claim), and on the title."""
-
-    alternative: Alternative
-    claim: str
-    verdict: str
-    other: str
-    title: str
-    other_title: str
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Title:
-    """The title of a replication, and what it would take to change it, by name."""
-
-    word: str
-    reasons: tuple[str, ...] = ()
+    chosen: Callable[[str], str] = lambda claim: ""
 
 
 class Decider:
@@ -110,8 +93,9 @@ class Decider:
 
     @property
     def title(self) -> str:
-        """The title by the conventions, as if nothing could be seen otherwise."""
-        return self._title(self.judged, self.conventions) or OPEN
+        """The title by the conventions as stated."""
+        mains = self._mains(self.judged, self.conventions)
+        return title_of(mains, self.conventions.values["majority"])
 
     def outcomes(self, claim: Claim) -> list[Outcome]:
         """The outcomes in the samples, or with the parameter file where nothing is open."""
@@ -141,36 +125,79 @@ class Decider:
                 other = conventions.with_value(name, value)
                 claims = {claim: self.registry.variant(claim, other) for claim in concerned}
                 change = f"{name} from {spelt(convention.value)} to {spelt(value)}"
-                yield Alternative(f"{name}: {label}", "convention", change, other, claims)
+                why = convention.reasons.get(label, f"The convention {change}.")
+                yield Alternative(
+                    f"{name}: {label}",
+                    "convention",
+                    change,
+                    why,
+                    other,
+                    claims,
+                    {},
+                    lambda _: "after",
+                )
         for name, single in conventions.single.items():
             if self.registry.claims and single.paper == self.registry.claims[0].paper:
                 with located(f"alternatives.{name}"):
                     yield self._single(name, single)
-        for claim in main_claims(
-            self.judged.values(), conventions.values["main"], conventions.values["purpose"]
-        ):
-            for name, keep in narrower(self._own(claim.name)):
-                yield Alternative(name, "samples", name, self.conventions, {}, {claim.name: keep})
+        for claim in self._mains(self.judged, conventions):
+            for name, why, keep in narrower(self._own(claim.name)):
+                yield Alternative(name, "samples", name, why, conventions, {}, {claim.name: keep})
 
-    def changes(self, alternatives: Iterable[Alternative]) -> Iterator[Changed]:
-        """Yield what each alternative changes, one without a claim where it changes nothing."""
-        title = self.title
-        for alternative in alternatives:
-            judged, rows = dict(self.judged), []
-            for claim in self._concerned(alternative):
-                before = self.judged[claim.name]
-                after, note = self._other(claim, alternative)
-                judged[claim.name] = after
-                moved = after.verdict != before.verdict
-                lost = bool(before.promised) and not after.promised
-                gained = bool(after.promised) and not before.promised
-                note = note or (NO_MAIN if lost else NEW_MAIN if gained else "")
-                if moved or note:
-                    rows.append((claim.name, before.verdict, after.verdict, note))
-            # Where it leaves no main claim it says nothing of the title.
-            other_title = self._title(judged, alternative.conventions) or title
-            for name, verdict, other, note in rows or [("", "", "", "")]:
-                yield Changed(alternative, name, verdict, other, title, other_title, note)
+    def rows(self) -> Iterator[dict[str, str]]:
+        """The rows of `write_alternatives`: title, main claims as stated, and alternatives."""
+        stated, title = self._mains(self.judged, self.conventions), self.title
+        plain = row_as_stated(title, (claim.name for claim in stated))
+        yield plain
+        for judged in stated:
+            own = {"claim": judged.name, "verdict": judged.verdict, "held": judged.held}
+            yield {**plain, **own, "kind": MAIN, "chosen": self._own(judged.name).threshold}
+        for alternative in self.alternatives():
+            yield from self._changed(alternative, plain)
+        for name, word, other in open_verdicts(stated, self.conventions.values["majority"]):
+            yield {
+                **plain, "alternative": f"{name} is {word}", "kind": INTERVAL, "claim": name,
+                "verdict": UNDECIDED, "held": self.judged[name].held, "other": word,
+                "other_title": other,
+            }  # fmt: skip
+
+    def _changed(self, alternative: Alternative, plain: dict[str, str]) -> Iterator[dict[str, str]]:
+        """Yield what an alternative changes, a row without a claim where it changes nothing."""
+        judged, rows = dict(self.judged), []
+        concerned = self._concerned(alternative)
+        for claim in concerned:
+            before = self.judged[claim.name]
+            after, note = self._other(claim, alternative)
+            judged[claim.name] = after
+            lost = bool(before.promised) and not after.promised
+            gained = bool(after.promised) and not before.promised
+            note = note or (NO_MAIN if lost else NEW_MAIN if gained else "")
+            if after.verdict != before.verdict or note:
+                rows.append({
+                    "claim": claim.name, "verdict": before.verdict, "held": before.held,
+                    "other": after.verdict, "other_held": after.held, "note": note,
+                    "chosen": alternative.chosen(claim.name),
+                })  # fmt: skip
+        # Where it leaves no main claim it says nothing of the title.
+        values, before_names = alternative.conventions.values, plain["mains"].split()
+        mains = self._mains(judged, alternative.conventions) or self._mains(
+            self.judged, self.conventions
+        )
+        names = [claim.name for claim in mains]
+        rules = any(values[rule] != self.conventions.values[rule] for rule in _RULES)
+        touches = rules or names != before_names
+        touches = touches or any(claim.name in names for claim in concerned)
+        counts = {
+            "held": _reproduced(self.judged[name] for name in before_names),
+            "other_held": _reproduced(mains), "chosen": alternative.chosen(""),
+        }  # fmt: skip
+        for row in rows or [counts]:
+            yield {
+                **plain, **row, "alternative": alternative.name, "kind": alternative.kind,
+                "change": alternative.change, "why": alternative.why, "mains": " ".join(names),
+                "touches": TITLE if touches else CLAIMS,
+                "other_title": title_of(mains, values["majority"]),
+            }  # fmt: skip
 
     def _own(self, name: str) -> Claim:
         return next(claim for claim in self.registry.claims if claim.name == name)
@@ -185,33 +212,39 @@ class Decider:
         ]
 
     def _judged(self, claim: Claim, conventions: Conventions, keep: Keep | None = None) -> Judged:
-        return Judged(
-            claim.name, claim.place, claim.promised, claim.purpose,
-            self._verdicts(claim, conventions, keep),
-        )  # fmt: skip
+        verdicts, held = self._verdicts(claim, conventions, keep)
+        return Judged(claim.name, claim.place, claim.promised, claim.purpose, verdicts, held)
 
     def _verdicts(
         self, claim: Claim, conventions: Conventions, keep: Keep | None
-    ) -> tuple[str, ...]:
+    ) -> tuple[tuple[str, ...], str]:
+        """The verdicts that are possible, and the numbers that they rest on, in words."""
         if not claim.testable:
-            return (NOT_TESTABLE,)
+            return (NOT_TESTABLE,), ""
         if claim.choices and claim.name not in self.samples:
-            return (BROKEN,)
+            return (BROKEN,), ""
         try:
-            if claim.quantifier == "always" and self._nominal_outcome(claim) != "holds":
-                return (CONTRADICTED,)
+            stated = self._nominal_outcome(claim)
+            if claim.quantifier == "always" and stated != "holds":
+                return (CONTRADICTED,), self._measured(claim)
             outcomes = self.outcomes(claim)
         except InputError:
             if claim is not self._own(claim.name):
                 raise
-            return (BROKEN,)
+            return (BROKEN,), ""
         fitted = (claim.quantifier == "can" or claim.printed) and self.setting(claim) != ""
         if keep is not None:
             outcomes = self._kept(claim, outcomes, keep)
         count = self.counted(claim, outcomes)
         if keep is not None and claim.choices and self.samples[claim.name].whole is not None:
             count = counted(outcomes, whole=bool(outcomes))
-        return possible(claim.quantifier, count, conventions.values["share"], fitted)
+        held = f"{count.held} of {count.samples}" if claim.choices else self._measured(claim)
+        return possible(claim.quantifier, count, conventions.values["share"], fitted), held
+
+    def _measured(self, claim: Claim) -> str:
+        """The numbers with the parameter file of the checks that fail."""
+        failed = [check for check in claim.checks if not check.holds(self.numbers)]
+        return "; ".join(check.measured(self.numbers) for check in failed)
 
     def setting(self, claim: Claim) -> str:
         """A setting at which a claim is known to hold, or for what is `always` so, to fail."""
@@ -258,11 +291,10 @@ class Decider:
             return unchanged, LACKS
         return after, ""
 
-    def _title(self, judged: Mapping[str, Judged], conventions: Conventions) -> str:
-        """The title by verdicts, none without main claims."""
+    def _mains(self, judged: Mapping[str, Judged], conventions: Conventions) -> list[Judged]:
+        """The main claims by conventions."""
         values = conventions.values
-        mains = main_claims(judged.values(), values["main"], values["purpose"])
-        return title_of(mains, values["majority"]) if mains else ""
+        return main_claims(judged.values(), values["main"], values["purpose"])
 
     def _single(self, name: str, single: SingleAlternative) -> Alternative:
         claims = {
@@ -274,62 +306,16 @@ class Decider:
         selection = {**single.ranges, **single.weights}
         parts += [f"{key} {spelt(value)}" for key, value in selection.items()]
         kind = "claim" if claims else "samples"
-        return Alternative(name, kind, "; ".join(parts), self.conventions, claims, keep)
+        change = "; ".join(parts)
+
+        def chosen(claim: str) -> str:
+            keys = single.claims.get(claim, {})
+            bounds = bool(keys) and all(key.startswith("checks") for key in keys)
+            return self._own(claim).threshold if bounds else "after" if claims else ""
+
+        return Alternative(name, kind, change, single.why, self.conventions, claims, keep, chosen)
 
 
-def decide(decider: Decider) -> tuple[list[Changed], Title]:
-    """Return what all alternatives change, and the title that follows."""
-    changes = list(decider.changes(decider.alternatives()))
-    return changes, title(decider, changes)
-
-
-def title(decider: Decider, changes: Iterable[Changed]) -> Title:
-    """The title: open where one alternative, or one open interval, would change it."""
-    values = decider.conventions.values
-    plain = decider.title
-    mains = main_claims(decider.judged.values(), values["main"], values["purpose"])
-    reasons: list[str] = []
-    if plain == OPEN:
-        short = [claim for claim in mains if claim.verdict != REPRODUCED]
-        listed = ", ".join(f"{claim.name} {claim.verdict}" for claim in short)
-        reasons.append(
-            f"{len(mains) - len(short)} of {len(mains)} main claims are reproduced: {listed}"
-        )
-    if contradicted := [claim.name for claim in mains if claim.verdict == CONTRADICTED]:
-        reasons.append(f"contradicted: {', '.join(contradicted)}")
-    by: dict[str, dict[str, None]] = {}
-    for change in changes:
-        if change.other_title != plain:
-            by.setdefault(change.other_title, {})[change.alternative.name] = None
-    changing = [f"{word} with {'; '.join(names)}" for word, names in by.items()]
-    changing += [
-        f"{other} if {claim} is {word}, which its samples allow"
-        for claim, word, other in open_verdicts(mains, values["majority"])
-    ]
-    return Title(OPEN if changing else plain, (*reasons, *changing))
-
-
-def write_alternatives(path: Path, changes: Iterable[Changed], title: Title) -> None:
-    """Write the title, and a row for each claim that an alternative changes, or one for nothing."""
-    first = {
-        **dict.fromkeys(HEADER, ""), "alternative": STATED, "kind": "title", "title": title.word,
-        "change": _BETWEEN.join(title.reasons),
-    }  # fmt: skip
-    rows = (
-        {
-            "alternative": change.alternative.name, "kind": change.alternative.kind,
-            "change": change.alternative.change, "claim": change.claim, "verdict": change.verdict,
-            "other": change.other, "title": change.title, "other_title": change.other_title,
-            "note": change.note,
-        }
-        for change in changes
-    )  # fmt: skip
-    write_table(path, [first, *rows], HEADER, seal=True)
-
-
-def read_alternatives(path: Path) -> tuple[Title, list[dict[str, str]]]:
-    """The title and the rows of `write_alternatives`."""
-    rows = read_table(path, HEADER, KINDS, ("alternative", "claim"))
-    if not rows or rows[0]["kind"] != "title":
-        raise InputError(str(path), "has no title in its first row")
-    return Title(rows[0]["title"], tuple(filter(None, rows[0]["change"].split(_BETWEEN)))), rows[1:]
+def _reproduced(claims: Iterable[Judged]) -> str:
+    verdicts = [claim.verdict for claim in claims]
+    return f"{verdicts.count(REPRODUCED)} of {len(verdicts)} main claims"

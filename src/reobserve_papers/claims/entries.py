@@ -164,10 +164,27 @@ class PaperFigure(Model):
         return self
 
 
+class Result(Model):
+    """The result of a replication in one sentence, for the README."""
+
+    written_for: Text = Field(
+        description="The title and counts that it is true of: `[Re], 2 of 3 main claims reproduced,"
+        " 0 contradicted`. With others it is left out."
+    )
+    sentence: Text = Field(description="The result, in 25 words at most.")
+
+    @model_validator(mode="after")
+    def _short(self) -> Result:
+        if (words := len(self.sentence.split())) > 25:
+            raise InputError("sentence", f"has {words} words, must have 25 at most")
+        return self
+
+
 class ClaimsFile(Model):
     """The claims of a paper, ``config/claims/<paper>.yaml``."""
 
     limitations: Text = Field(description="What the paper leaves open, for the report.")
+    result: Result | None = Field(None, description="What was found, for the README.")
     choices: dict[str, Annotated[list[str], items()]] = Field(
         {}, description="Groups of parameters that `depends_on` can name."
     )

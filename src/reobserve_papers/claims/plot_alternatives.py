@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve_papers.claims.decider import STATED, Title
 from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.title import STATED, Title
 from reobserve_papers.claims.verdict_rules import (
     CALIBRATED,
     CONTRADICTED,
@@ -60,7 +60,7 @@ def alternatives_curve(
     """
     mains = [c.name for c in claims if c.is_main and verdicts.get(c.name) in _VERDICTS]
     by: dict[str, dict[str, str]] = {STATED: {}}
-    plain = rows[0]["title"] if rows else title.word
+    plain = title.word
     titles = {STATED: plain}
     for row in rows:
         changed = by.setdefault(row["alternative"], {})

@@ -37,14 +37,19 @@ def kept_by(registry: Registry, single: SingleAlternative, seed: int) -> dict[st
     return keep
 
 
-def narrower(claim: Claim) -> Iterator[tuple[str, Keep]]:
-    """Yield both halves of ranges of what a claim depends on, and each word left out, by name."""
+def narrower(claim: Claim) -> Iterator[tuple[str, str, Keep]]:
+    """Yield both halves of ranges of what a claim depends on, and each word left out.
+
+    Each is a name, a sentence and the test of a sample.
+    """
     for knob in _knobs(claim):
         for word in knob.words:
-            yield f"{claim.name}: {knob.name} not {spelt(word)}", _not(knob, word)
+            said = f"Without `{spelt(word)}` for `{knob.name}`."
+            yield f"{claim.name}: {knob.name} not {spelt(word)}", said, _not(knob, word)
         if not knob.words:
             for label, upper in (("lower", False), ("upper", True)):
-                yield f"{claim.name}: {knob.name}, {label} half", _half(knob, upper)
+                said = f"With the {label} half of the range of `{knob.name}`."
+                yield f"{claim.name}: {knob.name}, {label} half", said, _half(knob, upper)
 
 
 def spelt(value: Any) -> str:

@@ -108,13 +108,17 @@ def count(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
 
 @dataclass(frozen=True)
 class Judged:
-    """The part of a claim that decides a title: its promises, and the verdicts it may have."""
+    """The part of a claim that decides a title: its promises, and the verdicts it may have.
+
+    ``held`` are the numbers that these rest on, in words.
+    """
 
     name: str
     place: str
     promised: tuple[str, ...]
     purpose: tuple[str, ...]
     verdicts: tuple[str, ...]
+    held: str = ""
 
     @property
     def verdict(self) -> str:
@@ -142,16 +146,16 @@ def main_claims(claims: Iterable[Judged], main: str, purpose: str) -> list[Judge
     return chosen
 
 
-def plain_title(verdicts: Sequence[str], majority: float) -> str:
-    """The title by the verdicts on the main claims, as if nothing could be seen otherwise."""
+def title_by(verdicts: Sequence[str], majority: float) -> str:
+    """The title by the verdicts on the main claims, of which undecided ones count as neither."""
     if CONTRADICTED in verdicts or BROKEN in verdicts:
         return NOT_RE
     return RE if verdicts.count(REPRODUCED) > majority * len(verdicts) else OPEN
 
 
 def title_of(claims: Sequence[Judged], majority: float) -> str:
-    """The title by main claims, of which some may be undecided: then they count as neither."""
-    return plain_title([claim.verdict for claim in claims], majority)
+    """The title by main claims."""
+    return title_by([claim.verdict for claim in claims], majority)
 
 
 def open_verdicts(claims: Sequence[Judged], majority: float) -> Iterator[tuple[str, str, str]]:
@@ -162,5 +166,5 @@ def open_verdicts(claims: Sequence[Judged], majority: float) -> Iterator[tuple[s
             continue
         for word in claim.verdicts:
             others = [word if judged is claim else judged.verdict for judged in claims]
-            if (other := plain_title(others, majority)) != title:
+            if (other := title_by(others, majority)) != title:
                 yield claim.name, word, other

@@ -1,4 +1,4 @@
-"""Verdicts in Markdown: a table of counts, which the README holds, too."""
+"""Results in Markdown: titles, which the README holds, too, counts of verdicts, and dissent."""
 
 from __future__ import annotations
 
@@ -8,45 +8,64 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
-from reobserve_papers.claims.decider import Title
-from reobserve_papers.claims.verdict_rules import VERDICTS, count
+from reobserve_papers.claims.entries import Result
+from reobserve_papers.claims.title import Title
+from reobserve_papers.claims.verdict_rules import CONTRADICTED, REPRODUCED, VERDICTS, count
 
 # Who set the thresholds of a claim: the paper, or we, before or after their numbers were known.
 THRESHOLDS = ("stated", "before", "after")
 
 
-def table(rows: Sequence[Mapping[str, str]], titles: Mapping[str, Title]) -> str:
-    """Papers, their titles in the manner of ReScience, and how many claims got which verdict.
+def titles_table(titles: Mapping[str, Title], results: Mapping[str, Result | None]) -> str:
+    """Papers, their titles in the manner of ReScience, main claims counted, and the result.
 
-    In the last column stands how many claims have thresholds that the paper states, that were set
-    here before their numbers were known, and after. Below stand the reasons of each title.
+    The sentence of a result that was written for another title or other counts is left out.
     """
     lines = [
-        f"| paper | replication | claims | {' | '.join(VERDICTS)} | thresholds |",
-        f"|---|---|{'---:|' * (len(VERDICTS) + 1)}---|",
+        "| paper | replication | main claims reproduced | contradicted | result |",
+        "|---|---|---:|---:|---|",
+    ]
+    for paper, title in titles.items():
+        reproduced = f"{title.count(REPRODUCED)} of {len(title.mains)}"
+        cells = (title.word, reproduced, str(title.count(CONTRADICTED)))
+        said = sentence(title, results.get(paper))
+        lines.append(f"| `{paper}` | {' | '.join(cells)} | {said} |")
+    return "\n".join(lines) + "\n"
+
+
+def sentence(title: Title, result: Result | None) -> str:
+    """The sentence of a result, empty if it was written for another title."""
+    return result.sentence if result and result.written_for == title.in_words else ""
+
+
+def counts_table(rows: Sequence[Mapping[str, str]]) -> str:
+    """The number of claims of each paper with each verdict.
+
+    In the last column stands how many claims have thresholds that the paper states, that were set
+    here before their numbers were known, and after.
+    """
+    lines = [
+        f"| paper | claims | {' | '.join(VERDICTS)} | thresholds |",
+        f"|---|{'---:|' * (len(VERDICTS) + 1)}---|",
     ]
     for paper, counts in count(rows).items():
         cells = [str(counts[word]) for word in VERDICTS]
         who = [row["threshold"] for row in _of(rows, paper)]
         cells.append(", ".join(f"{who.count(kind)} {kind}" for kind in THRESHOLDS))
-        word = titles[paper].word
-        lines.append(f"| `{paper}` | {word} | {sum(counts.values())} | {' | '.join(cells)} |")
-    lines.append("")
-    lines += [f"- `{paper}` {in_words(titles[paper])}" for paper in count(rows)]
+        lines.append(f"| `{paper}` | {sum(counts.values())} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
-def in_words(title: Title, most: int = 3) -> str:
-    """A title and its reasons, of each list of names the first ones."""
-    said = []
-    for reason in title.reasons:
-        head, joint, names = reason.partition(" with ")
-        listed = names.split("; ")
-        more = f" and {len(listed) - most} more" if len(listed) > most else ""
-        said.append(f"{head}{joint}{'; '.join(listed[:most])}{more}" if joint else reason)
-    return (
-        f"{title.word}: {'. '.join(said)}." if said else f"{title.word}: nothing tried changes it."
-    )
+def dissent(title: Title) -> str:
+    """The readings that would give another title, and how many were tried."""
+    changing, lacking = len(title.dissent) or "none", title.lacking or "none"
+    lines = [
+        f"Of {title.tried} readings of main claims, {changing} would give another title, and "
+        f"{lacking} lack samples.\n",
+        *(f"- {said}" for said in title.dissent),
+        *(f"- Undecided: {said}." for said in title.undecided),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def _of(rows: Sequence[Mapping[str, str]], paper: str) -> list[Mapping[str, str]]:
@@ -57,30 +76,21 @@ def _of(rows: Sequence[Mapping[str, str]], paper: str) -> list[Mapping[str, str]
 _BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
 
 
-def put_into(readme: Path, verdicts: str, papers: Sequence[str] = ()) -> None:
-    """Put the table that `reobserve-papers stage verdicts` wrote in its place in the README.
+def put_into(readme: Path, verdicts: str, papers: Sequence[str]) -> None:
+    """Put the first table that `reobserve-papers stage verdicts` wrote in its place in the README.
 
-    With ``papers``, all that there are, rows of the README on papers that the verdicts are not
-    about stay.
+    Rows of the README on other ones of the project's ``papers`` stay.
     """
     text, table = read_text(readme), verdicts.partition("\n\n")[0].rstrip() + "\n"
     before, begin, rest = text.partition(_BEGIN)
     old, end, after = rest.partition(_END)
     if not begin or not end:
         raise InputError(str(readme), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
-    if papers and (new := _rows(table)):
-        rows = _rows(old) | new
-        head = table.partition(next(iter(new.values())))[0]
-        table = head + "".join(rows[paper] for paper in papers if paper in rows)
+    rows, head = _rows(old) | _rows(table), "".join(table.splitlines(keepends=True)[:2])
+    table = head + "".join(rows[paper] for paper in papers if paper in rows)
     write_text(readme, f"{before}{begin}\n{table}\n{end}{after}")
 
 
-def title_in(readme: Path, paper: str) -> Title:
-    """The title of a paper in the README's table, without reasons."""
-    cells = _rows(read_text(readme)).get(paper, "||?").split("|")
-    return Title(cells[2].strip())
-
-
 def _rows(text: str) -> dict[str, str]:
-    """The rows of `table` by paper."""
+    """The rows of a table by paper."""
     return {match[1]: match[0] for match in re.finditer(r"^\| `(\w+)` .*\n", text, re.MULTILINE)}

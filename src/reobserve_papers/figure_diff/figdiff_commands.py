@@ -143,9 +143,8 @@ def accept_command(
     moved += [line for task in tasks for line in golden_bench.renew(project, results, task)]
     if chosen:
         moved += golden_claims.renew(project, results, whole)
-        readme = project / "README.md"
-        table = golden_claims.accepted_table(project, results, readme)
-        put_into(readme, table, known if paper else ())
+        table = golden_claims.accepted_table(project, results)
+        put_into(project / "README.md", table, known)
     for name in (*chosen, *(f"bench/{task}" for task in tasks)):
         redrawn += _renew_references(references, results, name)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from reobserve.core.files import Kind, read_table, write_table
 from reobserve_papers.claims.claims_table import HEADER, KINDS
-from reobserve_papers.claims.decider import read_alternatives
+from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.claims.verdict_rules import BROKEN, NOT_TESTABLE, UNDECIDED, VERDICTS
-from reobserve_papers.claims.verdict_table import table, title_in
+from reobserve_papers.claims.verdict_table import titles_table
 from reobserve_papers.golden.comparison import Moved
 
 _KEY = ("paper", "claim")
@@ -74,22 +75,18 @@ def read_accepted(project: Path) -> Verdicts:
     return read_golden(project) if golden_file(project).exists() else {}
 
 
-def accepted_table(project: Path, results: Path, readme: Path) -> str:
-    """The table of verdicts of a build, with those that stay in place of undecided ones.
-
-    Where a main claim is among these, the title is that of the README.
-    """
+def accepted_table(project: Path, results: Path) -> str:
+    """The table of titles of a build, without papers whose main claims lack samples now."""
     rows, golden = read_table(results / "claims.csv", HEADER, KINDS, _KEY), read_golden(project)
-    titles = {}
+    titles, lacking = {}, set()
     for row in rows:
         paper, accepted = row["paper"], golden.get(row["paper"], {}).get(row["claim"], row)
         if paper not in titles:
             titles[paper] = read_alternatives(results / paper / "alternatives.csv")[0]
-        if accepted["verdict"].endswith(NOT_SAMPLED):
-            row["verdict"] = accepted["verdict"].removesuffix(NOT_SAMPLED)
-            if row["promised"]:
-                titles[paper] = title_in(readme, paper)
-    return table(rows, titles)
+        if accepted["verdict"].endswith(NOT_SAMPLED) and row["promised"]:
+            lacking.add(paper)
+    sampled = {paper: title for paper, title in titles.items() if paper not in lacking}
+    return titles_table(sampled, {paper: read_claims(project, paper).result for paper in sampled})
 
 
 def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:

@@ -16,11 +16,11 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import read_table, read_text
 from reobserve.core.validation import parse
 from reobserve_papers.claims.claims_table import HEADER, KINDS
-from reobserve_papers.claims.decider import Title, read_alternatives
 from reobserve_papers.claims.entries import PaperFigure
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import has_claims, read_claims
 from reobserve_papers.claims.sample_table import read_samples
+from reobserve_papers.claims.title import Title, read_alternatives
 from reobserve_papers.claims.verdict_rules import BROKEN, count
 from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.parameters.config import known_papers, known_tasks

@@ -102,7 +102,7 @@ def inputs(
         samples = step in ("sample", "robustness")
         settings = tree if samples else {}
         texts = [claims_path(paper), CONVENTIONS, *[samples_path(paper)] * (samples and cached)]
-        files += [path for path in texts if step != "verdicts" and (project / path).is_file()]
+        files += [path for path in texts if (project / path).is_file()]
     files += [file for value in _values(settings) for file in sample_files(value)]
     if step in ("study", "sample", "robustness"):
         studies = tree.get("studies", {})

@@ -13,10 +13,10 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
 from reobserve_papers.claims.checks import Numbers
-from reobserve_papers.claims.decider import Title, write_alternatives
 from reobserve_papers.claims.outcomes import taken
 from reobserve_papers.claims.registry import read_registry
 from reobserve_papers.claims.sample_table import Samples, as_text, write_samples
+from reobserve_papers.claims.title import row_as_stated, write_alternatives
 from reobserve_papers.golden.number_files import read_metrics
 from reobserve_papers.metrics.metrics import HEADER, lookup
 from reobserve_papers.parameters.parameters import Parameters
@@ -91,7 +91,7 @@ def results() -> dict[str, bytes]:
         found[file.name] = file.read_bytes()
     write_samples(Path(_FOLDER.name) / "robustness.json", *_samples(numbers))
     found["robustness.json"] = Path(_FOLDER.name, "robustness.json").read_bytes()
-    write_alternatives(Path(_FOLDER.name) / "alternatives.csv", [], Title("[Re?]", ("It is.",)))
+    write_alternatives(Path(_FOLDER.name) / "alternatives.csv", [row_as_stated("[Re?]")])
     found["alternatives.csv"] = Path(_FOLDER.name, "alternatives.csv").read_bytes()
     return {f"results/eso/{name}": content for name, content in found.items()}
 

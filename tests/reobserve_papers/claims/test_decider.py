@@ -12,20 +12,22 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.conventions import SingleAlternative
-from reobserve_papers.claims.decider import (
-    LACKS,
-    NOT_COMPUTED,
-    Changed,
-    Decider,
-    Title,
-    decide,
-    read_alternatives,
-    write_alternatives,
-)
+from reobserve_papers.claims.decider import Decider
 from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.plot_alternatives import alternatives_curve
 from reobserve_papers.claims.registry import Registry
 from reobserve_papers.claims.restrictions import kept_by, narrower
+from reobserve_papers.claims.title import (
+    CLAIMS,
+    LACKS,
+    NOT_COMPUTED,
+    TITLE,
+    Row,
+    Title,
+    read_alternatives,
+    title_from,
+    write_alternatives,
+)
 from reobserve_papers.claims.verdict_rules import (
     CONTRADICTED,
     DEPENDS,
@@ -77,55 +79,97 @@ def decider(
     return Decider(found, numbers, sampled(found) if samples is None else samples, seed=1)
 
 
-def by_name(changes: list[Changed]) -> dict[str, Changed]:
-    return {one.alternative.name: one for one in changes}
+def decide(judged: Decider) -> tuple[list[Row], Title]:
+    """What alternatives change, and the title."""
+    rows = list(judged.rows())
+    return [row for row in rows if row["kind"] in ("convention", "claim", "samples")], title_from(
+        rows
+    )
+
+
+def by_name(changes: list[Row]) -> dict[str, Row]:
+    return {row["alternative"]: row for row in changes}
 
 
 # Titles.
 
 
-def test_title_that_nothing_changes_stands(code: Code, tmp_path: Path) -> None:
-    good = decider(code, registry(tmp_path, {"one": SURE, "two": above(450)}))
-    assert decide(good)[1] == Title("[Re]")
-    bad = decider(code, registry(tmp_path, {"one": SURE, "never": NEVER}))
-    assert decide(bad)[1] == Title("[¬Re]", ("contradicted: never",))
+def test_title_that_nothing_changes_has_no_dissent(code: Code, tmp_path: Path) -> None:
+    good = decide(decider(code, registry(tmp_path, {"one": SURE, "two": above(450)})))[1]
+    assert (good.word, good.dissent, good.undecided) == ("[Re]", (), ())
+    assert good.in_words == "[Re], 2 of 2 main claims reproduced, 0 contradicted"
+    bad = decide(decider(code, registry(tmp_path, {"one": SURE, "never": NEVER})))[1]
+    assert bad.in_words == "[¬Re], 1 of 2 main claims reproduced, 1 contradicted"
 
 
-def test_title_of_half_is_open_with_its_reason(code: Code, tmp_path: Path) -> None:
-    half = decider(code, registry(tmp_path, {"one": SURE, "half": HALF}))
-    changes, title = decide(half)
-    reason = "1 of 2 main claims are reproduced: half depends on unstated choices"
-    assert title == Title("[Re?]", (reason,))
-    assert all(one.other_title == "[Re?]" for one in changes)
+def test_title_of_half_is_open(code: Code, tmp_path: Path) -> None:
+    changes, title = decide(decider(code, registry(tmp_path, {"one": SURE, "half": HALF})))
+    assert title.mains == {"one": REPRODUCED, "half": DEPENDS}
+    assert (title.word, title.dissent) == ("[Re?]", ())
+    assert all(row["other_title"] == "[Re?]" for row in changes)
 
 
-def test_alternative_that_changes_the_title_makes_it_open(code: Code, tmp_path: Path) -> None:
-    less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
+def test_title_stays_as_stated_beside_dissent_in_words(code: Code, tmp_path: Path) -> None:
+    less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450},
+            "reasons": {"much": "It must be much."}}  # fmt: skip
     found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
     changes, title = decide(decider(code, found))
-    assert title == Title("[Re?]", ("[¬Re] with less: much",))
+    assert title.word == "[Re]"
+    assert title.dissent == (
+        "[¬Re]: It must be much. `one` is then contradicted (0 of 36, 36 of 36 as stated). "
+        "The reading taken was chosen after its numbers were known.",
+    )
     much = by_name(changes)["less: much"]
-    assert (much.claim, much.verdict, much.other) == ("one", REPRODUCED, CONTRADICTED)
-    assert (much.title, much.other_title, much.note) == ("[Re]", "[¬Re]", "")
-    assert much.alternative.change == "less from 400 to 6000"
-    assert by_name(changes)["less: hardly"].claim == ""
+    assert (much["claim"], much["verdict"], much["other"]) == ("one", REPRODUCED, CONTRADICTED)
+    assert (much["title"], much["other_title"], much["note"]) == ("[Re]", "[¬Re]", "")
+    assert much["change"] == "less from 400 to 6000"
+    assert by_name(changes)["less: hardly"]["claim"] == ""
+    assert (title.tried, title.lacking) == (len(by_name(changes)), 4)
 
 
-def test_alternatives_that_change_the_title_alike_are_listed_together(
+@pytest.mark.parametrize(
+    ("claim", "changes", "said"),
+    [
+        (SURE, {"checks.0.above": 6000}, "The reading taken is the paper's own."),
+        (
+            HALF,
+            {"quantifier": "always"},
+            "The reading taken was chosen after its numbers were known.",
+        ),
+    ],
+)
+def test_dissent_says_when_the_reading_was_chosen(
+    code: Code, tmp_path: Path, claim: dict[str, Any], changes: dict[str, Any], said: str
+) -> None:
+    claim = {**claim, "threshold": "stated"}
+    alternatives = {"other": {"claims": {"one": changes}}}
+    (dissent,) = decide(decider(code, registry(tmp_path, {"one": claim}, {}, alternatives)))[
+        1
+    ].dissent
+    assert dissent.endswith(said)
+
+
+def test_reading_that_touches_no_main_claim_stays_with_its_claim(
     code: Code, tmp_path: Path
 ) -> None:
+    claims = {"one": SURE, "minor": {**SURE, "promised": []}}
     alternatives = {
-        "none of it": {"claims": {"one": {"checks.0.above": 6000}}},
-        "half of it": {"claims": {"one": {"checks.0.above": 1600}}},
-        "never at all": {"claims": {"one": {"checks.0": {"value": PLAIN, "below": 1}}}},
+        "of minor": {"claims": {"minor": {"checks.0.above": 6000}}},
+        "of one": {"claims": {"one": {"checks.0.above": 401}}},
+        "promise": {"claims": {"minor": {"promised": ["abstract"]}}},
     }
-    found = registry(tmp_path, {"one": SURE}, {}, alternatives)
-    _, title = decide(decider(code, found))
-    reasons = ("[¬Re] with none of it; never at all", "[Re?] with half of it")
-    assert title == Title("[Re?]", reasons)
+    share = {"value": 0.9, "alternatives": {"four_fifths": 0.8}}
+    found = registry(tmp_path, claims, {"share": share}, alternatives)
+    changes, title = decide(decider(code, found))
+    touches = {name: row["touches"] for name, row in by_name(changes).items()}
+    assert touches.pop("of minor") == CLAIMS
+    assert set(touches.values()) == {TITLE}
+    assert title.tried == len(touches)
+    assert by_name(changes)["of minor"]["other"] == CONTRADICTED
+    assert by_name(changes)["promise"]["mains"] == "one minor"
 
 
-def test_open_interval_that_could_change_the_title_makes_it_open(
+def test_open_interval_that_could_change_the_title_is_said_apart(
     code: Code, tmp_path: Path
 ) -> None:
     found = registry(tmp_path, {"one": SURE, "two": SURE, "rare": above(4550)})
@@ -135,10 +179,10 @@ def test_open_interval_that_could_change_the_title_makes_it_open(
     assert possible("is", counted, 0.9) == (DEPENDS, CONTRADICTED)
     judged = decider(code, found, samples)
     assert judged.judged["rare"].verdict == UNDECIDED
-    assert judged.title == "[Re]"
     _, title = decide(judged)
-    reason = "[¬Re] if rare is contradicted, which its samples allow"
-    assert title == Title("[Re?]", (reason,))
+    held = f"it holds in {counted.held} of 60"
+    reason = f"[¬Re] if `rare` is contradicted, which its samples allow: {held}"
+    assert (title.word, title.undecided) == ("[Re]", (reason,))
 
 
 def test_open_interval_that_changes_no_title_leaves_it(code: Code, tmp_path: Path) -> None:
@@ -146,7 +190,7 @@ def test_open_interval_that_changes_no_title_leaves_it(code: Code, tmp_path: Pat
     found = registry(tmp_path, {"one": SURE, "two": SURE, "near": NEAR})
     judged = decider(code, found, sampled(found, 60))
     assert judged.judged["near"].verdict == UNDECIDED
-    assert decide(judged)[1] == Title("[Re]")
+    assert decide(judged)[1].undecided == ()
 
 
 # Verdicts.
@@ -159,13 +203,13 @@ def test_verdict_that_only_lacks_samples_changes_nothing_and_is_marked(
     share = {"value": 0.9, "alternatives": {"nineteen_of_twenty": 0.95, "four_fifths": 0.8}}
     found = registry(tmp_path, {"one": SURE, "two": SURE}, {"share": share})
     changes, title = decide(decider(code, found))
-    rows = [one for one in changes if one.alternative.name == "share: nineteen_of_twenty"]
-    assert [(one.claim, one.verdict, one.other, one.note) for one in rows] == [
+    rows = [one for one in changes if one["alternative"] == "share: nineteen_of_twenty"]
+    assert [(one["claim"], one["verdict"], one["other"], one["note"]) for one in rows] == [
         (name, REPRODUCED, REPRODUCED, LACKS) for name in ("one", "two")
     ]
-    assert {one.other_title for one in rows} == {"[Re]"}
-    assert by_name(changes)["share: four_fifths"].claim == ""
-    assert title == Title("[Re]")
+    assert {one["other_title"] for one in rows} == {"[Re]"}
+    assert by_name(changes)["share: four_fifths"]["claim"] == ""
+    assert (title.word, title.dissent) == ("[Re]", ())
 
 
 def test_measure_is_evaluated_from_the_same_samples(code: Code, tmp_path: Path) -> None:
@@ -181,8 +225,8 @@ def test_measure_is_evaluated_from_the_same_samples(code: Code, tmp_path: Path) 
     quarters = [float(trial.values[0]) / 4 for trial in samples["one"].trials]
     counted = Counted(sum(gain > 400 for gain in quarters), len(quarters))
     assert possible("is", counted, 0.9) == (DEPENDS,)
-    assert (removed.verdict, removed.other) == (REPRODUCED, DEPENDS)
-    assert title.reasons == ("[Re?] with lag: removed",)
+    assert (removed["verdict"], removed["other"]) == (REPRODUCED, DEPENDS)
+    assert [said[:5] for said in title.dissent] == ["[Re?]"]
 
 
 def test_measure_that_samples_do_not_have_is_not_computed(code: Code, tmp_path: Path) -> None:
@@ -193,8 +237,8 @@ def test_measure_that_samples_do_not_have_is_not_computed(code: Code, tmp_path: 
     samples = assess(Evaluator(ILO), [short], lambda _: 40, 0.9)
     made, title = decide(decider(code, found, samples))
     mine = by_name(made)["mine"]
-    assert (mine.verdict, mine.other, mine.note) == (REPRODUCED, REPRODUCED, NOT_COMPUTED)
-    assert title == Title("[Re]")
+    assert (mine["verdict"], mine["other"], mine["note"]) == (REPRODUCED, REPRODUCED, NOT_COMPUTED)
+    assert (title.word, title.dissent) == ("[Re]", ())
 
 
 def test_quantifier_and_promise_can_be_read_otherwise(code: Code, tmp_path: Path) -> None:
@@ -206,11 +250,14 @@ def test_quantifier_and_promise_can_be_read_otherwise(code: Code, tmp_path: Path
     }
     made, title = decide(decider(code, registry(tmp_path, claims, {}, alternatives)))
     found = by_name(made)
-    assert (found["always"].claim, found["always"].other) == ("rare", CONTRADICTED)
-    assert (found["no promise"].other, found["no promise"].note) == (REPRODUCED, "no main claim")
-    assert found["no promise"].other_title == "[Re?]"  # one of two
-    assert found["nothing else"].claim == ""
-    assert title.reasons == ("[¬Re] with always", "[Re?] with no promise")
+    assert (found["always"]["claim"], found["always"]["other"]) == ("rare", CONTRADICTED)
+    assert (found["no promise"]["other"], found["no promise"]["note"]) == (
+        REPRODUCED,
+        "no main claim",
+    )
+    assert found["no promise"]["other_title"] == "[Re?]"  # one of two
+    assert found["nothing else"]["claim"] == ""
+    assert [said[:5] for said in title.dissent] == ["[¬Re]", "[Re?]"]
 
 
 def test_alternative_that_leaves_no_main_claim_says_nothing_of_the_title(
@@ -218,8 +265,8 @@ def test_alternative_that_leaves_no_main_claim_says_nothing_of_the_title(
 ) -> None:
     main = {"value": "abstract and conclusions", "alternatives": {"end": "conclusions"}}
     made, title = decide(decider(code, registry(tmp_path, {"one": SURE}, {"main": main})))
-    assert by_name(made)["main: end"].other_title == "[Re]"
-    assert title == Title("[Re]")
+    assert by_name(made)["main: end"]["other_title"] == "[Re]"
+    assert (title.word, title.dissent) == ("[Re]", ())
 
 
 def test_conventions_say_which_claims_are_main(code: Code, tmp_path: Path) -> None:
@@ -238,13 +285,14 @@ def test_conventions_say_which_claims_are_main(code: Code, tmp_path: Path) -> No
         "majority": {"value": 0.5, "alternatives": {"two_thirds": 0.6667}},
     }
     made, title = decide(decider(code, registry(tmp_path, claims, conventions)))
-    found = {name: one.other_title for name, one in by_name(made).items()}
+    found = {name: one["other_title"] for name, one in by_name(made).items()}
     assert found["purpose: counted"] == "[¬Re]"
     assert (found["main: a"], found["main: c"], found["main: all"]) == ("[Re]", "[Re?]", "[¬Re]")
     assert found["majority: two_thirds"] == "[Re?]"
-    assert title.reasons == (
-        "[¬Re] with purpose: counted; main: all",
-        "[Re?] with main: c; majority: two_thirds",
+    words = [found[name] for name in found if found[name] != "[Re]"]
+    assert [said.partition(":")[0] for said in title.dissent] == words
+    assert (
+        "1 of 2 main claims are then reproduced, 2 of 3 main claims as stated." in title.dissent[1]
     )
 
 
@@ -274,17 +322,20 @@ def test_range_keeps_the_samples_inside(code: Code, tmp_path: Path) -> None:
         inside = [gain for gain in gains if low <= gain <= high]
         counted = Counted(sum(gain > 630 for gain in inside), len(inside))
         assert possible("is", counted, 0.9) == (verdict,)
-        rows = [one for one in made if one.alternative.name == name]
-        assert [(one.claim, one.other) for one in rows] == [("one", verdict), ("two", verdict)]
-    assert [one.claim for one in made if one.alternative.name == "of one"] == ["two"]
-    assert by_name(made)["large"].alternative.change == f"{GAIN} 700 to 5000"
+        rows = [one for one in made if one["alternative"] == name]
+        assert [(one["claim"], one["other"]) for one in rows] == [
+            ("one", verdict),
+            ("two", verdict),
+        ]
+    assert [one["claim"] for one in made if one["alternative"] == "of one"] == ["two"]
+    assert by_name(made)["large"]["change"] == f"{GAIN} 700 to 5000"
 
 
 def test_range_without_samples_decides_nothing(code: Code, tmp_path: Path) -> None:
     alternatives = {"empty": {"ranges": {GAIN: [1e-3, 1e-2]}}}
     made, _ = decide(decider(code, registry(tmp_path, {"one": SURE}, {}, alternatives)))
     empty = by_name(made)["empty"]
-    assert (empty.other, empty.note) == (REPRODUCED, LACKS)
+    assert (empty["other"], empty["note"]) == (REPRODUCED, LACKS)
 
 
 def test_weights_keep_a_part_that_is_the_same_in_every_process(tmp_path: Path) -> None:
@@ -316,7 +367,7 @@ def test_weights_change_a_verdict(code: Code, tmp_path: Path) -> None:
     found = registry(tmp_path, claims, {}, {"two words": weights, "no third": seldom})
     samples = sampled(found, 400)
     made = by_name(decide(decider(code, found, more_of(found, samples)))[0])
-    assert [made[name].other for name in ("two words", "no third")] == [REPRODUCED, REPRODUCED]
+    assert [made[name]["other"] for name in ("two words", "no third")] == [REPRODUCED, REPRODUCED]
 
 
 def more_of(found: Registry, samples: Mapping[str, Robustness]) -> dict[str, Robustness]:
@@ -347,7 +398,7 @@ def test_halves_and_words_are_made_for_each_choice_of_each_main_claim(
 
 def test_halves_part_a_range_in_the_middle_of_its_magnitudes(tmp_path: Path) -> None:
     (one,) = registry(tmp_path, {"one": SURE}).claims
-    (_, lower), (_, upper) = narrower(one)
+    (_, _, lower), (_, _, upper) = narrower(one)
     middle = 500 * math.sqrt(10)
     for gain in (500.0, middle - 1, middle + 1, 5000.0):
         assert lower({GAIN: gain}, 0) is (gain < middle)
@@ -360,7 +411,7 @@ def test_word_left_out_of_a_count_leaves_a_count(code: Code, tmp_path: Path) -> 
     judged = decider(code, found)
     assert judged.judged["one"].verdicts == (DEPENDS,)
     made = by_name(decide(judged)[0])
-    others = {word: made[f"one: {VARIANT} not {word}"].other for word in VARIANTS}
+    others = {word: made[f"one: {VARIANT} not {word}"]["other"] for word in VARIANTS}
     assert others == {"sampled": "", "continuous": "", "forgetting": REPRODUCED}
 
 
@@ -370,12 +421,13 @@ def test_word_left_out_of_a_count_leaves_a_count(code: Code, tmp_path: Path) -> 
 def test_table_of_alternatives_is_read_as_it_was_written(code: Code, tmp_path: Path) -> None:
     less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
     found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
-    changes, title = decide(decider(code, found))
+    judged = decider(code, found)
+    changes, title = decide(judged)
     path = tmp_path / "alternatives.csv"
-    write_alternatives(path, changes, title)
+    write_alternatives(path, judged.rows())
     again, rows = read_alternatives(path)
     assert again == title
-    assert [row["alternative"] for row in rows] == [one.alternative.name for one in changes]
+    assert [row["alternative"] for row in rows] == [one["alternative"] for one in changes]
     assert rows[0]["other"] == CONTRADICTED
     path.write_text(path.read_text().replace(CONTRADICTED, "refuted"))
     with pytest.raises(InputError, match=r"alternatives\.csv"):
@@ -388,15 +440,15 @@ def test_curve_shows_each_alternative_and_names_what_changes_the_title(
     less = {"value": 400, "alternatives": {"much": 6000, "hardly": 450}}
     found = registry(tmp_path, {"one": above("$less"), "two": SURE}, {"less": less})
     judged = decider(code, found)
-    changes, title = decide(judged)
-    write_alternatives(tmp_path / "alternatives.csv", changes, title)
+    changes, _ = decide(judged)
+    write_alternatives(tmp_path / "alternatives.csv", judged.rows())
     verdicts = {name: one.verdict for name, one in judged.judged.items()}
     figure = alternatives_curve(
         found.claims, *read_alternatives(tmp_path / "alternatives.csv"), verdicts
     )
     above_axes, below_axes = figure.axes
-    tried = len({one.alternative.name for one in changes})
-    assert above_axes.get_title(loc="left").startswith(f"[Re?] with {tried} alternatives")
+    tried = len({one["alternative"] for one in changes})
+    assert above_axes.get_title(loc="left").startswith(f"[Re] with {tried} alternatives")
     titles = {line.get_label(): len(line.get_xdata()) for line in above_axes.lines}
     assert titles == {"[Re]": tried, "[¬Re]": 1}
     marks = {line.get_label(): len(line.get_xdata()) for line in below_axes.lines}

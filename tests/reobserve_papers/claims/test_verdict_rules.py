@@ -16,12 +16,13 @@ from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_table, write_table, write_text
 from reobserve_papers.claims.checks import Check, Numbers, Reference
 from reobserve_papers.claims.claims_table import HEADER, row
-from reobserve_papers.claims.decider import Decider, Title, write_alternatives
-from reobserve_papers.claims.entries import Quantifier
+from reobserve_papers.claims.decider import Decider
+from reobserve_papers.claims.entries import Quantifier, Result
 from reobserve_papers.claims.inquiry import Robustness, Trial
 from reobserve_papers.claims.outcomes import outcome
 from reobserve_papers.claims.registry import Claim, Registry, read_registry
 from reobserve_papers.claims.sequential import ERROR
+from reobserve_papers.claims.title import Title, row_as_stated, write_alternatives
 from reobserve_papers.claims.verdict_rules import (
     CALIBRATED,
     CONTRADICTED,
@@ -34,10 +35,15 @@ from reobserve_papers.claims.verdict_rules import (
     count,
     main_claims,
     open_verdicts,
-    plain_title,
     possible,
+    title_by,
 )
-from reobserve_papers.claims.verdict_table import in_words, put_into, table
+from reobserve_papers.claims.verdict_table import (
+    counts_table,
+    dissent,
+    put_into,
+    titles_table,
+)
 from reobserve_papers.cli.stages.verdicts import run as count_verdicts
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
@@ -288,18 +294,18 @@ SPELT = {"r": REPRODUCED, "k": CALIBRATED, "d": DEPENDS, "c": CONTRADICTED, "u":
     ],
 )
 def test_title_follows_from_the_verdicts_on_main_claims(words: str, title: str) -> None:
-    assert plain_title([SPELT[letter] for letter in words], 0.5) == title
+    assert title_by([SPELT[letter] for letter in words], 0.5) == title
 
 
 def test_title_asks_for_another_majority_where_that_is_the_convention() -> None:
     two_of_three = [REPRODUCED, REPRODUCED, DEPENDS]
-    assert plain_title(two_of_three, 0.5) == "[Re]"
-    assert plain_title(two_of_three, 0.6667) == "[Re?]"
-    assert plain_title([*two_of_three, REPRODUCED], 0.6667) == "[Re]"
+    assert title_by(two_of_three, 0.5) == "[Re]"
+    assert title_by(two_of_three, 0.6667) == "[Re?]"
+    assert title_by([*two_of_three, REPRODUCED], 0.6667) == "[Re]"
 
 
 def test_broken_main_claim_is_no_replication() -> None:
-    assert plain_title([REPRODUCED, REPRODUCED, "broken"], 0.5) == "[¬Re]"
+    assert title_by([REPRODUCED, REPRODUCED, "broken"], 0.5) == "[¬Re]"
 
 
 def test_open_interval_of_a_main_claim_is_named_where_it_would_change_the_title() -> None:
@@ -415,29 +421,45 @@ def made(*verdicts: str, promised: Iterable[int] = ()) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
-TITLE = Title("[Re?]", ("2 of 4 main claims are reproduced: a broken", "[Re] with x; y; z; w; v"))
+TITLE = Title("[Re?]", {"a": REPRODUCED, "b": DEPENDS}, ("[Re]: It is so.",), (), 3, 1)
+
+
+def cells_of(text: str) -> dict[str, str]:
+    """The cells of the only row of a table."""
+    head, line, reported = (line.split("|")[1:-1] for line in text.splitlines())
+    assert len(head) == len(line) == len(reported)
+    return dict(zip(map(str.strip, head), map(str.strip, reported), strict=True))
 
 
 def test_table_counts_verdicts_and_who_set_the_thresholds() -> None:
     rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0])
     for each, who in zip(rows, ("stated", "after", "", "after"), strict=True):
         each["threshold"] = who
-    *lines, empty, reasons = table(rows, {"a": TITLE}).splitlines()
-    head, line, reported = (text.split("|") for text in lines)
-    assert len(head) == len(line) == len(reported)
-    cells = dict(zip(map(str.strip, head), map(str.strip, reported), strict=True))
-    assert cells["paper"] == "`a`"
-    assert (cells["replication"], cells["claims"]) == ("[Re?]", "4")
+    cells = cells_of(counts_table(rows))
+    assert (cells["paper"], cells["claims"]) == ("`a`", "4")
     assert [cells[one] for one in ("reproduced", "contradicted", "not testable")] == ["2", "1", "1"]
     assert cells["thresholds"] == "1 stated, 0 before, 2 after"
-    assert (empty, reasons) == ("", f"- `a` {in_words(TITLE)}")
 
 
-def test_reasons_of_a_title_are_put_into_words() -> None:
-    said = "[Re?]: 2 of 4 main claims are reproduced: a broken. [Re] with x; y; z and 2 more."
-    assert in_words(TITLE) == said
-    assert in_words(Title("[Re]")) == "[Re]: nothing tried changes it."
-    assert in_words(Title("[Re?]", ("[¬Re] with x; y; z",))) == "[Re?]: [¬Re] with x; y; z."
+def test_table_of_titles_has_a_sentence_that_was_written_for_it() -> None:
+    result = Result(written_for=TITLE.in_words, sentence="Half of it holds.")
+    cells = cells_of(titles_table({"a": TITLE}, {"a": result}))
+    assert list(cells.values()) == ["`a`", "[Re?]", "1 of 2", "0", "Half of it holds."]
+    for other in (replace(TITLE, word="[Re]"), replace(TITLE, mains={"a": CONTRADICTED})):
+        assert cells_of(titles_table({"a": other}, {"a": result}))["result"] == ""
+    assert cells_of(titles_table({"a": TITLE}, {}))["result"] == ""
+    with pytest.raises(ValueError, match="has 26 words, must have 25 at most"):
+        Result(written_for="[Re]", sentence="word " * 26)
+
+
+def test_dissent_is_counted_and_listed() -> None:
+    assert dissent(TITLE) == (
+        "Of 3 readings of main claims, 1 would give another title, and 1 lack samples.\n\n"
+        "- [Re]: It is so.\n"
+    )
+    none = "Of 0 readings of main claims, none would give another title, and none lack samples.\n"
+    assert dissent(Title("[Re]")) == none
+    assert dissent(Title("[Re]", undecided=("so",))) == f"{none}\n- Undecided: so.\n"
 
 
 def test_broken_claims_are_counted() -> None:
@@ -454,13 +476,14 @@ def test_counts_are_written_and_broken_claims_fail(
     write_text(parameters, Parameters.load(ROOT, "ilo").text())
     claims, verdicts = tmp_path / "results/claims.csv", tmp_path / "results/verdicts.md"
     write_table(claims, rows, HEADER)
-    write_alternatives(tmp_path / "results/ilo/alternatives.csv", [], Title("[Re]"))
+    stated = row_as_stated("[Re]", ["0"])
+    main = {**stated, "kind": "main", "claim": "0", "verdict": "reproduced"}
+    write_alternatives(tmp_path / "results/ilo/alternatives.csv", [stated, main])
     count_verdicts([parameters])
     written = verdicts.read_text().splitlines()
-    assert (
-        written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 | 1 stated, 0 before, 1 after |"
-    )
-    assert written[3:] == ["", "- `ilo` [Re]: nothing tried changes it."]
+    assert written[2] == "| `ilo` | [Re] | 1 of 1 | 0 |  |"
+    assert written[6] == "| `ilo` | 2 | 1 | 0 | 0 | 0 | 0 | 1 | 1 stated, 0 before, 1 after |"
+    assert written[8].startswith("`ilo`: Of 0 readings of main claims, none would")
     verdicts.unlink()
     monkeypatch.chdir(tmp_path)
     count_verdicts([])  # of the folder where it is typed
@@ -570,14 +593,15 @@ def verdict_on(claim: Claim, numbers: Numbers) -> str:
 def test_verdicts_are_inserted_between_markers_in_the_readme(tmp_path: Path) -> None:
     readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
     readme.write_text("before\n<!-- verdicts -->\nold\n<!-- end -->\nafter\n")
-    verdicts.write_text("| new |\n")
+    verdicts.write_text("| paper |\n|---|\n| `a` |\n")
     for _ in range(2):
-        put_into(readme, verdicts.read_text())
-        reported = "before\n<!-- verdicts -->\n\n| new |\n\n<!-- end -->\nafter\n"
+        put_into(readme, verdicts.read_text(), ["a"])
+        table = verdicts.read_text()
+        reported = f"before\n<!-- verdicts -->\n\n{table}\n<!-- end -->\nafter\n"
         assert readme.read_text() == reported
     readme.write_text("before\n<!-- verdicts -->\nold\n")
     with pytest.raises(InputError, match=r"must have the lines <!-- verdicts --> and <!-- end -->"):
-        put_into(readme, verdicts.read_text())
+        put_into(readme, verdicts.read_text(), ["a"])
     assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
 
 

@@ -15,7 +15,7 @@ import pytest
 from reobserve.core.errors import ReobserveError
 from reobserve.core.files import read_rows, write_table, write_text
 from reobserve_papers.claims.claims_table import HEADER
-from reobserve_papers.claims.decider import Title, write_alternatives
+from reobserve_papers.claims.title import row_as_stated, write_alternatives
 from reobserve_papers.cli.main import main
 from reobserve_papers.figure_diff import build_comparison, figdiff_commands
 from reobserve_papers.figure_diff.build_comparison import Item
@@ -83,9 +83,17 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record("plant")
     record("watch")
     write_text(f"{BUILT}/parameters.json", PARAMETERS.text())
-    claim = {"paper": "made", "claim": "is_stable", "verdict": "reproduced", "holds": "yes"}
+    claim = {
+        "paper": "made",
+        "claim": "is_stable",
+        "verdict": "reproduced",
+        "holds": "yes",
+        "promised": "abstract",
+    }
     write_table("results/claims.csv", [dict.fromkeys(HEADER, "") | claim], HEADER)
-    write_alternatives(f"{BUILT}/alternatives.csv", [], Title("[Re]"))
+    stated = row_as_stated("[Re]", ["is_stable"])
+    promised = {**stated, "kind": "main", "claim": "is_stable", "verdict": "reproduced"}
+    write_alternatives(f"{BUILT}/alternatives.csv", [stated, promised])
     write_text("README.md", "# Made\n<!-- verdicts -->\nold\n<!-- end -->\nmore\n")
     write_text("config/papers/made.yaml", "")
     write_text("config/config.yaml", "seed: 0\n")
@@ -201,7 +209,8 @@ def test_accept_updates_changed_numbers_and_stores_the_reason(
     assert main(["figdiff"]) == 1
     assert text("figdiff/index.html").count("data:image/png") == 3  # accepted, new, difference
     rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
-    rewrite("results/claims.csv", "reproduced", "contradicted")()
+    for path in ("results/claims.csv", f"{BUILT}/alternatives.csv"):
+        rewrite(path, "reproduced", "contradicted")()
     shutil.copy(f"{ACCEPTED}/fig1.png", f"{ACCEPTED}/old.png")
     commit()
     assert main(["accept", "made", "--reason", "the axis has another name"]) == 0
@@ -412,6 +421,7 @@ def test_claims_that_lack_samples_come_last_and_keep_their_verdicts(
     monkeypatch.setattr(figdiff_commands, "claims_file", lambda *arguments: Path("README.md"))
     monkeypatch.setattr(figdiff_commands, "sample_again", sample)
     rewrite("results/claims.csv", "reproduced", "undecided")()
+    rewrite(f"{BUILT}/alternatives.csv", "reproduced", "undecided")()
     rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
     lack = "1 claim lacks samples: `make samples PAPER=made` (is_stable)"
     for _ in range(2):
@@ -427,7 +437,7 @@ def test_claims_that_lack_samples_come_last_and_keep_their_verdicts(
             commit()
     assert asked == [{"is_stable"}]
     assert 'made,is_stable,"reproduced, not sampled since",yes' in text("tests/golden/claims.csv")
-    assert "| `made` | [Re] | 1 | 1 | 0 |" in text("README.md")
+    assert "| `made` | [Re] | 1 of 1 | 0 |" in text("README.md")
     rewrite("results/claims.csv", "undecided", "reproduced")()
     assert main(["figdiff"]) == 0
     rewrite("results/claims.csv", "reproduced", "contradicted")()

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from reobserve.core.files import write_table
 from reobserve_papers.claims.claims_table import HEADER
-from reobserve_papers.claims.decider import Title, write_alternatives
 from reobserve_papers.claims.sample_table import Samples, write_samples
+from reobserve_papers.claims.title import row_as_stated, title_from, write_alternatives
 from reobserve_papers.metrics.metrics import Metric, write_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
@@ -31,13 +31,19 @@ _DRAWN = {
     "samples": 40, "held": 30, "tied": 4, "opposed": 3, "share": 0.75, "low": 0.598, "high": 0.858,
 }  # fmt: skip
 
-TITLE = Title(
-    "[Re?]",
-    (
-        "1 of 2 main claims are reproduced: placed_is_better depends on unstated choices",
-        "[¬Re] with less: <a tenth>",
-    ),
-)
+_STATED = row_as_stated("[Re?]", ["double_pole", "placed_is_better"])
+_OF = {**_STATED, "claim": "placed_is_better", "verdict": "depends on unstated choices"}
+ALTERNATIVES = [
+    _STATED,
+    {**_STATED, "kind": "main", "claim": "double_pole", "verdict": "reproduced"},
+    {**_OF, "kind": "main", "held": "30 of 40"},
+    {
+        **_OF, "alternative": "less: <a tenth>", "kind": "convention", "why": "A tenth is <less>.",
+        "held": "30 of 40", "other": "contradicted", "other_held": "1 of 40",
+        "other_title": "[¬Re]", "chosen": "after",
+    },
+]  # fmt: skip
+TITLE = title_from(ALTERNATIVES)
 
 CLAIMS = [
     {
@@ -126,7 +132,7 @@ def make_project(folder: Path) -> Path:
     write_metrics(built / "theory.metrics.csv", [Metric("gains", "discriminant", -0.0, "1/s^2")])
     (built / "table1.csv").write_text("gain,computed,printed\nl1,7.5,7.5\nl2,16.0,15.9\n")
     write_claims(folder, CLAIMS)
-    write_alternatives(built / "alternatives.csv", [], TITLE)
+    write_alternatives(built / "alternatives.csv", ALTERNATIVES)
     error = "fig1 slow late_rms_error"
     texts = ("0.4",) * 30 + ("1.5",) * 7 + ("-",) * 2 + (None,)
     drawn = Samples("", (error,), texts, cached=38)

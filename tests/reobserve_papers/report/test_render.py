@@ -62,8 +62,9 @@ def test_page_contains_everything(project: Path, capsys: pytest.CaptureFixture[s
         "The bound was set after its numbers were known.",
         "late_rms_error / fig1 slow late_rms_error below any number.",
         "1 of 1 are certain:", "Which choices decide the claims that turn over", "undecided",
-        "1 of 2 main claims are reproduced: placed_is_better depends on unstated choices",
-        "[¬Re] with less: <a tenth>", "4 are ties; the opposite holds in 3.",
+        "[Re?], 1 of 2 main claims reproduced, 0 contradicted.",
+        "[¬Re]: A tenth is <less>. <code>placed_is_better</code> is then contradicted (1 of 40, "
+        "30 of 40 as stated).", "4 are ties; the opposite holds in 3.",
         "3 diverged or were refused.", "With an estimator that knows nothing it holds in 2",
         "38 were computed earlier and are cached in <code>config/samples</code>; the others were",
         "40 were computed earlier and are cached in <code>config/samples</code>.</p>",

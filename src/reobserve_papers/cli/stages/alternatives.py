@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve_papers.claims.decider import Decider, decide, write_alternatives
+from reobserve_papers.claims.decider import Decider
 from reobserve_papers.claims.inquiry import read_robustness
 from reobserve_papers.claims.registry import read_registry
+from reobserve_papers.claims.title import write_alternatives
 from reobserve_papers.metrics.metrics import lookup, read_metrics
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import project_of, reads, result
@@ -16,8 +17,8 @@ def run(parameter_file: Path) -> None:
     """Re-evaluate the samples by each alternative, and write what changes."""
     parameters = Parameters.read(parameter_file)
     project = project_of(parameter_file, parameters)
-    decider = decider_of(project, parameters)
-    write_alternatives(project / result(parameters.paper, "alternatives"), *decide(decider))
+    rows = decider_of(project, parameters).rows()
+    write_alternatives(project / result(parameters.paper, "alternatives"), rows)
 
 
 def decider_of(project: Path, parameters: Parameters) -> Decider:

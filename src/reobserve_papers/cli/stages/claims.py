@@ -9,8 +9,8 @@ from typing import Any
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
 from reobserve_papers.claims.claims_table import HEADER, broken_row, row
-from reobserve_papers.claims.decider import read_alternatives
 from reobserve_papers.claims.registry import amiss
+from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.cli.stages.alternatives import decider_of
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import project_of, result

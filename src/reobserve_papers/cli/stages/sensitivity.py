@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reobserve_papers.claims.decider import read_alternatives
 from reobserve_papers.claims.plot_alternatives import alternatives_curve
 from reobserve_papers.claims.plot_claims import sensitivity_bars, specification_curves
+from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.cli.stages.alternatives import decider_of
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plotting.fitting import fix_layout

@@ -8,15 +8,16 @@ from pathlib import Path
 from reobserve.core.errors import ReobserveError
 from reobserve.core.files import read_table, write_text
 from reobserve_papers.claims.claims_table import HEADER, KINDS
-from reobserve_papers.claims.decider import read_alternatives
+from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.claims.verdict_rules import BROKEN
-from reobserve_papers.claims.verdict_table import table
+from reobserve_papers.claims.verdict_table import counts_table, dissent, titles_table
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import project_of, result
 
 
 def run(parameter_file: Sequence[Path]) -> None:
-    """Count and write a table with titles and their reasons, in Markdown."""
+    """Write titles, counts of verdicts and dissent, in Markdown."""
     project = Path()
     for path in parameter_file[:1]:
         project = project_of(path, Parameters.read(path))
@@ -26,4 +27,7 @@ def run(parameter_file: Sequence[Path]) -> None:
         raise ReobserveError("; ".join(broken))
     papers = dict.fromkeys(row["paper"] for row in rows)
     titles = {name: read_alternatives(project / result(name, "alternatives"))[0] for name in papers}
-    write_text(project / result("", "verdicts"), table(rows, titles))
+    results = {name: read_claims(project, name).result for name in papers}
+    said = [f"`{name}`: {dissent(title)}" for name, title in titles.items()]
+    text = "\n".join([titles_table(titles, results), counts_table(rows), *said])
+    write_text(project / result("", "verdicts"), text)
