@@ -88,7 +88,8 @@ def _three_lines(paper: Paper) -> str:
         kind = {REPRODUCED: "Holds", CONTRADICTED: "Fails"}.get(claim.verdict, "Depends")
         said = f"[{ticks(claim.statement.rstrip('.'))}](#claim-{claim.name})"
         if kind == "Depends":
-            said += f" ({claim.verdict}{f', {_share(claim)}' if claim.robustness else ''})"
+            share = f", {_share(claim)}" if claim.robustness else ""
+            said += f" ({claim.verdict}{share})"
         sorted_by[kind].append(said)
     return "\n".join(
         f"- **{kind}**: {'; '.join(listed) if listed else 'no main claim'}."
