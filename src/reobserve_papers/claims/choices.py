@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import cache, lru_cache
 from itertools import product
 from typing import Any
 
@@ -22,14 +23,19 @@ _MOST_CELLS = 64  # combinations of discrete choices that are counted instead of
 
 _DECADE = 10.0  # a range that spans as much is one of magnitudes
 
+# Each word comes as often as any other in so many samples, or the next multiple of their number.
+# Shorter blocks would repeat what several choices of words do together: of four choices of two
+# words in blocks of two, every second sample has the opposite of all words of the one before.
+_BLOCK = 12
+
 
 @dataclass(frozen=True)
 class Knob:
     """One number (or word) of a choice, and where it may stand.
 
     ``keys`` are the entries that it stands for, ``span`` is the interval of a number, ``words``
-    are the alternatives of anything else. ``named`` are those of the values that the paper names:
-    half of the samples take one of them.
+    are the alternatives of anything else, each in as many samples. ``named`` are numbers that the
+    paper names: half of the samples take one of them.
     """
 
     keys: tuple[str, ...]
@@ -83,13 +89,22 @@ class Knob:
         whole = all(isinstance(number, int) for number in (self.value, *self.span))
         return round(value) if whole else value
 
-    def drawn(self, stream: np.random.Generator) -> Any:
-        """A random value of those that another reader could have set."""
-        if self.named and stream.random() < 0.5:
-            return self.named[int(stream.integers(len(self.named)))]
+    @property
+    def block(self) -> int:
+        """The number of samples in which each word comes as often, 0 for numbers."""
+        return len(self.words) * math.ceil(_BLOCK / len(self.words)) if self.words else 0
+
+    def drawn(self, seed: int, paper: str, number: int) -> Any:
+        """The value that the reader of a number sets, of those that another reader could have set.
+
+        A number has a random stream for each reader, words have one for each block of readers.
+        """
         if self.words:
-            return self.words[int(stream.integers(len(self.words)))]
-        return self.at(float(stream.random()))
+            block, place = divmod(number, self.block)
+            order = _order(seed, paper, self.name, block, self.block)
+            return self.words[order[place] % len(self.words)]
+        chosen = _place(seed, paper, self.name, number, len(self.named))
+        return self.named[chosen] if isinstance(chosen, int) else self.at(chosen)
 
 
 @dataclass(frozen=True)
@@ -161,21 +176,19 @@ def chosen(parameters: Parameters, choices: Iterable[Choice], number: int) -> tu
     if (counted := cells(choices)) is not None:
         return counted[number]
 
-    def stream(name: str) -> np.random.Generator:
-        return random_stream(parameters.seed, "claims", parameters.paper, name, str(number))
-
+    seed, paper = parameters.seed, parameters.paper
     values: list[Any] = []
     for choice in choices:
-        values.extend(knob.drawn(stream(knob.name)) for knob in choice.knobs)
+        values.extend(knob.drawn(seed, paper, number) for knob in choice.knobs)
         if choice.keys == (SEED,):
-            values.append(int(stream(SEED).integers(2**31)))
+            values.append(int(_stream(seed, paper, SEED, number).integers(2**31)))
     return tuple(values)
 
 
 def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
     allowed, value, named = entry["range"], entry["value"], tuple(entry.get("named", ()))
     if isinstance(allowed, dict) and "choices" in allowed:
-        yield Knob(keys, (), value, words=tuple(allowed["choices"]), named=named)
+        yield Knob(keys, (), value, words=tuple(allowed["choices"]))
         return
     intervals = allowed if isinstance(allowed, dict) else {"": allowed}
     grids = entry.get("multiple_of", {})
@@ -189,6 +202,28 @@ def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
             yield Knob(keys, path, leaf, span, multiple[0] if multiple else 0.0, named=named)
 
 
+def _stream(seed: int, paper: str, name: str, part: int) -> np.random.Generator:
+    """The random stream of a choice, of one reader or of a block of readers."""
+    return random_stream(seed, "claims", paper, name, str(part))
+
+
+# Claims share choices, and each sample is asked for by many alternatives.
+@lru_cache(maxsize=100_000)
+def _order(seed: int, paper: str, name: str, block: int, size: int) -> list[int]:
+    order: list[int] = _stream(seed, paper, name, block).permutation(size).tolist()
+    return order
+
+
+@lru_cache(maxsize=100_000)
+def _place(seed: int, paper: str, name: str, number: int, named: int) -> int | float:
+    """The index of one of so many values that are named, or the place in a range."""
+    stream = _stream(seed, paper, name, number)
+    if named and stream.random() < 0.5:
+        return int(stream.integers(named))
+    return float(stream.random())
+
+
+@cache
 def _in_one(keys: tuple[str, ...]) -> str:
     """The text ``a.{b,c}.d`` for a.b.d and a.c.d, or the first if they differ in several parts."""
     columns = list(zip(*(key.split(".") for key in keys), strict=False))

@@ -83,16 +83,18 @@ def basis_of(evaluator: Evaluator, claim: Claim, known: Sequence[str] | None = N
         for figure in figures
         if figure in claim.figures
     }
-    return digest([seen, [_described(choice) for choice in claim.choices], parameters.seed])
+    counted = claim.cells is not None
+    described = [_described(choice, counted) for choice in claim.choices]
+    return digest([seen, described, parameters.seed])
 
 
-def _described(choice: Choice) -> list[Any]:
+def _described(choice: Choice, counted: bool) -> list[Any]:
     """Describe what a sample draws, in plain values."""
     return [
         [list(choice.keys)],
         *(
             [list(knob.keys), list(knob.path), list(knob.span), knob.multiple,
-             list(knob.words), list(knob.named)]
+             list(knob.words), list(knob.named), *[knob.block] * bool(knob.words and not counted)]
             for knob in choice.knobs
         ),
     ]  # fmt: skip

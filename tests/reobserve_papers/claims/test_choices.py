@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import copy
 import math
+import random
+from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.choices import (
@@ -212,10 +217,72 @@ def test_half_of_the_samples_take_a_value_named_in_the_paper() -> None:
     assert abs(np.mean(drawn == 1.0) - 0.5) < 4 * 0.5 / math.sqrt(len(drawn))
     others = drawn[drawn != 1.0]
     assert abs(np.mean(others) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(others))
-    words = {"value": "A", "range": {"choices": ["A", "B", "C"]}, "named": ["B"]}
-    (knob,) = find_choice(parameters(solver=words), "plant.solver").knobs
-    stream = np.random.default_rng(1)
-    taken = np.array([knob.drawn(stream) for _ in range(400)])
-    assert abs(np.mean(taken == "B") - (0.5 + 0.5 / 3)) < 0.1
     (knob,) = find_choice(ILO, GAIN).knobs
     assert "named" not in repr(knob)  # digests of cached samples depend on this
+
+
+NUMBER = find_choice(ILO, GAIN)  # with it, words are not counted
+letters = st.lists(st.text("abc", max_size=4), min_size=1, max_size=15, unique=True)
+
+
+@given(letters, st.lists(st.text("ab"), max_size=1), st.integers(0, 60), st.integers(0, 2**64))
+@example(["sampled", "continuous", "forgetting"], [], 20, 1)
+@example(["series", "jacobian", "composed"], ["series"], 200, 1)
+def test_each_word_comes_in_as_many_samples(
+    words: list[str], named: list[str], count: int, seed: int
+) -> None:
+    """In every block, and nearly so in samples that end within one."""
+    start = parameters(solver={"value": words[0], "range": {"choices": words}, "named": named})
+    start = replace(start, seed=seed)
+    choice = find_choice(start, "plant.solver")
+    drawn = [chosen(start, [choice, NUMBER], number)[0] for number in range(count)]
+    (knob,) = choice.knobs
+    assert knob.block % len(words) == 0
+    assert knob.block < 12 + len(words)
+    for first in range(0, count, knob.block):
+        counts = Counter(drawn[first : first + knob.block])
+        assert max(counts.values()) <= knob.block // len(words)
+        if first + knob.block <= count:
+            assert counts == dict.fromkeys(words, knob.block // len(words))
+
+
+def test_words_have_other_orders_in_other_blocks_choices_and_seeds() -> None:
+    start = parameters(a=TWO_WORDS, b=TWO_WORDS)
+    choices = [find_choice(start, f"plant.{name}") for name in "ab"]
+
+    def orders(seed: int) -> set[str]:
+        rows = [chosen(replace(start, seed=seed), [*choices, NUMBER], k) for k in range(60)]
+        return {
+            "".join(row[j] for row in rows)[k : k + 12] for j in (0, 1) for k in range(0, 60, 12)
+        }
+
+    assert len(orders(1)) == 10
+    assert not orders(1) & orders(2)
+
+
+ASKED = ["seed", "observers.*.K2", "observers.forgetting.K1", "metrics.variant", *(
+    f"plant.{name}" for name in ("solver", "order", "hold", "noise", "mass")
+)]  # fmt: skip
+
+
+@given(st.lists(st.sampled_from(ASKED), unique=True), st.integers(0, 10**6), st.randoms())
+@example(["metrics.variant"], 17, random.Random(1))
+def test_choice_is_the_same_whichever_others_are_asked(
+    asked: list[str], number: int, order: random.Random
+) -> None:
+    start = parameters(
+        solver={"value": "A", "range": {"choices": ["A", "B", "C"]}, "named": ["B"]},
+        order={"value": 2, "range": [1, 400]},
+        hold={"value": 0.3, "range": [0.05, 1.0], "multiple_of": 0.1},
+        noise={"value": [1.0, 2.0], "range": {"*": [0.0, 9.0]}},
+        mass={"value": 2.0, "range": [1.0, 5.0], "named": [1.0, 3.0]},
+    )
+
+    def found(patterns: list[str]) -> dict[str, Any]:
+        choices = [find_choice(start, pattern) for pattern in patterns]
+        names = [name for choice in choices for name in choice.names]
+        return dict(zip(names, chosen(start, choices, number), strict=True))
+
+    everything = found([*ASKED, GAIN])
+    few = found(order.sample([*asked, GAIN], len(asked) + 1))
+    assert few.items() <= everything.items()
