@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import defaultdict
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from reobserve_papers.claims.sample_table import (
     read_samples,
     to_repeat,
 )
-from reobserve_papers.claims.verdict_rules import Counted, possible
+from reobserve_papers.claims.verdict_rules import DEPENDS, Counted, possible
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
 
@@ -218,24 +218,31 @@ class Inquiry:
         least = max(_LEAST, self.known[claim.name].length)
         return robustness.samples >= least and len(self.possible(claim)) == 1
 
+    def lacks(self, claim: Claim, enough: int) -> bool:
+        """True if a main claim, or one that depends, has fewer than ``enough`` samples, not all."""
+        robustness = self.sampled[claim.name]
+        fewer = robustness.whole is None and robustness.samples < enough
+        return fewer and (claim.is_main or self.possible(claim) == (DEPENDS,))
+
     def fill(
         self, samples: Callable[[Claim], int], chunk: range | None = None, *,
-        seconds: float = math.inf, whole: Container[str] = (),
+        seconds: float = math.inf, enough: int = 0,
     ) -> None:  # fmt: skip
         """Make samples until claims are decided or have their maximum, or only those of a chunk.
 
         Samples before a chunk are used if they are known. So chunks need not wait for each other:
-        one may make samples that are not needed, and lacks none that would decide otherwise. Claims
-        in ``whole`` get their maximum, and none more samples after so many CPU ``seconds``.
+        one may make samples that are not needed, and lacks none that would decide otherwise. Where
+        claims need ``enough`` samples (see `lacks`) they get these, too, up to their maximum. None
+        are made of a claim after so many CPU ``seconds``.
         """
         longest = max((self.limit(claim, samples) for claim in self.claims), default=0)
         for number in range(longest):
             going = [
                 claim
                 for claim in self.claims
-                if (claim.name in whole or not self.decided(claim))
+                if (self.lacks(claim, enough) or not self.decided(claim))
                 and number < self.limit(claim, samples)
-                and self.spent[claim.name] < seconds
+                and (number in self.known[claim.name] or self.spent[claim.name] < seconds)
             ]
             if not going:
                 break

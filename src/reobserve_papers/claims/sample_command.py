@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Container, Sequence
 from pathlib import Path
 
@@ -15,14 +14,17 @@ from reobserve_papers.parameters.parameters import Parameters, default_parameter
 from reobserve_papers.steps.evaluation import Evaluator
 
 _FIRST = 40  # samples of the first step; each later step doubles them and caches the results
+_SECONDS = 300.0  # CPU time for each claim; the next call of the command goes on from there
 
 
 def sample_command(
     project: Path, paper: Sequence[str], claim: Sequence[str], max_samples: int | None, check: bool
 ) -> None:
-    """Sample until claims are decided, starting from the cached samples.
+    """Sample until claims are decided and have enough samples, starting from the cached ones.
 
-    With ``check`` nothing is written: the cached samples are recomputed and compared.
+    Main claims, and those that depend on unstated choices, have enough if these are as many as the
+    convention `samples` says. With ``check`` nothing is written: the cached samples are recomputed
+    and compared.
     ``max_samples`` limits the samples of each claim (None: the convention `samples`, or what the
     claim says itself), ``claim`` says which claims are sampled (none: all).
     """
@@ -52,28 +54,30 @@ def sample_again(
 ) -> bool:
     """Sample claims whose cached samples do not apply any more, and cache: False if none was.
 
-    Those that a build left ``undecided`` until they are decided, main claims to their maximum, both
-    for so many CPU ``seconds`` a claim at most.
+    So are those that a build left ``undecided``. No claim is sampled for more than so many CPU
+    ``seconds``.
     """
     registry, evaluator = read_registry(project, parameters), Evaluator(parameters)
     cached = read_cached(project, parameters.paper)
     sampled = [claim for claim in registry.claims if claim.checks and claim.choices]
-    old = [claim for claim in sampled if not cached.current(evaluator, claim)]
-    main = {claim.name for claim in old if claim.is_main}
-    claims = [claim for claim in sampled if claim.name in undecided or claim.name in main]
+    claims = [
+        claim
+        for claim in sampled
+        if claim.name in undecided or not cached.current(evaluator, claim)
+    ]
     if claims:
-        _sample_on(project, parameters, registry, claims, None, seconds, main)
+        _sample_on(project, parameters, registry, claims, None, seconds)
     return bool(claims)
 
 
 def _sample_on(
     project: Path, parameters: Parameters, registry: Registry, claims: list[Claim],
-    max_samples: int | None, seconds: float = math.inf, whole: Container[str] = (),
+    max_samples: int | None, seconds: float = _SECONDS,
 ) -> None:  # fmt: skip
     """Sample in steps, so that little is lost if the command is stopped (see `Inquiry.fill`)."""
     values = registry.conventions.values
     limits = {claim.name: max_samples or claim.maximum or values["samples"] for claim in claims}
-    cached = read_cached(project, parameters.paper)
+    cached, enough = read_cached(project, parameters.paper), values["samples"]
     inquiry = Inquiry.begin(Evaluator(parameters), claims, values["share"], cached, complete=True)
     tried, step = inquiry.sampled, _FIRST
 
@@ -81,17 +85,19 @@ def _sample_on(
         return min(step, limits[claim.name])
 
     while True:
-        inquiry.fill(limit, seconds=seconds, whole=whole)
+        inquiry.fill(limit, seconds=seconds, enough=min(enough, max_samples or enough))
         keep(project, parameters, inquiry.to_keep())
         left = [claim.name for claim in inquiry.claims if len(inquiry.possible(claim)) > 1]
-        drawn = f"{sum(robustness.samples for robustness in tried.values())} samples"
+        lacking = [claim.name for claim in inquiry.claims if inquiry.lacks(claim, enough)]
         print(
-            f"{parameters.paper}: {drawn}, {len(left)} of {len(tried)} claims undecided", flush=True
+            f"{parameters.paper}: {sum(robustness.samples for robustness in tried.values())} "
+            f"samples, {len(left)} of {len(tried)} claims undecided, {len(lacking)} have fewer "
+            f"than {enough} samples",
+            flush=True,
         )
-        going = [name for name in tried if name in left or name in whole]
         if all(
             max(step, tried[name].samples) >= limits[name] or inquiry.spent[name] >= seconds
-            for name in going
+            for name in {*left, *lacking}
         ):
             return
         step *= 2

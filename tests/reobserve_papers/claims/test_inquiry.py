@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from reobserve_papers.claims.checks import Check, Reference
 from reobserve_papers.claims.inquiry import Inquiry, Robustness, read_robustness
@@ -70,6 +73,28 @@ def test_counterexample_ends_the_samples_of_what_is_always_so() -> None:
     assert verdicts(rare, one) == ("contradicted",)
     sure = replace(claim("fig1 a gain", GAIN, above=400), quantifier="always")
     assert (found(sure).samples, verdicts(sure, found(sure))) == (36, ("reproduced",))
+
+
+@given(
+    st.sampled_from([400, 520, 620, 1600, 4000, 5000]), st.sampled_from(["is", "can", "always"]),
+    st.booleans(), st.integers(0, 120), st.integers(36, 100),
+)  # fmt: skip
+@example(1600, "is", False, 100, 100)
+@example(400, "is", True, 100, 80)
+def test_main_claims_and_those_that_depend_get_enough_samples(
+    bound: float, quantifier: Any, is_main: bool, enough: int, maximum: int
+) -> None:
+    promised = ("abstract",) if is_main else ()
+    one = replace(claim("fig1 a gain", GAIN, above=bound), quantifier=quantifier, promised=promised)
+    inquiry = Inquiry.begin(Evaluator(ILO), [one], 0.9)
+    inquiry.fill(lambda _: maximum, enough=enough)
+    samples, alone = inquiry.sampled["it"].samples, found(one, maximum).samples
+    if is_main or inquiry.possible(one) == ("depends on unstated choices",):
+        assert samples == max(alone, min(enough, maximum))
+        assert inquiry.lacks(one, enough) == (samples < enough)
+    else:
+        assert samples == alone or not alone < samples < enough
+        assert not inquiry.lacks(one, enough)
 
 
 def test_all_claims_use_the_same_samples() -> None:

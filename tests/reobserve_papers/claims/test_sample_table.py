@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError, ReobserveError
+from reobserve_papers.claims import choices
 from reobserve_papers.claims import sample_command as commands
 from reobserve_papers.claims import sample_table as tables
 from reobserve_papers.claims.checks import Check, Reference
@@ -384,7 +385,8 @@ def test_samples_command_resumes_and_checks(
     assert [line.split(", ")[1] for line in reported] == ["1 of 2 claims undecided"] * 3
     assert [len(one.samples) for one in kept(project).claims.values()] == [100, 36]
     run(project, 60)
-    assert capsys.readouterr().out == "ilo: 136 samples, 1 of 2 claims undecided\n"
+    said = "ilo: 136 samples, 1 of 2 claims undecided, 0 have fewer than 400 samples\n"
+    assert capsys.readouterr().out == said
     run(project, 100, check=True)
     project_with(tmp_path, monkeypatch, {"it": NEAR, "never": never, "new": never})
     with pytest.raises(ReobserveError, match="1 claims have samples that differ"):
@@ -430,7 +432,48 @@ def test_samples_command_samples_named_claims_only(
         run(project, None, "wrod")
 
 
-SOON = claim("fig1 a gain", GAIN, above=5000)
+NEVER, HALF = (claim("fig1 a gain", GAIN, above=bound) for bound in (5000, 1600))
+FOUR = {
+    "main": replace(NEVER, promised=("abstract",)), "near": NEAR, "never": NEVER, "half": HALF,
+    "words": replace(claim("fig1 a variant", VARIANT, below=1.5), promised=("abstract",)),
+}  # fmt: skip
+
+
+def lengths(project: Path) -> dict[str, int]:
+    return {name: len(table.samples) for name, table in kept(project).claims.items()}
+
+
+@pytest.mark.parametrize("most", [30, 60, None, 500])
+def test_main_claims_and_those_that_depend_have_enough_samples(
+    code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], most: int | None,
+) -> None:  # fmt: skip
+    """As many as the convention says, here 400, or all; others end when they are decided."""
+    project = project_with(tmp_path, monkeypatch, FOUR)
+    run(project, most)
+    enough = min(most or 400, 400)
+    near = most or 400
+    assert lengths(project) == {
+        "main": enough, "near": near, "never": min(enough, 36), "half": enough, "words": 3,
+    }  # fmt: skip
+    undecided, few = 1 if enough >= 36 else 3, 2 if enough < 400 else 0
+    said = f" {undecided} of 5 claims undecided, {few} have fewer than 400 samples"
+    assert capsys.readouterr().out.splitlines()[-1].endswith(said)
+
+
+def test_claim_may_state_another_maximum_than_is_enough(
+    code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is reached where the claim is undecided, and less where it is smaller."""
+    claims = {
+        "near": replace(NEAR, maximum=600),
+        "half": replace(HALF, maximum=600),
+        "few": replace(HALF, maximum=90),
+    }
+    project = project_with(tmp_path, monkeypatch, claims)
+    run(project, None)
+    assert lengths(project) == {"near": 600, "half": 400, "few": 90}
+    assert "1 of 3 claims undecided, 1 have fewer" in capsys.readouterr().out.splitlines()[-1]
 
 
 @pytest.mark.parametrize("seconds", [60.0, 1e-9])
@@ -438,19 +481,32 @@ def test_claims_are_sampled_again_when_their_samples_do_not_apply(
     code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str], seconds: float,
 ) -> None:  # fmt: skip
-    """The main ones to the end, others if a build left them undecided, and none beyond its time."""
-    claims = {"main": replace(SOON, promised=("abstract",)), "near": NEAR, "soon": SOON}
-    project = project_with(tmp_path, monkeypatch, claims)
+    """All, or only what a build left undecided, by the rule of the command, but for the time."""
+    project = project_with(tmp_path, monkeypatch, FOUR)
     run(project, 60)
-    before = {name: len(table.samples) for name, table in kept(project).claims.items()}
-    assert before == {"main": 36, "near": 60, "soon": 36}
-    assert not sample_again(project, default_parameters(project, "ilo"), (), seconds)
+    before = lengths(project)
+    parameters = default_parameters(project, "ilo")
+    assert not sample_again(project, parameters, (), seconds)
+    assert sample_again(project, parameters, {"near"}, seconds)
+    assert lengths(project) == before | {"near": 400 if seconds > 1 else 60}
     more = find_choice(ILO, SHARE)
-    changed = {name: replace(one, choices=(*one.choices, more)) for name, one in claims.items()}
+    changed = {name: replace(one, choices=(*one.choices, more)) for name, one in FOUR.items()}
     project_with(tmp_path, monkeypatch, changed)
-    assert sample_again(project, default_parameters(project, "ilo"), {"near"}, seconds)
-    after = {name: len(table.samples) for name, table in kept(project).claims.items()}
-    assert after["soon"] == 36  # those of before, which a build replaces if it needs to
-    wanted = dict.fromkeys(("main", "near"), 400 if seconds > 1 else 1)
-    assert {name: after[name] for name in wanted} == wanted
+    assert sample_again(project, parameters, (), seconds)
+    wanted = dict.fromkeys(FOUR, 1)
+    if seconds > 1:
+        wanted = {"main": 400, "near": 400, "never": 36, "half": 400, "words": 400}
+    assert lengths(project) == wanted
     assert "claims undecided" in capsys.readouterr().out
+
+
+def test_samples_with_words_in_other_blocks_do_not_apply(
+    code: Code, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that have no words, or all combinations of them, do."""
+    claims = [claim("fig1 a gain", *keys, above=620) for keys in
+              ([GAIN], [VARIANT], [VARIANT, GAIN], [VARIANT, "seed"])]  # fmt: skip
+    pasts = [found(one).to_keep(one) for one in claims]
+    monkeypatch.setattr(choices, "_BLOCK", 6)
+    again = [found(one, past).cached > 0 for one, past in zip(claims, pasts, strict=True)]
+    assert again == [True, True, False, False]
