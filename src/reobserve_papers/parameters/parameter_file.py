@@ -124,7 +124,8 @@ class Entry(Model):
         None, description="The values that another reader of the paper could have chosen."
     )
     named: Annotated[list[Any], Field(min_length=1)] | None = Field(
-        None, description="Values in the range that the paper names; half of the samples take one."
+        None,
+        description="Values in the range that the paper names; half of the samples take one of its numbers.",
     )
     multiple_of: Multiples | None = Field(
         None, description="The grid on which sampled values lie; by pattern as in `range`."
