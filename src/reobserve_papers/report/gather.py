@@ -20,7 +20,7 @@ from reobserve_papers.claims.entries import PaperFigure
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import has_claims, read_claims
 from reobserve_papers.claims.sample_table import read_samples
-from reobserve_papers.claims.title import Title, read_alternatives
+from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.claims.verdict_rules import BROKEN, count
 from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.parameters.config import known_papers, known_tasks
@@ -173,7 +173,9 @@ class _Build:
     def _scored(self, paper: str, rows: list[dict[str, str]] | Gap) -> Data:
         """The claims of a paper, what they add up to, and the gap where robustness is missing."""
         if isinstance(rows, Gap) or not rows:
-            return {"claims": rows, "undrawn": None, "counts": {}, "replication": None}
+            return {
+                "claims": rows, "undrawn": None, "counts": {}, "replication": None, "readings": []
+            }  # fmt: skip
         path = self.folder / f"results/{paper}/robustness.json"
         drawn = self.gaps.attempt(f"{paper}-claims", read_samples, path, paper)
         known = {} if isinstance(drawn, Gap) else drawn.claims
@@ -189,16 +191,18 @@ class _Build:
             "claims": claims,
             "undrawn": drawn if isinstance(drawn, Gap) else None,
             "counts": count(rows)[paper],
-            "replication": self._replication(paper),
+            **self._replication(paper),
         }
 
-    def _replication(self, paper: str) -> Title | Gap:
-        """The title of a paper's replication, and its reasons."""
+    def _replication(self, paper: str) -> Data:
+        """The title of a paper's replication, and the readings that change verdicts."""
         path = f"results/{paper}/alternatives.csv"
-        title = self.read(
+        found = self.read(
             f"{paper}-title", path, f"logs/{paper}/alternatives.log", read_alternatives
         )
-        return title if isinstance(title, Gap) else title[0]
+        title, rows = (found, []) if isinstance(found, Gap) else found
+        changing = [row for row in rows if row["claim"] and row["other"] != row["verdict"]]
+        return {"replication": title, "readings": changing}
 
     def read(self, place: str, path: str, logged: str, read: Any, *arguments: Any) -> Any:
         """Read a file that a job with this log should have made, or add a gap."""
