@@ -62,12 +62,17 @@ class Title:
         return [*self.mains.values()].count(verdict)
 
     @property
-    def in_words(self) -> str:
-        """The title, and how many main claims are reproduced and contradicted."""
+    def counted(self) -> str:
+        """How many main claims are reproduced and contradicted, in words."""
         return (
-            f"{self.word}, {self.count(REPRODUCED)} of {len(self.mains)} main claims reproduced, "
+            f"{self.count(REPRODUCED)} of {len(self.mains)} main claims reproduced, "
             f"{self.count(CONTRADICTED)} contradicted"
         )
+
+    @property
+    def in_words(self) -> str:
+        """The title, and how many main claims are reproduced and contradicted."""
+        return f"{self.word}, {self.counted}"
 
 
 def title_from(rows: Sequence[Row]) -> Title:

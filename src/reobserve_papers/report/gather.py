@@ -20,8 +20,9 @@ from reobserve_papers.claims.entries import PaperFigure
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import has_claims, read_claims
 from reobserve_papers.claims.sample_table import read_samples
-from reobserve_papers.claims.title import read_alternatives
+from reobserve_papers.claims.title import Title, read_alternatives
 from reobserve_papers.claims.verdict_rules import BROKEN, count
+from reobserve_papers.claims.verdict_table import sentence
 from reobserve_papers.metrics.metrics import Metric, read_metrics
 from reobserve_papers.parameters.config import known_papers, known_tasks
 from reobserve_papers.parameters.names import caption_template, claims_path, stored_parameters
@@ -154,6 +155,9 @@ class _Build:
             "short": cited(tree["about"]),
             "gaps": [stored] if isinstance(stored, Gap) else [],
             "limitations": registry if isinstance(registry, Gap) else registry.limitations,
+            "result": sentence(scored["replication"], registry.result)
+            if isinstance(scored["replication"], Title) and not isinstance(registry, Gap)
+            else "",
             "rows": registry if isinstance(registry, Gap) else page.rows(registry.figures, assumed),
             "corrections": {}
             if isinstance(registry, Gap)
