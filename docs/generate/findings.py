@@ -119,6 +119,9 @@ def _claims(paper: Paper) -> str:
         "## Claims\n\nThe statements are in our words. The last column is the share of samples of "
         "the unstated choices in which the claim holds, with its confidence interval: each end "
         "holds with 95 % confidence at any number of samples. "
+        "Of a claim that depends on choices or is undecided it says instead which choice separates "
+        "the outcomes most, if one explains a fifth of them or more: it was found in one half of "
+        "the samples, and the numbers are of the other half. "
         f"[Checks and bounds]({_ROOT}/config/claims/{paper.name}.yaml) of each claim are in one "
         "file, earlier ones there under `history`. The paper has "
         f"[{len(paper.errata)} errata, {certain} of them certain]"
@@ -137,10 +140,13 @@ def _share(claim: ReportedClaim) -> str:
     if not claim.robustness:
         return ""
     found = claim.robustness
+    if claim.choice:
+        return plain(claim.separation)
+    joint = f": {plain(claim.separation)}" if claim.separation else ""
     share, low, high = (f"{100 * part:.0f}" for part in (found.share, found.low, found.high))
     if found.whole:
-        return f"{share} % of all"
-    return f"{share} % ({low} to {high} %)"
+        return f"{share} % of all{joint}"
+    return f"{share} % ({low} to {high} %){joint}"
 
 
 def _cite(paper: Paper) -> str:

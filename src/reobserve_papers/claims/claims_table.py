@@ -11,12 +11,21 @@ from reobserve_papers.claims.decider import Decider
 from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.margins import format_margins, margins
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.verdict_rules import BROKEN, CALIBRATED, CONTRADICTED, VERDICTS
+from reobserve_papers.claims.separation import separation
+from reobserve_papers.claims.verdict_rules import (
+    BROKEN,
+    CALIBRATED,
+    CONTRADICTED,
+    DEPENDS,
+    UNDECIDED,
+    VERDICTS,
+)
 
 HEADER = (
     "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds",
     "measured", "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "tied",
-    "opposed", "share", "low", "high", "null", "setting", "changes", "problem",
+    "opposed", "share", "low", "high", "null", "choice",
+    "explained", "separation", "setting", "changes", "problem",
 )  # fmt: skip
 
 
@@ -24,7 +33,7 @@ HEADER = (
 KINDS = {
     "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
     "samples": COUNT, "held": COUNT, "tied": COUNT, "opposed": COUNT, "share": GAP, "low": GAP,
-    "high": GAP, "null": GAP,
+    "high": GAP, "null": GAP, "explained": GAP,
 }  # fmt: skip
 
 
@@ -85,6 +94,12 @@ def row(
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
         }
+        if word in (DEPENDS, UNDECIDED, CALIBRATED):
+            found = separation(claim, samples, outcomes)
+            if found.choice or word != CALIBRATED:
+                cells |= {"choice": found.choice, "separation": found.sentence}
+                best = next(iter(found.splits.values()), None)
+                cells["explained"] = f"{best.explained:.3f}" if best else ""
     if claim.null:
         nulls = decider.outcomes(claim.with_null)
         cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"

@@ -188,6 +188,9 @@ class ClaimsFile(Model):
     choices: dict[str, Annotated[list[str], items()]] = Field(
         {}, description="Groups of parameters that `depends_on` can name."
     )
+    excluded: dict[str, dict[str, Text]] = Field(
+        {}, description="By parameter, by reading of its word: where the paper excludes it."
+    )
     claims: dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry]
     figures: dict[str, PaperFigure] = Field(
         {}, description="All figures of the paper, in its order, by what it calls them."

@@ -29,6 +29,7 @@ from reobserve_papers.claims.entries import (
     PaperFigure,
     Quantifier,
 )
+from reobserve_papers.claims.labels import Label, labels
 from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.parameters.names import claims_path
 from reobserve_papers.parameters.parameter_file import parse_file, read_part
@@ -63,6 +64,7 @@ class Claim:
     maximum: int | None = None
     setting: str = ""
     wanted: tuple[Reference, ...] = ()
+    labels: Mapping[str, Label] = field(default_factory=dict)
 
     @property
     def is_main(self) -> bool:
@@ -199,7 +201,14 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
         read,
     )
     wanted = _wanted(registry, paper)
-    claims[:] = [replace(claim, wanted=wanted[claim.name]) for claim in claims]
+    with located(f"claims.{paper}"):
+        words = labels(
+            parameters, [one for each in asked.values() for one in each], stated.excluded
+        )
+    claims[:] = [
+        replace(claim, wanted=wanted[claim.name], labels={k: words[k] for k in claim.knob_names})
+        for claim in claims
+    ]
     return registry
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve_papers.claims.choices import Knob
 from reobserve_papers.claims.conventions import SingleAlternative
+from reobserve_papers.claims.labels import spelt as spelt  # noqa: PLC0414
 from reobserve_papers.claims.registry import Claim, Registry
 from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.signals.random_streams import random_stream
@@ -50,17 +51,6 @@ def narrower(claim: Claim) -> Iterator[tuple[str, str, Keep]]:
             for label, upper in (("lower", False), ("upper", True)):
                 said = f"With the {label} half of the range of `{knob.name}`."
                 yield f"{claim.name}: {knob.name}, {label} half", said, _half(knob, upper)
-
-
-def spelt(value: Any) -> str:
-    """A value of a choice or of a convention, for a reader."""
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return " to ".join(map(spelt, value)) if len(value) == 2 else ", ".join(map(spelt, value))
-    if isinstance(value, Mapping):
-        return ", ".join(f"{spelt(key)} {spelt(item)}" for key, item in value.items())
-    return str(value)
 
 
 def _about(registry: Registry, single: SingleAlternative) -> list[Claim]:

@@ -49,6 +49,8 @@ class ReportedClaim:
     margin: str
     figures: tuple[str, ...]
     depends_on: tuple[str, ...]
+    choice: str
+    separation: str
     setting: str
     changes: tuple[str, ...]
     robustness: ReportedRobustness | None
@@ -78,6 +80,8 @@ def claim_of_row(
             "why",
             "threshold",
             "margin",
+            "choice",
+            "separation",
             "setting",
         )
     }
